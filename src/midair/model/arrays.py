@@ -1,0 +1,72 @@
+"""Arrays that cannot change: checked once, copied, read-only."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from midair.errors import InputError, NonFiniteError, ShapeError
+
+
+def frozen_array(
+    value: ArrayLike, name: str, axes: Sequence[str | int], dtype: DTypeLike = np.float64, *, finite: bool = True
+) -> NDArray[np.generic]:
+    """A read-only copy of `value` after checking its axes and that every number in it is finite.
+
+    Parameters
+    ----------
+    value : array_like
+        What came.
+    name : str
+        What to call it in a message.
+    axes : sequence of str or int
+        One entry an axis: a word names an axis of any length from 1 on, a number fixes the length.
+    dtype : dtype
+        Type of the copy.
+    finite : bool
+        Whether NaN and infinity are refused.
+
+    Returns
+    -------
+    ndarray
+        Read-only.
+
+    Raises
+    ------
+    ShapeError
+        If the number of axes or the length of one differs.
+    NonFiniteError
+        If a number is NaN or infinite.
+    """
+    try:
+        array = np.array(value, dtype=dtype, order="C")
+    except (TypeError, ValueError) as wrong:
+        raise ShapeError(f"{name}: expected numbers with axes {_spell(axes)}, got {type(value).__name__}") from wrong
+    fits = array.ndim == len(axes) and all(
+        have == want if isinstance(want, int) else have > 0 for have, want in zip(array.shape, axes, strict=True)
+    )
+    if not fits:
+        raise ShapeError(f"{name}: expected axes {_spell(axes)}, got shape {array.shape}")
+    if finite and not np.isfinite(array).all():
+        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise NonFiniteError(f"{name}: expected finite numbers, got {array[first]} at {first}; repair or cut it first")
+    array.flags.writeable = False
+    return array
+
+
+def positive(value: float, name: str, unit: str = "") -> float:
+    """`value` as a float if it is finite and above zero.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    number = float(value)
+    if not (np.isfinite(number) and number > 0):
+        raise InputError(f"{name}: expected a number above 0{' ' + unit if unit else ''}, got {number:g}")
+    return number
+
+
+def _spell(axes: Sequence[str | int]) -> str:
+    return "(" + ", ".join(str(axis) for axis in axes) + ")"

@@ -1,0 +1,100 @@
+"""What the array is told, and how well it was solved for."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, ShapeError
+from midair.model.arrays import frozen_array, positive
+from midair.model.geometry import TransducerArray
+from midair.model.provenance import Provenance
+
+Array = NDArray[np.float64]
+
+Status = Literal["converged", "iterations", "stalled", "silent"]
+"""How the solver of a frame ended: step or gradient small enough; iterations used up; no step of any length helps;
+nothing to play."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drive:
+    """Phase and level of every transducer, frame by frame: q = level exp(j phase).
+
+    Attributes
+    ----------
+    phase : ndarray, shape (frame, transducer)
+        In rad.
+    level : ndarray, shape (frame,) or (frame, transducer)
+        0 to 1 of full drive.
+    rate : float
+        Frames per second, in Hz.
+    array : TransducerArray
+        The array that the phases are for, and for no other.
+    provenance : Provenance
+        Where it came from and what was done to it.
+    """
+
+    phase: Array
+    level: Array
+    rate: float
+    array: TransducerArray
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        phase = frozen_array(self.phase, "phase", ("frame", self.array.count))
+        shape = np.shape(self.level)
+        if shape not in ((len(phase),), phase.shape):
+            raise ShapeError(f"level: expected shape {(len(phase),)} or {phase.shape}, got {shape}")
+        level = frozen_array(self.level, "level", shape)
+        if level.min() < 0 or level.max() > 1:
+            raise InputError(f"level: expected 0 to 1 of full drive, got {level.min():g} to {level.max():g}")
+        object.__setattr__(self, "phase", phase)
+        object.__setattr__(self, "level", level)
+        object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.phase)
+
+    @property
+    def time(self) -> Array:
+        """Of each frame, shape (frame,), in s."""
+        return np.arange(self.frames) / self.rate
+
+    @property
+    def q(self) -> NDArray[np.complex128]:
+        """Complex drive of each transducer (paper, eq. 4), shape (frame, transducer), 0 to 1 in magnitude."""
+        level = self.level if self.level.ndim == 2 else self.level[:, None]
+        return level * np.exp(1j * self.phase)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solution:
+    """A drive and how well each of its frames meets the target.
+
+    Attributes
+    ----------
+    drive : Drive
+        What to play.
+    error : ndarray, shape (frame,)
+        E = || |G q| - p || / || p ||; 0 for a frame with nothing to play.
+    iterations : ndarray of int, shape (frame,)
+        That the solver made.
+    status : tuple of {"converged", "iterations", "stalled", "silent"}
+        One a frame.
+    """
+
+    drive: Drive
+    error: Array
+    iterations: NDArray[np.int64]
+    status: tuple[Status, ...]
+
+    def __post_init__(self) -> None:
+        frames = self.drive.frames
+        object.__setattr__(self, "error", frozen_array(self.error, "error", (frames,)))
+        object.__setattr__(self, "iterations", frozen_array(self.iterations, "iterations", (frames,), np.int64))
+        if len(self.status) != frames:
+            raise ShapeError(f"status: expected {frames} entries, one a frame, got {len(self.status)}")

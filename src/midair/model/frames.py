@@ -1,0 +1,92 @@
+"""Sequences of frames: pressure on skin, and the sound amplitude that is to make it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.model.arrays import frozen_array, positive
+from midair.model.geometry import ControlGrid, SensorGrid
+from midair.model.provenance import Provenance
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PressureFrames:
+    """Calibrated pressure on the cells of a sensor; signed, since the sensor hears changes only.
+
+    Attributes
+    ----------
+    pressure : ndarray, shape (frame, row, column)
+        In Pa.
+    rate : float
+        Frames per second, in Hz.
+    sensor : SensorGrid
+        The cells.
+    band : tuple of float or None
+        (low, high) of the frequencies that were kept, in Hz; None when nothing was removed.
+    provenance : Provenance
+        Where it came from and what was done to it.
+    """
+
+    pressure: Array
+    rate: float
+    sensor: SensorGrid = field(default_factory=SensorGrid)
+    band: tuple[float, float] | None = None
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        axes = ("frame", self.sensor.rows, self.sensor.columns)
+        object.__setattr__(self, "pressure", frozen_array(self.pressure, "pressure", axes))
+        object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.pressure)
+
+    @property
+    def time(self) -> Array:
+        """Of each frame, shape (frame,), in s."""
+        return np.arange(self.frames) / self.rate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AmplitudeFrames:
+    """Peak sound pressure wanted at each control point.
+
+    Attributes
+    ----------
+    amplitude : ndarray, shape (frame, point)
+        Peak, 0 or more, in Pa.
+    rate : float
+        Frames per second, in Hz.
+    grid : ControlGrid
+        The points.
+    provenance : Provenance
+        Where it came from and what was done to it.
+    """
+
+    amplitude: Array
+    rate: float
+    grid: ControlGrid = field(default_factory=ControlGrid)
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        amplitude = frozen_array(self.amplitude, "amplitude", ("frame", self.grid.count))
+        if (amplitude < 0).any():
+            raise InputError(f"amplitude: expected 0 Pa or more, got {amplitude.min():g} Pa; it is a magnitude")
+        object.__setattr__(self, "amplitude", amplitude)
+        object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.amplitude)
+
+    @property
+    def time(self) -> Array:
+        """Of each frame, shape (frame,), in s."""
+        return np.arange(self.frames) / self.rate

@@ -1,0 +1,49 @@
+"""Where data came from and what was done to it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+Setting = str | int | float | bool | None | tuple["Setting", ...]
+"""What a setting of a step can be: everything that JSON can hold without losing its type."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One thing that was done, with the settings it was done with."""
+
+    stage: str
+    settings: Mapping[str, Setting] = field(default_factory=dict[str, Setting])
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """The life of a piece of data: its source, its notes, and every step since.
+
+    Attributes
+    ----------
+    source : str
+        The device or file that it came from, such as ``virtual:towel`` or a file's name.
+    simulated : bool
+        Whether any part of it was simulated; everything made from simulated data is simulated.
+    notes : mapping of str to str
+        What people wrote down: object, surface, speed, operator.
+    steps : tuple of Step
+        What was done, first to last.
+    """
+
+    source: str = "unknown"
+    simulated: bool = False
+    notes: Mapping[str, str] = field(default_factory=dict[str, str])
+    steps: tuple[Step, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "notes", MappingProxyType(dict(self.notes)))
+
+    def then(self, stage: str, settings: Mapping[str, Setting], *, simulated: bool = False) -> "Provenance":
+        """The same life, one step on."""
+        step = Step(stage=stage, settings=settings)
+        return replace(self, steps=(*self.steps, step), simulated=self.simulated or simulated)

@@ -1,0 +1,62 @@
+"""What a sensor said, before any calibration."""
+
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import UnitError
+from midair.model.arrays import frozen_array, positive
+from midair.model.geometry import SensorGrid
+from midair.model.provenance import Provenance
+
+Unit = Literal["V", "count", "Pa"]
+"""Unit of a recording's samples."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """Samples of a sensor grid.
+
+    Attributes
+    ----------
+    samples : ndarray, shape (frame, row, column)
+        In `unit`.
+    rate : float
+        Frames per second, in Hz: frame i was taken at i / rate.
+    sensor : SensorGrid
+        The cells.
+    unit : {"V", "count", "Pa"}
+        Of the samples.
+    provenance : Provenance
+        Where it came from.
+    """
+
+    samples: NDArray[np.float64]
+    rate: float
+    sensor: SensorGrid = field(default_factory=SensorGrid)
+    unit: Unit = "V"
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        axes = ("frame", self.sensor.rows, self.sensor.columns)
+        object.__setattr__(self, "samples", frozen_array(self.samples, "samples", axes))
+        object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
+        if self.unit not in get_args(Unit):
+            raise UnitError(f"unit of the samples: expected one of {', '.join(get_args(Unit))}, got {self.unit!r}")
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.samples)
+
+    @property
+    def duration(self) -> float:
+        """Frames over rate, in s."""
+        return self.frames / self.rate
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Of each frame, shape (frame,), in s."""
+        return np.arange(self.frames) / self.rate

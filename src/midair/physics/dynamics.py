@@ -1,0 +1,70 @@
+"""How a transducer follows its drive in time: the envelope of a resonant circuit.
+
+Near resonance the Butterworth-Van Dyke circuit of the T4010A1 (39.80 kHz, Q about 23.5) answers to a change of the
+complex drive with one exponential: q(t + dt) = c + (q(t) - c) exp((-1/tau + j dw) dt), with c the drive, tau the time
+constant and dw the detuning between drive and resonance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.model.arrays import positive
+
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TransducerDynamics:
+    """Envelope dynamics of one transducer.
+
+    Attributes
+    ----------
+    time_constant : float
+        tau, in s; 2 Q / omega_0.
+    detuning : float
+        dw, resonance less drive, in rad/s.
+    """
+
+    time_constant: float = 188e-6
+    detuning: float = 2 * np.pi * 205
+
+    def __post_init__(self) -> None:
+        positive(self.time_constant, "time constant", "s")
+
+
+def envelope(
+    q: Complex, rate: float, substeps: int, dynamics: TransducerDynamics, *, start: Complex | None = None
+) -> Complex:
+    """What the transducers radiate while a drive steps from frame to frame.
+
+    Parameters
+    ----------
+    q : ndarray of complex, shape (frame, transducer)
+        Drive, held for one frame each.
+    rate : float
+        Frames per second, in Hz.
+    substeps : int
+        Samples a frame; the last one of each frame is at the frame's end.
+    dynamics : TransducerDynamics
+        Of every transducer.
+    start : ndarray of complex, shape (transducer,), optional
+        Envelope before the first frame; at rest if None.
+
+    Returns
+    -------
+    ndarray of complex, shape (frame * substeps, transducer)
+        Exact at every sample, whatever the number of substeps.
+    """
+    if substeps < 1:
+        raise InputError(f"substeps: expected 1 or more a frame, got {substeps}")
+    step = 1 / (rate * substeps)
+    decay = np.exp((-1 / dynamics.time_constant + 1j * dynamics.detuning) * step * np.arange(1, substeps + 1))
+    out = np.empty((len(q), substeps, q.shape[1]), complex)
+    now = np.zeros(q.shape[1], complex) if start is None else start
+    for frame, drive in enumerate(q):
+        out[frame] = drive + (now - drive) * decay[:, None]
+        now = out[frame, -1]
+    return out.reshape(-1, q.shape[1])

@@ -1,0 +1,110 @@
+"""The sound field of the array: p = G q (paper, 2.2)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, ShapeError
+from midair.model import ControlGrid, Drive, Medium, TransducerArray
+from midair.physics.directivity import Directivity, off_axis
+
+Complex = NDArray[np.complex128]
+Points = ControlGrid | NDArray[np.float64]
+
+
+def wavenumber(array: TransducerArray, medium: Medium) -> float:
+    """k = 2 pi f / c, in rad/m."""
+    return 2 * np.pi * array.frequency / medium.speed
+
+
+def transfer_matrix(
+    points: Points, array: TransducerArray, *, medium: Medium | None = None, directivity: Directivity = "t4010a1"
+) -> Complex:
+    """Sound pressure at each point for each transducer at full drive and phase 0, paper eq. (3).
+
+    G_mn = C D(theta_mn) exp(-beta r_mn) exp(j k r_mn) / r_mn, with C the pressure of one transducer at 1 m.
+
+    Parameters
+    ----------
+    points : ControlGrid or ndarray, shape (point, 3)
+        Where, in m.
+    array : TransducerArray
+        What radiates.
+    medium : Medium, optional
+        Speed and attenuation; the defaults of `Medium` if None.
+    directivity : {"point", "piston", "t4010a1"}
+        D.
+
+    Returns
+    -------
+    ndarray of complex, shape (point, transducer)
+        Peak, in Pa.
+
+    Raises
+    ------
+    InputError
+        If a point lies on a transducer.
+    """
+    medium = medium or Medium()
+    places = _places(points)
+    away = places[:, None, :] - array.position[None, :, :]
+    distance = np.sqrt(np.einsum("mnx,mnx->mn", away, away))
+    if distance.min() <= 0:
+        raise InputError("points: expected none on a transducer, got distance 0; move the grid away from the array")
+    k = wavenumber(array, medium)
+    cosine = np.clip(np.einsum("mnx,nx->mn", away, array.normal) / distance, -1, 1)
+    radiated = array.pressure * off_axis(np.arccos(cosine), directivity, wavenumber=k)
+    return radiated * np.exp((1j * k - medium.attenuation) * distance) / distance
+
+
+def propagate(
+    drive: Drive, points: Points, *, medium: Medium | None = None, directivity: Directivity = "t4010a1"
+) -> Complex:
+    """The field of each frame of a drive, as if every frame lasted for ever: p = G q, paper eq. (1).
+
+    Parameters
+    ----------
+    drive : Drive
+        What the array is told.
+    points : ControlGrid or ndarray, shape (point, 3)
+        Where, in m.
+    medium, directivity
+        As in `transfer_matrix`.
+
+    Returns
+    -------
+    ndarray of complex, shape (frame, point)
+        Peak, in Pa.
+    """
+    return drive.q @ transfer_matrix(points, drive.array, medium=medium, directivity=directivity).T
+
+
+def focus_phase(
+    array: TransducerArray, point: NDArray[np.float64], *, medium: Medium | None = None
+) -> NDArray[np.float64]:
+    """Phases with which all transducers meet in step at one point: theta_n = -k r_n, shape (transducer,), in rad."""
+    distance = np.linalg.norm(np.asarray(point, float) - array.position, axis=1)
+    return np.mod(-wavenumber(array, medium or Medium()) * distance, 2 * np.pi)
+
+
+def focus_amplitude(
+    points: Points, array: TransducerArray, *, medium: Medium | None = None, directivity: Directivity = "t4010a1"
+) -> float:
+    """Peak sound pressure of the strongest single focus that the whole array at full drive can make, in Pa.
+
+    The largest row sum of |G| over the points. `strength` is a target's peak over this.
+    """
+    matrix = transfer_matrix(points, array, medium=medium, directivity=directivity)
+    return float(np.abs(matrix).sum(axis=1).max())
+
+
+def quantise_phase(phase: NDArray[np.float64], *, bits: int = 8) -> NDArray[np.float64]:
+    """Phases as the firmware holds them: rounded to 2 pi / 2^bits, within 0 to 2 pi, same shape, in rad."""
+    steps = 2**bits
+    return np.mod(np.rint(phase / (2 * np.pi) * steps), steps) * (2 * np.pi / steps)
+
+
+def _places(points: Points) -> NDArray[np.float64]:
+    places = points.position if isinstance(points, ControlGrid) else np.asarray(points, float)
+    if places.ndim != 2 or places.shape[1] != 3:
+        raise ShapeError(f"points: expected shape (point, 3), got {places.shape}")
+    return places
