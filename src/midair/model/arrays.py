@@ -1,6 +1,7 @@
 """Arrays that cannot change: checked once, copied, read-only."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -10,7 +11,7 @@ from midair.errors import InputError, NonFiniteError, ShapeError
 
 def frozen_array(
     value: ArrayLike, name: str, axes: Sequence[str | int], dtype: DTypeLike = np.float64, *, finite: bool = True
-) -> NDArray[np.generic]:
+) -> NDArray[Any]:
     """A read-only copy of `value` after checking its axes and that every number in it is finite.
 
     Parameters

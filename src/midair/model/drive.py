@@ -68,7 +68,7 @@ class Drive:
     def q(self) -> NDArray[np.complex128]:
         """Complex drive of each transducer (paper, eq. 4), shape (frame, transducer), 0 to 1 in magnitude."""
         level = self.level if self.level.ndim == 2 else self.level[:, None]
-        return level * np.exp(1j * self.phase)
+        return np.asarray(level * np.exp(1j * self.phase), np.complex128)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -4,7 +4,6 @@ Origin at the centre of the array, z towards the palm, metres. x grows with the 
 maps are drawn with row 0 at the top, so that channel 0 is the top left corner, as in the paper's Fig. 4.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -201,10 +200,9 @@ class ControlGrid:
 
 def centred(count: int, pitch: float) -> Array:
     """`count` places `pitch` apart around 0, shape (count,), in m."""
-    return (np.arange(count) - (count - 1) / 2) * pitch
+    return np.asarray((np.arange(count) - (count - 1) / 2) * pitch, np.float64)
 
 
 def _check_counts(rows: int, columns: int, name: str) -> None:
-    counts: Sequence[object] = (rows, columns)
-    if not all(isinstance(count, int | np.integer) and count >= 1 for count in counts):
+    if rows < 1 or columns < 1 or rows != int(rows) or columns != int(columns):
         raise ShapeError(f"{name}: expected at least 1 row and 1 column, got {rows} x {columns}")

@@ -12,7 +12,7 @@ Points = ControlGrid | NDArray[np.float64]
 
 
 def wavenumber(array: TransducerArray, medium: Medium) -> float:
-    """k = 2 pi f / c, in rad/m."""
+    """2 pi f / c, the wave number k, in rad/m."""
     return 2 * np.pi * array.frequency / medium.speed
 
 
