@@ -1,3 +1,40 @@
-"""midair: a tape recorder for touch."""
+"""midair: a tape recorder for touch.
+
+Records what an object does to skin, and plays it back on a bare palm with focused ultrasound::
+
+    recording = midair.load("towel.h5")
+    pressure = midair.calibrate(recording, calibration)
+    target = midair.prepare(pressure)
+    solution = midair.solve(target, midair.model.TransducerArray.autd3())
+    field = midair.propagate(solution.drive, target.grid)
+
+Importing it loads NumPy and nothing else that is heavy.
+"""
 
 __version__ = "0.1.0"
+
+# The stages are verbs: `midair.solve` is the function. The packages of the same name are imported by it first, so
+# that no later import of theirs can take the name.
+from midair import datasets, errors, flow, model, physics, study
+from midair.calibrate import calibrate
+from midair.evaluate import compare
+from midair.physics import propagate
+from midair.prepare import prepare
+from midair.solve import solve
+from midair.store import load, save
+
+__all__ = [
+    "calibrate",
+    "compare",
+    "datasets",
+    "errors",
+    "flow",
+    "load",
+    "model",
+    "physics",
+    "prepare",
+    "propagate",
+    "save",
+    "solve",
+    "study",
+]

@@ -1,1 +1,9 @@
-"""TBD."""
+"""The command line: what a person types.
+
+Each file adds its commands to the one app in app.py.
+"""
+
+from midair.cli import demo, doctor, recordings, reproduction
+from midair.cli.app import app, main, run
+
+__all__ = ["app", "demo", "doctor", "main", "recordings", "reproduction", "run"]

@@ -1,1 +1,17 @@
-"""TBD."""
+"""Figures: Matplotlib figures of nouns, each with units on its axes. Nothing here writes a file."""
+
+from midair.figures.errors import error_figure
+from midair.figures.fields import maps_figure, phase_figure
+from midair.figures.style import Style, png
+from midair.figures.waveforms import beam_figure, spectra_figure, traces_figure
+
+__all__ = [
+    "Style",
+    "beam_figure",
+    "error_figure",
+    "maps_figure",
+    "phase_figure",
+    "png",
+    "spectra_figure",
+    "traces_figure",
+]

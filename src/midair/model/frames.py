@@ -1,6 +1,6 @@
 """Sequences of frames: pressure on skin, and the sound amplitude that is to make it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,22 @@ class PressureFrames:
     def time(self) -> Array:
         """Of each frame, shape (frame,), in s."""
         return np.arange(self.frames) / self.rate
+
+    def cut(self, start: float = 0.0, duration: float | None = None) -> "PressureFrames":
+        """The frames from `start` on, for `duration` seconds or to the end; time begins again at 0.
+
+        Raises
+        ------
+        InputError
+            If no frame is left.
+        """
+        first, whole = round(start * self.rate), self.frames / self.rate
+        last = self.frames if duration is None else min(self.frames, first + round(duration * self.rate))
+        if not 0 <= first < last:
+            wanted = f"{start:g} s on" if duration is None else f"{start:g} to {start + duration:g} s"
+            raise InputError(f"cut: expected a part of 0 to {whole:g} s, got {wanted}")
+        step = self.provenance.then("cut", {"start_s": first / self.rate, "duration_s": (last - first) / self.rate})
+        return replace(self, pressure=self.pressure[first:last], provenance=step)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

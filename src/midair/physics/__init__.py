@@ -11,10 +11,15 @@ from midair.physics.propagation import (
     wavenumber,
 )
 from midair.physics.radiation import radiation_pressure, sound_amplitude
+from midair.physics.sensing import SensorModel, calibration_of, cell_weights, channel_response, sense
 
 __all__ = [
     "Directivity",
+    "SensorModel",
     "TransducerDynamics",
+    "calibration_of",
+    "cell_weights",
+    "channel_response",
     "envelope",
     "focus_amplitude",
     "focus_phase",
@@ -22,6 +27,7 @@ __all__ = [
     "propagate",
     "quantise_phase",
     "radiation_pressure",
+    "sense",
     "sound_amplitude",
     "transfer_matrix",
     "wavenumber",

@@ -1,1 +1,25 @@
-"""TBD."""
+"""Files: recordings, calibrations and drives in HDF5, and recordings in the formats of other programs."""
+
+from midair.store.calibration_file import load_calibration, save_calibration
+from midair.store.drive_file import load_solution, load_target, save_solution
+from midair.store.formats import FORMATS, load, read, save
+from midair.store.imported import Imported
+from midair.store.recording_file import load_pressure, repair, save_pressure
+from midair.store.writer import RecordingWriter
+
+__all__ = [
+    "FORMATS",
+    "Imported",
+    "RecordingWriter",
+    "load",
+    "load_calibration",
+    "load_pressure",
+    "load_solution",
+    "load_target",
+    "read",
+    "repair",
+    "save",
+    "save_calibration",
+    "save_pressure",
+    "save_solution",
+]

@@ -1,1 +1,82 @@
-"""TBD."""
+"""Studies: design, simulated participants, and statistics. Pure: knows no file, clock, sound or device."""
+
+from midair.study.adaptive import QuestPlus, Staircase
+from midair.study.anova import rm_anova
+from midair.study.compare import Equivalence, PairedT, bayes_factor, equivalence, holm, paired_t
+from midair.study.confusion import (
+    Confusion,
+    chance_macro_f,
+    confusion_matrix,
+    f_measure,
+    mutual_information,
+    scores,
+    wilson,
+)
+from midair.study.detection import (
+    ChoiceModel,
+    Sensitivity,
+    choice_model,
+    d_prime_choice,
+    d_prime_same_different,
+    d_prime_yes_no,
+    proportion_correct,
+)
+from midair.study.mixed import logistic_mixed, logistic_posterior
+from midair.study.ordinal import cumulative_link, ordinal_check
+from midair.study.power import (
+    IdentificationExperiment,
+    Power,
+    RatingExperiment,
+    participants_for_paired_t,
+    power_curve,
+    power_paired_t,
+    simulated_power,
+)
+from midair.study.psychometric import Psychometric, PsychometricFit, fit_psychometric
+from midair.study.resample import Chance, Interval, bootstrap, sign_flip
+from midair.study.table import Table
+
+__all__ = [
+    "Chance",
+    "ChoiceModel",
+    "Confusion",
+    "Equivalence",
+    "IdentificationExperiment",
+    "Interval",
+    "PairedT",
+    "Power",
+    "Psychometric",
+    "PsychometricFit",
+    "QuestPlus",
+    "RatingExperiment",
+    "Sensitivity",
+    "Staircase",
+    "Table",
+    "bayes_factor",
+    "bootstrap",
+    "chance_macro_f",
+    "choice_model",
+    "confusion_matrix",
+    "cumulative_link",
+    "d_prime_choice",
+    "d_prime_same_different",
+    "d_prime_yes_no",
+    "equivalence",
+    "f_measure",
+    "fit_psychometric",
+    "holm",
+    "logistic_mixed",
+    "logistic_posterior",
+    "mutual_information",
+    "ordinal_check",
+    "paired_t",
+    "participants_for_paired_t",
+    "power_curve",
+    "power_paired_t",
+    "proportion_correct",
+    "rm_anova",
+    "scores",
+    "sign_flip",
+    "simulated_power",
+    "wilson",
+]

@@ -1,0 +1,48 @@
+"""The command `midair`: one line for an error, 0 when done, 1 when the work failed, 2 for wrong usage."""
+
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError, Parameter
+from rich.console import Console
+
+from midair import __version__
+from midair.errors import MidairError, UnitError, UnknownDeviceError
+
+app = App(
+    name="midair",
+    help="A tape recorder for touch: record what an object does to skin, play it back in midair, check what came back.",
+    help_epilogue="Quantities take units: 200mm, 20Hz, 0.5s, 30Pa. Every command explains itself with --help.",
+    version=__version__,
+    help_format="plaintext",
+    help_on_error=False,
+    default_parameter=Parameter(negative=()),
+)
+
+
+def main(tokens: Sequence[str] | None = None) -> None:
+    """Run a command line and leave with its exit status."""
+    sys.exit(run(sys.argv[1:] if tokens is None else tokens))
+
+
+def run(tokens: Sequence[str]) -> int:
+    """Run a command line; its exit status."""
+    try:
+        status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
+    except CycloptsError as wrong:
+        return _say(f"{str(wrong).strip()} (see midair --help)", 2)
+    except (UnitError, UnknownDeviceError) as wrong:
+        return _say(str(wrong), 2)
+    except MidairError as wrong:
+        return _say(str(wrong), 1)
+    except KeyboardInterrupt:
+        return _say("stopped", 130)
+    except BrokenPipeError:
+        return 1
+    return status if isinstance(status, int) else 0
+
+
+def _say(message: str, status: int) -> int:
+    line = " ".join(message.split())
+    Console(stderr=True, highlight=False, soft_wrap=True).print(f"midair: {line}", markup=False)
+    return status

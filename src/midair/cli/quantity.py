@@ -1,0 +1,83 @@
+"""Quantities on the command line: a number with a unit, such as 200mm, 20Hz or .5s."""
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from cyclopts import Parameter, Token
+
+if TYPE_CHECKING:
+    import pint
+
+EXAMPLES = {"m": "200mm", "Hz": "20Hz", "s": "0.5s", "Pa": "30Pa", "count/Pa": "2count/Pa", "m/s": "50mm/s"}
+"""A quantity of each unit, for messages and help."""
+
+
+def parse_quantity(text: str, unit: str) -> float:
+    """The number of `unit` that a text such as ``200mm`` means.
+
+    Raises
+    ------
+    ValueError
+        If there is no unit, another kind of unit, or no number.
+    """
+    import pint
+
+    advice = f"expected a quantity such as {EXAMPLES.get(unit, '1' + unit)}, got {text!r}"
+    try:
+        quantity = _units().Quantity(text.strip())
+        if quantity.dimensionless and unit != "" and not quantity.unitless:
+            raise ValueError(advice)
+        value = float(quantity.to(unit).magnitude)
+    except pint.DimensionalityError:
+        missing = _is_number(text)
+        raise ValueError(f"{advice}; {'add the unit' if missing else 'wrong kind of unit'}") from None
+    except (pint.UndefinedUnitError, pint.DefinitionSyntaxError, AttributeError, TypeError, AssertionError):
+        raise ValueError(advice) from None
+    if not math.isfinite(value):
+        raise ValueError(f"{advice}; it must be finite")
+    return value
+
+
+def quantity(unit: str, *, many: int | None = None) -> Parameter:
+    """A command line parameter that reads quantities and shows its default as one.
+
+    Parameters
+    ----------
+    unit : str
+        In which the program gets the number.
+    many : int, optional
+        How many quantities the parameter takes, as a tuple.
+    """
+
+    def convert(_: Any, tokens: Sequence[Token]) -> float | tuple[float, ...]:
+        values = tuple(parse_quantity(token.value, unit) for token in tokens)
+        return values if many else values[0]
+
+    def show(value: float | tuple[float, ...] | None) -> str:
+        if value is None:
+            return "none"
+        return " ".join(spell(each, unit) for each in (value if isinstance(value, tuple) else (value,)))
+
+    return Parameter(converter=convert, show_default=show, n_tokens=many or 1, metavar="QUANTITY")
+
+
+def spell(value: float, unit: str) -> str:
+    """A quantity as a person would write it: lengths below a metre in millimetres."""
+    return f"{value * 1e3:.6g}mm" if unit == "m" and abs(value) < 1 else f"{value:.6g}{unit}"
+
+
+@cache
+def _units() -> "pint.UnitRegistry[Any]":
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

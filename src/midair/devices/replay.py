@@ -1,0 +1,41 @@
+"""A recording played back as if a sensor gave it."""
+
+import numpy as np
+
+from midair.devices.interface import Block, SensorDevice
+from midair.errors import DeviceStateError
+from midair.model import Calibration, Recording
+
+
+class ReplaySensor(SensorDevice):
+    """Gives the frames of a recording, then none."""
+
+    def __init__(self, recording: Recording, *, calibration: Calibration | None = None, name: str = "replay") -> None:
+        self.name, self.grid, self.rate, self.unit = name, recording.sensor, recording.rate, recording.unit
+        self.calibration, self.simulated = calibration, recording.provenance.simulated
+        self._recording = recording
+        self._taken: int | None = None
+
+    def open(self) -> None:
+        """Nothing to take hold of."""
+
+    def start(self) -> None:
+        """Begin at the recording's first frame."""
+        self._taken = 0
+
+    def read(self, frames: int) -> Block:
+        """The next frames, until the recording ends."""
+        if self._taken is None:
+            raise DeviceStateError("replay: expected start before read")
+        first = self._taken
+        samples: np.ndarray = self._recording.samples[first : first + frames]
+        self._taken += len(samples)
+        now = first / self.rate
+        return Block(samples=samples, first=first, device_time=now, host_time=now)
+
+    def stop(self) -> None:
+        """End."""
+        self._taken = None
+
+    def close(self) -> None:
+        """Nothing to let go of."""

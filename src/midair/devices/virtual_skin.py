@@ -1,0 +1,66 @@
+"""The place in midair where a virtual object or a virtual array presses on a virtual sensor."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import RateError, ShapeError
+from midair.model import ControlGrid, PressureFrames
+from midair.physics.sensing import SensorModel, cell_weights
+
+Array = NDArray[np.float64]
+
+
+class VirtualSkin:
+    """Pressure on the cells of a sensor since it was last cleared, in time steps of 1 / rate.
+
+    Parameters
+    ----------
+    model : SensorModel
+        The sensor that lies here: its cells, and how its gel spreads what presses on it.
+    height : float
+        Of the sensor above the array, in m.
+    rate : float
+        Time steps per second, in Hz; well above the sensor's frame rate.
+    """
+
+    def __init__(self, model: SensorModel, *, height: float = 0.2, rate: float = 8000.0) -> None:
+        self.model = model
+        self.rate = rate
+        pitch, margin = model.grid.pitch / 4, 2
+        self.points = ControlGrid(
+            rows=4 * (model.grid.rows + margin),
+            columns=4 * (model.grid.columns + margin),
+            pitch=pitch,
+            height=height,
+        )
+        self._weights = cell_weights(model, self.points)
+        self._pressed: list[Array] = []
+
+    def clear(self) -> None:
+        """Forget all pressure: time begins again at 0."""
+        self._pressed.clear()
+
+    def touch(self, stroke: PressureFrames) -> None:
+        """An object presses on the cells, after all that pressed before.
+
+        Raises
+        ------
+        RateError
+            If the stroke has another rate than the skin.
+        """
+        if stroke.rate != self.rate:
+            raise RateError(
+                f"stroke: expected the skin's {self.rate:g} Hz, got {stroke.rate:g} Hz; make it at that rate"
+            )
+        if stroke.sensor.shape != self.model.grid.shape:
+            raise ShapeError(f"stroke: expected {self.model.grid.shape} cells, got {stroke.sensor.shape}")
+        self._pressed.append(stroke.pressure)
+
+    def press(self, pressure: Array) -> None:
+        """Sound presses on the points of the skin, shape (step, point), in Pa, after all that pressed before."""
+        self._pressed.append((pressure @ self._weights.T).reshape(-1, *self.model.grid.shape))
+
+    def pressure(self, steps: int) -> Array:
+        """What the cells felt since the last clear, shape (step, row, column), in Pa: at least `steps` of it."""
+        felt = np.concatenate([np.zeros((0, *self.model.grid.shape)), *self._pressed])
+        return np.concatenate([felt, np.zeros((max(0, steps - len(felt)), *self.model.grid.shape))])

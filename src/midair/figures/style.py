@@ -1,0 +1,66 @@
+"""How figures look: one palette, units on every axis, and SIMULATED on what is simulated."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Style:
+    """Colours and sizes.
+
+    Attributes
+    ----------
+    original, reproduced, before : str
+        Line colours, told apart by people who see no red or green, too (Okabe and Ito's palette).
+    quantity, phase : str
+        Colour maps, perceptually uniform; the one of phases is cyclic.
+    ink, faint, band : str
+        Of text, of grids, of shaded ranges.
+    """
+
+    original: str = "#1b1f24"
+    reproduced: str = "#d55e00"
+    before: str = "#56b4e9"
+    quantity: str = "viridis"
+    phase: str = "twilight"
+    ink: str = "#1b1f24"
+    faint: str = "#d0d7de"
+    band: str = "#e7f3ec"
+
+
+def new_figure(width: float, height: float, *, simulated: bool, style: Style | None = None) -> Figure:
+    """An empty figure of `width` by `height` inches, marked when what it will show is simulated."""
+    from matplotlib.figure import Figure
+
+    style = style or Style()
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    if simulated:
+        figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.24 / height))  # pyright: ignore[reportOptionalMemberAccess, reportCallIssue]
+        figure.text(
+            0.995, 1 - 0.05 / height, "SIMULATED", ha="right", va="top", fontsize=8, fontweight="bold", color="#a40e26"
+        )
+    return figure
+
+
+def plain(axes: Axes, style: Style, *, grid: bool = True) -> Axes:
+    """No box, small ticks, a faint grid behind the data."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(style.faint)
+    axes.tick_params(labelsize=8, color=style.faint, labelcolor=style.ink)
+    axes.grid(visible=grid, color=style.faint, linewidth=0.5, alpha=0.6)
+    axes.set_axisbelow(True)
+    return axes
+
+
+def png(figure: Figure, *, dpi: int = 130) -> bytes:
+    """The figure as a PNG file's bytes."""
+    out = io.BytesIO()
+    figure.savefig(out, format="png", dpi=dpi)
+    return out.getvalue()

@@ -1,0 +1,110 @@
+"""Pressure over time and over frequency: the traces of all channels, their spectra, and the test of the beam."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.dsp import welch
+from midair.figures.style import Style, new_figure, plain
+from midair.model import PressureFrames
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+def traces_figure(
+    original: PressureFrames, reproduced: PressureFrames | None = None, *, style: Style | None = None
+) -> Figure:
+    """Every channel's pressure, original behind and reproduction in front, on one scale, laid out like the cells."""
+    style = style or Style()
+    rows, columns = original.sensor.shape
+    simulated = original.provenance.simulated or (reproduced is not None and reproduced.provenance.simulated)
+    figure = new_figure(2.5 * columns, 1.35 * rows + 0.6, simulated=simulated, style=style)
+    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for channel, axis in enumerate(axes.ravel()):
+        row, column = divmod(channel, columns)
+        plain(axis, style)
+        axis.plot(
+            original.time, original.pressure[:, row, column], color=style.original, linewidth=0.7, label="original"
+        )
+        if reproduced is not None:
+            shown = reproduced.pressure[: original.frames, row, column]
+            axis.plot(
+                reproduced.time[: len(shown)],
+                shown,
+                color=style.reproduced,
+                linewidth=0.7,
+                alpha=0.85,
+                label="re-recorded",
+            )
+        axis.set_title(f"channel {channel}", fontsize=8, color=style.ink, loc="left", pad=2)
+        axis.margins(x=0)
+    figure.supxlabel("time (s)", fontsize=9)
+    figure.supylabel("pressure (Pa)", fontsize=9)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    if reproduced is not None:
+        figure.legend(handles, labels, loc="outside upper left", ncols=2, fontsize=8, frameon=False)
+    return figure
+
+
+def spectra_figure(
+    series: Sequence[tuple[str, PressureFrames]],
+    *,
+    channels: Sequence[int] = (2, 6, 10, 14),
+    style: Style | None = None,
+) -> Figure:
+    """Power spectra after calibration and half-wave rectification at some channels, as in the paper's Fig. 9.
+
+    Parameters
+    ----------
+    series : sequence of (str, PressureFrames)
+        What to call each recording, and its pressure.
+    channels : sequence of int
+        The paper's four are those that the objects passed over.
+    """
+    style = style or Style()
+    colours = (style.original, style.reproduced, style.before)
+    simulated = any(frames.provenance.simulated for _, frames in series)
+    figure = new_figure(2.7 * len(channels), 2.9, simulated=simulated, style=style)
+    axes = figure.subplots(1, len(channels), sharex=True, sharey=True, squeeze=False)[0]
+    top = -np.inf
+    for axis, channel in zip(axes, channels, strict=True):
+        plain(axis, style)
+        for (name, frames), colour in zip(series, colours, strict=False):
+            row, column = divmod(channel, frames.sensor.columns)
+            frequency, density = welch(np.maximum(frames.pressure[:, row, column], 0), frames.rate)
+            level = 10 * np.log10(np.maximum(density[1:], 1e-12))
+            top = max(top, float(level.max()))
+            axis.plot(frequency[1:], level, color=colour, linewidth=0.9, label=name)
+        axis.set_title(f"channel {channel}", fontsize=8, color=style.ink, loc="left")
+        axis.margins(x=0)
+    axes[0].set_ylim(top - 60, top + 5)
+    figure.supxlabel("frequency (Hz)", fontsize=9)
+    axes[0].set_ylabel("power density (dB re 1 Pa²/Hz)", fontsize=8)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=len(series), fontsize=8, frameon=False)
+    return figure
+
+
+def beam_figure(
+    commanded: Array, measured: Array, *, gain: float, intercept: float, simulated: bool, style: Style | None = None
+) -> Figure:
+    """What the sensor read of a focus at several levels, and the straight line through it."""
+    style = style or Style()
+    figure = new_figure(3.6, 3.0, simulated=simulated, style=style)
+    axis = plain(figure.subplots(), style)
+    ends = np.array([0.0, float(commanded.max())])
+    axis.plot(ends, intercept + gain * ends, color=style.reproduced, linewidth=1, label=f"gain {gain:.3f}")
+    axis.plot(commanded, measured, "o", color=style.original, markersize=4, label="measured")
+    axis.set_xlabel("commanded amplitude (Pa)", fontsize=9)
+    axis.set_ylabel("read amplitude (Pa)", fontsize=9)
+    axis.set_xlim(0)
+    axis.set_ylim(0)
+    axis.legend(fontsize=8, frameon=False)
+    return figure

@@ -1,0 +1,272 @@
+"""How the tactile sensor answers to pressure: gel, cavity, microphone, converter (paper, section 3).
+
+Pressure on the gel sheet spreads sideways, squeezes the air of a cavity, and a microphone hears the change. One channel
+is the chain
+
+    H(f) = s g * 1 / (1 + j 2 pi f tau) * (j f / f_h) / (1 + j f / f_h) * 1 / (1 - (f / f_r)^2 + j f / (Q f_r))
+
+with s the sensitivity, g the channel's own gain, tau the relaxation of the gel (a Kelvin-Voigt layer), f_h the corner
+below which the microphone and the leak of its cavity hear nothing, and f_r and Q the resonance of the cavity (a
+Helmholtz resonator; Kinsler et al., Fundamentals of Acoustics, 10.8). Then come noise, the converter's limits and its
+steps. The paper gives no figures for these; the defaults are plausible, not measured.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, ShapeError
+from midair.model import Calibration, ControlGrid, Provenance, SensorGrid
+from midair.model.arrays import frozen_array, positive
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SensorModel:
+    """One tactile sensor.
+
+    Attributes
+    ----------
+    grid : SensorGrid
+        The cells.
+    spread : float
+        Standard deviation of the Gaussian with which the gel spreads a pressure point, in m.
+    aperture : float
+        Side of the square over which one cell averages, in m.
+    relaxation : float
+        tau of the gel, in s; 0 for none.
+    sensitivity : float
+        s, in V/Pa.
+    high_pass : float
+        f_h, in Hz.
+    resonance : float
+        f_r, in Hz.
+    quality : float
+        Q.
+    gain : ndarray, shape (row, column)
+        g of each channel; empty for 1 everywhere.
+    corner : ndarray, shape (row, column)
+        Factor on f_h of each channel; empty for 1 everywhere.
+    noise : float
+        One-sided density of the white noise at the output, in V/sqrt(Hz).
+    full_scale : float
+        Largest voltage that the converter takes, either sign, in V.
+    bits : int
+        Of the converter.
+    """
+
+    grid: SensorGrid = field(default_factory=SensorGrid)
+    spread: float = 1e-3
+    aperture: float = 8e-3
+    relaxation: float = 0.2e-3
+    sensitivity: float = 20e-3
+    high_pass: float = 20.0
+    resonance: float = 1500.0
+    quality: float = 1.5
+    gain: Array = field(default_factory=lambda: np.ones(0))
+    corner: Array = field(default_factory=lambda: np.ones(0))
+    noise: float = 20e-6
+    full_scale: float = 5.0
+    bits: int = 16
+
+    def __post_init__(self) -> None:
+        units = {"spread": "m", "aperture": "m", "sensitivity": "V/Pa", "high_pass": "Hz", "resonance": "Hz"}
+        for name, unit in {**units, "quality": "", "full_scale": "V"}.items():
+            positive(getattr(self, name), f"{name} of the sensor", unit)
+        for name, unit in (("relaxation", "s"), ("noise", "V/sqrt(Hz)")):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise InputError(f"{name} of the sensor: expected 0 {unit} or more, got {getattr(self, name):g}")
+        if not 1 <= self.bits <= 32 or self.bits != int(self.bits):
+            raise InputError(f"bits of the sensor: expected a whole number from 1 to 32, got {self.bits}")
+        for name in ("gain", "corner"):
+            value = getattr(self, name)
+            factors = frozen_array(value if np.size(value) else np.ones(self.grid.shape), name, self.grid.shape)
+            if factors.min() <= 0:
+                raise InputError(f"{name} of the sensor: expected factors above 0, got {factors.min():g}")
+            object.__setattr__(self, name, factors)
+
+    def with_spread(self, *, seed: int, gain: float = 0.1, corner: float = 0.1) -> "SensorModel":
+        """The same sensor with channels that differ, as those of real sensors do.
+
+        Parameters
+        ----------
+        seed : int
+            The same seed gives the same sensor.
+        gain, corner : float
+            Standard deviation of the natural logarithm of each channel's factor.
+        """
+        rng = np.random.default_rng(seed)
+        return replace(
+            self,
+            gain=np.exp(gain * rng.standard_normal(self.grid.shape)),
+            corner=np.exp(corner * rng.standard_normal(self.grid.shape)),
+        )
+
+    @property
+    def step(self) -> float:
+        """One step of the converter, in V."""
+        return float(2 * self.full_scale / 2**self.bits)
+
+
+def cell_weights(model: SensorModel, points: ControlGrid, *, centre: tuple[float, float] = (0.0, 0.0)) -> Array:
+    """How the pressure at the points of a grid averages onto each cell.
+
+    Each point stands for a square of one pitch with the same pressure all over it; the gel spreads it by a Gaussian,
+    and the cell averages over its aperture. The share is the exact integral of the three, not a sample of it: over a
+    grid that covers the plane each cell's weights sum to 1, so an even pressure reads itself.
+
+    Parameters
+    ----------
+    model : SensorModel
+        Its grid, spread and aperture.
+    points : ControlGrid
+        Where the pressure is known; nothing presses outside it.
+    centre : tuple of float
+        (x, y) of the middle of the sensor, in m.
+
+    Returns
+    -------
+    ndarray, shape (channel, point)
+        Pressure on the cells is ``weights @ pressure``.
+    """
+    along_x = _shares(model, model.grid.x + centre[0], points.x + points.centre[0], points.pitch)
+    along_y = _shares(model, model.grid.y + centre[1], points.y + points.centre[1], points.pitch)
+    weights = np.einsum("ry,cx->rcyx", along_y, along_x)
+    return weights.reshape(model.grid.count, points.count)
+
+
+def channel_response(model: SensorModel, frequency: Array) -> Complex:
+    """Output over pressure of every channel, H(f) of this file's head.
+
+    Parameters
+    ----------
+    model : SensorModel
+        The sensor.
+    frequency : ndarray, shape (bin,)
+        In Hz.
+
+    Returns
+    -------
+    ndarray of complex, shape (bin, row, column)
+        In V/Pa.
+    """
+    f = np.asarray(frequency, float)[:, None, None]
+    gel = 1 / (1 + 2j * np.pi * f * model.relaxation)
+    cavity = 1 / (1 - (f / model.resonance) ** 2 + 1j * f / (model.quality * model.resonance))
+    over = 1j * f / (model.high_pass * model.corner)
+    return np.asarray(model.sensitivity * model.gain * gel * cavity * over / (1 + over), np.complex128)
+
+
+def sense(
+    model: SensorModel,
+    pressure: Array,
+    rate: float,
+    *,
+    rng: np.random.Generator | None = None,
+    oversample: int = 1,
+) -> Array:
+    """What the sensor puts out while a pressure acts on its cells.
+
+    H(f) is applied to the spectrum of the pressure, which is taken as band-limited between its samples and as 0 before
+    the first and after the last one: the start is a true transient of a sensor at rest. The record is padded until the
+    slowest part of H has died away to 1e-8, so that nothing wraps round. Every frequency below the Nyquist frequency
+    of the output gets H(f) itself, and what lies above it is removed (an ideal anti-alias filter).
+
+    Parameters
+    ----------
+    model : SensorModel
+        The sensor.
+    pressure : ndarray, shape (frame, row, column)
+        On the cells, in Pa, at `rate` times `oversample`.
+    rate : float
+        Of the samples that are returned, in Hz.
+    rng : numpy.random.Generator, optional
+        Makes the noise; none if None.
+    oversample : int
+        How many frames of pressure there are for one sample of the output.
+
+    Returns
+    -------
+    ndarray, shape (ceil(frame / oversample), row, column)
+        In V, clipped and rounded to the converter's steps. Sample i is at i / rate.
+
+    Raises
+    ------
+    ShapeError
+        If the pressure is not one of this sensor's cells.
+    """
+    if oversample < 1 or oversample != int(oversample):
+        raise InputError(f"oversample: expected a whole number from 1 on, got {oversample}")
+    positive(rate, "rate", "Hz")
+    pressure = np.asarray(pressure, float)
+    if pressure.ndim != 3 or not len(pressure) or pressure.shape[1:] != model.grid.shape:
+        raise ShapeError(
+            f"pressure: expected shape (frame, {model.grid.rows}, {model.grid.columns}), got {pressure.shape}"
+        )
+    volts = _respond(model, pressure, rate, oversample)
+    if rng is not None:
+        volts = volts + model.noise * np.sqrt(rate / 2) * rng.standard_normal(volts.shape)
+    return _convert(model, volts)
+
+
+def calibration_of(model: SensorModel, *, highest: float = 4000.0, bins: int = 1024) -> Calibration:
+    """The model's own response as a calibration: what a perfect measurement of this sensor would find.
+
+    Parameters
+    ----------
+    model : SensorModel
+        The sensor.
+    highest : float
+        Last frequency, in Hz.
+    bins : int
+        0 Hz, then this many spaced evenly in their logarithm from 1 Hz on; between them a calibration interpolates,
+        with 1024 to better than 3e-5 of the response above 1 Hz.
+    """
+    frequency = np.concatenate([[0.0], np.geomspace(1.0, positive(highest, "highest", "Hz"), bins)])
+    return Calibration(
+        sensor=model.grid,
+        frequency=frequency,
+        response=channel_response(model, frequency),
+        noise=np.full(model.grid.shape, model.noise),
+        unit="V",
+        provenance=Provenance(source="the sensor's model", simulated=True),
+    )
+
+
+def _shares(model: SensorModel, cells: Array, points: Array, pitch: float) -> Array:
+    """Along one axis: share of each point's stretch in each cell's average, shape (cell, point)."""
+    offset = points[None, :] - cells[:, None]
+    far, near = (pitch + model.aperture) / 2, (pitch - model.aperture) / 2
+    ramps = [sign * _ramp(offset + edge, model.spread) for sign, edge in ((1, far), (-1, near), (-1, -near), (1, -far))]
+    return np.sum(ramps, axis=0) / model.aperture
+
+
+def _ramp(x: Array, spread: float) -> Array:
+    """Twice the integral of a Gaussian of unit area: x Phi(x / s) + s phi(x / s)."""
+    from scipy.special import ndtr
+
+    z = x / spread
+    return spread * (z * ndtr(z) + np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi))
+
+
+def _respond(model: SensorModel, pressure: Array, rate: float, oversample: int) -> Array:
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    frames = -(-len(pressure) // oversample)
+    slowest = (
+        1 / (2 * np.pi * model.high_pass * model.corner.min()) + model.relaxation + model.quality / model.resonance
+    )
+    length = next_fast_len(frames + int(np.ceil(20 * slowest * rate)) + 1, real=True)
+    bins = length // 2 + 1
+    spectrum = rfft(pressure, length * oversample, axis=0)[:bins] / oversample
+    response = channel_response(model, np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
+    return irfft(spectrum * response, length, axis=0)[:frames]
+
+
+def _convert(model: SensorModel, volts: Array) -> Array:
+    """Clip and round to the codes -2^(bits-1) to 2^(bits-1) - 1."""
+    half = 2.0 ** (model.bits - 1)
+    return np.clip(np.rint(volts / model.step), -half, half - 1) * model.step

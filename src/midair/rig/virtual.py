@@ -1,0 +1,107 @@
+"""A whole rig that exists only here: array, sensor, and the air between them."""
+
+from dataclasses import dataclass, field
+
+from midair.datasets import am_stimulus, stroke
+from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
+from midair.errors import UnknownDeviceError
+from midair.model import Medium, PressureFrames, SensorGrid, TransducerArray
+from midair.physics import Directivity, TransducerDynamics
+from midair.physics.sensing import SensorModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VirtualRig:
+    """What a virtual rig is made of; the sensor lies face down over the centre of the array.
+
+    Attributes
+    ----------
+    array : TransducerArray
+        The transducers.
+    height : float
+        Of the sensor above the array, in m.
+    medium : Medium
+        The air.
+    directivity : {"point", "piston", "t4010a1"}
+        Of a transducer.
+    dynamics : TransducerDynamics
+        Of a transducer.
+    rate : float
+        Of the sensor, in Hz.
+    steps : int
+        Time steps of the simulation in one frame of the sensor.
+    seed : int
+        Of everything random: the sensor's spread and noise, the transducers' strengths.
+    """
+
+    array: TransducerArray = field(default_factory=TransducerArray.autd3)
+    height: float = 0.2
+    medium: Medium = field(default_factory=Medium)
+    directivity: Directivity = "t4010a1"
+    dynamics: TransducerDynamics = field(default_factory=TransducerDynamics)
+    rate: float = 1000.0
+    steps: int = 8
+    seed: int = 0
+
+    @property
+    def sensor_model(self) -> SensorModel:
+        """The sensor, each channel a little different."""
+        return SensorModel(grid=SensorGrid(name=f"virtual sensor {self.seed}")).with_spread(seed=self.seed)
+
+    def skin(self) -> VirtualSkin:
+        """The place where the sensor lies."""
+        return VirtualSkin(self.sensor_model, height=self.height, rate=self.rate * self.steps)
+
+    def sensor(self, skin: VirtualSkin, *, touch: PressureFrames | None = None, name: str = "virtual") -> VirtualSensor:
+        """The sensor on its skin, touched by an object from start on, if any."""
+        return VirtualSensor(skin, touch=touch, rate=self.rate, seed=self.seed, name=name)
+
+    def array_device(self, skin: VirtualSkin | None = None) -> VirtualArray:
+        """The array, whose sound presses on the skin."""
+        return VirtualArray(
+            self.array,
+            skin,
+            medium=self.medium,
+            directivity=self.directivity,
+            dynamics=self.dynamics,
+            seed=self.seed,
+        )
+
+    def touched_by(self, thing: str, *, duration: float | None = None) -> VirtualSensor:
+        """The sensor while something presses on it from the start on.
+
+        Parameters
+        ----------
+        thing : str
+            ``brush``, ``sponge`` or ``towel``, each with ``+groove`` for the grooved surface; or ``am-i``, ``am-ii``,
+            ``am-iii``.
+        duration : float, optional
+            In s; a whole stroke, or half a second of a modulated focus, if None.
+
+        Raises
+        ------
+        UnknownDeviceError
+            If there is no such thing.
+        """
+        skin = self.skin()
+        touch = self._touch(thing, skin, duration)
+        return self.sensor(skin, touch=touch, name=f"virtual:{thing}")
+
+    def _touch(self, thing: str, skin: VirtualSkin, duration: float | None) -> PressureFrames:
+        grid = skin.model.grid
+        match thing.partition("+"):
+            case ("brush" | "sponge" | "towel" as name, _, "" | "groove" as surface):
+                return stroke(
+                    name, groove=bool(surface), seed=self.seed, rate=skin.rate, duration=duration, sensor=grid
+                )
+            case ("am-i", "", ""):
+                return am_stimulus("i", duration=duration or 0.5, rate=skin.rate, sensor=grid)
+            case ("am-ii", "", ""):
+                return am_stimulus("ii", duration=duration or 0.5, rate=skin.rate, sensor=grid)
+            case ("am-iii", "", ""):
+                return am_stimulus("iii", duration=duration or 0.5, rate=skin.rate, sensor=grid)
+            case _:
+                raise UnknownDeviceError(
+                    "virtual sensor: expected brush, sponge or towel (+groove or not), am-i, am-ii or am-iii, "
+                    f"got {thing!r}"
+                )

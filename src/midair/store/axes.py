@@ -1,0 +1,53 @@
+"""The axes of what is stored, time and sensor, as the table names them."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from midair.errors import BrokenFileError
+from midair.model import SensorGrid
+
+
+def time_values(frames: int, rate: float) -> dict[str, Any]:
+    """What is stored of `frames` frames at `rate` (Hz)."""
+    return {"rate_hz": rate, "time": np.arange(frames) / rate}
+
+
+def sensor_values(sensor: SensorGrid) -> dict[str, Any]:
+    """What is stored of a sensor."""
+    return {
+        "sensor_name": sensor.name,
+        "sensor_pitch_m": sensor.pitch,
+        "row": np.arange(sensor.rows),
+        "column": np.arange(sensor.columns),
+        "y": sensor.y,
+        "x": sensor.x,
+    }
+
+
+def sensor_from(values: Mapping[str, Any]) -> SensorGrid:
+    """The sensor that was stored."""
+    return SensorGrid(
+        rows=len(values["row"]),
+        columns=len(values["column"]),
+        pitch=values["sensor_pitch_m"],
+        name=values["sensor_name"],
+    )
+
+
+def check_time(values: Mapping[str, Any], path: Path) -> None:
+    """Raise if the stored times are not the frames' numbers over the rate.
+
+    Raises
+    ------
+    BrokenFileError
+        If a time is off by more than a thousandth of a frame.
+    """
+    off = np.abs(values["time"] * values["rate_hz"] - np.arange(len(values["time"])))
+    if not (off < 1e-3).all():
+        raise BrokenFileError(
+            f"{path}: expected frame i at i / {values['rate_hz']:g} Hz, got frame {int(np.argmin(off < 1e-3))} "
+            f"at {values['time'][int(np.argmin(off < 1e-3))]:g} s; the file is damaged or its rate was edited"
+        )

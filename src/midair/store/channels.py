@@ -1,0 +1,35 @@
+"""Channels that look wrong: silent ones, and ones that hold nothing but noise."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.model import Recording
+
+
+def suspicious(recording: Recording) -> tuple[str, ...]:
+    """A sentence for the channels that never change and one for those that hold only a white floor.
+
+    A floor is a channel more than ten times quieter than the median channel whose successive differences are those of
+    independent numbers: von Neumann's ratio, their mean square over the variance, is within four standard errors of 2
+    (J. von Neumann, Ann. Math. Stat. 12, 1941: variance 4 (n - 2) / (n^2 - 1)).
+    """
+    samples = recording.samples.reshape(recording.frames, -1)
+    spread = samples.std(axis=0)
+    dead = np.ptp(samples, axis=0) == 0
+    report: list[str] = []
+    if recording.frames > 1 and dead.any():
+        values = ", ".join(f"{i} ({samples[0, i]:g} {recording.unit})" for i in np.flatnonzero(dead))
+        report.append(f"Channels that never change, dead or saturated: {values}.")
+    if recording.frames >= 100 and not dead.all():
+        floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _white(samples, spread)
+        if floor.any():
+            names = ", ".join(str(i) for i in np.flatnonzero(floor))
+            report.append(f"Channels that hold only a white floor, more than ten times below the others: {names}.")
+    return tuple(report)
+
+
+def _white(samples: NDArray[np.float64], spread: NDArray[np.float64]) -> NDArray[np.bool_]:
+    n = len(samples)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.square(np.diff(samples, axis=0)).mean(axis=0) / np.square(spread)
+    return np.abs(ratio - 2) < 4 * np.sqrt(4 * (n - 2) / (n**2 - 1))

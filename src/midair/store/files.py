@@ -1,0 +1,146 @@
+"""Files that are whole or not there, and parsers whose complaints become one clear line."""
+
+import os
+import secrets
+import struct
+import zipfile
+import zlib
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from midair.errors import BrokenFileError, FileError, MidairError, MissingFileError
+
+PARSER_FAILURES = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    NameError,
+    OSError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    struct.error,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What the parsers of other libraries raise on damaged bytes; found by the mutation tests."""
+
+
+def existing_file(path: str | os.PathLike[str]) -> Path:
+    """`path` as a Path after checking that a file with something in it is there.
+
+    Raises
+    ------
+    MissingFileError
+        If nothing has that name.
+    BrokenFileError
+        If it is a folder, or empty, or must not be read.
+    """
+    file = Path(path)
+    try:
+        if not file.exists():
+            raise MissingFileError(f"{file}: expected a file, found none; check the name")
+        if file.is_dir():
+            raise BrokenFileError(f"{file}: expected a file, got a folder; name a file in it")
+        if file.stat().st_size == 0:
+            raise BrokenFileError(f"{file}: expected something in it, got an empty file; copy it again")
+        with file.open("rb"):
+            return file
+    except MidairError:
+        raise
+    except (OSError, ValueError) as wrong:
+        raise BrokenFileError(f"{file}: cannot be read: {reason(wrong)}") from wrong
+
+
+@contextmanager
+def whole_file(path: str | os.PathLike[str]) -> Generator[Path]:
+    """A name beside `path` to write to; it becomes `path` when the block ends well and is removed when it does not.
+
+    The bytes are on the disk (fsync) before the name changes (os.replace): whoever looks sees the old file or the new
+    one, never half of either.
+
+    Raises
+    ------
+    MissingFileError
+        If the folder does not exist.
+    FileError
+        If the file cannot be written.
+    """
+    target = writable_path(path)
+    partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
+    try:
+        partial.touch(exist_ok=False)
+        yield partial
+        _sync(partial)
+        os.replace(partial, target)
+    except MidairError:
+        raise
+    except (OSError, RuntimeError) as wrong:
+        raise FileError(f"{target}: cannot be written: {reason(wrong)}") from wrong
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def writable_path(path: str | os.PathLike[str]) -> Path:
+    """`path`, links followed, after checking that a file can have that name.
+
+    Raises
+    ------
+    MissingFileError
+        If the folder does not exist.
+    BrokenFileError
+        If the name is that of a folder.
+    """
+    try:
+        target = Path(path).resolve()
+        if not target.parent.is_dir():
+            raise MissingFileError(f"{path}: expected the folder {target.parent} to be there; make it first")
+        if target.is_dir():
+            raise BrokenFileError(f"{path}: expected the name of a file, got that of a folder; name a file in it")
+    except (OSError, ValueError) as wrong:
+        if isinstance(wrong, MidairError):
+            raise
+        raise FileError(f"{path}: cannot be written: {reason(wrong)}") from wrong
+    return target
+
+
+@contextmanager
+def refusing(path: Path, expected: str) -> Generator[None]:
+    """Turn what a parser says about damaged bytes into one line that names the file.
+
+    Errors of midair (a NaN, a wrong shape) keep their type and get the file's name if they lack it.
+
+    Raises
+    ------
+    BrokenFileError
+        If the block fails to read the file.
+    MidairError
+        The leaf that the block raised.
+    """
+    try:
+        yield
+    except MidairError as wrong:
+        if str(path) in str(wrong):
+            raise
+        raise type(wrong)(f"{path}: {wrong}") from wrong
+    except PARSER_FAILURES as wrong:
+        raise BrokenFileError(
+            f"{path}: expected {expected}, got a damaged or foreign file ({reason(wrong)})"
+        ) from wrong
+
+
+def reason(wrong: BaseException) -> str:
+    """The first line of what an exception says, or its type when it says nothing."""
+    if isinstance(wrong, OSError) and wrong.strerror:
+        return wrong.strerror.splitlines()[0][:160]
+    lines = str(wrong).strip().splitlines()
+    return lines[0][:160] if lines else type(wrong).__name__
+
+
+def _sync(path: Path) -> None:
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())

@@ -1,0 +1,160 @@
+"""Which format a file name means, and the two doors of the store: `load` and `save`."""
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from midair.errors import UnknownFormatError
+from midair.model import Calibration, Recording, SensorGrid, Unit
+from midair.store import calibration_file, drive_file
+from midair.store.channels import suspicious
+from midair.store.csv_file import read_csv, write_csv
+from midair.store.files import existing_file, refusing
+from midair.store.imported import Given, Imported
+from midair.store.mat_file import read_mat, write_mat
+from midair.store.npz_file import read_npz, write_npz
+from midair.store.recording_file import read_recording, write_recording
+from midair.store.wav_file import read_wav, write_wav
+
+Reader = Callable[[Path, Given], Imported]
+Writer = Callable[[Recording, Path, Calibration | None], tuple[str, ...]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """One way to store a recording.
+
+    Attributes
+    ----------
+    name : str
+        What to call it.
+    read, write : callable
+        The doors in and out.
+    """
+
+    name: str
+    read: Reader
+    write: Writer
+
+
+HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
+
+FORMATS: Mapping[str, Format] = {
+    ".h5": HDF5,
+    ".hdf5": HDF5,
+    ".csv": Format(name="CSV", read=read_csv, write=write_csv),
+    ".wav": Format(name="WAV", read=read_wav, write=write_wav),
+    ".npz": Format(name="NPZ", read=read_npz, write=write_npz),
+    ".mat": Format(name="MAT", read=read_mat, write=write_mat),
+}
+"""By the end of a file's name, in small letters."""
+
+OTHERS: Mapping[str, str] = {
+    drive_file.SUFFIX: "a drive: load_solution() and save_solution()",
+    calibration_file.SUFFIX: "a calibration: load_calibration() and save_calibration()",
+}
+"""Names that end like a recording's and mean something else."""
+
+
+def load(
+    path: str | os.PathLike[str],
+    *,
+    rate: float | None = None,
+    unit: Unit | None = None,
+    sensor: SensorGrid | None = None,
+) -> Recording:
+    """The recording in a file of any format that midair knows.
+
+    The options state what a file of another program does not say; what contradicts the file is refused. `read` also
+    returns what was assumed and what looks wrong.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        Its ending tells the format: .h5, .hdf5, .csv, .wav, .npz or .mat.
+    rate : float, optional
+        Frames per second, in Hz.
+    unit : {"V", "count", "Pa"}, optional
+        Of the samples.
+    sensor : SensorGrid, optional
+        How the channels are laid out.
+
+    Returns
+    -------
+    Recording
+        With its provenance, or with the file's name as its source if the file has none.
+
+    Raises
+    ------
+    MissingFileError, BrokenFileError, UnknownFormatError
+        If the file is not there, is damaged or of another kind, or its format is unknown.
+    InputError
+        Its leaf that says what is missing or cannot be used.
+    """
+    return read(path, rate=rate, unit=unit, sensor=sensor).recording
+
+
+def read(
+    path: str | os.PathLike[str],
+    *,
+    rate: float | None = None,
+    unit: Unit | None = None,
+    sensor: SensorGrid | None = None,
+) -> Imported:
+    """`load`, with a report: one sentence for each thing that was assumed, changed, left out or looks wrong."""
+    form = format_of(path)
+    file = existing_file(path)
+    with refusing(file, f"a {form.name} file"):
+        imported = form.read(file, Given(rate=rate, unit=unit, sensor=sensor))
+    return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
+
+
+def save(
+    recording: Recording, path: str | os.PathLike[str], *, calibration: Calibration | None = None
+) -> tuple[str, ...]:
+    """Write a recording in the format that the ending of `path` tells, whole or not at all.
+
+    Parameters
+    ----------
+    recording : Recording
+        To write.
+    path : str or PathLike
+        Ends in .h5, .hdf5, .csv, .wav, .npz or .mat; replaced in one piece if it is there.
+    calibration : Calibration, optional
+        Of its sensor, to keep in the same file.
+
+    Returns
+    -------
+    tuple of str
+        One sentence for each thing that the format cannot hold; empty when nothing is lost.
+
+    Raises
+    ------
+    UnknownFormatError
+        If the ending is unknown.
+    FileError
+        If the file cannot be written.
+    """
+    return format_of(path).write(recording, Path(path), calibration)
+
+
+def format_of(path: str | os.PathLike[str]) -> Format:
+    """The format that the ending of a file's name tells.
+
+    Raises
+    ------
+    UnknownFormatError
+        If it tells none, or something else than a recording.
+    """
+    name = os.fspath(path).lower()
+    for ending, other in OTHERS.items():
+        if name.endswith(ending):
+            raise UnknownFormatError(f"{path}: expected a recording; names that end in {ending} are for {other}")
+    form = FORMATS.get(Path(name).suffix)
+    if form is None:
+        known = ", ".join(FORMATS)
+        raise UnknownFormatError(
+            f"{path}: expected a name that ends in {known}, got {Path(name).suffix or 'no ending'!r}"
+        )
+    return form

@@ -1,0 +1,153 @@
+"""Every name that midair stores: its dimensions, type and unit, in one table for writers, readers and the docs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["recording", "calibration", "pressure", "drive"]
+"""What a file, or a group of one, holds."""
+
+FORMAT = 1
+"""Version of the table; it grows when a reader of the old one would misread a file."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One stored name.
+
+    Attributes
+    ----------
+    name : str
+        Of the dataset or attribute.
+    what : str
+        It means.
+    dtype : {"f8", "i8", "i1", "text"}
+        Little-endian; text is UTF-8 of fixed length, so that the checksum of HDF5's metadata covers it.
+    dimensions : tuple of str or None
+        Names of the axes of a dataset, () for a single number; None for an attribute.
+    unit : str
+        Attribute `units` of a dataset, "1" for a pure number; ``{unit}`` stands for the unit of the sensor's output.
+        Empty for attributes, whose names carry it.
+    required : bool
+        Whether every file of its kind has it.
+    """
+
+    name: str
+    what: str
+    dtype: Literal["f8", "i8", "i1", "text"] = "f8"
+    dimensions: tuple[str, ...] | None = None
+    unit: str = ""
+    required: bool = True
+
+    @property
+    def coordinate(self) -> bool:
+        """Whether it holds the places along the axis of its own name."""
+        return self.dimensions == (self.name,)
+
+
+def attribute(name: str, dtype: Literal["f8", "i8", "text"], what: str, *, required: bool = True) -> Entry:
+    """An entry that is an attribute."""
+    return Entry(name=name, what=what, dtype=dtype, required=required)
+
+
+def numbers(name: str, dimensions: str, unit: str, what: str, *, required: bool = True) -> Entry:
+    """An entry that is a dataset of float64, its dimensions in words."""
+    return Entry(name=name, what=what, dimensions=tuple(dimensions.split()), unit=unit, required=required)
+
+
+def indices(
+    name: str, dimensions: str, what: str, *, required: bool = True, dtype: Literal["i8", "i1"] = "i8"
+) -> Entry:
+    """An entry that is a dataset of whole numbers, its dimensions in words."""
+    axes = tuple(dimensions.split())
+    return Entry(name=name, what=what, dtype=dtype, dimensions=axes, unit="1", required=required)
+
+
+_SIGNED = (
+    attribute("kind", "text", "what the file or group holds: midair recording, calibration, pressure or drive"),
+    attribute("format", "i8", "version of this table"),
+    attribute("created", "text", "when the file was made, ISO 8601, UTC"),
+    attribute("created_by", "text", "midair and its version"),
+    attribute("provenance", "text", "source, simulated, notes and steps, JSON"),
+)
+_SENSOR = (
+    attribute("sensor_name", "text", "which sensor"),
+    attribute("sensor_pitch_m", "f8", "distance between neighbouring cells, m"),
+    indices("row", "row", "of the sensor, from 0; y grows with it"),
+    indices("column", "column", "of the sensor, from 0; x grows with it"),
+    numbers("y", "row", "m", "of a row from the centre of the sensor"),
+    numbers("x", "column", "m", "of a column from the centre of the sensor"),
+)
+_TIME = (
+    attribute("rate_hz", "f8", "frames per second, Hz"),
+    numbers("time", "time", "s", "of a frame: its number over the rate"),
+)
+_UNIT = (attribute("unit", "text", "of the sensor's output: V, count or Pa"),)
+
+TABLE: Mapping[Kind, tuple[Entry, ...]] = {
+    "recording": (
+        *_SIGNED,
+        *_UNIT,
+        *_TIME,
+        *_SENSOR,
+        numbers("samples", "time row column", "{unit}", "what the sensor said; NaN where nothing was written"),
+        indices("finished", "", "1 when the recording was closed in order, 0 while it runs", dtype="i1"),
+    ),
+    "calibration": (
+        *_SIGNED,
+        *_UNIT,
+        *_SENSOR,
+        attribute("date", "text", "when the calibration was made, ISO 8601, or empty"),
+        numbers("frequency", "frequency", "Hz", "of a bin"),
+        numbers("response_real", "frequency row column", "{unit}/Pa", "output over pressure, real part"),
+        numbers("response_imag", "frequency row column", "{unit}/Pa", "output over pressure, imaginary part"),
+        numbers("noise", "row column", "{unit}/sqrt(Hz)", "one-sided noise density of the output"),
+    ),
+    "pressure": (
+        *_SIGNED,
+        *_TIME,
+        *_SENSOR,
+        attribute("band_low_hz", "f8", "lower end of the band that was kept, Hz", required=False),
+        attribute("band_high_hz", "f8", "upper end of the band that was kept, Hz", required=False),
+        numbers("pressure", "time row column", "Pa", "calibrated pressure"),
+    ),
+    "drive": (
+        *_SIGNED,
+        *_TIME,
+        attribute("array_name", "text", "which array"),
+        attribute("array_pressure_pa_m", "f8", "peak pressure of one transducer on its axis times distance, Pa m"),
+        attribute("array_frequency_hz", "f8", "of the ultrasound, Hz"),
+        indices("transducer", "transducer", "of the array, from 0"),
+        indices("axis", "axis", "0, 1, 2 for x, y, z"),
+        numbers("transducer_position", "transducer axis", "m", "from the centre of the array; z towards the palm"),
+        numbers("transducer_normal", "transducer axis", "1", "unit vector along which it radiates"),
+        indices("transducer_unit", "transducer", "device of the array that it belongs to, from 0"),
+        numbers("phase", "time transducer", "rad", "of the drive"),
+        numbers("level", "time", "1", "of full drive, 0 to 1, when a frame has one level", required=False),
+        numbers("transducer_level", "time transducer", "1", "of full drive, 0 to 1, otherwise", required=False),
+        numbers("error", "time", "1", "E of the frame: norm of the missing sound over norm of the wanted"),
+        indices("iterations", "time", "that the solver made"),
+        indices("status", "time", "how the solver ended; flag_meanings names the numbers", dtype="i1"),
+        attribute("grid_rows", "i8", "of the control grid", required=False),
+        attribute("grid_columns", "i8", "of the control grid", required=False),
+        attribute("grid_pitch_m", "f8", "distance between neighbouring control points, m", required=False),
+        attribute("grid_height_m", "f8", "of the control grid above the array, m", required=False),
+        attribute("grid_centre_x_m", "f8", "x of the middle of the control grid, m", required=False),
+        attribute("grid_centre_y_m", "f8", "y of the middle of the control grid, m", required=False),
+        attribute("target_provenance", "text", "of the target, JSON", required=False),
+        indices("point", "point", "of the control grid, row by row, from 0", required=False),
+        numbers("target", "time point", "Pa", "peak sound pressure that was wanted", required=False),
+    ),
+}
+"""What each kind holds."""
+
+
+def as_markdown(kind: Kind) -> str:
+    """The table of one kind, as the docs print it."""
+    lines = ["| name | stored as | dimensions | type | unit | what |", "| --- | --- | --- | --- | --- | --- |"]
+    for entry in TABLE[kind]:
+        stored = "attribute" if entry.dimensions is None else "dataset"
+        name = f"`{entry.name}`" if entry.required else f"`{entry.name}` (optional)"
+        axes = ", ".join(entry.dimensions or ())
+        lines.append(f"| {name} | {stored} | {axes} | {entry.dtype} | {entry.unit} | {entry.what} |")
+    return "\n".join(lines)

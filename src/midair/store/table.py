@@ -1,0 +1,123 @@
+"""A table of numbers in text: names, rows, and every way in which they do not fit each other."""
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import BrokenFileError, NonFiniteError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Table:
+    """Columns of numbers with names.
+
+    Attributes
+    ----------
+    names : tuple of str
+        One a column, without spaces around; () when the text has none.
+    values : ndarray, shape (row, column)
+        Finite.
+    """
+
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Row:
+    line: int
+    fields: list[str]
+
+
+def read_table(text: str, path: Path) -> Table:
+    """The numbers in a text with commas, semicolons or tabs between them, with or without a row of names.
+
+    Spaces around fields, empty lines and lines that begin with # are skipped. A comma at the end of a row is no field:
+    columns never shift.
+
+    Raises
+    ------
+    BrokenFileError
+        If rows differ in length, a field is no number, or there are no numbers at all.
+    NonFiniteError
+        If a field is empty, NaN or infinite.
+    """
+    rows = list(_rows(text, path))
+    names = () if not rows or _is_number(rows[0].fields[0]) else tuple(_stripped(rows.pop(0).fields))
+    if not rows:
+        raise BrokenFileError(f"{path}: expected rows of numbers, got none")
+    width = len(names) or len(_stripped(rows[0].fields))
+    for row in rows:
+        _fit(row, width, path)
+    return Table(names=names, values=_numbers(rows, names, path))
+
+
+def _rows(text: str, path: Path) -> Iterator[_Row]:
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    reader = csv.reader(lines, delimiter=max(",;\t", key=first.count), skipinitialspace=True)
+    try:
+        for fields in reader:
+            if any(field.strip() for field in fields) and not fields[0].startswith("#"):
+                yield _Row(line=reader.line_num, fields=fields)
+    except csv.Error as wrong:
+        raise BrokenFileError(
+            f"{path}: expected comma-separated values, got line {reader.line_num}: {wrong}"
+        ) from wrong
+
+
+def _stripped(fields: list[str]) -> list[str]:
+    """Fields without the spaces around them, and without the one that a comma at the end leaves."""
+    fields = [field.strip() for field in fields]
+    return fields[:-1] if len(fields) > 1 and not fields[-1] else fields
+
+
+def _fit(row: _Row, width: int, path: Path) -> None:
+    if len(row.fields) == width + 1 and not row.fields[-1].strip():
+        del row.fields[-1]
+    if len(row.fields) != width:
+        raise BrokenFileError(
+            f"{path}: expected {width} fields in line {row.line}, got {len(row.fields)}; "
+            "the file is cut or its rows differ"
+        )
+
+
+def _numbers(rows: list[_Row], names: tuple[str, ...], path: Path) -> NDArray[np.float64]:
+    try:
+        values = np.array([row.fields for row in rows], np.float64)
+    except ValueError:
+        values = np.array([[_number(row, i, names, path) for i in range(len(row.fields))] for row in rows])
+    if not np.isfinite(values).all():
+        row, column = (int(i) for i in np.argwhere(~np.isfinite(values))[0])
+        raise NonFiniteError(
+            f"{path}: expected finite numbers, got {rows[row].fields[column].strip()} in line {rows[row].line}, "
+            f"{_column(column, names)}; repair or cut it first"
+        )
+    return values
+
+
+def _number(row: _Row, column: int, names: tuple[str, ...], path: Path) -> float:
+    field = row.fields[column].strip()
+    where = f"in line {row.line}, {_column(column, names)}"
+    if not field:
+        raise NonFiniteError(f"{path}: expected a number, got an empty field {where}; fill it or cut the row first")
+    if not _is_number(field):
+        hint = "; write decimals with a point" if "," in field else ""
+        raise BrokenFileError(f"{path}: expected a number, got {field[:40]!r} {where}{hint}")
+    return float(field)
+
+
+def _column(column: int, names: tuple[str, ...]) -> str:
+    return f"column {names[column]!r}" if names else f"column {column + 1}"
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return True

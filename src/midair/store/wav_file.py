@@ -1,0 +1,94 @@
+"""WAV: one audio channel a cell, full scale 1, with midair's header in a chunk that other programs skip."""
+
+from pathlib import Path
+
+import numpy as np
+
+from midair.errors import BrokenFileError, FileError, UnitError
+from midair.model import Calibration, Recording, Unit
+from midair.store.files import whole_file
+from midair.store.header import calibration_lost, header_of, parse_header, recording_from
+from midair.store.imported import Foreign, Given, Imported
+from midair.store.riff import CHUNK, append_chunk, chunks, content
+
+_BITS = {"PCM_16": 16, "PCM_24": 24, "PCM_32": 32}
+_READABLE = (*_BITS, "FLOAT", "DOUBLE", "ULAW")
+
+
+def write_wav(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[str, ...]:
+    """Write float64 below full scale: the samples over the power of two above their peak, so that none is rounded.
+
+    Raises
+    ------
+    FileError
+        If the sensor has more cells than a WAV has channels (1024).
+    """
+    import soundfile
+
+    cells = recording.sensor.count
+    if cells > 1024:
+        raise FileError(f"{path}: a WAV holds up to 1024 channels, got a sensor of {cells}; save to .h5")
+    rate = max(1, round(recording.rate))
+    exponent = int(np.frexp(np.abs(recording.samples).max())[1])
+    samples = np.ldexp(recording.samples, -exponent).reshape(recording.frames, cells)
+    with whole_file(path) as partial:
+        soundfile.write(partial, samples, rate, subtype="DOUBLE", format="WAV")
+        append_chunk(partial, header_of(recording, scale_exponent=exponent).encode("ascii"))
+    return (*_losses(recording, rate, exponent), *calibration_lost(calibration, "WAV"))
+
+
+def read_wav(path: Path, given: Given) -> Imported:
+    """The recording in a WAV of midair, or of another program: PCM of 16, 24 or 32 bits, float32, float64, µ-law.
+
+    Full scale of another program's file is 1 of the given unit; with unit "count", PCM samples are its whole numbers.
+
+    Raises
+    ------
+    BrokenFileError
+        If the header is wrong or samples are missing.
+    InputError
+        Its leaf, if the file does not say enough or a number cannot be used.
+    """
+    import soundfile
+
+    header = next((content(path, chunk) for chunk in chunks(path) if chunk.letters == CHUNK), None)
+    with soundfile.SoundFile(path) as file:
+        subtype, rate = file.subtype, file.samplerate
+        if file.format not in ("WAV", "WAVEX") or subtype not in _READABLE:
+            raise BrokenFileError(f"{path}: expected PCM, float or µ-law in a WAV, got {file.format} with {subtype}")
+        samples = file.read(dtype="float64", always_2d=True)
+    if header is None:
+        return _foreign(samples, subtype, float(rate), given, path).settle(given, path)
+    parsed = parse_header(header.decode("ascii"), path)
+    recording = recording_from(parsed, np.ldexp(samples, parsed["scale_exponent"]), path)
+    given.check(recording, path)
+    return Imported(recording=recording)
+
+
+def _foreign(samples: np.ndarray, subtype: str, rate: float, given: Given, path: Path) -> Foreign:
+    """The rate given may be the exact one of which a WAV holds the nearest whole number."""
+    exact = given.rate if given.rate is not None and round(given.rate) == rate else rate
+    scale, remark = 1.0, f"Full scale of the WAV ({subtype}) was taken as 1 {given.unit}."
+    if given.unit == "count":
+        scale, remark = _counts(subtype, path)
+    return Foreign(
+        samples=samples * scale, form="WAV", rate=exact, settings={"subtype": subtype, "scale": scale}, report=(remark,)
+    )
+
+
+def _counts(subtype: str, path: Path) -> tuple[float, str]:
+    if subtype in _BITS:
+        return 2.0 ** (_BITS[subtype] - 1), f"Samples are the whole numbers of {subtype}."
+    if subtype == "ULAW":
+        unit: Unit = "V"
+        raise UnitError(
+            f'{path}: µ-law holds no counts; give the unit that full scale stands for, such as unit="{unit}"'
+        )
+    return 1.0, f"Samples are taken from {subtype} as they are."
+
+
+def _losses(recording: Recording, rate: int, exponent: int) -> tuple[str, ...]:
+    scale = f"Full scale is 2^{exponent} {recording.unit}: only midair reads that, and the sensor and the provenance."
+    if rate == recording.rate:
+        return (scale,)
+    return (f"WAV holds whole rates: others than midair read {rate} Hz for {recording.rate:.9g} Hz.", scale)

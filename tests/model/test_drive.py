@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+
+from midair.errors import InputError, NonFiniteError, ShapeError
+from midair.model import Drive, Solution, TransducerArray
+
+ARRAY = TransducerArray(position=np.eye(3), normal=np.broadcast_to([0.0, 0, 1], (3, 3)))
+
+
+def made(**changes):
+    parts = {"phase": np.zeros((2, 3)), "level": np.ones(2), "rate": 1000.0, "array": ARRAY}
+    return Drive(**(parts | changes))
+
+
+def test_q_is_level_times_a_turn():
+    drive = made(phase=np.array([[0, np.pi / 2, np.pi], [0, 0, 0]]), level=np.array([1.0, 0.5]))
+    assert drive.q == pytest.approx(np.array([[1, 1j, -1], [0.5, 0.5, 0.5]]))
+
+
+def test_levels_can_differ_by_transducer():
+    level = np.arange(6).reshape(2, 3) / 10
+    assert made(level=level).q == pytest.approx(level.astype(complex))
+
+
+def test_frames_are_multiples_of_the_period():
+    drive = made(rate=500.0)
+    assert drive.frames == 2
+    assert drive.time.tolist() == [0.0, 0.002]
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "says"),
+    [
+        ({"phase": np.zeros((2, 4))}, ShapeError, r"phase: .*\(frame, 3\).*\(2, 4\)"),
+        ({"phase": np.full((2, 3), np.nan)}, NonFiniteError, "phase"),
+        ({"level": np.ones(3)}, ShapeError, r"level: expected shape \(2,\) or \(2, 3\), got \(3,\)"),
+        ({"level": np.array([0.5, 1.01])}, InputError, "0 to 1 of full drive, got 0.5 to 1.01"),
+        ({"level": np.array([-0.1, 1.0])}, InputError, "0 to 1"),
+        ({"rate": 0.0}, InputError, "rate"),
+    ],
+)
+def test_bad_input_is_refused(changes, error, says):
+    with pytest.raises(error, match=says):
+        made(**changes)
+
+
+def test_a_solution_has_one_entry_a_frame():
+    drive = made()
+    good = {"error": np.zeros(2), "iterations": np.array([50, 20]), "status": ("converged", "iterations")}
+    assert Solution(drive=drive, **good).iterations.tolist() == [50, 20]
+    for wrong in ({"error": np.zeros(3)}, {"iterations": np.zeros(1, int)}, {"status": ("silent",)}):
+        with pytest.raises(ShapeError, match=next(iter(wrong))):
+            Solution(drive=drive, **(good | wrong))

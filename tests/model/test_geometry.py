@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midair.errors import InputError, ShapeError
+from midair.model import ControlGrid, SensorGrid, TransducerArray
+from midair.model.geometry import centred
+
+
+def test_four_units_have_996_transducers_centred_on_their_mean():
+    array = TransducerArray.autd3(columns=2, rows=2)
+    assert array.count == 996
+    assert array.position.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-15)
+    assert np.bincount(array.unit).tolist() == [249] * 4
+    assert array.normal.tolist() == [[0, 0, 1]] * 996
+    assert array.pressure == pytest.approx(4.38590, abs=1e-5)
+
+
+def test_a_unit_in_the_order_of_the_firmware():
+    one = TransducerArray.autd3(columns=1, rows=1)
+    cell = np.rint((one.position - one.position[0])[:, :2] / 10.16e-3).astype(int)
+    assert cell[:18].tolist() == [[x, 0] for x in range(18)]
+    # the second row misses its columns 1, 2 and 16, where the screws are
+    assert cell[18:33].tolist() == [[x, 1] for x in (0, *range(3, 16), 17)]
+    assert cell[-1].tolist() == [17, 13]
+    assert len(cell) == 249
+
+
+def test_units_are_side_by_side():
+    array = TransducerArray.autd3(columns=2, rows=2)
+    corner = array.position[::249] - array.position[0]
+    assert corner == pytest.approx(np.array([[0, 0, 0], [0.192, 0, 0], [0, 0.1514, 0], [0.192, 0.1514, 0]]), abs=1e-12)
+
+
+def test_arrays_are_the_same_to_a_micrometre():
+    array = TransducerArray.autd3(columns=1, rows=1)
+    moved = TransducerArray(position=array.position + np.array([2e-6, 0, 0]), normal=array.normal)
+    nudged = TransducerArray(position=array.position + np.array([2e-7, 0, 0]), normal=array.normal)
+    higher = TransducerArray(position=array.position, normal=array.normal, frequency=70e3)
+    assert array.same_as(nudged)
+    assert not array.same_as(moved)
+    assert not array.same_as(higher)
+    assert not array.same_as(TransducerArray.autd3(columns=2, rows=1))
+
+
+def test_a_bad_array_is_refused():
+    with pytest.raises(InputError, match="unit vectors"):
+        TransducerArray(position=np.zeros((2, 3)), normal=np.ones((2, 3)))
+    with pytest.raises(ShapeError, match="transducer position"):
+        TransducerArray(position=np.zeros((2, 2)), normal=np.ones((2, 3)))
+    with pytest.raises(ShapeError, match="transducer unit"):
+        TransducerArray(position=np.zeros((2, 3)), normal=np.tile([0, 0, 1], (2, 1)), unit=np.zeros(3, int))
+    with pytest.raises(InputError, match="at least 1 x 1, got 0 x 2"):
+        TransducerArray.autd3(columns=0)
+
+
+def test_channels_run_row_by_row_from_the_top_left():
+    sensor = SensorGrid()
+    assert sensor.x == pytest.approx([-16.5e-3, -5.5e-3, 5.5e-3, 16.5e-3])
+    assert sensor.channel_position(0) == pytest.approx((-16.5e-3, -16.5e-3))
+    assert sensor.channel_position(2) == pytest.approx((5.5e-3, -16.5e-3))
+    assert sensor.channel_position(14) == pytest.approx((5.5e-3, 16.5e-3))
+    assert sensor.channel_position(15) == pytest.approx((16.5e-3, 16.5e-3))
+    assert (sensor.shape, sensor.count) == ((4, 4), 16)
+
+
+@pytest.mark.parametrize("channel", [-1, 16])
+def test_a_channel_that_is_not_there_is_refused(channel):
+    with pytest.raises(ShapeError, match=f"0 to 15, got {channel}"):
+        SensorGrid().channel_position(channel)
+
+
+def test_the_papers_control_points_surround_the_cells():
+    grid, sensor = ControlGrid(), SensorGrid()
+    assert grid.count == 256
+    assert grid.x[[0, -1]] == pytest.approx([-27.5e-3, 27.5e-3])
+    # every third point lies on a cell, once the border of one pitch is passed
+    assert grid.x[3:-3:3] == pytest.approx(sensor.x)
+
+
+@given(st.integers(1, 9), st.integers(1, 9), st.tuples(st.floats(-1, 1), st.floats(-1, 1)), st.floats(0.05, 1))
+def test_points_run_row_by_row_around_the_centre(rows, columns, centre, height):
+    grid = ControlGrid(rows=rows, columns=columns, pitch=5e-3, height=height, centre=centre)
+    place = grid.position.reshape(rows, columns, 3)
+    assert place[..., 0] == pytest.approx(np.broadcast_to(grid.x + centre[0], (rows, columns)))
+    assert place[..., 1] == pytest.approx(np.broadcast_to((grid.y + centre[1])[:, None], (rows, columns)))
+    assert (place[..., 2] == height).all()
+    assert place.mean(axis=(0, 1)) == pytest.approx([*centre, height], abs=1e-12)
+
+
+@given(st.integers(1, 50), st.floats(1e-4, 1))
+def test_centred_places_mirror(count, pitch):
+    places = centred(count, pitch)
+    assert places == pytest.approx(-places[::-1], abs=1e-12)
+    assert np.diff(places) == pytest.approx(np.full(count - 1, pitch))
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong", "error"),
+    [
+        (SensorGrid, {"rows": 0}, ShapeError),
+        (SensorGrid, {"columns": 1.5}, ShapeError),
+        (SensorGrid, {"pitch": 0.0}, InputError),
+        (ControlGrid, {"rows": -1}, ShapeError),
+        (ControlGrid, {"pitch": float("nan")}, InputError),
+        (ControlGrid, {"height": -0.2}, InputError),
+    ],
+)
+def test_a_bad_grid_is_refused(kind, wrong, error):
+    with pytest.raises(error, match="expected"):
+        kind(**wrong)

@@ -1,0 +1,130 @@
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from midair.errors import InputError, ShapeError
+from midair.model import ControlGrid, Drive, Medium, TransducerArray
+from midair.physics import (
+    focus_amplitude,
+    focus_phase,
+    propagate,
+    quantise_phase,
+    radiation_pressure,
+    transfer_matrix,
+    wavenumber,
+)
+
+LOSSLESS = Medium(attenuation=0)
+FOCUS = np.array([0.0, 0.0, 0.2])
+
+
+@pytest.fixture(scope="module")
+def array():
+    return TransducerArray.autd3()
+
+
+def sources(*places, normal=(0.0, 0.0, 1.0)):
+    return TransducerArray(position=np.array(places), normal=np.broadcast_to(normal, (len(places), 3)))
+
+
+def focus_rms(array, phase, medium=LOSSLESS):
+    drive = Drive(phase=phase[None], level=np.ones(1), rate=1000.0, array=array)
+    return np.abs(propagate(drive, FOCUS[None], medium=medium, directivity="point")[0, 0]) / np.sqrt(2)
+
+
+def test_focus_of_four_units_with_exact_phases(array):
+    assert focus_rms(array, focus_phase(array, FOCUS)) == pytest.approx(12875.36, abs=0.005)
+
+
+def test_focus_of_four_units_with_eight_bits_as_the_emulator_says(array):
+    phase = quantise_phase(focus_phase(array, FOCUS), bits=8)
+    assert focus_rms(array, phase) == pytest.approx(12875.038, rel=1e-6)
+    assert focus_rms(array, phase) == pytest.approx(12875.03, abs=0.005)
+
+
+def test_one_transducer_on_its_axis():
+    one = sources((0.0, 0.0, 0.0))
+    medium = Medium(attenuation=0.15)
+    distance = 0.25
+    field = transfer_matrix(np.array([[0, 0, distance]]), one, medium=medium)[0, 0]
+    k = 2 * np.pi * 40e3 / 340
+    assert wavenumber(one, medium) == pytest.approx(739.198, abs=1e-3)
+    assert field == pytest.approx(4.385900 / distance * np.exp((1j * k - 0.15) * distance), rel=1e-6)
+
+
+@given(st.tuples(*[st.floats(-0.2, 0.2)] * 2, st.floats(0.05, 0.4)), st.tuples(*[st.floats(-0.2, 0.2)] * 3))
+def test_a_point_source_and_a_point_change_places(point, source):
+    assume(np.linalg.norm(np.subtract(point, source)) > 1e-3)
+    there = transfer_matrix(np.array([point]), sources(source), directivity="point")
+    back = transfer_matrix(np.array([source]), sources(point), directivity="point")
+    assert there == pytest.approx(back, rel=1e-12)
+
+
+def test_the_array_mirrors_left_and_right():
+    # positions of two mirror images around x = 0
+    two = sources((-0.03, 0.01, 0.0), (0.03, 0.01, 0.0))
+    left = transfer_matrix(np.array([[-0.02, 0.0, 0.2]]), two)
+    right = transfer_matrix(np.array([[0.02, 0.0, 0.2]]), two)
+    assert left == pytest.approx(right[:, ::-1], rel=1e-12)
+
+
+def test_a_tilted_transducer_radiates_along_its_normal():
+    normal = np.array([0.6, 0.0, 0.8])
+    tilted = sources((0.0, 0.0, 0.0), normal=normal)
+    ahead, aside = transfer_matrix(np.array([0.2 * normal, [0.0, 0.0, 0.2]]), tilted, medium=LOSSLESS)[:, 0]
+    assert abs(ahead) == pytest.approx(tilted.pressure / 0.2)
+    assert abs(aside) < 0.85 * abs(ahead)
+
+
+def test_the_field_is_linear_in_the_drive(array):
+    rng = np.random.default_rng(3)
+    grid = ControlGrid(rows=2, columns=3)
+    phase = rng.uniform(0, 2 * np.pi, (2, array.count))
+    level = rng.uniform(0, 1, (2, array.count))
+    both = Drive(phase=phase, level=level, rate=1000.0, array=array)
+    matrix = transfer_matrix(grid, array)
+    assert propagate(both, grid) == pytest.approx((matrix @ (level * np.exp(1j * phase)).T).T, rel=1e-12)
+    half = Drive(phase=phase, level=level / 2, rate=1000.0, array=array)
+    assert propagate(half, grid) == pytest.approx(propagate(both, grid) / 2, rel=1e-12)
+
+
+def test_attenuation_takes_nepers_per_metre(array):
+    far = np.array([[0.0, 0.0, 0.3]])
+    quiet, loud = (transfer_matrix(far, array, medium=Medium(attenuation=beta)) for beta in (0.3, 0.0))
+    distance = np.linalg.norm(far - array.position, axis=1)
+    assert np.abs(quiet / loud)[0] == pytest.approx(np.exp(-0.3 * distance), rel=1e-12)
+
+
+def test_the_strongest_focus_is_what_full_drive_makes_of_it(array):
+    grid = ControlGrid()
+    best = focus_amplitude(grid, array)
+    assert 14.6e3 < best < 14.8e3  # the linear model's 14.7 kPa at 200 mm
+    place = grid.position[np.abs(transfer_matrix(grid, array)).sum(axis=1).argmax()]
+    drive = Drive(phase=focus_phase(array, place)[None], level=np.ones(1), rate=1000.0, array=array)
+    assert np.abs(propagate(drive, place[None]))[0, 0] == pytest.approx(best, rel=1e-9)
+    assert 1400 < radiation_pressure(np.array([best]), Medium())[0] < 1600
+
+
+def test_phases_meet_in_step_at_the_focus(array):
+    field = transfer_matrix(FOCUS[None], array)[0] * np.exp(1j * focus_phase(array, FOCUS))
+    assert np.angle(field) == pytest.approx(np.zeros(array.count), abs=1e-9)
+
+
+@given(st.floats(0, 2 * np.pi), st.integers(1, 12))
+def test_rounded_phases_are_near_and_on_the_steps(phase, bits):
+    rounded = quantise_phase(np.array([phase]), bits=bits)
+    step = 2 * np.pi / 2**bits
+    assert 0 <= rounded[0] < 2 * np.pi
+    assert np.abs(np.angle(np.exp(1j * (rounded - phase))))[0] <= step / 2 + 1e-12
+    assert rounded[0] / step == pytest.approx(round(rounded[0] / step), abs=1e-9)
+
+
+def test_a_point_on_a_transducer_is_refused(array):
+    with pytest.raises(InputError, match="none on a transducer"):
+        transfer_matrix(array.position[:1], array)
+
+
+def test_points_need_three_coordinates(array):
+    with pytest.raises(ShapeError, match=r"\(point, 3\).*\(5, 2\)"):
+        transfer_matrix(np.zeros((5, 2)), array)

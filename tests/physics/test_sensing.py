@@ -1,0 +1,204 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import lsim, lti
+
+from midair.errors import InputError, ShapeError
+from midair.model import ControlGrid, SensorGrid
+from midair.physics import SensorModel, calibration_of, cell_weights, channel_response, sense
+
+RATE = 1000.0
+QUIET = SensorModel(bits=32, full_scale=1000.0)  # steps of .5 microvolt: what is left is the response
+
+
+def analogue(model):
+    """The same channel as polynomials in s, from its parts."""
+    fall = 1 / (2 * np.pi * model.high_pass)
+    swing = 1 / (2 * np.pi * model.resonance)
+    below = np.polymul([model.relaxation, 1], np.polymul([fall, 1], [swing**2, swing / model.quality, 1]))
+    return lti([model.sensitivity * fall, 0], below)
+
+
+def tone(frequency, frames, rate=RATE, shape=(4, 4)):
+    wave = np.sin(2 * np.pi * frequency * np.arange(frames) / rate)
+    return np.broadcast_to(wave[:, None, None], (frames, *shape))
+
+
+def test_response_agrees_with_its_transfer_function():
+    frequency = np.array([0.0, 1.0, 20.0, 100.0, 470.0, 1500.0])
+    wanted = analogue(QUIET).freqresp(2 * np.pi * frequency)[1]
+    response = channel_response(QUIET, frequency)
+    assert response.shape == (6, 4, 4)
+    assert response[:, 1, 2] == pytest.approx(wanted, rel=1e-9, abs=1e-15)
+
+
+def test_response_at_hand_computed_frequencies():
+    bare = SensorModel(relaxation=0.0, resonance=1e9, sensitivity=0.01)
+    at_corner, far_above = channel_response(bare, np.array([20.0, 2e4]))[:, 0, 0]
+    assert at_corner == pytest.approx(0.01 * (0.5 + 0.5j), rel=1e-6)
+    assert abs(far_above) == pytest.approx(0.01, rel=1e-5)
+    assert channel_response(bare, np.zeros(1))[0, 0, 0] == 0
+
+
+@pytest.mark.parametrize("frequency", [10.0, 25.0, 100.0, 250.0, 470.0])
+def test_a_tone_comes_out_as_the_response_says(frequency):
+    model = QUIET.with_spread(seed=2)
+    volts = sense(model, tone(frequency, 3000), RATE)[1000:2500]
+    turn = np.exp(-2j * np.pi * frequency * np.arange(1000, 2500) / RATE)
+    measured = 2j * np.mean(volts * turn[:, None, None], axis=0)
+    assert measured == pytest.approx(channel_response(model, np.array([frequency]))[0], rel=2e-3)
+
+
+def test_a_step_in_fine_time_agrees_with_the_differential_equation():
+    # At 64 kHz a smooth push is as good as continuous; scipy integrates the polynomials in s.
+    rate, frames = 64000.0, 12800
+    time = np.arange(frames) / rate
+    push = 0.5 - 0.5 * np.cos(np.pi * np.clip((time - 0.02) / 0.01, 0, 1))
+    wanted = lsim(analogue(QUIET), push, time)[1]
+    volts = sense(QUIET, np.broadcast_to(push[:, None, None], (frames, 4, 4)), rate)
+    # held at the end, the push is cut off there: look at what comes before
+    assert volts[:-640, 3, 0] == pytest.approx(wanted[:-640], abs=4e-6)
+
+
+def test_nothing_comes_out_before_something_goes_in():
+    pressure = np.zeros((400, 4, 4))
+    time = np.arange(200) / RATE
+    pressure[200:] = (np.sin(np.pi * time / 0.2) ** 2 * np.sin(2 * np.pi * 60 * time))[:, None, None] * 50
+    volts = sense(QUIET, pressure, RATE)
+    assert np.abs(volts[:190]).max() < 1e-4 * np.abs(volts).max()
+
+
+def test_oversampled_pressure_gives_the_same_samples():
+    model = QUIET.with_spread(seed=4)
+    time = np.arange(8 * 1200) / 8000
+    rise = np.clip(time / 0.2, 0, 1) * np.clip((1.2 - time) / 0.2, 0, 1)
+    wave = (np.sin(np.pi / 2 * rise) ** 2 * (np.sin(2 * np.pi * 90 * time) + np.sin(2 * np.pi * 310 * time)))[:, None]
+    fine = np.broadcast_to(wave[:, None], (len(wave), 4, 4))
+    assert sense(model, fine, RATE, oversample=8) == pytest.approx(sense(model, fine[::8], RATE), abs=1e-6)
+
+
+def test_what_lies_above_half_the_rate_does_not_fold_back():
+    high = tone(900.0, 8 * 1000, rate=8000.0) * np.hanning(8000)[:, None, None]
+    assert np.abs(sense(QUIET, high, RATE, oversample=8)).max() < 1e-5
+    folded = sense(QUIET, high[::8], RATE)
+    assert np.abs(folded).max() > 0.01  # without the filter it would
+
+
+def test_noise_has_its_density():
+    model = SensorModel(noise=1e-3)
+    volts = sense(model, np.zeros((20000, 4, 4)), RATE, rng=np.random.default_rng(0))
+    assert volts.std(axis=0) == pytest.approx(np.full((4, 4), 1e-3 * np.sqrt(500)), rel=0.03)
+    again = sense(model, np.zeros((20000, 4, 4)), RATE, rng=np.random.default_rng(0))
+    assert (again == volts).all()
+
+
+def test_the_converter_clips_and_rounds():
+    model = SensorModel(full_scale=1.0, bits=8)
+    volts = sense(model, 200 * tone(100.0, 500), RATE)
+    assert volts.min() == -1.0
+    assert volts.max() == 1.0 - 2 / 256
+    assert volts / (2 / 256) == pytest.approx(np.rint(volts / (2 / 256)), abs=1e-9)
+    assert len(np.unique(sense(SensorModel(bits=1), tone(100.0, 500), RATE))) <= 2
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1), st.floats(-2, 2), st.floats(-2, 2))
+def test_sensing_is_linear_until_the_converter(seed, a, b):
+    x, y = np.random.default_rng(seed).standard_normal((2, 100, 4, 4))
+    both = sense(QUIET, a * x + b * y, RATE)
+    assert both == pytest.approx(a * sense(QUIET, x, RATE) + b * sense(QUIET, y, RATE), abs=4 * QUIET.step)
+
+
+def test_a_seed_makes_one_sensor():
+    one, same, other = (SensorModel().with_spread(seed=seed) for seed in (1, 1, 2))
+    assert (one.gain == same.gain).all()
+    assert (one.corner == same.corner).all()
+    assert (one.gain != other.gain).all()
+    spread = SensorModel(grid=SensorGrid(rows=40, columns=40)).with_spread(seed=0, gain=0.2, corner=0.05)
+    assert np.log(spread.gain).std() == pytest.approx(0.2, rel=0.1)
+    assert np.log(spread.corner).std() == pytest.approx(0.05, rel=0.1)
+
+
+def test_an_even_pressure_reads_itself():
+    wide = ControlGrid(rows=40, columns=44)
+    weights = cell_weights(SensorModel(), wide)
+    assert weights.shape == (16, 40 * 44)
+    assert weights.sum(axis=1) == pytest.approx(np.ones(16), abs=1e-12)
+    assert weights.min() >= -1e-15
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.floats(0.2e-3, 6e-3),
+    st.floats(1e-3, 11e-3),
+    st.floats(1e-3, 6e-3),
+    st.floats(-3e-3, 3e-3),
+    st.floats(-3e-3, 3e-3),
+)
+def test_an_even_pressure_reads_itself_whatever_the_sensor(spread, aperture, pitch, x, y):
+    model = SensorModel(spread=spread, aperture=aperture)
+    count = int(np.ceil(0.12 / pitch))
+    weights = cell_weights(model, ControlGrid(rows=count, columns=count, pitch=pitch), centre=(x, y))
+    assert weights.sum(axis=1) == pytest.approx(np.ones(16), abs=1e-9)
+
+
+def test_weights_without_spread_are_shares_of_the_aperture():
+    # 1 cell of 8 mm, points of 4 mm: the middle two of four hold half each, along both axes
+    model = SensorModel(grid=SensorGrid(rows=1, columns=1), spread=1e-9, aperture=8e-3)
+    weights = cell_weights(model, ControlGrid(rows=4, columns=4, pitch=4e-3)).reshape(4, 4)
+    half = np.array([0, 0.5, 0.5, 0])
+    assert weights == pytest.approx(np.outer(half, half), abs=1e-6)
+
+
+def test_weights_agree_with_an_integral_over_the_plane():
+    model = SensorModel(spread=2e-3, aperture=8e-3)
+    grid = ControlGrid()
+    weights = cell_weights(model, grid).reshape(16, 16, 16)
+    # one point's square, by sums over a fine raster: spread by the gel, averaged over cell 5 (row 1, column 1)
+    fine = (np.arange(200) + 0.5) / 200 - 0.5
+    from_x = grid.x[6] + fine * grid.pitch
+    cell_x = model.grid.x[1] + fine * model.aperture
+    spread = np.exp(-(((from_x[:, None] - cell_x) / model.spread) ** 2) / 2) / (model.spread * np.sqrt(2 * np.pi))
+    assert weights[5, :, 6].sum() == pytest.approx(spread.mean() * grid.pitch, rel=1e-4)
+
+
+def test_each_cell_hears_what_is_over_it():
+    weights = cell_weights(SensorModel(), ControlGrid())
+    grid, sensor = ControlGrid(), SensorGrid()
+    for channel in range(16):
+        heaviest = grid.position[weights[channel].argmax(), :2]
+        assert np.abs(heaviest - sensor.channel_position(channel)).max() < grid.pitch
+
+
+def test_the_calibration_of_a_model_is_its_response():
+    model = SensorModel().with_spread(seed=3)
+    calibration = calibration_of(model)
+    frequency = np.linspace(1, 500, 997)
+    error = np.abs(calibration.response_at(frequency) - channel_response(model, frequency))
+    assert (error / np.abs(channel_response(model, frequency))).max() < 3e-5
+    assert calibration.unit == "V"
+    assert calibration.noise.tolist() == np.full((4, 4), model.noise).tolist()
+    assert calibration.provenance.simulated
+
+
+def test_bad_input_is_refused():
+    with pytest.raises(ShapeError, match=r"\(frame, 4, 4\), got \(10, 3, 4\)"):
+        sense(SensorModel(), np.zeros((10, 3, 4)), RATE)
+    with pytest.raises(ShapeError, match=r"got \(0, 4, 4\)"):
+        sense(SensorModel(), np.zeros((0, 4, 4)), RATE)
+    with pytest.raises(InputError, match=r"oversample.*got 0"):
+        sense(SensorModel(), np.zeros((10, 4, 4)), RATE, oversample=0)
+    with pytest.raises(InputError, match="rate"):
+        sense(SensorModel(), np.zeros((10, 4, 4)), 0.0)
+    for wrong in (
+        {"spread": 0.0},
+        {"noise": -1.0},
+        {"relaxation": float("nan")},
+        {"bits": 0},
+        {"gain": -np.ones((4, 4))},
+    ):
+        with pytest.raises(InputError, match=f"{next(iter(wrong))} of the sensor"):
+            SensorModel(**wrong)
+    with pytest.raises(ShapeError, match="corner"):
+        SensorModel(corner=np.ones((2, 2)))

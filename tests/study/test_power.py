@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.study import (
+    IdentificationExperiment,
+    RatingExperiment,
+    paired_t,
+    participants_for_paired_t,
+    power_curve,
+    power_paired_t,
+    simulated_power,
+)
+
+
+@pytest.mark.parametrize(("d_z", "pairs"), [(0.3, 90), (0.5, 34), (0.8, 15)])
+def test_pairs_for_eighty_percent(d_z, pairs):
+    assert participants_for_paired_t(d_z=d_z) == pairs
+    assert power_paired_t(pairs, d_z=d_z) >= 0.8 > power_paired_t(pairs - 1, d_z=d_z)
+
+
+def test_power_of_three_objects():
+    assert power_paired_t(3, d_z=1) == pytest.approx(0.18, abs=0.01)
+    assert power_paired_t(10, d_z=0) == pytest.approx(0.05)
+
+
+def test_simulation_agrees_with_the_formula():
+    def experiment(n, rng):
+        return paired_t(rng.normal(0.8, 1, n), np.zeros(n)).p
+
+    found = simulated_power(experiment, 12, rng=np.random.default_rng(0), runs=600)
+    assert found.low - 0.01 < power_paired_t(12, d_z=0.8) < found.high + 0.01
+
+
+def test_two_levels_of_ratings_are_a_paired_t():
+    found = simulated_power(RatingExperiment(means=(3.0, 4.0), noise=1.0), 10, rng=np.random.default_rng(1), runs=300)
+    assert found.power == pytest.approx(power_paired_t(10, d_z=1 / np.sqrt(2)), abs=0.09)
+
+
+def test_more_people_more_power_and_none_without_an_effect():
+    rng = np.random.default_rng(2)
+    curve = power_curve(IdentificationExperiment(objects=3, trials=12, d_prime=0.4), [4, 10, 30], rng=rng, runs=200)
+    assert (np.diff(curve["power"]) > 0).all()
+    null = simulated_power(IdentificationExperiment(objects=3, trials=12, d_prime=0, spread=0), 10, rng=rng, runs=400)
+    assert null.low < 0.06
+
+
+def test_says_what_is_wrong():
+    with pytest.raises(InputError, match="needs more"):
+        participants_for_paired_t(d_z=0.001, most=100)
+    with pytest.raises(InputError):
+        power_paired_t(1, d_z=1)

@@ -1,0 +1,199 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import freqz
+
+from midair import dsp
+from midair.errors import BandError, InputError, ShapeError
+
+RATE = 1000.0
+PAPER = (20.0, 470.0)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def smooth_noise(seed, frames=2000, rise=300):
+    """Noise that starts and ends at rest."""
+    ramp = np.sin(np.pi / 2 * np.clip(np.minimum(np.arange(frames), np.arange(frames)[::-1]) / rise, 0, 1)) ** 2
+    return np.random.default_rng(seed).standard_normal((frames, 2)) * ramp[:, None]
+
+
+def test_the_window_at_hand_computed_places():
+    f = np.array([0, 15, 17.5, 20, 22.5, 25, 100, 458.25, 470, 481.75, 500])
+    quarter = 0.5 - np.sqrt(0.125)
+    wanted = [0, 0, quarter, 0.5, 1 - quarter, 1, 1, 1, 0.5, 0, 0]
+    assert dsp.band_edges(PAPER, RATE) == (10.0, 23.5)
+    assert dsp.band_window(f, PAPER, edges=(10.0, 23.5)) == pytest.approx(wanted)
+
+
+def test_a_window_of_everything_is_one():
+    assert dsp.band_edges((0, 500), RATE) == (0, 0)
+    assert dsp.band_window(np.linspace(0, 500, 50), (0, 500), edges=(0, 0)).tolist() == [1] * 50
+
+
+@given(st.floats(0.01, 0.9), st.floats(0.05, 1), st.floats(1, 1e5))
+def test_usual_edges_always_fit(low, high, rate):
+    band = (low * high * rate / 2, high * rate / 2)
+    edges = dsp.band_edges(band, rate)
+    window = dsp.band_window(np.linspace(0, rate / 2, 200), band, edges=edges)
+    assert 0 <= window.min() <= window.max() <= 1
+    assert dsp.band_window(np.array(band), band, edges=edges) == pytest.approx([0.5, 0.5 if edges[1] else 1])
+
+
+@pytest.mark.parametrize("edges", [(-1, 10), (41, 10), (10, -1), (40, 860.1)])
+def test_edges_that_do_not_fit_are_refused(edges):
+    with pytest.raises(BandError, match="edges"):
+        dsp.band_window(np.zeros(1), PAPER, edges=edges)
+
+
+@pytest.mark.parametrize("band", [(-1, 10), (20, 20), (30, 20), (20, 501), (float("nan"), 10)])
+def test_a_band_that_does_not_fit_is_refused(band):
+    with pytest.raises(BandError, match="band: expected 0 <= low < high <= 500 Hz"):
+        dsp.check_band(band, RATE)
+
+
+def test_the_refusal_names_the_rate_and_a_band_that_fits():
+    with pytest.raises(BandError, match=r"17\.8 Hz.*35\.6 Hz.*20 to 470 Hz.*such as \(0\.18, 16\)") as refusal:
+        dsp.check_band(PAPER, 35.6)
+    low, high = str(refusal.value).rsplit("(", 1)[1].rstrip(")").split(", ")
+    assert dsp.check_band((float(low), float(high)), 35.6)
+
+
+def test_fft_frequencies_end_at_half_the_rate():
+    assert dsp.fft_frequencies(8, 16.0).tolist() == [0, 2, 4, 6, 8]
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds)
+def test_doing_nothing_changes_nothing(seed):
+    x = np.random.default_rng(seed).standard_normal((101, 2))
+    same = dsp.filter_response(x, RATE, lambda f: np.ones((len(f), 1)), reach=0.1)
+    assert same == pytest.approx(x, abs=1e-12)
+    one = np.zeros((21, 1))
+    one[10] = 1
+    assert dsp.filter_fir(x, one) == pytest.approx(x, abs=1e-12)
+
+
+def test_a_delay_is_a_delay():
+    x = smooth_noise(0)
+    late = dsp.filter_response(x, RATE, lambda f: np.exp(-2j * np.pi * f * 0.007)[:, None], reach=0.1)
+    # half a sample of the highest bin cannot turn; whole frames can
+    assert late[7:] == pytest.approx(x[:-7], abs=1e-12)
+
+
+def test_a_tone_in_the_band_passes_without_delay_and_one_outside_goes():
+    time = np.arange(3000) / RATE
+
+    def through(f):
+        x = np.sin(2 * np.pi * f * time)[:, None]
+        window = lambda f: dsp.band_window(f, PAPER, edges=(10.0, 23.5))[:, None]  # noqa: E731
+        return x[1000:2000], dsp.filter_response(x, RATE, window, reach=0.4)[1000:2000]
+
+    for f in (25.0, 100.0, 450.0):
+        x, y = through(f)
+        assert y == pytest.approx(x, abs=2e-3)
+    for f in (2.0, 12.0, 490.0):
+        x, y = through(f)
+        assert np.abs(y).max() < 2e-3
+
+
+def test_a_constant_offset_makes_no_step():
+    x = np.full((500, 1), 2048.0)
+    window = lambda f: dsp.band_window(f, PAPER, edges=(10.0, 23.5))[:, None]  # noqa: E731
+    assert np.abs(dsp.filter_response(x, RATE, window, reach=0.4)).max() < 1e-9
+    cut = np.fft.irfft(np.fft.rfft(x[:, 0], 1000) * window(dsp.fft_frequencies(1000, RATE))[:, 0])[:500]
+    assert np.abs(cut).max() > 500  # what zeros around it would have done
+
+
+def test_extension_holds_and_fades():
+    held = dsp.extend(np.array([[2.0], [3.0]]), 4)[:, 0]
+    assert held == pytest.approx([0, 1, 2, 2, 2, 3, 3, 3, 1.5, 0])
+    assert dsp.extend(np.array([1.0]), 0).tolist() == [1.0]
+    with pytest.raises(ShapeError, match="at least one frame"):
+        dsp.extend(np.zeros((0, 2)), 3)
+
+
+def test_a_fir_filter_has_the_response_it_was_made_from():
+    length, taps = 4096, 401
+    f = dsp.fft_frequencies(length, RATE)
+    wanted = dsp.band_window(f, PAPER, edges=(10.0, 23.5))
+    fir = dsp.fir_from_response(wanted.astype(complex), taps)
+    assert fir == pytest.approx(fir[::-1], abs=1e-15)  # linear phase
+    at = np.linspace(0, 500, 333)
+    response = freqz(fir, worN=at, fs=RATE)[1] * np.exp(2j * np.pi * at / RATE * (taps // 2))
+    assert np.abs(response - dsp.band_window(at, PAPER, edges=(10.0, 23.5))).max() < 5e-3
+
+
+@settings(deadline=None, max_examples=10)
+@given(seeds, st.integers(1, 30).map(lambda n: 2 * n + 1))
+def test_fir_agrees_with_a_direct_sum(seed, taps):
+    rng = np.random.default_rng(seed)
+    x, fir = rng.standard_normal((50, 2)), rng.standard_normal((taps, 2))
+    held = dsp.extend(x, taps - 1)
+    wanted = np.stack([np.convolve(held[:, i], fir[:, i], "same")[taps - 1 : taps + 49] for i in (0, 1)], axis=1)
+    assert dsp.filter_fir(x, fir) == pytest.approx(wanted, abs=1e-10)
+
+
+@pytest.mark.parametrize("taps", [0, 4, 15, 17])
+def test_taps_that_do_not_fit_are_refused(taps):
+    with pytest.raises(InputError, match="taps"):
+        dsp.fir_from_response(np.ones(8, complex), taps)
+
+
+def test_an_even_fir_is_refused():
+    with pytest.raises(InputError, match="odd number, got 4"):
+        dsp.filter_fir(np.zeros(9), np.zeros(4))
+
+
+def test_the_spectrum_integrates_to_the_variance():
+    x = np.random.default_rng(0).standard_normal((20000, 3)) * [1, 2, 3]
+    f, density = dsp.welch(x, RATE, resolution=2.0)
+    assert f[1] == 2.0
+    assert (density.sum(axis=0) * f[1]) == pytest.approx(x.var(axis=0), rel=0.02)
+    assert density[5:-5].mean(axis=0) == pytest.approx(np.array([1, 4, 9]) / 500, rel=0.05)
+
+
+def test_a_short_signal_gets_a_coarse_spectrum():
+    assert len(dsp.welch(np.arange(10.0), RATE)[0]) == 6
+
+
+@pytest.mark.parametrize("frequency", [40.0, 100.0, 333.0])
+def test_a_tones_energy_is_in_its_band(frequency):
+    x = 3 * np.sin(2 * np.pi * frequency * np.arange(4000) / RATE)
+    assert dsp.band_energy(x, RATE, (20, 470)) == pytest.approx(4.5, rel=0.01)
+    assert dsp.band_energy(x, RATE, (frequency + 8, 470)) < 1e-8
+
+
+def test_a_drift_does_not_leak_into_the_band():
+    time = np.arange(2000) / RATE
+    drift = 1000 * time**2 + 500 * np.sin(2 * np.pi * 2 * time)
+    assert dsp.band_energy(drift, RATE, PAPER) < 1e-6 * drift.var()
+
+
+def test_band_energy_takes_a_band_from_zero():
+    x = np.random.default_rng(0).standard_normal(50000)
+    assert dsp.band_energy(x, RATE, (0, 500)) == pytest.approx(1, rel=0.05)
+    assert dsp.band_energy(x, RATE, (100, 200)) == pytest.approx(0.2, rel=0.1)
+
+
+@pytest.mark.parametrize("frequency", [5.0, 100.0, 300.0, 470.0])
+def test_a_tone_is_the_same_at_another_rate(frequency):
+    high = np.sin(2 * np.pi * frequency * np.arange(16000) / 8000 + 0.4)[:, None]
+    low = np.sin(2 * np.pi * frequency * np.arange(2000) / 1000 + 0.4)[:, None]
+    assert dsp.resample(high, 8000.0, 1000.0)[200:-200] == pytest.approx(low[200:-200], abs=1e-3)
+    assert dsp.resample(low, 1000.0, 8000.0)[1600:-1600] == pytest.approx(high[1600:-1600], abs=1e-3)
+
+
+def test_what_is_above_half_the_new_rate_goes():
+    x = np.sin(2 * np.pi * 530 * np.arange(16000) / 8000)
+    assert np.abs(dsp.resample(x, 8000.0, 1000.0)[200:-200]).max() < 1e-4
+
+
+def test_resampling_keeps_lengths_constants_and_the_same_rate():
+    assert dsp.resample(np.full((36, 2), 7.0), 35.6, 1000.0) == pytest.approx(np.full((1012, 2), 7.0), abs=2e-3)
+    x = smooth_noise(1)
+    assert (dsp.resample(x, 1000.0, 1000.0) == x).all()
+    with pytest.raises(InputError, match="thousandth"):
+        dsp.resample(x, 1000.0, 0.1)
+    with pytest.raises(InputError, match="new rate"):
+        dsp.resample(x, 1000.0, -5.0)
