@@ -11,8 +11,6 @@ Records what an object does to skin, and plays it back on a bare palm with focus
 Importing it loads NumPy and nothing else that is heavy.
 """
 
-__version__ = "0.1.0"
-
 # The stages are verbs: `midair.solve` is the function. The packages of the same name are imported by it first, so
 # that no later import of theirs can take the name.
 from midair import datasets, errors, flow, model, physics, study
@@ -22,8 +20,10 @@ from midair.physics import propagate
 from midair.prepare import prepare
 from midair.solve import solve
 from midair.store import load, save
+from midair.version import __version__
 
 __all__ = [
+    "__version__",
     "calibrate",
     "compare",
     "datasets",

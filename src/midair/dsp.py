@@ -244,7 +244,7 @@ def resample(x: Array, rate: float, new_rate: float) -> Array:
     x : ndarray, shape (frame, ...)
         Any unit; held beyond its ends.
     rate, new_rate : float
-        In Hz. Their ratio is taken as the nearest fraction with a denominator up to 1000.
+        In Hz. The faster over the slower is taken as the nearest fraction with a denominator up to 1000.
 
     Returns
     -------
@@ -253,12 +253,9 @@ def resample(x: Array, rate: float, new_rate: float) -> Array:
     """
     from scipy.signal import firwin, resample_poly
 
-    ratio = Fraction(positive(new_rate, "new rate", "Hz") / positive(rate, "rate", "Hz")).limit_denominator(1000)
-    if ratio == 0:
-        raise InputError(
-            f"new rate: expected at least {rate / 1000:g} Hz, a thousandth of the old one, got {new_rate:g}"
-        )
-    up, down = ratio.numerator, ratio.denominator
+    slow, fast = sorted((positive(rate, "rate", "Hz"), positive(new_rate, "new rate", "Hz")))
+    ratio = Fraction(fast / slow).limit_denominator(1000)
+    up, down = (ratio.numerator, ratio.denominator) if new_rate > rate else (ratio.denominator, ratio.numerator)
     if up == down:
         return np.array(x, float)
     slower = max(up, down)

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from midair.calibrate import calibrate
+from midair.calibrate import calibrate, dead_channels
+from midair.datasets import sample
 from midair.dsp import band_edges, band_window, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
 from midair.model import Calibration, Provenance, Recording, SensorGrid
@@ -114,6 +115,22 @@ def test_a_slow_recording_takes_another_band():
     frames = calibrate(of(slow, rate=35.6), band=(0.5, 15.0))
     assert frames.rate == 35.6
     assert frames.pressure[100:300] == pytest.approx(slow[100:300] - 5, abs=0.1)
+
+
+def test_a_real_recording_of_denim():
+    denim = sample("denim")
+    flat = Calibration.flat(denim.sensor, unit="count")
+    with pytest.raises(BandError, match=r"half the recording's rate of 35\.\d+ Hz.*such as"):
+        calibrate(denim, flat)
+    frames = calibrate(denim, flat, band=(0.5, 15.0))
+    assert np.isfinite(frames.pressure).all()
+    # the offset of each taxel is gone, its vibration is not
+    quarter = frames.frames // 4
+    middle, raw = frames.pressure[quarter:-quarter], denim.samples[quarter:-quarter]
+    alive = ~dead_channels(denim)
+    assert np.abs(middle.mean(axis=0)).max() < 0.05 * raw.mean(axis=0).max()
+    assert (middle.std(axis=0)[alive] > 0).all()
+    assert not frames.provenance.simulated
 
 
 def test_what_was_done_is_written_down():

@@ -14,6 +14,23 @@ def test_pressure_may_pull_and_keeps_its_sensor():
     assert not frames.pressure.flags.writeable
 
 
+def test_a_cut_keeps_the_frames_of_its_time():
+    frames = PressureFrames(pressure=np.arange(1000.0)[:, None, None] * np.ones((4, 4)), rate=1000.0)
+    part = frames.cut(0.2, 0.3)
+    assert part.pressure[[0, -1], 0, 0].tolist() == [200, 499]
+    assert part.time[0] == 0
+    assert part.provenance.steps[-1].settings == {"start_s": 0.2, "duration_s": 0.3}
+    assert frames.cut(0.9).frames == 100
+    assert frames.cut(0.9, 5.0).frames == 100
+    assert frames.cut().frames == 1000
+
+
+@pytest.mark.parametrize("part", [(1.0, None), (-0.1, 0.5), (0.5, 0.0), (0.5, -0.2)])
+def test_a_cut_of_nothing_is_refused(part):
+    with pytest.raises(InputError, match="a part of 0 to 1 s, got"):
+        PressureFrames(pressure=np.zeros((1000, 4, 4)), rate=1000.0).cut(*part)
+
+
 def test_amplitude_is_one_number_a_point():
     grid = ControlGrid(rows=2, columns=2)
     frames = AmplitudeFrames(amplitude=np.ones((3, 4)), rate=1000.0, grid=grid)

@@ -73,7 +73,7 @@ def test_a_channel_that_is_not_there_is_refused(channel):
 
 def test_the_papers_control_points_surround_the_cells():
     grid, sensor = ControlGrid(), SensorGrid()
-    assert grid.count == 256
+    assert (grid.shape, grid.count) == ((16, 16), 256)
     assert grid.x[[0, -1]] == pytest.approx([-27.5e-3, 27.5e-3])
     # every third point lies on a cell, once the border of one pitch is passed
     assert grid.x[3:-3:3] == pytest.approx(sensor.x)

@@ -2,6 +2,7 @@
 
 from midair.calibrate.channels import clipped_share, dead_channels
 from midair.calibrate.inverse import default_taps, inverse_fir, inverse_response
+from midair.calibrate.measure import measure_response
 from midair.calibrate.pressure import Method, calibrate
 
 __all__ = [
@@ -12,4 +13,5 @@ __all__ = [
     "default_taps",
     "inverse_fir",
     "inverse_response",
+    "measure_response",
 ]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, Parameter
 from rich.console import Console
 
-from midair import __version__
-from midair.errors import MidairError, UnitError, UnknownDeviceError
+from midair.errors import MidairError, UnknownDeviceError
+from midair.version import __version__
 
 app = App(
     name="midair",
@@ -31,7 +31,7 @@ def run(tokens: Sequence[str]) -> int:
         status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as wrong:
         return _say(f"{str(wrong).strip()} (see midair --help)", 2)
-    except (UnitError, UnknownDeviceError) as wrong:
+    except UnknownDeviceError as wrong:
         return _say(str(wrong), 2)
     except MidairError as wrong:
         return _say(str(wrong), 1)

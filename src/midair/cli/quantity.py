@@ -1,6 +1,7 @@
 """Quantities on the command line: a number with a unit, such as 200mm, 20Hz or .5s."""
 
 import math
+import re
 from collections.abc import Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -25,16 +26,17 @@ def parse_quantity(text: str, unit: str) -> float:
     import pint
 
     advice = f"expected a quantity such as {EXAMPLES.get(unit, '1' + unit)}, got {text!r}"
+    parts = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµ]*(?:/[A-Za-zµ]+)?)\s*", text)
+    if parts is None:
+        raise ValueError(advice)
+    if not parts[2]:
+        raise ValueError(f"{advice}; add the unit")
     try:
-        quantity = _units().Quantity(text.strip())
-        if quantity.dimensionless and unit != "" and not quantity.unitless:
-            raise ValueError(advice)
-        value = float(quantity.to(unit).magnitude)
+        value = float(_units().Quantity(float(parts[1]), parts[2]).to(unit).magnitude)
     except pint.DimensionalityError:
-        missing = _is_number(text)
-        raise ValueError(f"{advice}; {'add the unit' if missing else 'wrong kind of unit'}") from None
-    except (pint.UndefinedUnitError, pint.DefinitionSyntaxError, AttributeError, TypeError, AssertionError):
-        raise ValueError(advice) from None
+        raise ValueError(f"{advice}; it is of another kind") from None
+    except (pint.UndefinedUnitError, pint.DefinitionSyntaxError, AttributeError, TypeError, ValueError):
+        raise ValueError(f"{advice}; unknown unit") from None
     if not math.isfinite(value):
         raise ValueError(f"{advice}; it must be finite")
     return value
@@ -73,11 +75,3 @@ def _units() -> "pint.UnitRegistry[Any]":
     import pint
 
     return pint.UnitRegistry()
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -13,6 +13,7 @@ from midair.cli.app import app
 from midair.cli.options import BandOptions
 from midair.cli.quantity import parse_quantity, quantity, spell
 from midair.cli.show import banner, out, print_json, print_rows, stages
+from midair.datasets import sample_path
 from midair.errors import InputError, MismatchError
 from midair.model import Calibration, Provenance, Recording, Setting, Unit
 from midair.rig.capture import record
@@ -66,7 +67,7 @@ def record_command(
 
 @app.command(name="import")
 def import_command(
-    source: Path,
+    source: str,
     output: Path | None = None,
     /,
     *,
@@ -83,7 +84,7 @@ def import_command(
     Parameters
     ----------
     source
-        The file.
+        The file; or sample:denim, a recording of a fabric that comes with midair.
     output
         The recording; the source's name with .h5 in this folder if not given.
     rate
@@ -97,10 +98,11 @@ def import_command(
     force
         Write over a file that is there.
     """
-    target = output or Path(source.with_suffix(".h5").name)
+    file = sample_path(source.removeprefix("sample:")) if source.startswith("sample:") else Path(source)
+    target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
-    imported = read(source, rate=rate, unit=unit)
-    calibration = load_calibration(source) if source.suffix == ".h5" else None
+    imported = read(file, rate=rate, unit=unit)
+    calibration = load_calibration(file) if file.suffix == ".h5" else None
     calibration = _nominal(imported.recording, sensitivity, peak) or calibration
     save(imported.recording, target, calibration=calibration)
     print_rows([("recording", str(target)), *_rows(imported.recording), ("calibration", _calibrated_by(calibration))])

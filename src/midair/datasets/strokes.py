@@ -1,6 +1,6 @@
-"""Seeded pressure patterns: strokes of three objects over the sensor, and the modulated foci of the paper.
+"""Seeded strokes of three objects over the sensor (paper, 5.3).
 
-A stroke (paper, 5.3) is a round contact that slides down one column of the sensor. Under it act
+A stroke is a round contact that slides down one column of the sensor. Under it act
 
 - a load, which the object's weight makes;
 - a texture: a random profile that is fixed to the object, so that the cells of a column feel the same profile one after
@@ -10,7 +10,7 @@ A stroke (paper, 5.3) is a round contact that slides down one column of the sens
 
 The numbers of the three objects are chosen, not measured: they are the simplest that differ as the paper's Fig. 9 says,
 above 300 Hz towel over sponge over brush on both surfaces. Grooves on the sensor multiply texture and slips by 2 at low
-frequencies and by 1.2 at high ones, with the change at the spatial frequency that passes at 300 Hz at 5 cm/s.
+frequencies and by 1.2 at high ones, half way at 4500 cycles/m, which is 225 Hz at 5 cm/s.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,6 @@ from midair.model.arrays import positive
 
 Array = NDArray[np.float64]
 Object = Literal["brush", "sponge", "towel"]
-Stimulus = Literal["i", "ii", "iii"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,14 +157,14 @@ def stroke(
     contact : float
         Diameter of the contact, in m.
     duration : float, optional
-        In s: cuts the stroke, or adds silence. By default until the object has left, 1.28 s at the other defaults.
+        In s: cuts the stroke, or adds silence. By default until the object has left, 1.26 s at the other defaults.
     column : int
         Of the sensor; 2 lets the object pass channels 2, 6, 10 and 14.
     sensor : SensorGrid, optional
         The cells; 4 x 4 at 11 mm by default.
     peak : float, optional
-        Scale the stroke to this largest pressure, in Pa. By default it is as strong as the object makes it: 33 to 47
-        Pa without, 43 to 65 Pa with grooves.
+        Scale the whole stroke to this largest pressure, in Pa. By default it is as strong as the object makes it:
+        33 to 50 Pa without, 41 to 71 Pa with grooves.
 
     Returns
     -------
@@ -190,9 +189,9 @@ def stroke(
     texture = Texture.of(object)
     rng = np.random.default_rng([seed, get_args(Object).index(object)])
     pressure = resample(_slide(texture, motion, sensor, fine, groove, rng), fine, rate)
-    pressure = _cut(pressure, None if duration is None else round(positive(duration, "duration", "s") * rate))
     if peak is not None:
         pressure = pressure * (positive(peak, "peak", "Pa") / pressure.max())
+    pressure = _cut(pressure, None if duration is None else round(positive(duration, "duration", "s") * rate))
     settings = {"object": object, "groove": groove, "seed": seed, "speed_m_per_s": speed, "contact_m": contact}
     settings |= {"column": column, "peak_pa": float(pressure.max())}
     notes = {"object": object, "surface": "groove" if groove else "plain"}
@@ -202,71 +201,6 @@ def stroke(
         sensor=sensor,
         provenance=Provenance(source=f"virtual:{object}", simulated=True, notes=notes).then("stroke", settings),
     )
-
-
-def am_stimulus(
-    kind: Stimulus,
-    *,
-    peak: float = 60.0,
-    duration: float = 0.5,
-    rate: float = 1000.0,
-    sensor: SensorGrid | None = None,
-) -> PressureFrames:
-    """Pressure of the modulated foci of the paper's section 5.2, as an array that can only push presents them.
-
-    A modulation of frequency f is the raised sinusoid (1 - cos 2 pi f t) / 2. "i": 100 Hz on the first channel; "ii":
-    100 Hz on the first and the last one; "iii": 25 Hz and 250 Hz in the ratio 3:2 on the first one.
-
-    Parameters
-    ----------
-    kind : {"i", "ii", "iii"}
-        Which of the three.
-    peak : float
-        Of the pressure, in Pa; "iii" comes to within 3 % of it.
-    duration : float
-        In s; the bins of a spectrum meet the modulation when it is a multiple of 40 ms.
-    rate : float
-        Frames per second, in Hz, above twice the highest modulation.
-    sensor : SensorGrid, optional
-        The cells; 4 x 4 at 11 mm by default.
-
-    Returns
-    -------
-    PressureFrames
-        Simulated, in Pa, 0 or more.
-
-    Raises
-    ------
-    InputError
-        If `kind` is none of the three.
-    RateError
-        If the rate is too low for the modulation.
-    """
-    sensor = sensor or SensorGrid()
-    parts = _modulation(kind)
-    if rate <= 2 * max(parts):
-        raise RateError(f"rate of stimulus {kind}: expected above {2 * max(parts):g} Hz, got {rate:g} Hz")
-    time = np.arange(max(1, round(positive(duration, "duration", "s") * rate))) / rate
-    pressure = np.zeros((len(time), sensor.count))
-    wave = np.sum([share * (0.5 - 0.5 * np.cos(2 * np.pi * f * time)) for f, share in parts.items()], axis=0)
-    channels = (0, sensor.count - 1) if kind == "ii" else (0,)
-    pressure[:, list(channels)] = positive(peak, "peak", "Pa") * wave[:, None]
-    settings = {"kind": kind, "peak_pa": float(peak), "channels": channels, "frequencies_hz": tuple(parts)}
-    return PressureFrames(
-        pressure=pressure.reshape(-1, *sensor.shape),
-        rate=rate,
-        sensor=sensor,
-        provenance=Provenance(source=f"virtual:AM {kind}", simulated=True).then("AM stimulus", settings),
-    )
-
-
-def _modulation(kind: Stimulus) -> dict[float, float]:
-    """Frequency in Hz: share of the peak."""
-    if kind in ("i", "ii"):
-        return {100.0: 1.0}
-    if kind == "iii":
-        return {25.0: 0.6, 250.0: 0.4}
-    raise InputError(f"stimulus: expected one of {', '.join(get_args(Stimulus))}, got {kind!r}")
 
 
 def _slide(

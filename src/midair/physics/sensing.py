@@ -170,10 +170,10 @@ def sense(
 ) -> Array:
     """What the sensor puts out while a pressure acts on its cells.
 
-    H(f) is applied to the spectrum of the pressure, which is taken as band-limited between its samples and as 0 before
-    the first and after the last one: the start is a true transient of a sensor at rest. The record is padded until the
-    slowest part of H has died away to 1e-8, so that nothing wraps round. Every frequency below the Nyquist frequency
-    of the output gets H(f) itself, and what lies above it is removed (an ideal anti-alias filter).
+    H(f) is applied to the spectrum of the pressure, which is taken as band-limited between its samples, as 0 before the
+    first one (the start is a true transient of a sensor at rest) and as held after the last one, then fading. The
+    record is padded until the slowest part of H has died away to 1e-8, so that nothing wraps round. Every frequency
+    below half the output's rate gets H(f) itself, and what lies above it is removed (an ideal anti-alias filter).
 
     Parameters
     ----------
@@ -259,9 +259,12 @@ def _respond(model: SensorModel, pressure: Array, rate: float, oversample: int) 
     slowest = (
         1 / (2 * np.pi * model.high_pass * model.corner.min()) + model.relaxation + model.quality / model.resonance
     )
-    length = next_fast_len(frames + int(np.ceil(20 * slowest * rate)) + 1, real=True)
+    settle = int(np.ceil(20 * slowest * rate)) + 1
+    fade = 0.5 + 0.5 * np.cos(np.pi * np.arange(1, settle * oversample) / (settle * oversample))
+    held = np.concatenate([pressure, fade[:, None, None] * pressure[-1]])
+    length = next_fast_len(frames + 2 * settle, real=True)
     bins = length // 2 + 1
-    spectrum = rfft(pressure, length * oversample, axis=0)[:bins] / oversample
+    spectrum = rfft(held, length * oversample, axis=0)[:bins] / oversample
     response = channel_response(model, np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
     return irfft(spectrum * response, length, axis=0)[:frames]
 

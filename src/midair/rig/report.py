@@ -66,7 +66,7 @@ def render(loop: Loop, *, commands: tuple[str, ...] = ()) -> str:
         loader=PackageLoader("midair.rig", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
     last = loop.passes[-1]
-    name = loop.original.provenance.notes.get("object", loop.original.provenance.source)
+    name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
     return environment.get_template("report.html.j2").render(
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=last.comparison.simulated,

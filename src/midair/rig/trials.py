@@ -4,7 +4,7 @@ A `Session` is a state: `step` says what is due, and `acknowledge`, `present`, `
 the loop for whoever drives with calls of their own (`Screen`). What a step shows never tells the condition.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,24 +12,12 @@ from time import monotonic
 from types import TracebackType
 from typing import Any, Literal, Protocol, Self
 
-from midair.errors import DeviceStateError
+from midair.errors import DeviceStateError, InputError
+from midair.rig.presenters import Presenter
 from midair.rig.study_log import EventLog, read_events
-from midair.study.design import Question, Stimulus
-from midair.study.participant import SimulatedParticipant
+from midair.study.design import Question
 from midair.study.plan import Plan, Trial
 from midair.study.progress import Policy, Progress, replay
-
-
-class Presenter(Protocol):
-    """What makes a stimulus felt: an array, or a person with an object in hand."""
-
-    def present(self, stimulus: Stimulus) -> None:
-        """Present it; return when it is over."""
-        ...
-
-    def silence(self) -> None:
-        """End it at once; may come at any time, from any thread, and more than once."""
-        ...
 
 
 class Clock(Protocol):
@@ -207,7 +195,10 @@ class Session:
         """Present the stimulus that is due; returns when it is over."""
         step = self._expect("present")
         self._write("present", trial=step.code)
-        self._presenter.present(self.plan.design.stimulus(self._trials[step.code].stimulus))
+        stimulus = self.plan.design.stimulus(self._trials[step.code].stimulus)
+        for name in stimulus.members or (stimulus.name,):
+            if not self._stopped:
+                self._presenter.present(self.plan.design.stimulus(name))
         if not self._stopped:
             self._write("presented", trial=step.code)
             self._advance()
@@ -286,8 +277,6 @@ def run(session: Session, screen: Screen) -> Step:
     Step
         Of kind "done" or "stopped".
     """
-    from midair.errors import InputError
-
     while (step := session.step).kind not in ("done", "stopped"):
         if step.kind == "present":
             session.present()
@@ -303,79 +292,3 @@ def run(session: Session, screen: Screen) -> Step:
             if session.step == step:
                 session.acknowledge()
     return session.step
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExperimenterPresenter:
-    """A person presents: told what to take up, who says when it is done. The one who presents cannot be blind.
-
-    Attributes
-    ----------
-    tell : callable
-        Shows a line to the experimenter only.
-    done : callable
-        Returns when the experimenter says that the stimulus was presented.
-    """
-
-    tell: Callable[[str], None]
-    done: Callable[[], None]
-
-    def present(self, stimulus: Stimulus) -> None:
-        """Ask the experimenter to do it."""
-        self.tell("wait, present nothing" if stimulus.kind == "silence" else f"present: {stimulus.source}")
-        self.done()
-
-    def silence(self) -> None:
-        """Ask the experimenter to take the hand away."""
-        self.tell("nothing is to touch the participant now")
-
-
-class NoPresenter:
-    """Presents nothing: for simulated participants."""
-
-    def present(self, stimulus: Stimulus) -> None:
-        """Nothing to do."""
-
-    def silence(self) -> None:
-        """Nothing to end."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedScreen:
-    """A simulated participant before the screen: reads nothing, rests never, answers by its model.
-
-    Attributes
-    ----------
-    plan : Plan
-        In which it looks up what it felt.
-    participant : SimulatedParticipant
-        Its model.
-    """
-
-    plan: Plan
-    participant: SimulatedParticipant
-
-    def show(self, text: str) -> None:
-        """Does not read."""
-
-    def rest(self, step: Step) -> None:
-        """Does not tire."""
-
-    def ask(self, step: Step) -> Reply:
-        """Answers by the model."""
-        trial = next(trial for trial in self.plan.trials if trial.code == step.code)
-        text, reaction = self.participant.answer(self.plan, trial, step.question.name if step.question else "")
-        return Reply(text=text, reaction_s=reaction)
-
-    def accepted(self, step: Step, answer: str) -> None:
-        """Does not care."""
-
-    def refused(self, step: Step, why: str) -> None:
-        """Its answers are answers; a refusal is a defect of the model.
-
-        Raises
-        ------
-        DeviceStateError
-            Always.
-        """
-        raise DeviceStateError(f"simulated participant: expected its answer to be accepted, got: {why}")

@@ -32,6 +32,8 @@ class VirtualRig:
         Time steps of the simulation in one frame of the sensor.
     seed : int
         Of everything random: the sensor's spread and noise, the transducers' strengths.
+    peak : float
+        Highest pressure of a modulated focus, in Pa; at 30 Pa two corrected foci stay within the array's power.
     """
 
     array: TransducerArray = field(default_factory=TransducerArray.autd3)
@@ -42,6 +44,7 @@ class VirtualRig:
     rate: float = 1000.0
     steps: int = 8
     seed: int = 0
+    peak: float = 30.0
 
     @property
     def sensor_model(self) -> SensorModel:
@@ -95,11 +98,11 @@ class VirtualRig:
                     name, groove=bool(surface), seed=self.seed, rate=skin.rate, duration=duration, sensor=grid
                 )
             case ("am-i", "", ""):
-                return am_stimulus("i", duration=duration or 0.5, rate=skin.rate, sensor=grid)
+                return am_stimulus("i", peak=self.peak, duration=duration or 0.5, rate=skin.rate, sensor=grid)
             case ("am-ii", "", ""):
-                return am_stimulus("ii", duration=duration or 0.5, rate=skin.rate, sensor=grid)
+                return am_stimulus("ii", peak=self.peak, duration=duration or 0.5, rate=skin.rate, sensor=grid)
             case ("am-iii", "", ""):
-                return am_stimulus("iii", duration=duration or 0.5, rate=skin.rate, sensor=grid)
+                return am_stimulus("iii", peak=self.peak, duration=duration or 0.5, rate=skin.rate, sensor=grid)
             case _:
                 raise UnknownDeviceError(
                     "virtual sensor: expected brush, sponge or towel (+groove or not), am-i, am-ii or am-iii, "

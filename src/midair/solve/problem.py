@@ -34,11 +34,19 @@ class Problem:
         p, wanted magnitude of the field, in the same unit.
     level : float
         A, the drive of every transducer, 0 to 1.
+    psi : ndarray, shape (point,), or None
+        Phases of the field, in rad, that a solver may start from; see `lens.spreading_phase`. Zero if None.
     """
 
     G: Complex
     amplitude: Array
     level: float = 1.0
+    psi: Array | None = None
+
+    @property
+    def first_psi(self) -> Array:
+        """Phases of the field to start from, shape (point,), in rad."""
+        return np.zeros(self.points) if self.psi is None else self.psi
 
     @cached_property
     def gram(self) -> Complex:
@@ -109,7 +117,7 @@ def relative_error(problem: Problem, theta: Array) -> Array:
     """
     wanted = np.linalg.norm(problem.amplitude, axis=1)
     missed = np.linalg.norm(np.abs(problem.field(theta)) - problem.amplitude, axis=1)
-    error = np.zeros(len(wanted))
+    error = np.zeros(len(wanted), np.float64)
     np.divide(missed, wanted, out=error, where=wanted > 0)
     return error
 

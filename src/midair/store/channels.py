@@ -14,11 +14,13 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     (J. von Neumann, Ann. Math. Stat. 12, 1941: variance 4 (n - 2) / (n^2 - 1)).
     """
     samples = recording.samples.reshape(recording.frames, -1)
+    samples = samples / max(np.abs(samples).max(), np.finfo(float).tiny)
+    first = recording.samples[0].ravel()
     spread = samples.std(axis=0)
     dead = np.ptp(samples, axis=0) == 0
     report: list[str] = []
     if recording.frames > 1 and dead.any():
-        values = ", ".join(f"{i} ({samples[0, i]:g} {recording.unit})" for i in np.flatnonzero(dead))
+        values = ", ".join(f"{i} ({first[i]:g} {recording.unit})" for i in np.flatnonzero(dead))
         report.append(f"Channels that never change, dead or saturated: {values}.")
     if recording.frames >= 100 and not dead.all():
         floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _white(samples, spread)

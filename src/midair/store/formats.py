@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from midair.errors import UnknownFormatError
 from midair.model import Calibration, Recording, SensorGrid, Unit
 from midair.store import calibration_file, drive_file
@@ -105,7 +107,8 @@ def read(
     """`load`, with a report: one sentence for each thing that was assumed, changed, left out or looks wrong."""
     form = format_of(path)
     file = existing_file(path)
-    with refusing(file, f"a {form.name} file"):
+    # Damaged numbers may overflow on the way; the recording refuses what is not finite.
+    with refusing(file, f"a {form.name} file"), np.errstate(all="ignore"):
         imported = form.read(file, Given(rate=rate, unit=unit, sensor=sensor))
     return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
 

@@ -8,6 +8,7 @@ reader beside a writer (SWMR); numbers of finished files carry a checksum of the
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,8 @@ from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.store.files import existing_file, refusing, whole_file
 from midair.store.provenance import to_json
 from midair.store.schema import FORMAT, TABLE, Entry, Kind
+from midair.store.unclosed import closed_image, is_unclosed
+from midair.version import __version__
 
 if TYPE_CHECKING:
     import os
@@ -66,8 +69,6 @@ def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
 
 def signature(kind: Kind, provenance: "Provenance") -> dict[str, Any]:
     """The attributes that every file and group has."""
-    from midair import __version__
-
     return {
         "kind": f"midair {kind}",
         "format": FORMAT,
@@ -177,14 +178,10 @@ def kind_of(group: "h5py.Group") -> str:
 
 @contextmanager
 def _opened(path: Path) -> "Generator[h5py.File]":
-    """`path` as a plain reader, or as a reader beside a writer when a writer has it or was killed with it."""
+    """`path`, or a closed copy in memory when a writer has it or was killed with it."""
     import h5py
 
-    try:
-        file = h5py.File(path, "r")
-    except OSError:
-        file = h5py.File(path, "r", swmr=True)
-    with file:
+    with h5py.File(BytesIO(closed_image(path)) if is_unclosed(path) else path, "r") as file:
         yield file
 
 

@@ -13,6 +13,7 @@ from midair.errors import BrokenFileError, UnknownFormatError
 from midair.model import Calibration, Recording, SensorGrid
 from midair.store.provenance import from_plain, to_plain
 from midair.store.schema import FORMAT
+from midair.version import __version__
 
 
 def header_of(recording: Recording, *, scale_exponent: int | None = None) -> str:
@@ -25,8 +26,6 @@ def header_of(recording: Recording, *, scale_exponent: int | None = None) -> str
     scale_exponent : int, optional
         Of the power of two that stands for full scale, where a format has one.
     """
-    from midair import __version__
-
     sensor = recording.sensor
     plain: dict[str, Any] = {
         "kind": "midair recording",

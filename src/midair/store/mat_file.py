@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from midair.errors import FileError
+from midair.errors import BrokenFileError, FileError
 from midair.model import Calibration, Recording
 from midair.store.arrays import from_arrays
-from midair.store.files import whole_file
+from midair.store.files import reason, whole_file
 from midair.store.header import calibration_lost, header_of
 from midair.store.imported import Given, Imported
 
@@ -47,12 +47,16 @@ def read_mat(path: Path, given: Given) -> Imported:
         Its leaf, if the file does not say enough or a number cannot be used.
     """
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
     with path.open("rb") as file:
         newest = file.read(20).startswith(b"MATLAB 7.3")
     if newest:
         return from_arrays(_version_73(path), "MAT v7.3", path, given)
-    arrays: dict[str, Any] = loadmat(str(path), appendmat=False)
+    try:
+        arrays: dict[str, Any] = loadmat(str(path), appendmat=False)
+    except MatReadError as wrong:
+        raise BrokenFileError(f"{path}: expected a MATLAB file, got other bytes ({reason(wrong)})") from wrong
     return from_arrays({name: array for name, array in arrays.items() if not name.startswith("__")}, "MAT", path, given)
 
 

@@ -22,6 +22,7 @@ from midair.store.hdf5 import (
 )
 from midair.store.imported import Given, Imported
 from midair.store.provenance import from_json
+from midair.store.unclosed import is_unclosed
 
 if TYPE_CHECKING:
     import h5py
@@ -36,11 +37,23 @@ def write_recording(recording: Recording, path: Path, calibration: Calibration |
 def read_recording(path: Path, given: Given) -> Imported:
     """The recording of a file, also of one that is being written or whose writer was killed.
 
+    A file that is being written may be caught between two of its blocks: it is read again, up to twice.
+
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
         If the file is not there, is damaged or of another kind, or is newer than this midair.
     """
+    for _ in range(2):
+        try:
+            return _read_once(path, given)
+        except BrokenFileError:
+            if not is_unclosed(path):
+                raise
+    return _read_once(path, given)
+
+
+def _read_once(path: Path, given: Given) -> Imported:
     with open_file(path) as file:
         check_kind(file, "recording", path)
         live = not stored_dataset(file, "finished")[()]

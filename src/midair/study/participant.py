@@ -65,7 +65,7 @@ class SimulatedParticipant:
     def answer(self, plan: Plan, trial: Trial, name: str) -> tuple[str, float]:
         """What this participant answers to a question, and after how many seconds."""
         question, stimulus = plan.design.question(name), plan.design.stimulus(trial.stimulus)
-        rng = self._stream(f"{plan.digest} {trial.code} {name}")
+        rng = self._stream(f"{plan.design.name} {plan.design.seed} {trial.code} {name}")
         reaction = float(np.exp(rng.normal(np.log(0.9), 0.35)))
         if question.answers and rng.random() < self.lapse:
             return str(rng.choice(question.answers)), reaction

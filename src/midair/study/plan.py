@@ -68,6 +68,19 @@ class Plan:
         """Names the plan: a log says which plan it followed."""
         return sha256(dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:16]
 
+    def trial(self, code: str) -> Trial:
+        """By its code.
+
+        Raises
+        ------
+        InputError
+            If no trial has it.
+        """
+        for trial in self.trials:
+            if trial.code == code:
+                return trial
+        raise InputError(f"trial: expected the code of one of {len(self.trials)} trials, got {code!r}")
+
     def of(self, participant: int) -> tuple[Trial, ...]:
         """Trials of one participant.
 

@@ -1,0 +1,285 @@
+"""Commands for studies on people: new, run, analyse, export, power."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from cyclopts import App, Parameter
+from rich.console import Console
+
+from midair.cli.study_terminal import TerminalScreen, presenter_named, stops_on_signals
+from midair.errors import InputError, MissingFileError
+from midair.rig.presenters import NoPresenter
+from midair.rig.simulated_screen import SimulatedScreen
+from midair.rig.study_plan import StudyFolder, paper_design_text, read_design
+from midair.rig.study_report import report_json, report_page, report_text
+from midair.rig.study_tables import read_bids, read_csv, write_bids, write_csv
+from midair.rig.trials import Screen, Session, run
+from midair.study.data import StudyData, data_of_answers, data_of_columns
+from midair.study.participant import SimulatedParticipant
+from midair.study.plan import Plan, block_order
+from midair.study.power import IdentificationExperiment, RatingExperiment, participants_for_paired_t, power_curve
+from midair.study.progress import Policy, answers_table
+from midair.study.report import Report, analyse
+from midair.study.table import Table
+
+app = App(name="study", help="Plan a study on people, run it one participant at a time, and analyse it.")
+
+
+@app.command(name="new")
+def new_command(
+    name: str,
+    /,
+    *,
+    source: Path | None = None,
+    participants: int = 0,
+    seed: int | None = None,
+) -> None:
+    """Draw the plan of a new study into the folder NAME.
+
+    Parameters
+    ----------
+    name
+        Of the folder; its last part, letters and digits only, is the name of the study.
+    source
+        TOML that describes the study; the paper's experiment (section 5.3) if not given.
+    participants
+        For how many people trials are drawn; what the TOML says if not given.
+    seed
+        Of all shuffles; what the TOML says if not given.
+    """
+    if source is not None and not source.is_file():
+        raise MissingFileError(f"{source}: expected the TOML of a study, got no such file")
+    text = paper_design_text() if source is None else source.read_text(encoding="utf-8")
+    path = Path(name)
+    kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum())
+    design = read_design(text, name=kept, participants=participants, seed=seed)
+    plan = StudyFolder.create(path, text, design).plan()
+    _say(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
+    for number in range(1, design.participants + 1):
+        order = dict.fromkeys(block.group for block in block_order(design, number))
+        _say(f"  participant {number}: {', '.join(order)}")
+    _say(f"Next: midair study run {path} --participant 1, or try it with --simulate.")
+
+
+@app.command(name="run")
+def run_command(
+    study: Path,
+    /,
+    *,
+    participant: int = 0,
+    policy: Policy = "resume",
+    simulate: bool = False,
+    d_prime: float = 1.2,
+    array: Literal["none", "virtual"] = "none",
+) -> int:
+    """Run one participant in this terminal, or go on with one who was interrupted. Ctrl-C stops at once.
+
+    Parameters
+    ----------
+    study
+        Folder of the study.
+    participant
+        Number, from 1 on; everybody who is not done if not given with --simulate.
+    policy
+        How an interrupted session goes on: with the unfinished trial, from the start, or from the start of the block.
+    simulate
+        A simulated participant answers; everything made from it is marked SIMULATED.
+    d_prime
+        Sensitivity of the simulated participant to reproduced objects.
+    array
+        What plays drives: "none" asks the experimenter to present each, "virtual" a simulated array.
+    """
+    folder = StudyFolder(study)
+    plan = folder.plan()
+    if simulate:
+        return _run_simulated(folder, plan, participant, policy, d_prime)
+    if participant < 1:
+        raise InputError("participant: expected --participant N, from 1 on; or --simulate for simulated ones")
+    screen = TerminalScreen(Console())
+    with stops_on_signals(), presenter_named(array, folder, plan) as presenter:
+        log = folder.log(participant)
+        with Session(plan, participant, log, presenter, policy=policy, simulated=array == "virtual") as session:
+            step = run(session, screen)
+    _say("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
+    return 0 if step.kind == "done" else 1
+
+
+@app.command(name="analyse")
+def analyse_command(
+    source: Path,
+    /,
+    *,
+    output: Path | None = None,
+    seed: int = 0,
+    draws: int = 10_000,
+    json: bool = False,
+    participant: str = "participant",
+    presented: str = "",
+    answered: str = "",
+    condition: str = "",
+    rating: str = "",
+    within: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    margin: float = 0.1,
+) -> None:
+    """Analyse a study, a CSV table, or a BIDS dataset; write an HTML report with a plain word beside each number.
+
+    Parameters
+    ----------
+    source
+        Folder of a study; or a CSV or TSV file, or a BIDS folder, with the columns named below.
+    output
+        The HTML file; report.html in the folder of the study, or beside the table, if not given.
+    seed
+        Of permutations and bootstrap.
+    draws
+        Number of permutations.
+    json
+        Print the findings for a program.
+    participant
+        Column of who answered.
+    presented
+        Column of the object that was presented.
+    answered
+        Column of the object that was answered.
+    condition
+        Column of a condition that divides the trials.
+    rating
+        Column of ratings.
+    within
+        Columns of the factors of the ratings.
+    margin
+        Difference of macro F between conditions that does not matter.
+    """
+    if (source / "plan.json").exists():
+        folder = StudyFolder(source)
+        plan = folder.plan()
+        data = data_of_answers(answers_table(plan, folder.sessions()), plan.design.analysis)
+        title, target = plan.design.title or plan.design.name, output or source / "report.html"
+    else:
+        table = _old_table(source)
+        data = data_of_columns(
+            table,
+            participant=participant,
+            presented=presented,
+            answered=answered,
+            condition=condition,
+            rating=rating,
+            within=within,
+            margin=margin,
+            simulated="simulated" in table and bool((table["simulated"].astype(str) == "True").any()),
+        )
+        title, target = source.name, output or source.with_name(f"{source.stem}-report.html")
+    report = analyse(data, seed=seed, draws=draws)
+    target.write_text(report_page(report, title=title, within=data.within), encoding="utf-8")
+    _print_report(report, data, target, json=json)
+
+
+@app.command(name="export")
+def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv"] = "bids") -> None:
+    """Write the answers of a study as a BIDS dataset or as one CSV table.
+
+    Parameters
+    ----------
+    study
+        Folder of the study.
+    output
+        New folder, or new CSV file.
+    format
+        Of the output.
+    """
+    folder = StudyFolder(study)
+    plan = folder.plan()
+    answers = answers_table(plan, folder.sessions())
+    if format == "bids":
+        written = write_bids(answers, plan.design, output)
+        _say(f"{output}: {len(written)} files, {answers.height} answers.")
+    else:
+        if not answers.height:
+            raise InputError("export: expected answers, got none; run a participant first")
+        write_csv(answers, output)
+        _say(f"{output}: {answers.height} answers.")
+    _warn_simulated(bool(answers["simulated"].any()))
+
+
+@app.command(name="power")
+def power_command(
+    test: Literal["paired", "identification", "rating"],
+    /,
+    *,
+    effect: float,
+    objects: int = 3,
+    trials: int = 12,
+    power: float = 0.8,
+    runs: int = 500,
+    seed: int = 0,
+) -> None:
+    """How many participants a planned test needs.
+
+    Parameters
+    ----------
+    test
+        "paired": paired t, by formula; "identification": objects told apart better than chance; "rating": a factor
+        of two levels in an analysis of variance; both by simulation.
+    effect
+        d_z, mean d', or difference in rating steps.
+    objects
+        Alternatives of the choice.
+    trials
+        Of each participant.
+    power
+        Wanted.
+    runs
+        Simulated studies for each number of participants.
+    seed
+        Of the simulation.
+    """
+    if test == "paired":
+        _say(f"{participants_for_paired_t(d_z=effect, power=power)} pairs for power {power:g} at d_z = {effect:g}.")
+        return
+    experiment = (
+        IdentificationExperiment(objects=objects, trials=trials, d_prime=effect)
+        if test == "identification"
+        else RatingExperiment(means=(0.0, effect))
+    )
+    curve = power_curve(experiment, [3, 5, 8, 10, 12, 16, 20, 30, 40], rng=np.random.default_rng(seed), runs=runs)
+    for row in curve.rows:
+        _say(f"{row['participants']:>4} participants: power {row['power']:.2f} ({row['low']:.2f} to {row['high']:.2f})")
+    enough = [row["participants"] for row in curve.rows if row["power"] >= power]
+    _say(f"Enough for {power:g}: {enough[0]}." if enough else f"More than 40 are needed for {power:g}.")
+
+
+def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Policy, d_prime: float) -> int:
+    numbers = [participant] if participant else range(1, plan.design.participants + 1)
+    screen: Screen = SimulatedScreen(
+        plan=plan, participant=SimulatedParticipant(d_prime=d_prime, seed=plan.design.seed)
+    )
+    for number in numbers:
+        log = folder.log(number)
+        with Session(plan, number, log, NoPresenter(), policy=policy, simulated=True) as session:
+            run(session, screen)
+        _say(f"participant {number}: done")
+    _warn_simulated(True)
+    return 0
+
+
+def _old_table(source: Path) -> Table:
+    return read_bids(source) if source.is_dir() else read_csv(source)
+
+
+def _print_report(report: Report, data: StudyData, target: Path, *, json: bool) -> None:
+    if json:
+        Console(highlight=False, soft_wrap=True).print(report_json(report), markup=False)
+        return
+    _say(report_text(report))
+    _say(f"\n{target}")
+    _warn_simulated(data.simulated)
+
+
+def _say(line: str) -> None:
+    Console(highlight=False, soft_wrap=True).print(line, markup=False)
+
+
+def _warn_simulated(simulated: bool) -> None:
+    if simulated:
+        Console(stderr=True).print("SIMULATED: no person was asked", style="bold red")

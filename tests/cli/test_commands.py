@@ -1,0 +1,198 @@
+"""The commands as a person types them: what they make, what they print, and their exit status."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midair.cli import run
+from midair.datasets import sample_path
+from midair.model import Recording, SensorGrid
+from midair.store import load, load_calibration, load_solution, save
+
+QUICK = ["--points", "6", "--pitch", "11mm", "--iterations", "2", "1"]
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def take():
+    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
+    return Path("take.h5")
+
+
+def said(capsys):
+    return capsys.readouterr().err.strip()
+
+
+def one_line_of(capsys):
+    lines = [line for line in said(capsys).splitlines() if line.startswith("midair: ")]
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_from_a_virtual_stroke_to_a_comparison(take, capsys):
+    assert run(["solve", "take.h5", *QUICK, "--start-at", "0.1s", "--duration", "0.1s"]) == 0
+    assert run(["play", "take.drive.h5", "--device", "virtual"]) == 0
+    capsys.readouterr()
+    assert run(["compare", "take.h5", "take.rerecorded.h5", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["simulated"] is True
+    assert answer["figures"]["correlation"]["value"] > 0.3
+    assert load_solution("take.drive.h5").drive.frames == 100
+
+
+def test_loop_writes_a_report(take, capsys):
+    assert run(["loop", "take.h5", *QUICK, "--start-at", "0.1s", "--duration", "0.05s", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert len(answer["passes"]) == 2
+    assert "SIMULATED" in Path(answer["report"]).read_text(encoding="utf-8")
+
+
+def test_real_data_from_csv_to_comparison(capsys):
+    """A fabric recorded by a real finger: slow, in counts, with its own band."""
+    assert run(["import", "sample:denim", "denim.h5", "--peak", "30Pa"]) == 0
+    assert load_calibration("denim.h5") is not None
+    slow = ["--band", "1Hz", "15Hz", "--rate", "100Hz", "--start-at", "3s", "--duration", "1.5s"]
+    assert run(["solve", "denim.h5", *QUICK, *slow]) == 0
+    assert run(["play", "denim.drive.h5"]) == 0
+    capsys.readouterr()
+    assert run(["compare", "denim.h5", "denim.rerecorded.h5", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["figures"]["correlation"]["value"] > 0.5
+
+
+def test_real_data_has_nothing_in_the_paper_s_band(capsys):
+    assert run(["import", "sample:denim", "denim.h5", "--peak", "30Pa"]) == 0
+    assert run(["solve", "denim.h5"]) == 1
+    assert "17.8" in one_line_of(capsys)
+    assert not Path("denim.drive.h5").exists()
+
+
+def test_counts_without_a_calibration_are_refused_with_a_way_out(capsys):
+    assert run(["import", str(sample_path("denim")), "denim.h5"]) == 0
+    assert run(["solve", "denim.h5", "--band", "1Hz", "15Hz"]) == 1
+    assert "calibration" in one_line_of(capsys)
+    assert run(["calibrate", "denim.h5", "--sensitivity", "2count/Pa", "--band", "1Hz", "15Hz"]) == 0
+    assert load_calibration("denim.h5").response[0, 0, 0] == 2
+
+
+@pytest.mark.parametrize("suffix", ["csv", "npz", "mat", "wav"])
+def test_out_and_in_again(take, suffix):
+    assert run(["export", "take.h5", f"take.{suffix}"]) == 0
+    assert run(["import", f"take.{suffix}", "again.h5"]) == 0
+    again, first = load("again.h5"), load("take.h5")
+    assert again.rate == first.rate
+    np.testing.assert_allclose(again.samples, first.samples, atol=1e-4)
+
+
+def test_info_tells_the_life_of_a_file(take, capsys):
+    run(["solve", "take.h5", *QUICK, "--duration", "0.02s"])
+    capsys.readouterr()
+    assert run(["info", "take.drive.h5", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert [step["stage"] for step in answer["steps"]] == ["calibrate", "cut", "prepare", "solve"]
+    assert answer["simulated"] is True
+    assert run(["info", "take.h5"]) == 0
+    captured = capsys.readouterr()
+    assert "300 at 1000 Hz" in captured.out
+    assert "SIMULATED" in captured.err
+
+
+def test_doctor(capsys):
+    assert run(["doctor", "--json"]) == 0
+    assert {"subject", "state", "found", "advice"} <= set(json.loads(capsys.readouterr().out)[0])
+
+
+def test_demo_leaves_a_report_and_what_it_shows(capsys):
+    assert run(["demo", "out", "--duration", "0.05s", *QUICK]) == 0
+    assert {path.name for path in Path("out").iterdir()} == {
+        "report.html",
+        "stroke.h5",
+        "rerecorded.h5",
+        "towel.drive.h5",
+    }
+    captured = capsys.readouterr()
+    assert "SIMULATED" in captured.err
+    assert "frames/s" in captured.err
+    assert "996 transducers" in captured.out
+
+
+WRONG = {
+    "unknown command": (["foo"], 2, "foo"),
+    "unknown option": (["solve", "take.h5", "--frob"], 2, "frob"),
+    "missing argument": (["solve"], 2, "SOURCE"),
+    "no unit": (["solve", "take.h5", "--height", "200"], 2, "200mm"),
+    "wrong unit": (["solve", "take.h5", "--height", "200Pa"], 2, "200mm"),
+    "wrong unit of a band": (["solve", "take.h5", "--band", "20Hz", "470mm"], 2, "20Hz"),
+    "unknown directivity": (["solve", "take.h5", "--directivity", "laser"], 2, "laser"),
+    "unknown method": (["solve", "take.h5", "--method", "magic"], 1, "magic"),
+    "unknown mapping": (["solve", "take.h5", "--mapping", "magic"], 1, "magic"),
+    "unknown sensor": (["record", "usb:1", "x.h5"], 2, "usb:1"),
+    "unknown object": (["record", "virtual:cat", "x.h5"], 2, "cat"),
+    "unknown array": (["play", "take.h5", "--device", "autd9"], 2, "autd9"),
+    "unknown sample": (["import", "sample:fur", "x.h5"], 1, "denim"),
+    "no such file": (["solve", "nothing.h5"], 1, "nothing.h5"),
+    "no such drive": (["play", "nothing.drive.h5"], 1, "nothing.drive.h5"),
+    "not a drive": (["play", "take.h5"], 1, "take.h5"),
+    "unknown format": (["export", "take.h5", "take.xyz"], 1, ".csv"),
+    "no such folder": (["export", "take.h5", "nowhere/take.csv"], 1, "nowhere"),
+    "truncated": (["info", "truncated.h5"], 1, "truncated.h5"),
+    "empty": (["info", "empty.h5"], 1, "empty.h5"),
+    "text": (["import", "text.csv"], 1, "text.csv"),
+    "nan": (["import", "nan.npz", "--unit", "V", "--rate", "1kHz"], 1, "nan"),
+    "upside down band": (["solve", "take.h5", "--band", "470Hz", "20Hz"], 1, "470"),
+    "band above half the rate": (["solve", "take.h5", "--band", "20Hz", "900Hz"], 1, "500"),
+    "cut of nothing": (["solve", "take.h5", "--start-at", "9s"], 1, "9 s"),
+    "level above 1": (["solve", "take.h5", "--level", "1.5"], 1, "1.5"),
+    "negative gain": (["solve", "take.h5", "--gain", "-1"], 1, "-1"),
+    "no points": (["solve", "take.h5", "--points", "0"], 1, "0 x 0"),
+    "grid on the array": (["solve", "take.h5", "--height", "0mm"], 1, "height"),
+    "no iterations": (["solve", "take.h5", "--iterations", "0", "0"], 1, "iterations"),
+    "no duration": (["record", "virtual:towel", "x.h5", "--duration", "0s"], 1, "duration"),
+    "a file that is there": (["export", "take.h5", "there.csv"], 1, "--force"),
+    "both scales": (["import", "take.h5", "x.h5", "--peak", "1Pa", "--sensitivity", "1V/Pa"], 1, "one"),
+    "bad sensitivity": (["import", "take.h5", "x.h5", "--sensitivity", "1mm"], 1, "sensitivity"),
+    "another pitch of things": (["compare", "take.h5", "small.h5"], 1, "cells"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_input_gives_one_line_a_status_and_leaves_nothing(case, take, capsys):
+    Path("empty.h5").touch()
+    Path("truncated.h5").write_bytes(take.read_bytes()[:2000])
+    Path("text.csv").write_text("this is\nno recording\n")
+    Path("there.csv").write_text("mine")
+    np.savez("nan.npz", samples=np.full((40, 4, 4), np.nan))
+    small = np.random.default_rng(0).random((300, 2, 2))
+    save(Recording(samples=small, rate=1000.0, unit="Pa", sensor=SensorGrid(rows=2, columns=2)), "small.h5")
+    before = {path.name: path.read_bytes() for path in Path().iterdir()}
+    capsys.readouterr()
+    tokens, status, word = WRONG[case]
+    assert run(tokens) == status
+    assert word in one_line_of(capsys)
+    assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    "command", ["demo", "record", "import", "export", "info", "calibrate", "solve", "play", "loop", "compare", "doctor"]
+)
+def test_every_command_explains_itself(command, capsys):
+    assert run([command, "--help"]) == 0
+    page = capsys.readouterr().out
+    assert f"midair {command}" in page
+    assert len(page) > 300
+
+
+def test_the_installed_command_leaves_with_its_status():
+    command = [sys.executable, "-c", "from midair.cli import main; main()"]
+    good = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)
+    bad = subprocess.run([*command, "foo"], capture_output=True, text=True, check=False)
+    assert (good.returncode, bad.returncode) == (0, 2)
+    assert bad.stderr.startswith("midair: ")
+    assert "Traceback" not in bad.stderr

@@ -1,0 +1,207 @@
+import numpy as np
+import pytest
+
+from midair.calibrate import calibrate
+from midair.datasets import Motion, Texture, stroke
+from midair.datasets.strokes import groove_gain
+from midair.dsp import band_energy, resample, welch
+from midair.errors import InputError, RateError
+from midair.model import Recording, SensorGrid
+from midair.physics import SensorModel, calibration_of, sense
+
+OBJECTS = ("brush", "sponge", "towel")
+PASSED = [2, 6, 10, 14]
+SEEDS = range(4)
+
+
+@pytest.fixture(scope="module")
+def heard():
+    """As the paper's Fig. 9: recorded, calibrated, half-wave rectified; channels 2, 6, 10, 14 of several strokes."""
+    model = SensorModel().with_spread(seed=1)
+    calibration = calibration_of(model)
+
+    def once(name, groove, seed):
+        true = stroke(name, groove=groove, seed=seed, rate=8000.0)
+        volts = sense(model, true.pressure, 1000.0, rng=np.random.default_rng(seed), oversample=8)
+        pressure = calibrate(Recording(samples=volts, rate=1000.0, sensor=true.sensor), calibration).pressure
+        return np.maximum(pressure, 0).reshape(-1, 16)[:, PASSED]
+
+    return {
+        (name, groove): [once(name, groove, seed) for seed in SEEDS] for name in OBJECTS for groove in (False, True)
+    }
+
+
+def energies(waves, band):
+    return np.array([band_energy(wave, 1000.0, band).mean() for wave in waves])
+
+
+@pytest.mark.parametrize("groove", [False, True])
+def test_above_300_hz_towel_over_sponge_over_brush(heard, groove):
+    brush, sponge, towel = (energies(heard[name, groove], (300.0, 470.0)) for name in OBJECTS)
+    # every seed of one object over every seed of the next, by 2 dB and more
+    assert towel.min() > 10**0.2 * sponge.max()
+    assert sponge.min() > 10**0.2 * brush.max()
+
+
+@pytest.mark.parametrize("groove", [False, True])
+def test_the_order_holds_on_each_channel(heard, groove):
+    def mean(name):
+        return np.mean([band_energy(wave, 1000.0, (300.0, 470.0)) for wave in heard[name, groove]], axis=0)
+
+    assert (mean("towel") > mean("sponge")).all()
+    assert (mean("sponge") > mean("brush")).all()
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_grooves_raise_the_intensity_most_below_300_hz(heard, name):
+    low, high = (
+        10 * np.log10(energies(heard[name, True], band) / energies(heard[name, False], band))
+        for band in ((20.0, 300.0), (300.0, 470.0))
+    )
+    assert low.min() > 4  # dB
+    assert high.min() > 0
+    assert (low > high).all()
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_the_texture_survives_the_band(heard, name):
+    # of the strokes' 33 to 65 Pa, 10 Pa and more are left as peaks above 0
+    assert all(wave.max() > 8 for groove in (False, True) for wave in heard[name, groove])
+    true = stroke(name).pressure.reshape(-1, 16)[:, 6]
+    assert 0.001 < band_energy(true, 1000.0, (20, 470)) / true.var() < 0.5
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.1])
+def test_each_cell_is_passed_when_the_contact_is_over_it(speed):
+    frames = stroke("sponge", speed=speed)
+    load = np.apply_along_axis(lambda x: np.convolve(x, np.hanning(101), "same"), 0, frames.pressure.reshape(-1, 16))
+    weight = load[:, PASSED] ** 2
+    centre = (frames.time[:, None] * weight).sum(axis=0) / weight.sum(axis=0)
+    # the edge of a contact of 20 mm, felt over 8 mm, starts 1 mm from the first cell; cells are 11 mm apart
+    assert centre == pytest.approx((0.015 + 0.011 * np.arange(4)) / speed, abs=0.002 / speed)
+    assert Motion(speed=speed).passage(SensorGrid()) == pytest.approx((0.015 + 0.011 * np.arange(4)) / speed)
+
+
+def test_a_contact_of_two_centimetres_touches_for_two_centimetres():
+    frames = stroke("towel")
+    for row in range(4):
+        on = np.flatnonzero(frames.pressure[:, row, 2] > 0.02)
+        assert (on[-1] - on[0]) / 1000 * 0.05 == pytest.approx(0.028, abs=0.002)  # with its soft edge
+        full = np.flatnonzero(Motion().cover(SensorGrid(), frames.time)[:, row, 2] > 0.5)
+        assert len(full) / 1000 * 0.05 == pytest.approx(0.020, abs=1e-4)
+
+
+def test_the_stroke_starts_and_ends_free_and_stays_in_its_column():
+    frames = stroke("towel", groove=True)
+    assert np.abs(frames.pressure[:15]).max() < 0.01
+    assert np.abs(frames.pressure[-15:]).max() < 0.01
+    rms = np.sqrt((frames.pressure**2).mean(axis=(0, 1)))
+    assert rms[0] == 0  # 22 mm away
+    assert rms[1] < 0.5 * rms[2]
+    assert rms[3] < 0.5 * rms[2]
+    other = stroke("towel", groove=True, column=0)
+    assert (other.pressure[:, :, 2:] == 0).all()
+
+
+def test_cells_of_a_column_feel_the_same_profile_one_after_the_other():
+    # towel without slips: the profile is fixed to the object
+    motion, sensor = Motion(), SensorGrid()
+    frames = stroke("towel", rate=8000.0)
+    rough = frames.pressure - 30.0 * motion.cover(sensor, frames.time)
+    late = round(11e-3 / 0.05 * 8000)
+    upper, lower = rough[:-late, 0, 2], rough[late:, 1, 2]
+    assert np.corrcoef(upper, lower)[0, 1] > 0.6
+    assert abs(np.corrcoef(rough[:-late, 0, 2], rough[:-late, 1, 2])[0, 1]) < 0.3
+
+
+def test_twice_the_speed_puts_the_texture_at_twice_the_frequency():
+    def centroid(speed):
+        density = 0
+        for seed in SEEDS:
+            x = stroke("towel", seed=seed, speed=speed, rate=8000.0).pressure[:, 1, 2]
+            f, one = welch(x, 8000.0, resolution=16.0)
+            density = density + one
+        inside = (f > 30) & (f < 2000)
+        return (f * density)[inside].sum() / density[inside].sum()
+
+    assert centroid(0.1) / centroid(0.05) == pytest.approx(2, rel=0.25)
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+@pytest.mark.parametrize("groove", [False, True])
+def test_the_peak_is_where_the_docstring_says(name, groove):
+    low, high = (41, 71) if groove else (32.5, 50.5)
+    peaks = [stroke(name, groove=groove, seed=seed).pressure.max() for seed in range(10)]
+    assert low < min(peaks) < max(peaks) < high
+    assert stroke(name, groove=groove, peak=60.0).pressure.max() == pytest.approx(60)
+
+
+def test_pressure_only_pushes_but_for_the_ringing():
+    assert min(stroke(name, groove=True, seed=seed).pressure.min() for name in OBJECTS for seed in SEEDS) > -3
+    assert stroke("towel", groove=True, rate=8000.0).pressure.min() == 0
+
+
+def test_one_seed_makes_one_stroke_at_every_rate():
+    one, same, other = (stroke("brush", seed=seed) for seed in (3, 3, 4))
+    assert (one.pressure == same.pressure).all()
+    assert not (one.pressure == other.pressure).all()
+    fine = stroke("brush", seed=3, rate=8000.0)
+    assert resample(fine.pressure, 8000.0, 1000.0) == pytest.approx(one.pressure, abs=1e-12)
+    assert stroke("brush", seed=3, rate=35.6).rate == 35.6
+
+
+def test_objects_differ_and_grooves_do_not_move_the_texture():
+    assert not np.allclose(stroke("brush").pressure, stroke("sponge").pressure)
+    plain, grooved = (stroke("sponge", groove=groove, rate=8000.0).pressure[:, 1, 2] for groove in (False, True))
+    assert np.corrcoef(plain, grooved)[0, 1] > 0.8
+    assert groove_gain(np.array([0.0, 4500.0, 1e6])) == pytest.approx([2.0, 1.6, 1.2])
+
+
+def test_a_duration_cuts_or_adds_silence():
+    whole = stroke("towel", seed=1)
+    assert whole.frames == pytest.approx(1000 * Motion().duration(SensorGrid()), abs=1.5)
+    assert (stroke("towel", seed=1, duration=0.4).pressure == whole.pressure[:400]).all()
+    longer = stroke("towel", seed=1, duration=2.0)
+    assert longer.frames == 2000
+    assert (longer.pressure[: whole.frames] == whole.pressure).all()
+    assert not longer.pressure[whole.frames :].any()
+
+
+def test_it_says_that_it_is_simulated_and_what_it_is():
+    frames = stroke("brush", groove=True, seed=9)
+    assert frames.provenance.simulated
+    assert frames.provenance.source == "virtual:brush"
+    assert frames.provenance.notes == {"object": "brush", "surface": "groove"}
+    step = frames.provenance.steps[-1]
+    assert (step.stage, step.settings["seed"], step.settings["groove"]) == ("stroke", 9, True)
+    assert step.settings["peak_pa"] == frames.pressure.max()
+    assert frames.band is None
+
+
+def test_another_sensor_can_be_stroked():
+    frames = stroke("sponge", sensor=SensorGrid(rows=2, columns=6, pitch=5e-3), column=5)
+    assert frames.pressure.shape[1:] == (2, 6)
+    assert frames.pressure[:, :, 5].max() > 20
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error", "says"),
+    [
+        ({"object": "velvet"}, InputError, "brush, sponge, towel, got 'velvet'"),
+        ({"column": 4}, InputError, "0 to 3, got 4"),
+        ({"speed": 0.0}, InputError, "speed"),
+        ({"contact": -1.0}, InputError, "contact"),
+        ({"duration": 0.0}, InputError, "duration"),
+        ({"peak": -5.0}, InputError, "peak"),
+        ({"rate": 16000.0}, RateError, "up to 8000 Hz, got 16000"),
+        ({"rate": 0.0}, RateError, "got 0"),
+    ],
+)
+def test_a_stroke_that_cannot_be_is_refused(wrong, error, says):
+    with pytest.raises(error, match=says):
+        stroke(**({"object": "towel"} | wrong))
+
+
+def test_an_unknown_texture_is_refused():
+    with pytest.raises(InputError, match="velvet"):
+        Texture.of("velvet")

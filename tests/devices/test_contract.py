@@ -1,0 +1,127 @@
+"""What every device keeps to, whoever made it. A new device is one more entry in a table."""
+
+import numpy as np
+import pytest
+
+from midair.devices import ReplaySensor, VirtualArray, VirtualSensor, VirtualSkin
+from midair.errors import DeviceStateError, MismatchError
+from midair.model import Drive, PressureFrames, Provenance, Recording, TransducerArray
+from midair.physics import focus_phase
+from midair.physics.sensing import SensorModel
+
+ARRAY = TransducerArray.autd3(columns=1, rows=1)
+
+
+def virtual_sensor():
+    touch = PressureFrames(pressure=np.random.default_rng(1).random((1600, 4, 4)), rate=8000.0)
+    return VirtualSensor(VirtualSkin(SensorModel()), touch=touch)
+
+
+def replay():
+    samples = np.random.default_rng(2).random((200, 4, 4))
+    return ReplaySensor(Recording(samples=samples, rate=1000.0, provenance=Provenance(simulated=True)))
+
+
+SENSORS = {"virtual": virtual_sensor, "replay": replay}
+ARRAYS = {
+    "virtual": lambda: VirtualArray(ARRAY),
+    "virtual on skin": lambda: VirtualArray(ARRAY, VirtualSkin(SensorModel())),
+}
+
+
+def drive(array=ARRAY, frames=5, rate=1000.0):
+    phase = np.broadcast_to(focus_phase(array, np.array([0, 0, 0.2])), (frames, array.count))
+    return Drive(phase=phase, level=np.ones(frames), rate=rate, array=array)
+
+
+@pytest.fixture(params=SENSORS)
+def sensor(request):
+    return SENSORS[request.param]()
+
+
+@pytest.fixture(params=ARRAYS)
+def array(request):
+    return ARRAYS[request.param]()
+
+
+def test_blocks_follow_each_other_without_a_gap(sensor):
+    with sensor:
+        sensor.start()
+        blocks = [sensor.read(50) for _ in range(4)]
+    assert [block.first for block in blocks] == [0, 50, 100, 150]
+    assert all(block.samples.shape == (50, *sensor.grid.shape) for block in blocks)
+    assert not any(block.overflow for block in blocks)
+    assert np.ptp(np.concatenate([block.samples for block in blocks])) > 0
+
+
+def test_device_time_is_that_of_the_first_frame(sensor):
+    with sensor:
+        sensor.start()
+        times = [sensor.read(50).device_time for _ in range(3)]
+    np.testing.assert_allclose(np.diff(times), 50 / sensor.rate)
+
+
+def test_the_size_of_the_blocks_does_not_matter(sensor):
+    with sensor:
+        sensor.start()
+        at_once = sensor.read(120).samples
+        sensor.stop()
+        sensor.start()
+        in_parts = np.concatenate([sensor.read(n).samples for n in (7, 50, 63)])
+    np.testing.assert_array_equal(at_once, in_parts)
+
+
+def test_reading_before_start_is_refused(sensor):
+    with sensor, pytest.raises(DeviceStateError, match="start before read"):
+        sensor.read(1)
+
+
+def test_stop_and_close_are_harmless_at_any_time(sensor):
+    sensor.stop()
+    sensor.close()
+    with sensor:
+        sensor.stop()
+
+
+def test_an_array_tells_what_it_played(array):
+    seen = []
+    with array:
+        report = array.play(drive(), progress=lambda done, total: seen.append((done, total)))
+    assert (report.frames, report.late, report.repeated) == (5, 0, 0)
+    assert report.duration == pytest.approx(0.005)
+    assert seen[-1] == (5, 5)
+
+
+def test_an_array_is_silent_before_and_after(array):
+    with array:
+        assert not array.emitting
+        array.play(drive())
+        assert not array.emitting
+    assert not array.emitting
+
+
+@pytest.mark.parametrize("failure", [RuntimeError, KeyboardInterrupt, MemoryError])
+def test_an_array_is_silent_after_any_failure_on_the_way(array, failure):
+    loud = []
+
+    def fail(done, total):
+        loud.append(array.emitting)
+        raise failure
+
+    with array:
+        with pytest.raises(failure):
+            array.play(drive(), progress=fail)
+        assert loud == [True]
+        assert not array.emitting
+
+
+def test_phases_of_another_array_are_refused(array):
+    other = TransducerArray.autd3(columns=2, rows=2)
+    with array, pytest.raises(MismatchError, match=r"996.*solve the target again"):
+        array.play(drive(other))
+    assert not array.emitting
+
+
+def test_a_closed_array_does_not_play(array):
+    with pytest.raises(DeviceStateError, match="open"):
+        array.play(drive())

@@ -1,0 +1,35 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midair.evaluate import advance, find_delay
+
+RATE = 1000.0
+
+
+def burst(delay):
+    time = np.arange(512) / RATE - delay
+    return (np.exp(-(((time - 0.25) / 0.03) ** 2)) * np.sin(2 * np.pi * 60 * time))[:, None, None]
+
+
+@given(st.floats(-0.02, 0.02))
+def test_finds_a_delay_of_any_part_of_a_frame(delay):
+    assert find_delay(burst(0.0), burst(delay), RATE) == pytest.approx(delay, abs=2e-5)
+
+
+@given(st.floats(-0.02, 0.02))
+def test_advance_takes_a_delay_back(delay):
+    np.testing.assert_allclose(advance(burst(delay), delay, RATE), burst(0.0), atol=1e-6)
+
+
+def test_silence_has_no_delay():
+    assert find_delay(burst(0.0), np.zeros((512, 1, 1)), RATE) == 0.0
+
+
+def test_the_other_way_round_is_no_delay():
+    assert find_delay(burst(0.0), -burst(0.0), RATE, longest=0.001) == 0.0
+
+
+def test_a_delay_at_the_edge_of_the_search():
+    assert find_delay(burst(0.0), burst(0.004), RATE, longest=0.004) == pytest.approx(0.004)

@@ -1,0 +1,85 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from midair.errors import MismatchError, RateError
+from midair.evaluate import advance, compare
+from midair.model import PressureFrames, Provenance, SensorGrid
+
+
+def frames(scale=1.0, rate=1000.0, channel=5, frequency=100.0, simulated=False):
+    time = np.arange(400) / rate
+    pressure = np.zeros((400, 16))
+    pressure[:, channel] = scale * np.sin(2 * np.pi * frequency * time) * np.hanning(400)
+    return PressureFrames(
+        pressure=pressure.reshape(-1, 4, 4), rate=rate, band=(20, 470), provenance=Provenance(simulated=simulated)
+    )
+
+
+def test_the_same_is_the_same():
+    comparison = compare(frames(), frames())
+    assert comparison.correlation == pytest.approx(1)
+    assert comparison.gain == pytest.approx(1)
+    assert comparison.waveform_error == pytest.approx(0, abs=1e-9)
+    assert comparison.spectral_error == pytest.approx(0, abs=1e-6)
+    assert comparison.peak_distance == 0
+    assert comparison.distortion_ratio > 150
+    assert not comparison.simulated
+
+
+def test_half_as_strong():
+    comparison = compare(frames(), frames(0.5, simulated=True))
+    assert comparison.gain == pytest.approx(0.5)
+    assert comparison.correlation == pytest.approx(1)
+    assert comparison.waveform_error == pytest.approx(0.5)
+    assert comparison.spectral_error == pytest.approx(20 * np.log10(2), rel=1e-3)
+    assert comparison.channel_gain[1, 1] == pytest.approx(0.5)
+    assert comparison.channel_gain[0, 0] == 0
+    assert comparison.simulated
+
+
+def test_half_wave_keeps_half_of_the_wave():
+    original = frames()
+    rectified = dataclasses.replace(original, pressure=np.maximum(original.pressure, 0))
+    assert compare(original, rectified).gain == pytest.approx(0.5, rel=1e-3)
+
+
+def test_a_delay_is_found_and_taken_out():
+    original = frames()
+    later = dataclasses.replace(original, pressure=advance(original.pressure, -0.0034, 1000.0))
+    comparison = compare(original, later)
+    assert comparison.delay == pytest.approx(0.0034, abs=2e-5)
+    assert comparison.correlation == pytest.approx(1, abs=1e-3)
+
+
+def test_another_place():
+    comparison = compare(frames(), frames(channel=6))
+    assert comparison.peak_distance == pytest.approx(11e-3)
+    assert comparison.correlation == pytest.approx(0, abs=1e-9)
+
+
+def test_distortion_by_hand():
+    """A second sine of a tenth of the amplitude is 20 dB of distortion."""
+    original = frames()
+    distorted = dataclasses.replace(original, pressure=original.pressure + frames(0.1, frequency=200.0).pressure)
+    assert compare(original, distorted).distortion_ratio == pytest.approx(20, abs=0.1)
+
+
+def test_silence_gives_figures_and_no_nan():
+    silent = dataclasses.replace(frames(), pressure=np.zeros((400, 4, 4)))
+    for comparison in (compare(frames(), silent), compare(silent, silent), compare(silent, frames())):
+        assert not any(np.isnan(value) for value, _ in comparison.figures().values())
+
+
+def test_every_figure_has_a_unit_or_is_a_ratio():
+    units = {unit for _, unit in compare(frames(), frames()).figures().values()}
+    assert units == {"", "%", "dB", "mm", "Hz", "Pa", "ms"}
+
+
+def test_other_cells_and_other_rates_are_refused():
+    with pytest.raises(RateError, match="resample"):
+        compare(frames(), frames(rate=500.0))
+    other = PressureFrames(pressure=np.ones((400, 2, 2)), rate=1000.0, sensor=SensorGrid(rows=2, columns=2))
+    with pytest.raises(MismatchError, match="cells"):
+        compare(frames(), other)

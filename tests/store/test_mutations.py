@@ -1,0 +1,95 @@
+"""Damaged bytes: whatever happens to a file, a reader returns a value or says in one line what is wrong."""
+
+import numpy as np
+import pytest
+
+from midair.datasets.catalogue import sample_path
+from midair.errors import MidairError
+from midair.model import PressureFrames
+from midair.store import (
+    load,
+    load_calibration,
+    load_pressure,
+    load_solution,
+    load_target,
+    save,
+    save_calibration,
+    save_pressure,
+    save_solution,
+)
+
+
+def mutant(data: bytes, rng: np.random.Generator) -> bytes:
+    """`data` cut, with bytes or bits changed, overwritten, left out or doubled."""
+    spoilt = bytearray(data)
+    first, last = sorted(int(i) for i in rng.integers(len(data), size=2))
+    match int(rng.integers(6)):
+        case 0:
+            return bytes(spoilt[:first])
+        case 1:
+            for place in rng.integers(len(data), size=rng.integers(1, 9)):
+                spoilt[place] = rng.integers(256)
+        case 2:
+            for place in rng.integers(len(data), size=rng.integers(1, 4)):
+                spoilt[place] ^= 1 << int(rng.integers(8))
+        case 3:
+            last = min(first + int(rng.integers(1, 65)), len(data))
+            spoilt[first:last] = bytes([255 * int(rng.integers(2))]) * (last - first)
+        case 4:
+            del spoilt[first:last]
+        case _:
+            spoilt[first:last] = spoilt[first:last] * 2
+    return bytes(spoilt)
+
+
+@pytest.fixture
+def originals(recording, calibration, solution, target, tmp_path):
+    folder = tmp_path / "originals"
+    folder.mkdir()
+    for ending in (".h5", ".csv", ".wav", ".npz", ".mat"):
+        save(recording, folder / f"a{ending}", calibration=calibration if ending == ".h5" else None)
+    save_pressure(PressureFrames(pressure=recording.samples, rate=333, sensor=recording.sensor), folder / "a.h5")
+    save_calibration(calibration, folder / "a.calibration.h5")
+    save_solution(solution, folder / "a.drive.h5", target=target)
+    (folder / "foreign.csv").write_bytes(b"\n".join(sample_path("denim").read_bytes().split(b"\n")[:30]))
+    return folder
+
+
+READERS = {
+    "a.h5": (load, load_calibration, load_pressure),
+    "a.calibration.h5": (load_calibration,),
+    "a.drive.h5": (load_solution, load_target),
+    "a.csv": (load,),
+    "foreign.csv": (load,),
+    "a.wav": (load,),
+    "a.npz": (load,),
+    "a.mat": (load,),
+}
+
+
+def refusals(name, count, originals, tmp_path):
+    """What the readers say to `count` mutants."""
+    rng = np.random.default_rng(2020)
+    data = (originals / name).read_bytes()
+    path = tmp_path / name
+    said = []
+    for _ in range(count):
+        path.write_bytes(mutant(data, rng))
+        for reader in READERS[name]:
+            try:
+                reader(path)
+            except MidairError as wrong:
+                said.append(str(wrong))
+    assert all(sentence.startswith(str(path)) and "\n" not in sentence for sentence in said)
+    return said
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_survives_damage(name, originals, tmp_path):
+    assert len(refusals(name, 200, originals, tmp_path)) > 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", READERS)
+def test_survives_much_damage(name, originals, tmp_path):
+    assert len(refusals(name, 10_000, originals, tmp_path)) > 1000

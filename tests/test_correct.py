@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+
+from midair.correct import amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure
+from midair.errors import InputError, ShapeError
+from midair.model import Medium, TransducerArray
+from midair.physics import propagate, radiation_pressure
+
+ARRAY = TransducerArray.autd3()
+POINT = np.array([0.0055, -0.0055, 0.2])
+
+
+def test_the_beam_beats_as_a_raised_sine_of_pressure():
+    levels = np.array([0.1, 0.3])
+    drive = beam_drive(ARRAY, POINT, levels, frequency=100.0, cycles=20, rate=1000.0)
+    field = propagate(drive, POINT[None])[:, 0]
+    pressure = radiation_pressure(field, Medium())
+    full = commanded_pressure(ARRAY, POINT, levels)
+    time = np.arange(200) / 1000
+    expected = full[:, None] * (1 - np.cos(2 * np.pi * 100 * time)) / 2
+    np.testing.assert_allclose(pressure, expected.ravel(), rtol=1e-9, atol=1e-9)
+
+
+def test_beat_amplitude_of_a_raised_sine():
+    time = np.arange(600) / 1000
+    signal = np.repeat([2.0, 4.0, 8.0], 200) * (1 - np.cos(2 * np.pi * 100 * time)) / 2
+    np.testing.assert_allclose(beat_amplitude(signal, 1000.0, frequency=100.0, parts=3), [1, 2, 4], rtol=1e-9)
+
+
+def test_beat_amplitude_needs_some_cycles():
+    with pytest.raises(ShapeError, match="cycles"):
+        beat_amplitude(np.ones(20), 1000.0, frequency=100.0, parts=4)
+
+
+def test_a_straight_line_is_found_with_its_floor():
+    commanded = np.linspace(10, 60, 6)
+    line = beam_gain(commanded, 0.4 * commanded + 3)
+    assert line.gain == pytest.approx(0.4)
+    assert line.intercept == pytest.approx(3)
+    assert line.curvature == pytest.approx(0, abs=1e-9)
+    assert line.residual == pytest.approx(0, abs=1e-9)
+
+
+def test_the_error_of_the_gain_is_its_spread():
+    """Over many noisy repeats, the gains scatter as the mean stated error says."""
+    rng, commanded = np.random.default_rng(0), np.linspace(10, 60, 6)
+    lines = [beam_gain(commanded, 0.4 * commanded + rng.normal(0, 0.5, 6)) for _ in range(2000)]
+    scatter = np.std([line.gain for line in lines])
+    stated = np.sqrt(np.mean([line.gain_error**2 for line in lines]))
+    assert stated == pytest.approx(scatter, rel=0.08)
+
+
+def test_saturation_shows_as_negative_curvature():
+    commanded = np.linspace(10, 60, 6)
+    assert beam_gain(commanded, 100 * np.tanh(commanded / 100)).curvature < -0.1
+
+
+def test_refusals():
+    with pytest.raises(InputError, match="at least 5"):
+        beam_gain(np.arange(4.0), np.arange(4.0))
+    with pytest.raises(InputError, match="beam on the sensor"):
+        beam_gain(np.arange(6.0), -np.arange(6.0))
+    with pytest.raises(ShapeError):
+        beam_gain(np.arange(6.0), np.arange(5.0))
+    with pytest.raises(InputError, match="whole number"):
+        beam_drive(ARRAY, POINT, np.ones(5), frequency=130.0)
+    with pytest.raises(InputError, match="resemble"):
+        amplitude_gain(-0.1)
+
+
+def test_amplitude_gain_is_bounded():
+    assert amplitude_gain(0.5) == 2
+    assert amplitude_gain(0.001) == 4
+    assert amplitude_gain(100.0, limit=8) == 1 / 8
