@@ -19,7 +19,7 @@ from midair.evaluate import compare
 from midair.physics import propagate
 from midair.prepare import prepare
 from midair.solve import solve
-from midair.store import load, save
+from midair.store import load, load_calibration, save
 from midair.version import __version__
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "errors",
     "flow",
     "load",
+    "load_calibration",
     "model",
     "physics",
     "prepare",

@@ -11,7 +11,7 @@ import pytest
 from midair.cli import run
 from midair.datasets import sample_path
 from midair.model import Recording, SensorGrid
-from midair.store import load, load_calibration, load_solution, save
+from midair.store import load, load_calibration, load_solution, save, save_calibration
 
 QUICK = ["--points", "6", "--pitch", "11mm", "--iterations", "2", "1"]
 
@@ -104,6 +104,19 @@ def test_info_tells_the_life_of_a_file(take, capsys):
     assert "SIMULATED" in captured.err
 
 
+def test_info_of_a_calibration(take, capsys):
+    save_calibration(load_calibration("take.h5"), "mine.calibration.h5")
+    assert run(["info", "mine.calibration.h5"]) == 0
+    assert "V/Pa" in capsys.readouterr().out
+
+
+def test_repair_of_a_file_that_needs_none(take, capsys):
+    before = load("take.h5").samples
+    assert run(["repair", "take.h5"]) == 0
+    assert "closed in order" in capsys.readouterr().out
+    np.testing.assert_array_equal(load("take.h5").samples, before)
+
+
 def test_doctor(capsys):
     assert run(["doctor", "--json"]) == 0
     assert {"subject", "state", "found", "advice"} <= set(json.loads(capsys.readouterr().out)[0])
@@ -116,6 +129,7 @@ def test_demo_leaves_a_report_and_what_it_shows(capsys):
         "stroke.h5",
         "rerecorded.h5",
         "towel.drive.h5",
+        "field.png",
     }
     captured = capsys.readouterr()
     assert "SIMULATED" in captured.err
@@ -180,7 +194,8 @@ def test_wrong_input_gives_one_line_a_status_and_leaves_nothing(case, take, caps
 
 
 @pytest.mark.parametrize(
-    "command", ["demo", "record", "import", "export", "info", "calibrate", "solve", "play", "loop", "compare", "doctor"]
+    "command",
+    ["demo", "record", "import", "export", "info", "calibrate", "solve", "play", "loop", "compare", "repair", "doctor"],
 )
 def test_every_command_explains_itself(command, capsys):
     assert run([command, "--help"]) == 0

@@ -4,7 +4,7 @@ import pytest
 
 from midair.model import PressureFrames
 from midair.store import save, save_calibration, save_pressure, save_solution
-from midair.store.schema import TABLE, as_markdown
+from midair.store.schema import HEADER, TABLE, as_markdown
 
 
 @pytest.mark.parametrize("kind", TABLE)
@@ -20,10 +20,10 @@ def test_every_dataset_has_a_unit(kind):
     assert all(entry.unit for entry in TABLE[kind] if entry.dimensions is not None)
 
 
-@pytest.mark.parametrize("kind", TABLE)
-def test_markdown_has_a_row_for_every_name(kind):
-    rows = as_markdown(kind).splitlines()
-    assert len(rows) == len(TABLE[kind]) + 2
+@pytest.mark.parametrize("entries", [*TABLE.values(), HEADER], ids=[*TABLE, "header"])
+def test_markdown_has_a_row_for_every_name(entries):
+    rows = as_markdown(entries).splitlines()
+    assert len(rows) == len(entries) + 2
     assert all(row.count("|") == 7 for row in rows)
 
 

@@ -10,7 +10,7 @@ from midair.cli.show import banner, out, print_figures, print_rows, stages
 from midair.flow import felt
 from midair.rig.capture import record
 from midair.rig.loop import Loop, run_loop
-from midair.rig.report import write_report
+from midair.rig.report import pictures, write_report
 from midair.rig.virtual import VirtualRig
 from midair.store import save, save_solution
 
@@ -34,7 +34,7 @@ def demo_command(
     Parameters
     ----------
     output
-        Folder for the report, the recordings and the drive.
+        Folder for the report, the recordings and the drive; those of an earlier demo are replaced.
     object_name
         brush, sponge or towel, each with +groove for the grooved sensor surface.
     start_at
@@ -48,6 +48,7 @@ def demo_command(
     """
     settings = (options or SolveOptions()).settings()
     output.mkdir(parents=True, exist_ok=True)
+    (output / "stroke.h5").unlink(missing_ok=True)
     rig = VirtualRig(seed=seed, height=settings.grid.height)
     out().print(f"sensor: none found, virtual {object_name} on {rig.sensor_model.grid.name}", markup=False)
     out().print(f"array: none found, virtual {rig.array.name} units, {rig.array.count} transducers", markup=False)
@@ -92,3 +93,4 @@ def _keep(loop: Loop, output: Path, name: str, part: str) -> None:
         f"midair loop stroke.h5 report.html {part}",
     )
     write_report(loop, output / "report.html", commands=commands)
+    (output / "field.png").write_bytes(pictures(loop)[2].data)

@@ -19,7 +19,17 @@ from midair.model import Calibration, Provenance, Recording, Setting, Unit
 from midair.rig.capture import record
 from midair.rig.names import sensor_named
 from midair.rig.virtual import VirtualRig
-from midair.store import load, load_calibration, load_pressure, load_solution, read, save, save_pressure
+from midair.store import (
+    contents,
+    load,
+    load_calibration,
+    load_pressure,
+    load_solution,
+    read,
+    repair,
+    save,
+    save_pressure,
+)
 
 Pressure = Annotated[float | None, quantity("Pa")]
 
@@ -132,16 +142,16 @@ def export_command(source: Path, output: Path, /, *, force: bool = False) -> Non
 
 @app.command(name="info")
 def info_command(source: Path, /, *, json: bool = False) -> None:
-    """Say what a recording or a drive holds, where it came from, and what was done to it.
+    """Say what a recording, a drive or a calibration holds, where it came from, and what was done to it.
 
     Parameters
     ----------
     source
-        NAME.h5, NAME.drive.h5, or any recording that can be imported.
+        NAME.h5, NAME.drive.h5, NAME.calibration.h5, or any recording that can be imported.
     json
         Print JSON for a program.
     """
-    rows, provenance = _drive_rows(source) if source.name.endswith(".drive.h5") else _recording_rows(source)
+    rows, provenance = _rows_of_file(source)
     if json:
         steps = [{"stage": step.stage, **step.settings} for step in provenance.steps]
         return print_json({**dict(rows), "simulated": provenance.simulated, "steps": steps})
@@ -196,6 +206,23 @@ def calibrate_command(
     )
 
 
+@app.command(name="repair")
+def repair_command(source: Path, /) -> None:
+    """Close a recording whose program was killed, so that any program can open it.
+
+    Do not use it on a recording that still runs.
+
+    Parameters
+    ----------
+    source
+        NAME.h5; it is replaced in one piece.
+    """
+    found = repair(source)
+    print_rows([("recording", str(source)), ("state", "was closed in order" if not found else "repaired")])
+    for sentence in found:
+        out().print(f"note: {sentence}", markup=False)
+
+
 def may_write(path: Path, force: bool) -> None:
     """Refuse to write over a file unless told to."""
     if path.exists() and not force:
@@ -236,9 +263,35 @@ def _rows(recording: Recording) -> list[tuple[str, str]]:
     ]
 
 
-def _recording_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
+def _rows_of_file(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
+    """What a file of any kind holds, and its life."""
+    if source.suffix not in (".h5", ".hdf5"):
+        return _recording_rows(source, stored=False)
+    held = contents(source)
+    readers = {"drive": _drive_rows, "calibration": _calibration_rows}
+    rows, provenance = readers.get(held.kind, _recording_rows)(source)
+    rows.append(
+        ("written", f"{held.created} by {held.created_by}" + ("" if held.finished else ", not closed in order"))
+    )
+    return rows, provenance
+
+
+def _calibration_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
+    calibration = load_calibration(source)
+    if calibration is None:
+        return [("calibration", "none")], Provenance()
+    frequency = calibration.frequency
+    rows = [
+        ("calibration", _calibrated_by(calibration)),
+        ("sensor", calibration.sensor.name),
+        ("frequencies", f"{len(frequency)} from {frequency[0]:g} to {frequency[-1]:g} Hz"),
+        ("unit", f"{calibration.unit}/Pa"),
+    ]
+    return rows, calibration.provenance
+
+
+def _recording_rows(source: Path, *, stored: bool = True) -> tuple[list[tuple[str, str]], Provenance]:
     recording = load(source)
-    stored = source.suffix in (".h5", ".hdf5")
     calibration = load_calibration(source) if stored else None
     pressure = load_pressure(source) if stored else None
     rows = [("recording", str(source)), ("source", recording.provenance.source), *_rows(recording)]

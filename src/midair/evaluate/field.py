@@ -11,9 +11,9 @@ Field = NDArray[np.complex128] | NDArray[np.float64]
 
 
 def relative_error(field: Field, amplitude: Array) -> Array:
-    """The paper's error of each frame: E = || |G q| - p || / || p ||.
+    """The paper's error of each frame: ``E = || |G q| - p || / || p ||``.
 
-    At the best phases u of the target, || G q - diag(p) u || = || |G q| - p ||, so this is the residual of eq. (5)
+    At the best phases u of the target, ``|| G q - diag(p) u || = || |G q| - p ||``, so this is the residual of eq. (5)
     over the target's norm.
 
     Parameters

@@ -80,7 +80,7 @@ class Solution:
     drive : Drive
         What to play.
     error : ndarray, shape (frame,)
-        E = || |G q| - p || / || p ||; 0 for a frame with nothing to play.
+        ``E = || |G q| - p || / || p ||``; 0 for a frame with nothing to play.
     iterations : ndarray of int, shape (frame,)
         That the solver made.
     status : tuple of {"converged", "iterations", "stalled", "silent"}

@@ -91,7 +91,7 @@ def focus_amplitude(
 ) -> float:
     """Peak sound pressure of the strongest single focus that the whole array at full drive can make, in Pa.
 
-    The largest row sum of |G| over the points. `strength` is a target's peak over this.
+    The largest row sum of ``|G|`` over the points. `strength` is a target's peak over this.
     """
     matrix = transfer_matrix(points, array, medium=medium, directivity=directivity)
     return float(np.abs(matrix).sum(axis=1).max())

@@ -1,6 +1,7 @@
 """Files: recordings, calibrations and drives in HDF5, and recordings in the formats of other programs."""
 
 from midair.store.calibration_file import load_calibration, save_calibration
+from midair.store.contents import Contents, contents
 from midair.store.drive_file import load_solution, load_target, save_solution
 from midair.store.formats import FORMATS, load, read, save
 from midair.store.imported import Imported
@@ -9,8 +10,10 @@ from midair.store.writer import RecordingWriter
 
 __all__ = [
     "FORMATS",
+    "Contents",
     "Imported",
     "RecordingWriter",
+    "contents",
     "load",
     "load_calibration",
     "load_pressure",

@@ -1,6 +1,6 @@
 """Every name that midair stores: its dimensions, type and unit, in one table for writers, readers and the docs."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -142,10 +142,21 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
 """What each kind holds."""
 
 
-def as_markdown(kind: Kind) -> str:
-    """The table of one kind, as the docs print it."""
+HEADER: tuple[Entry, ...] = (
+    *_SIGNED,
+    *_UNIT,
+    attribute("frames", "i8", "number of frames: fewer samples mean that the file was cut"),
+    attribute("rate_hz", "f8", "frames per second, Hz"),
+    attribute("sensor", "text", "rows, columns, pitch_m and name"),
+    attribute("scale_exponent", "i8", "of the power of two that full scale stands for, in a WAV", required=False),
+)
+"""What the line of JSON holds that goes with the samples into CSV, WAV, NPZ and MAT."""
+
+
+def as_markdown(entries: Iterable[Entry]) -> str:
+    """The table of one kind, or of the header, as the docs print it."""
     lines = ["| name | stored as | dimensions | type | unit | what |", "| --- | --- | --- | --- | --- | --- |"]
-    for entry in TABLE[kind]:
+    for entry in entries:
         stored = "attribute" if entry.dimensions is None else "dataset"
         name = f"`{entry.name}`" if entry.required else f"`{entry.name}` (optional)"
         axes = ", ".join(entry.dimensions or ())

@@ -1,0 +1,68 @@
+"""How the documentation is built; `make docs` treats every warning as an error."""
+
+from typing import Any
+
+from matplotlib.figure import Figure
+from sphinx_gallery.scrapers import figure_rst
+
+from midair import __version__
+from midair.store.schema import HEADER, TABLE, as_markdown
+
+
+def figure_scraper(_: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
+    """Pictures of the Matplotlib figures that an example's block has made and bound to a name."""
+    seen = gallery_conf.setdefault("midair_seen", [])
+    paths = []
+    for value in list(block_vars["example_globals"].values()):
+        if isinstance(value, Figure) and not any(value is old for old in seen):
+            seen.append(value)
+            path = next(block_vars["image_path_iterator"])
+            value.savefig(path, dpi=110)
+            paths.append(path)
+    return figure_rst(paths, gallery_conf["src_dir"])
+
+
+project = "midair"
+author = "The midair maintainers"
+copyright = f"2026, {author}"
+release = version = __version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "numpydoc",
+    "sphinx.ext.mathjax",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["_build", "gallery/*.ipynb", "gallery/*.py", "gallery/*.json", "**/sg_execution_times.rst"]
+suppress_warnings = ["config.cache"]  # the gallery's scraper is a function, which cannot be kept between builds
+
+html_theme = "furo"
+html_title = "midair"
+html_static_path: list[str] = []
+
+myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "substitution"]
+myst_substitutions = {
+    "header_table": as_markdown(HEADER),
+    **{f"{kind}_table": as_markdown(entries) for kind, entries in TABLE.items()},
+}
+myst_heading_anchors = 3
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+numpydoc_show_class_members = False
+numpydoc_class_members_toctree = False
+
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"/plot_",
+    "image_scrapers": (figure_scraper,),
+    "reset_modules": (),
+    "download_all_examples": False,
+    "show_memory": False,
+    "show_signature": False,
+    "write_computation_times": False,
+    "abort_on_example_error": True,
+    "min_reported_time": 1e9,
+}
