@@ -6,6 +6,13 @@ import pytest
 from midair.model import AmplitudeFrames, ControlGrid, Medium, SensorGrid, TransducerArray
 from midair.physics import focus_amplitude, transfer_matrix
 from midair.prepare import interpolation_matrix
+from midair.solve import one_blas_thread
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_thread():
+    with one_blas_thread():
+        yield
 
 
 @pytest.fixture(scope="session")

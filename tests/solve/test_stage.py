@@ -20,6 +20,18 @@ def wave(frames=4, points=16, pascal=3000.0):
     return pascal * np.random.default_rng(0).uniform(size=(frames, points))
 
 
+@pytest.mark.parametrize("bits", [8, 4])
+def test_rounded_phases_are_on_the_firmwares_grid_and_their_error_is_theirs(bits):
+    wanted = target(wave())
+    exact, rounded = solve(wanted, UNIT, iterations=15), solve(wanted, UNIT, iterations=15, bits=bits)
+    steps = rounded.drive.phase / (2 * np.pi) * 2**bits
+    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
+    field = np.abs(propagate(rounded.drive, SMALL))
+    expected = np.linalg.norm(field - wanted.amplitude, axis=1) / np.linalg.norm(wanted.amplitude, axis=1)
+    np.testing.assert_allclose(rounded.error, expected, rtol=1e-9)
+    assert (rounded.error > exact.error).all()
+
+
 @pytest.mark.parametrize("level", [1.0, 0.4])
 def test_the_error_is_that_of_the_drive_as_it_would_be_played(level):
     wanted = target(wave())
@@ -62,7 +74,7 @@ def test_phases_are_within_a_turn_and_the_life_is_written_down():
     assert solution.drive.provenance.simulated
     step = solution.drive.provenance.steps[-1]
     assert step.stage == "solve"
-    assert step.settings["iterations"] == (5, 5)
+    assert (step.settings["iterations"], step.settings["warm_iterations"]) == (5, 5)
     assert step.settings["directivity"] == "point"
 
 
@@ -73,6 +85,7 @@ def test_phases_are_within_a_turn_and_the_life_is_written_down():
         ({"start": "random"}, "start: expected previous or zero"),
         ({"level": 0.0}, "level: expected above 0"),
         ({"level": 1.5}, "level: expected above 0"),
+        ({"bits": 0}, "bits: expected 1 to 16"),
         ({"iterations": 0}, "iterations: expected 1 or more"),
     ],
 )

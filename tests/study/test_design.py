@@ -3,7 +3,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import InputError, MismatchError
-from midair.study.design import Analysis, Block, Design, Question, Stimulus, right_answer
+from midair.study.design import Analysis, Block, Design, Stimulus, right_answer
+from midair.study.question import Question
 
 CHOICE = Question(name="which", kind="choice", text="Which?", options=("brush", "towel"), truth="object")
 BRUSH = Stimulus(name="s1", kind="object", source="brush", levels={"object": "brush"})

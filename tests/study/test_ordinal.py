@@ -4,8 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from midair.errors import InputError
-from midair.study import cumulative_link, ordinal_check
+from midair.study import ordinal_check
 
 TWO = {"value": "score", "participant": "participant"}
 
@@ -27,7 +26,7 @@ def test_only_the_order_of_each_persons_answers_counts(ratings):
     assert other["F"] == pytest.approx(plain["F"])
     assert other["p_sign"].tolist() == plain["p_sign"].tolist()
     assert plain["effect"].tolist() == ["surface", "object", "surface:object"]
-    assert plain.row(effect="object")["p_sign"] < 0.02
+    assert plain.row({"effect": "object"})["p_sign"] < 0.02
 
 
 def test_two_levels_without_ties_is_a_sign_test():
@@ -35,16 +34,3 @@ def test_two_levels_without_ties_is_a_sign_test():
     row = ordinal_check(table, value="y", participant="who", within=["x"], rng=np.random.default_rng(0)).rows[0]
     assert row["p_sign"] == pytest.approx(2 / 2**5)
     assert np.isnan(row["F"])  # everyone has the same ranks
-
-
-def test_cumulative_link_equals_r(ratings):
-    # R ordinal::clm, score ~ participant + object against score ~ participant (mixed/reference.R).
-    pytest.importorskip("statsmodels")
-    chi2, df, p = cumulative_link(ratings, **TWO, factor="object")
-    assert (chi2, df) == pytest.approx((20.9602, 2), abs=1e-4)
-    assert p == pytest.approx(2.809e-05, rel=1e-3)
-
-
-def test_nothing_to_fit(ratings):
-    with pytest.raises(InputError, match="nothing to fit"):
-        cumulative_link(ratings | {"score": np.ones(len(ratings["score"]))}, **TWO, factor="object")

@@ -3,9 +3,10 @@ import pytest
 
 from midair.errors import InputError
 from midair.study import d_prime_same_different, d_prime_yes_no, proportion_correct
-from midair.study.design import Block, Design, Question, Stimulus
+from midair.study.design import Block, Design, Stimulus
 from midair.study.participant import SimulatedParticipant
 from midair.study.plan import draw_plan
+from midair.study.question import Question
 
 OBJECTS = ("brush", "sponge", "towel")
 

@@ -3,7 +3,7 @@
 Each file adds its commands to the one app in app.py.
 """
 
-from midair.cli import demo, doctor, recordings, reproduction
+from midair.cli import demo, doctor, info, recordings, reproduction
 from midair.cli.app import app, main, run
 
-__all__ = ["app", "demo", "doctor", "main", "recordings", "reproduction", "run"]
+__all__ = ["app", "demo", "doctor", "info", "main", "recordings", "reproduction", "run"]

@@ -1,6 +1,5 @@
-"""Commands about recordings: record, import, export, info, calibrate."""
+"""Commands that make and change recordings: record, import, export, calibrate, repair."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -8,28 +7,19 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from midair.calibrate import calibrate, dead_channels
+from midair.calibrate import calibrate
 from midair.cli.app import app
+from midair.cli.info import calibrated_by, recording_rows
 from midair.cli.options import BandOptions
-from midair.cli.quantity import parse_quantity, quantity, spell
-from midair.cli.show import banner, out, print_json, print_rows, stages
+from midair.cli.quantity import parse_quantity, quantity
+from midair.cli.show import banner, out, print_rows, stages
 from midair.datasets import sample_path
 from midair.errors import InputError, MismatchError
-from midair.model import Calibration, Provenance, Recording, Setting, Unit
+from midair.model import Calibration, Provenance, Recording, Unit
 from midair.rig.capture import record
 from midair.rig.names import sensor_named
 from midair.rig.virtual import VirtualRig
-from midair.store import (
-    contents,
-    load,
-    load_calibration,
-    load_pressure,
-    load_solution,
-    read,
-    repair,
-    save,
-    save_pressure,
-)
+from midair.store import load, load_calibration, read, repair, save, save_pressure
 
 Pressure = Annotated[float | None, quantity("Pa")]
 
@@ -72,7 +62,7 @@ def record_command(
     banner(device.simulated)
     with stages() as stage, device:
         recording = record(device, length, path=output, notes=notes, progress=stage("record"))
-    print_rows([("recording", str(output)), *_rows(recording)])
+    print_rows([("recording", str(output)), *recording_rows(recording)])
 
 
 @app.command(name="import")
@@ -115,7 +105,9 @@ def import_command(
     calibration = load_calibration(file) if file.suffix == ".h5" else None
     calibration = _nominal(imported.recording, sensitivity, peak) or calibration
     save(imported.recording, target, calibration=calibration)
-    print_rows([("recording", str(target)), *_rows(imported.recording), ("calibration", _calibrated_by(calibration))])
+    print_rows(
+        [("recording", str(target)), *recording_rows(imported.recording), ("calibration", calibrated_by(calibration))]
+    )
     for sentence in imported.report:
         out().print(f"note: {sentence}", markup=False)
 
@@ -138,26 +130,6 @@ def export_command(source: Path, output: Path, /, *, force: bool = False) -> Non
     print_rows([("written", str(output))])
     for sentence in lost:
         out().print(f"lost: {sentence}", markup=False)
-
-
-@app.command(name="info")
-def info_command(source: Path, /, *, json: bool = False) -> None:
-    """Say what a recording, a drive or a calibration holds, where it came from, and what was done to it.
-
-    Parameters
-    ----------
-    source
-        NAME.h5, NAME.drive.h5, NAME.calibration.h5, or any recording that can be imported.
-    json
-        Print JSON for a program.
-    """
-    rows, provenance = _rows_of_file(source)
-    if json:
-        steps = [{"stage": step.stage, **step.settings} for step in provenance.steps]
-        return print_json({**dict(rows), "simulated": provenance.simulated, "steps": steps})
-    banner(provenance.simulated)
-    print_rows([*rows, *((f"step: {step.stage}", _settings(step.settings)) for step in provenance.steps)])
-    return None
 
 
 @app.command(name="calibrate")
@@ -198,7 +170,7 @@ def calibrate_command(
     print_rows(
         [
             ("recording", str(source)),
-            ("calibration", _calibrated_by(known)),
+            ("calibration", calibrated_by(known)),
             ("band", f"{options.band[0]:g} to {options.band[1]:g} Hz"),
             ("largest pressure", f"{largest:.3g} Pa"),
             ("rms of the strongest cell", f"{np.sqrt((pressure.pressure**2).mean(axis=0)).max():.3g} Pa"),
@@ -249,84 +221,3 @@ def _nominal(recording: Recording, sensitivity: str | None, peak: float | None) 
     flat = Calibration.flat(recording.sensor, sensitivity=float(change / peak), unit=recording.unit)
     stated = f"stated: the largest change of any channel, {change:.4g} {recording.unit}, is {peak:g} Pa"
     return replace(flat, provenance=Provenance(source=stated))
-
-
-def _rows(recording: Recording) -> list[tuple[str, str]]:
-    rows, columns = recording.sensor.shape
-    dead = np.flatnonzero(dead_channels(recording))
-    return [
-        ("frames", f"{recording.frames} at {recording.rate:.6g} Hz, {recording.duration:.3f} s"),
-        ("sensor", f"{recording.sensor.name}, {rows} x {columns}, pitch {spell(recording.sensor.pitch, 'm')}"),
-        ("unit", recording.unit),
-        ("range", f"{recording.samples.min():.4g} to {recording.samples.max():.4g} {recording.unit}"),
-        ("dead channels", ", ".join(str(channel) for channel in dead) or "none"),
-    ]
-
-
-def _rows_of_file(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
-    """What a file of any kind holds, and its life."""
-    if source.suffix not in (".h5", ".hdf5"):
-        return _recording_rows(source, stored=False)
-    held = contents(source)
-    readers = {"drive": _drive_rows, "calibration": _calibration_rows}
-    rows, provenance = readers.get(held.kind, _recording_rows)(source)
-    rows.append(
-        ("written", f"{held.created} by {held.created_by}" + ("" if held.finished else ", not closed in order"))
-    )
-    return rows, provenance
-
-
-def _calibration_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
-    calibration = load_calibration(source)
-    if calibration is None:
-        return [("calibration", "none")], Provenance()
-    frequency = calibration.frequency
-    rows = [
-        ("calibration", _calibrated_by(calibration)),
-        ("sensor", calibration.sensor.name),
-        ("frequencies", f"{len(frequency)} from {frequency[0]:g} to {frequency[-1]:g} Hz"),
-        ("unit", f"{calibration.unit}/Pa"),
-    ]
-    return rows, calibration.provenance
-
-
-def _recording_rows(source: Path, *, stored: bool = True) -> tuple[list[tuple[str, str]], Provenance]:
-    recording = load(source)
-    calibration = load_calibration(source) if stored else None
-    pressure = load_pressure(source) if stored else None
-    rows = [("recording", str(source)), ("source", recording.provenance.source), *_rows(recording)]
-    rows.append(("calibration", _calibrated_by(calibration)))
-    if pressure is not None:
-        rows.append(("largest pressure", f"{np.abs(pressure.pressure).max():.3g} Pa"))
-    rows += [(f"note: {name}", text) for name, text in recording.provenance.notes.items()]
-    return rows, recording.provenance
-
-
-def _drive_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
-    solution = load_solution(source)
-    drive = solution.drive
-    plays = np.array([status != "silent" for status in solution.status])
-    error = 100 * solution.error[plays]
-    rows = [
-        ("drive", str(source)),
-        ("source", drive.provenance.source),
-        (
-            "frames",
-            f"{drive.frames} at {drive.rate:g} Hz, {drive.frames / drive.rate:.3f} s, {int((~plays).sum())} silent",
-        ),
-        ("array", f"{drive.array.name}, {drive.array.count} transducers"),
-        ("level", f"{drive.level.min():g} to {drive.level.max():g}"),
-        ("E", f"mean {error.mean():.1f} %, worst {error.max():.1f} %" if plays.any() else "nothing plays"),
-        *((f"note: {name}", text) for name, text in drive.provenance.notes.items()),
-    ]
-    return rows, drive.provenance
-
-
-def _calibrated_by(calibration: Calibration | None) -> str:
-    if calibration is None:
-        return "none; state one with midair calibrate --sensitivity or --peak"
-    return " ".join(part for part in (calibration.provenance.source, calibration.date) if part)
-
-
-def _settings(settings: Mapping[str, Setting]) -> str:
-    return ", ".join(f"{name} {value}" for name, value in settings.items())

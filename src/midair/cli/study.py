@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 from cyclopts import App, Parameter
 from rich.console import Console
 
+from midair.cli.study_numbers import paper_command, power_command, say
 from midair.cli.study_terminal import TerminalScreen, presenter_named, stops_on_signals
 from midair.errors import InputError, MissingFileError
 from midair.rig.presenters import NoPresenter
@@ -14,16 +14,18 @@ from midair.rig.simulated_screen import SimulatedScreen
 from midair.rig.study_plan import StudyFolder, paper_design_text, read_design
 from midair.rig.study_report import report_json, report_page, report_text
 from midair.rig.study_tables import read_bids, read_csv, write_bids, write_csv
-from midair.rig.trials import Screen, Session, run
+from midair.rig.trials import Session, run
+from midair.study.adaptive_block import thresholds_of
 from midair.study.data import StudyData, data_of_answers, data_of_columns
 from midair.study.participant import SimulatedParticipant
 from midair.study.plan import Plan, block_order
-from midair.study.power import IdentificationExperiment, RatingExperiment, participants_for_paired_t, power_curve
 from midair.study.progress import Policy, answers_table
 from midair.study.report import Report, analyse
 from midair.study.table import Table
 
 app = App(name="study", help="Plan a study on people, run it one participant at a time, and analyse it.")
+app.command(power_command, name="power")
+app.command(paper_command, name="paper")
 
 
 @app.command(name="new")
@@ -55,11 +57,11 @@ def new_command(
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum())
     design = read_design(text, name=kept, participants=participants, seed=seed)
     plan = StudyFolder.create(path, text, design).plan()
-    _say(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
+    say(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
     for number in range(1, design.participants + 1):
         order = dict.fromkeys(block.group for block in block_order(design, number))
-        _say(f"  participant {number}: {', '.join(order)}")
-    _say(f"Next: midair study run {path} --participant 1, or try it with --simulate.")
+        say(f"  participant {number}: {', '.join(order)}")
+    say(f"Next: midair study run {path} --participant 1, or try it with --simulate.")
 
 
 @app.command(name="run")
@@ -99,9 +101,14 @@ def run_command(
     screen = TerminalScreen(Console())
     with stops_on_signals(), presenter_named(array, folder, plan) as presenter:
         log = folder.log(participant)
-        with Session(plan, participant, log, presenter, policy=policy, simulated=array == "virtual") as session:
-            step = run(session, screen)
-    _say("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
+        try:
+            with Session(plan, participant, log, presenter, policy=policy, simulated=array == "virtual") as session:
+                step = run(session, screen)
+        except EOFError as closed:
+            raise InputError(
+                "terminal: expected answers, got the end of input; the answers so far are stored"
+            ) from closed
+    say("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
     return 0 if step.kind == "done" else 1
 
 
@@ -154,7 +161,9 @@ def analyse_command(
     if (source / "plan.json").exists():
         folder = StudyFolder(source)
         plan = folder.plan()
-        data = data_of_answers(answers_table(plan, folder.sessions()), plan.design.analysis)
+        sessions = folder.sessions()
+        thresholds = thresholds_of(plan, sessions)
+        data = data_of_answers(answers_table(plan, sessions), plan.design.analysis, thresholds=thresholds)
         title, target = plan.design.title or plan.design.name, output or source / "report.html"
     else:
         table = _old_table(source)
@@ -193,72 +202,24 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
     answers = answers_table(plan, folder.sessions())
     if format == "bids":
         written = write_bids(answers, plan.design, output)
-        _say(f"{output}: {len(written)} files, {answers.height} answers.")
+        say(f"{output}: {len(written)} files, {answers.height} answers.")
     else:
         if not answers.height:
             raise InputError("export: expected answers, got none; run a participant first")
         write_csv(answers, output)
-        _say(f"{output}: {answers.height} answers.")
+        say(f"{output}: {answers.height} answers.")
     _warn_simulated(bool(answers["simulated"].any()))
-
-
-@app.command(name="power")
-def power_command(
-    test: Literal["paired", "identification", "rating"],
-    /,
-    *,
-    effect: float,
-    objects: int = 3,
-    trials: int = 12,
-    power: float = 0.8,
-    runs: int = 500,
-    seed: int = 0,
-) -> None:
-    """How many participants a planned test needs.
-
-    Parameters
-    ----------
-    test
-        "paired": paired t, by formula; "identification": objects told apart better than chance; "rating": a factor
-        of two levels in an analysis of variance; both by simulation.
-    effect
-        d_z, mean d', or difference in rating steps.
-    objects
-        Alternatives of the choice.
-    trials
-        Of each participant.
-    power
-        Wanted.
-    runs
-        Simulated studies for each number of participants.
-    seed
-        Of the simulation.
-    """
-    if test == "paired":
-        _say(f"{participants_for_paired_t(d_z=effect, power=power)} pairs for power {power:g} at d_z = {effect:g}.")
-        return
-    experiment = (
-        IdentificationExperiment(objects=objects, trials=trials, d_prime=effect)
-        if test == "identification"
-        else RatingExperiment(means=(0.0, effect))
-    )
-    curve = power_curve(experiment, [3, 5, 8, 10, 12, 16, 20, 30, 40], rng=np.random.default_rng(seed), runs=runs)
-    for row in curve.rows:
-        _say(f"{row['participants']:>4} participants: power {row['power']:.2f} ({row['low']:.2f} to {row['high']:.2f})")
-    enough = [row["participants"] for row in curve.rows if row["power"] >= power]
-    _say(f"Enough for {power:g}: {enough[0]}." if enough else f"More than 40 are needed for {power:g}.")
 
 
 def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Policy, d_prime: float) -> int:
     numbers = [participant] if participant else range(1, plan.design.participants + 1)
-    screen: Screen = SimulatedScreen(
-        plan=plan, participant=SimulatedParticipant(d_prime=d_prime, seed=plan.design.seed)
-    )
+    model = SimulatedParticipant(d_prime=d_prime, seed=plan.design.seed)
     for number in numbers:
-        log = folder.log(number)
-        with Session(plan, number, log, NoPresenter(), policy=policy, simulated=True) as session:
+        presenter, log = NoPresenter(), folder.log(number)
+        screen = SimulatedScreen(plan=plan, participant=model, presenter=presenter)
+        with Session(plan, number, log, presenter, policy=policy, simulated=True) as session:
             run(session, screen)
-        _say(f"participant {number}: done")
+        say(f"participant {number}: done")
     _warn_simulated(True)
     return 0
 
@@ -271,13 +232,9 @@ def _print_report(report: Report, data: StudyData, target: Path, *, json: bool) 
     if json:
         Console(highlight=False, soft_wrap=True).print(report_json(report), markup=False)
         return
-    _say(report_text(report))
-    _say(f"\n{target}")
+    say(report_text(report))
+    say(f"\n{target}")
     _warn_simulated(data.simulated)
-
-
-def _say(line: str) -> None:
-    Console(highlight=False, soft_wrap=True).print(line, markup=False)
 
 
 def _warn_simulated(simulated: bool) -> None:

@@ -12,6 +12,7 @@ from midair.figures.style import Style, new_figure, plain
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from midair.study.report import Choices
@@ -98,17 +99,19 @@ def rating_figure(ratings: Table, within: Sequence[str], *, simulated: bool, sty
     style = style or Style()
     if not 1 <= len(within) <= 3:
         raise InputError(f"figure of ratings: expected one to three factors, got {len(within)}")
-    panels = list(dict.fromkeys(ratings[within[0]].tolist())) if len(within) == 3 else [""]
+    panels = sorted(set(ratings[within[0]].tolist())) if len(within) == 3 else [""]
     figure = new_figure(3.2 * len(panels) + 0.5, 3, simulated=simulated, style=style)
     shared = None
     for place, panel in enumerate(panels):
         axes = plain(figure.add_subplot(1, len(panels), place + 1, sharey=shared), style)
         shared = shared or axes
-        rows = ratings.where(**{within[0]: panel}) if panel else ratings
+        rows = ratings.where({within[0]: panel}) if panel else ratings
         _rating_panel(axes, rows, within[-2] if len(within) > 1 else "", within[-1], style)
         axes.set_title(f"{within[0]}: {panel}" if panel else "", fontsize=9)
         if place == 0:
             axes.set_ylabel("rating, 95 % within people", fontsize=8)
+    handles, names = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, names, fontsize=8, frameon=False, ncols=len(names), loc="outside lower center")
     return figure
 
 
@@ -151,15 +154,15 @@ def power_figure(curves: Sequence[tuple[str, Table]], *, simulated: bool = False
     return figure
 
 
-def _rating_panel(axes, rows: Table, across: str, colour: str, style: Style) -> None:  # type: ignore[no-untyped-def]
-    places = list(dict.fromkeys(rows[across].tolist())) if across else [""]
+def _rating_panel(axes: Axes, rows: Table, across: str, colour: str, style: Style) -> None:
+    places = sorted(set(rows[across].tolist())) if across else [""]
     shades = [style.before, style.reproduced, style.original]
-    series = list(dict.fromkeys(rows[colour].tolist()))
+    series = sorted(set(rows[colour].tolist()))
     for i, level in enumerate(series):
-        part = rows.where(**{colour: level})
-        x = np.arange(part.height) + (i - (len(series) - 1) / 2) * 0.2
+        part = rows.where({colour: level})
+        place = [places.index(name) for name in part[across].tolist()] if across else [0]
+        x = np.array(place) + (i - (len(series) - 1) / 2) * 0.2
         error = np.array([part["mean"] - part["low"], part["high"] - part["mean"]])
         axes.errorbar(x, part["mean"], error, fmt="o", ms=4, capsize=2, color=shades[i % 3], label=f"{colour}: {level}")
     axes.set_xticks(range(len(places)), [str(place) for place in places], fontsize=8)
     axes.set_xlabel(across, fontsize=8)
-    axes.legend(fontsize=7, frameon=False)

@@ -93,7 +93,49 @@ class TransducerArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SensorGrid:
+class Grid:
+    """Places in rows and columns, the same distance apart: what sensors and control grids share.
+
+    Attributes
+    ----------
+    rows, columns : int
+        Number of places.
+    pitch : float
+        Distance between neighbours, in m.
+    """
+
+    rows: int
+    columns: int
+    pitch: float
+
+    def __post_init__(self) -> None:
+        if self.rows < 1 or self.columns < 1 or self.rows != int(self.rows) or self.columns != int(self.columns):
+            raise ShapeError(f"grid: expected at least 1 row and 1 column, got {self.rows} x {self.columns}")
+        positive(self.pitch, "pitch of the grid", "m")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self.rows, self.columns
+
+    @property
+    def count(self) -> int:
+        """Number of places: channels, or control points."""
+        return self.rows * self.columns
+
+    @property
+    def x(self) -> Array:
+        """Of each column, from the middle of the grid, shape (column,), in m."""
+        return centred(self.columns, self.pitch)
+
+    @property
+    def y(self) -> Array:
+        """Of each row, from the middle of the grid, shape (row,), in m."""
+        return centred(self.rows, self.pitch)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorGrid(Grid):
     """A square grid of pressure cells: channel = row * columns + column.
 
     Attributes
@@ -111,30 +153,6 @@ class SensorGrid:
     pitch: float = 11e-3
     name: str = "sensor"
 
-    def __post_init__(self) -> None:
-        _check_counts(self.rows, self.columns, "sensor")
-        positive(self.pitch, "sensor pitch", "m")
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(rows, columns)."""
-        return self.rows, self.columns
-
-    @property
-    def count(self) -> int:
-        """Number of channels."""
-        return self.rows * self.columns
-
-    @property
-    def x(self) -> Array:
-        """Of each column, from the centre, shape (column,), in m."""
-        return centred(self.columns, self.pitch)
-
-    @property
-    def y(self) -> Array:
-        """Of each row, from the centre, shape (row,), in m."""
-        return centred(self.rows, self.pitch)
-
     def channel_position(self, channel: int) -> tuple[float, float]:
         """(x, y) of a channel from the centre of the grid, in m."""
         if not 0 <= channel < self.count:
@@ -144,7 +162,7 @@ class SensorGrid:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ControlGrid:
+class ControlGrid(Grid):
     """The points in midair whose sound pressure is controlled: a square grid parallel to the array.
 
     Attributes
@@ -166,30 +184,9 @@ class ControlGrid:
     centre: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        _check_counts(self.rows, self.columns, "control grid")
-        positive(self.pitch, "control grid pitch", "m")
-        positive(self.height, "control grid height", "m")
+        Grid.__post_init__(self)
+        positive(self.height, "height of the control grid", "m")
         object.__setattr__(self, "centre", (float(self.centre[0]), float(self.centre[1])))
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(rows, columns)."""
-        return self.rows, self.columns
-
-    @property
-    def count(self) -> int:
-        """Number of points."""
-        return self.rows * self.columns
-
-    @property
-    def x(self) -> Array:
-        """Of each column, from the middle of the grid, shape (column,), in m."""
-        return centred(self.columns, self.pitch)
-
-    @property
-    def y(self) -> Array:
-        """Of each row, from the middle of the grid, shape (row,), in m."""
-        return centred(self.rows, self.pitch)
 
     @property
     def position(self) -> Array:
@@ -201,8 +198,3 @@ class ControlGrid:
 def centred(count: int, pitch: float) -> Array:
     """`count` places `pitch` apart around 0, shape (count,), in m."""
     return np.asarray((np.arange(count) - (count - 1) / 2) * pitch, np.float64)
-
-
-def _check_counts(rows: int, columns: int, name: str) -> None:
-    if rows < 1 or columns < 1 or rows != int(rows) or columns != int(columns):
-        raise ShapeError(f"{name}: expected at least 1 row and 1 column, got {rows} x {columns}")

@@ -93,10 +93,20 @@ class ArrayPresenter:
 
 
 class NoPresenter:
-    """Presents nothing: for simulated participants."""
+    """Presents nothing: for simulated participants, who ask it what they would have felt.
+
+    Attributes
+    ----------
+    felt : str
+        Name of the last stimulus.
+    """
+
+    def __init__(self) -> None:
+        self.felt = ""
 
     def present(self, stimulus: Stimulus) -> None:
-        """Nothing to do."""
+        """Remember it."""
+        self.felt = stimulus.name
 
     def silence(self) -> None:
         """Nothing to end."""

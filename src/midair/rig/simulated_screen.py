@@ -1,8 +1,9 @@
 """A simulated participant in front of the screen."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from midair.errors import DeviceStateError
+from midair.rig.presenters import NoPresenter
 from midair.rig.trials import Reply, Step
 from midair.study.participant import SimulatedParticipant
 from midair.study.plan import Plan
@@ -18,10 +19,13 @@ class SimulatedScreen:
         In which it looks up what it felt.
     participant : SimulatedParticipant
         Its model.
+    presenter : NoPresenter
+        Of the session; tells what an adaptive block has chosen.
     """
 
     plan: Plan
     participant: SimulatedParticipant
+    presenter: NoPresenter = field(default_factory=NoPresenter)
 
     def show(self, text: str) -> None:
         """Does not read."""
@@ -32,7 +36,8 @@ class SimulatedScreen:
     def ask(self, step: Step) -> Reply:
         """Answers by the model."""
         trial = self.plan.trial(step.code)
-        text, reaction = self.participant.answer(self.plan, trial, step.question.name if step.question else "")
+        name = step.question.name if step.question else ""
+        text, reaction = self.participant.answer(self.plan, trial, name, felt=self.presenter.felt)
         return Reply(text=text, reaction_s=reaction)
 
     def accepted(self, step: Step, answer: str) -> None:

@@ -34,7 +34,7 @@ class EventLog:
         try:
             _hold(self._file, self.path)
             _sync_folder(self.path.parent)
-            torn = _cut_torn_line(self._file)
+            torn = _cut_torn_line(self._file, self.path)
             read_events(self.path)
             if torn:
                 self.append({"event": "repair", "torn": torn})
@@ -95,11 +95,10 @@ def read_events(path: Path) -> list[dict[str, Any]]:
     return events
 
 
-def _cut_torn_line(file: int) -> str:
-    size = os.fstat(file).st_size
-    content = os.pread(file, size, 0)
+def _cut_torn_line(file: int, path: Path) -> str:
+    content = path.read_bytes()
     end = content.rfind(b"\n") + 1
-    if end == size:
+    if end == len(content):
         return ""
     os.ftruncate(file, end)
     os.fsync(file)

@@ -10,9 +10,10 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
-from midair.study.design import Analysis, Block, Design, Order, Question, QuestionKind, Stimulus, StimulusKind
-from midair.study.plan import Plan, draw_plan
+from midair.study.design import Adaptive, Analysis, Block, Design, Order, Stimulus, StimulusKind
+from midair.study.plan import Plan, digest_of, draw_plan
 from midair.study.progress import Progress, replay
+from midair.study.question import Question, QuestionKind
 
 
 class _Text(BaseModel):
@@ -58,6 +59,8 @@ class BlockText(_Text):
     levels: dict[str, str] = {}
     text: str = ""
     rest_s: float = 0.0
+    adaptive: Adaptive = ""
+    strength: str = ""
 
 
 class AnalysisText(_Text):
@@ -68,6 +71,8 @@ class AnalysisText(_Text):
     only: dict[str, str] = {}
     rated: tuple[str, ...] = ()
     within: tuple[str, ...] = ()
+    strength: str = ""
+    guess: float = 0.5
     margin: float = 0.1
 
 
@@ -157,9 +162,8 @@ class StudyFolder:
             raise FileError(f"{path.name}: expected a new folder, got one that holds something; choose another name")
         path.mkdir(parents=True, exist_ok=True)
         (path / "plan.toml").write_text(text, encoding="utf-8")
-        plan = draw_plan(design)
-        content = {"digest": plan.digest, **asdict(plan)}
-        (path / "plan.json").write_text(json.dumps(content, indent=1, ensure_ascii=False), encoding="utf-8")
+        content = json.dumps(asdict(draw_plan(design)), indent=1, ensure_ascii=False)
+        (path / "plan.json").write_text(content, encoding="utf-8")
         return cls(path)
 
     def plan(self) -> Plan:
@@ -177,14 +181,12 @@ class StudyFolder:
             raise MissingFileError(f"{self.path}: expected a study with a plan.json; make one with `midair study new`")
         try:
             content = json.loads(file.read_text(encoding="utf-8"))
-            digest = content.pop("digest")
+            found = digest_of(content["design"], content["trials"])
             plan = TypeAdapter(Plan).validate_python(content)
-        except (ValueError, KeyError, AttributeError) as wrong:
+        except (ValueError, KeyError, AttributeError, TypeError) as wrong:
             raise BrokenFileError(f"{file.name}: expected a plan, got something else; restore a copy") from wrong
-        if plan.digest != digest:
-            raise BrokenFileError(
-                f"{file.name}: expected plan {digest}, got {plan.digest}; it was changed after drawing"
-            )
+        if plan.digest != found:
+            raise BrokenFileError(f"{file.name}: expected plan {plan.digest}, got {found}; it was changed since")
         return plan
 
     def log(self, participant: int) -> Path:

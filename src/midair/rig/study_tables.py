@@ -110,7 +110,7 @@ def write_bids(answers: Table, design: Design, folder: Path) -> list[Path]:
     for person in people:
         name = folder / person / "beh" / f"{person}_task-{design.name}_beh"
         name.parent.mkdir(parents=True)
-        rows = answers.where(participant=person)
+        rows = answers.where({"participant": person})
         tsv = Table(
             {_bids_name(column): _bids_values(column, rows[column]) for column in rows if column != "participant"}
         )
@@ -208,8 +208,8 @@ def _participants(answers: Table, people: list[str], folder: Path) -> list[Path]
     rows = Table(
         {
             "participant_id": np.array(people),
-            "simulated": np.array([bool(answers.where(participant=who)["simulated"].any()) for who in people]),
-            "answers": np.array([answers.where(participant=who).height for who in people]),
+            "simulated": np.array([bool(answers.where({"participant": who})["simulated"].any()) for who in people]),
+            "answers": np.array([answers.where({"participant": who}).height for who in people]),
         }
     )
     path = folder / "participants.tsv"
@@ -229,7 +229,9 @@ def _sidecar(table: Table, design: Design) -> dict[str, Any]:
     }
     columns["response_time"]["Units"] = "s"
     columns["question"]["Levels"] = {question.name: question.text for question in design.questions}
-    return {"TaskName": design.name, **columns}
+    told = [text for text in (design.consent, *(block.text for block in design.blocks)) if text]
+    task = {"TaskName": design.name, "TaskDescription": design.title or design.name}
+    return {**task, "Instructions": " ".join(told), **columns} if told else {**task, **columns}
 
 
 def _json(path: Path, content: Mapping[str, Any]) -> Path:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from threading import RLock
 from time import monotonic
 from types import TracebackType
 from typing import Any, Literal, Protocol, Self
@@ -15,9 +16,11 @@ from typing import Any, Literal, Protocol, Self
 from midair.errors import DeviceStateError, InputError
 from midair.rig.presenters import Presenter
 from midair.rig.study_log import EventLog, read_events
-from midair.study.design import Question
+from midair.study.adaptive_block import next_stimulus
+from midair.study.design import Stimulus
 from midair.study.plan import Plan, Trial
 from midair.study.progress import Policy, Progress, replay
+from midair.study.question import Question
 
 
 class Clock(Protocol):
@@ -147,6 +150,7 @@ class Session:
         self._clock = clock or SystemClock()
         self._stopped = False
         self._entered = False
+        self._ending = RLock()  # a stop from another thread is in the log before the log closes
         self._step = Step(kind="show")
         self._since = 0.0
         self._script: Iterator[Step] = iter(())
@@ -173,13 +177,14 @@ class Session:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        try:
-            if self.step.kind not in ("done", "stopped"):
-                self.stop("left" if kind is None else kind.__name__)
-            self._presenter.silence()
-        finally:
-            self._log.close()
-            self._entered = False
+        with self._ending:
+            try:
+                if self.step.kind not in ("done", "stopped"):
+                    self.stop("left" if kind is None else kind.__name__)
+                self._presenter.silence()
+            finally:
+                self._entered = False
+                self._log.close()
 
     @property
     def step(self) -> Step:
@@ -194,8 +199,7 @@ class Session:
     def present(self) -> None:
         """Present the stimulus that is due; returns when it is over."""
         step = self._expect("present")
-        self._write("present", trial=step.code)
-        stimulus = self.plan.design.stimulus(self._trials[step.code].stimulus)
+        stimulus = self._due(self._trials[step.code])
         for name in stimulus.members or (stimulus.name,):
             if not self._stopped:
                 self._presenter.present(self.plan.design.stimulus(name))
@@ -227,10 +231,21 @@ class Session:
 
     def stop(self, reason: str) -> None:
         """Emergency stop: silence first, then a line in the log. From any thread, at any time."""
-        self._stopped = True
-        self._presenter.silence()
-        if self._entered:
-            self._write("stop", reason=reason)
+        with self._ending:
+            self._stopped = True
+            self._presenter.silence()
+            if self._entered:
+                self._write("stop", reason=reason)
+
+    def _due(self, trial: Trial) -> Stimulus:
+        """The stimulus of a trial; the choice of an adaptive block is in the log before it is felt."""
+        if trial.stimulus:
+            self._write("present", trial=trial.code)
+            return self.plan.design.stimulus(trial.stimulus)
+        progress = replay(read_events(self._log.path), self.plan, self.participant)
+        name = next_stimulus(self.plan, progress, trial)
+        self._write("present", trial=trial.code, stimulus=name)
+        return self.plan.design.stimulus(name)
 
     def _expect(self, *kinds: str) -> Step:
         if not self._entered:

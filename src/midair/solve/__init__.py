@@ -1,17 +1,28 @@
 """Phases for a phased array whose transducers are all equally loud (paper, 4.2)."""
 
+from midair.solve.exact import Exact
+from midair.solve.fast import Fast
 from midair.solve.levenberg_marquardt import LevenbergMarquardt
+from midair.solve.live import Follower, Live
+from midair.solve.methods import METHODS, solver
 from midair.solve.problem import Answer, Problem, Progress, Solver, Start, relative_error
-from midair.solve.stage import METHODS, solve
+from midair.solve.stage import solve
+from midair.solve.threads import one_blas_thread
 
 __all__ = [
     "METHODS",
     "Answer",
+    "Exact",
+    "Fast",
+    "Follower",
     "LevenbergMarquardt",
+    "Live",
     "Problem",
     "Progress",
     "Solver",
     "Start",
+    "one_blas_thread",
     "relative_error",
     "solve",
+    "solver",
 ]

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Rows = NDArray[Any]
+Rows = NDArray[np.floating[Any]]
 """Shape (row, unknown), single or double precision."""
-Numbers = NDArray[Any]
+Numbers = NDArray[np.floating[Any]]
 """Shape (row,)."""
 Function = Callable[[Rows], tuple[Numbers, Rows]]
 """x -> cost of each row, gradient of each row."""

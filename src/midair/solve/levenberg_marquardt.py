@@ -146,11 +146,16 @@ class LevenbergMarquardt:
             residual=r,
             gradient=_transposed_jacobian(problem, p, x, r),
             cost=_cost(r),
-            damping=state.damping * max(1 / 3, 1 - (2 * gain - 1) ** 3),
+            damping=damped(state.damping, gain),
             growth=2.0,
             normal=None,
             status="converged" if fall <= self.cost_tolerance * state.cost else None,
         )
+
+
+def damped(damping: float, gain: float) -> float:
+    """The next lambda after a step that was taken, from its gain ratio (Nielsen's rule)."""
+    return damping * max(1 / 3, 1 - (2 * gain - 1) ** 3)
 
 
 def dual_step(problem: Problem, p: Array, state: State) -> Array:
@@ -163,11 +168,11 @@ def dual_step(problem: Problem, p: Array, state: State) -> Array:
     """
     from scipy.linalg import cho_factor, cho_solve
 
-    damped = (_normal(problem, p, state.x) if state.normal is None else state.normal).copy()
-    damped[np.diag_indices_from(damped)] += state.damping
+    normal = (_normal(problem, p, state.x) if state.normal is None else state.normal).copy()
+    normal[np.diag_indices_from(normal)] += state.damping
     f = np.concatenate([state.residual.real, state.residual.imag])
     # The transpose of a symmetric matrix is the same matrix, in the order of axes that LAPACK wants.
-    y = cho_solve(cho_factor(damped.T, lower=True, overwrite_a=True, check_finite=False), f, check_finite=False)
+    y = cho_solve(cho_factor(normal.T, lower=True, overwrite_a=True, check_finite=False), f, check_finite=False)
     return -_transposed_jacobian(problem, p, state.x, y[: problem.points] + 1j * y[problem.points :])
 
 
@@ -182,9 +187,9 @@ def primal_step(problem: Problem, p: Array, state: State) -> Array:
     from scipy.linalg import cho_factor, cho_solve
 
     J = jacobian(problem, p, state.x)
-    damped = J.T @ J
-    damped[np.diag_indices_from(damped)] += state.damping
-    return -cho_solve(cho_factor(damped, lower=True, overwrite_a=True, check_finite=False), state.gradient)
+    normal = J.T @ J
+    normal[np.diag_indices_from(normal)] += state.damping
+    return -cho_solve(cho_factor(normal, lower=True, overwrite_a=True, check_finite=False), state.gradient)
 
 
 def _normal(problem: Problem, p: Array, x: Array) -> Array:

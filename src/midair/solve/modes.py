@@ -65,8 +65,8 @@ def _by_gram(G: Complex, tolerance: float) -> Modes:
     power, U = np.linalg.eigh(G @ G.conj().T)
     s = np.sqrt(np.maximum(power[::-1], 0))
     rank = _rank(s, tolerance)
-    U, s = U[:, ::-1][:, :rank], s[:rank]
-    return Modes(U=U, s=s, V=(U.conj().T @ G).conj().T / np.where(s > 0, s, 1))
+    fields, s = U[:, ::-1][:, :rank], s[:rank]
+    return Modes(U=fields, s=s, V=(fields.conj().T @ G).conj().T / np.where(s > 0, s, 1))
 
 
 def _rank(s: Array, tolerance: float) -> int:

@@ -12,6 +12,8 @@ from midair.study.confusion import (
     scores,
     wilson,
 )
+from midair.study.data import StudyData, data_of_answers, data_of_columns
+from midair.study.design import Analysis, Block, Design, Stimulus
 from midair.study.detection import (
     ChoiceModel,
     Sensitivity,
@@ -22,7 +24,10 @@ from midair.study.detection import (
     proportion_correct,
 )
 from midair.study.mixed import logistic_mixed, logistic_posterior
-from midair.study.ordinal import cumulative_link, ordinal_check
+from midair.study.ordinal import ordinal_check
+from midair.study.order import balanced_latin_square, constrained_shuffle
+from midair.study.participant import SimulatedParticipant
+from midair.study.plan import Plan, Trial, draw_plan
 from midair.study.power import (
     IdentificationExperiment,
     Power,
@@ -32,35 +37,55 @@ from midair.study.power import (
     power_paired_t,
     simulated_power,
 )
+from midair.study.progress import Progress, answers_table, replay
 from midair.study.psychometric import Psychometric, PsychometricFit, fit_psychometric
+from midair.study.question import Question
+from midair.study.report import Report, analyse
 from midair.study.resample import Chance, Interval, bootstrap, sign_flip
 from midair.study.table import Table
 
 __all__ = [
+    "Analysis",
+    "Block",
     "Chance",
     "ChoiceModel",
     "Confusion",
+    "Design",
     "Equivalence",
     "IdentificationExperiment",
     "Interval",
     "PairedT",
+    "Plan",
     "Power",
+    "Progress",
     "Psychometric",
     "PsychometricFit",
     "QuestPlus",
+    "Question",
     "RatingExperiment",
+    "Report",
     "Sensitivity",
+    "SimulatedParticipant",
     "Staircase",
+    "Stimulus",
+    "StudyData",
     "Table",
+    "Trial",
+    "analyse",
+    "answers_table",
+    "balanced_latin_square",
     "bayes_factor",
     "bootstrap",
     "chance_macro_f",
     "choice_model",
     "confusion_matrix",
-    "cumulative_link",
+    "constrained_shuffle",
     "d_prime_choice",
     "d_prime_same_different",
     "d_prime_yes_no",
+    "data_of_answers",
+    "data_of_columns",
+    "draw_plan",
     "equivalence",
     "f_measure",
     "fit_psychometric",
@@ -74,6 +99,7 @@ __all__ = [
     "power_curve",
     "power_paired_t",
     "proportion_correct",
+    "replay",
     "rm_anova",
     "scores",
     "sign_flip",

@@ -18,10 +18,10 @@ def confusions(data: StudyData, *, rng: np.random.Generator, draws: int) -> tupl
     """Confusions of the other trials and of each condition, and a word on those that cannot be had."""
     parts: list[tuple[str, Table]] = []
     if data.other_choices is not None:
-        parts.append(("other trials", data.other_choices))
+        parts.append((str(data.other_choices["condition"][0]), data.other_choices))
     if data.choices is not None:
         conditions = levels(data.choices["condition"])[0]
-        parts += [(str(name), data.choices.where(condition=name)) for name in conditions]
+        parts += [(str(name), data.choices.where({"condition": name})) for name in conditions]
     found: list[Choices] = []
     failed: list[Finding] = []
     for name, rows in parts:

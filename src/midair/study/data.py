@@ -19,13 +19,17 @@ class StudyData:
     choices : Table or None
         Columns participant, presented, answered, condition (one word if there are no conditions), one row a trial.
     other_choices : Table or None
-        The same for trials outside the comparison, such as those with real objects.
+        The same for trials outside the comparison, such as those with real objects; their condition names them.
     ratings : Table or None
         Columns participant, rating and one a factor of `within`.
     within : tuple of str
         Factors of the ratings.
     others : Table or None
         Answers to yes-no, same-different and magnitude questions: columns participant, question, kind, answer, right.
+    strengths : Table or None
+        Columns participant, level, correct (0 or 1), guess: answers to stimuli of a known strength.
+    thresholds : Table or None
+        Columns participant, block, threshold, sd, note: of adaptive blocks.
     margin : float
         Difference of macro F that does not matter.
     simulated : bool
@@ -39,12 +43,14 @@ class StudyData:
     ratings: Table | None = None
     within: tuple[str, ...] = ()
     others: Table | None = None
+    strengths: Table | None = None
+    thresholds: Table | None = None
     margin: float = 0.1
     simulated: bool = False
     left_out: int = 0
 
 
-def data_of_answers(answers: Table, analysis: Analysis) -> StudyData:
+def data_of_answers(answers: Table, analysis: Analysis, *, thresholds: Table | None = None) -> StudyData:
     """Sort the answers of a study by what its design says will be tested.
 
     Parameters
@@ -53,6 +59,8 @@ def data_of_answers(answers: Table, analysis: Analysis) -> StudyData:
         As `answers_table` makes it.
     analysis : Analysis
         Of the design.
+    thresholds : Table, optional
+        Of adaptive blocks, see `thresholds_of`.
 
     Raises
     ------
@@ -70,10 +78,12 @@ def data_of_answers(answers: Table, analysis: Analysis) -> StudyData:
     rest = scored.take(np.isin(scored["kind"], ("yes-no", "same-different", "magnitude")))
     return StudyData(
         choices=_choices(scored.take(asked & counts), analysis.condition),
-        other_choices=_choices(scored.take(asked & ~counts), ""),
+        other_choices=_named(_choices(scored.take(asked & ~counts), ""), scored.take(asked & ~counts), analysis),
         ratings=_ratings(rated, value="answer", within=analysis.within) if rated.height else None,
         within=analysis.within,
         others=rest if rest.height else None,
+        strengths=_strengths(scored, analysis) if analysis.strength else None,
+        thresholds=thresholds,
         margin=analysis.margin,
         simulated=bool(scored["simulated"].any()),
         left_out=answers.height - scored.height,
@@ -123,6 +133,29 @@ def _choices(rows: Table, condition: str) -> Table | None:
             "condition": where,
         }
     )
+
+
+def _named(choices: Table | None, rows: Table, analysis: Analysis) -> Table | None:
+    """Choices under the one level that they share of the factors that set them apart."""
+    if choices is None:
+        return None
+    shared = [set(rows[factor].tolist()) for factor in analysis.only]
+    name = ", ".join(str(next(iter(found))) for found in shared if len(found) == 1) or "other trials"
+    return Table({**choices, "condition": np.full(choices.height, name)})
+
+
+def _strengths(rows: Table, analysis: Analysis) -> Table | None:
+    name = analysis.strength
+    known = rows.take((rows[name] != "n/a") & (rows["correct"] >= 0))
+    if not known.height:
+        return None
+    try:
+        level = known[name].astype(float)
+    except ValueError as wrong:
+        raise InputError(f"factor {name!r}: expected strengths as numbers, got {known[name][:3].tolist()}") from wrong
+    correct = known["correct"].astype(float)
+    guess = np.full(known.height, analysis.guess)
+    return Table({"participant": known["participant"], "level": level, "correct": correct, "guess": guess})
 
 
 def _ratings(rows: Table, *, value: str, within: Sequence[str]) -> Table:

@@ -2,18 +2,20 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from midair.errors import InputError, MismatchError
+from midair.study.question import Question, one_of
 
 StimulusKind = Literal["drive", "object", "silence", "pair"]
 """A drive that an array plays; a real object that the experimenter presents; nothing; two stimuli in a row."""
 
-QuestionKind = Literal["choice", "rating", "magnitude", "yes-no", "same-different"]
-"""One of several names; a whole number on a scale; any number of 0 or more; yes or no; same or different."""
-
 Order = Literal["shuffle", "rounds", "fixed"]
 """All trials of a block mixed; every stimulus once, in a new order, repetition by repetition; as written."""
+
+
+Adaptive = Literal["", "staircase", "quest+"]
+"""A plan drawn beforehand; 3-down/1-up; QUEST+."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,82 +43,11 @@ class Stimulus:
     levels: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def __post_init__(self) -> None:
-        _one_of(self.kind, StimulusKind, f"stimulus {self.name!r}: kind")
+        one_of(self.kind, StimulusKind, f"stimulus {self.name!r}: kind")
         if (self.kind == "pair") != (len(self.members) == 2):
             raise InputError(f"stimulus {self.name!r}: expected two members of a pair, got {list(self.members)}")
         if self.kind in ("drive", "object") and not self.source:
             raise InputError(f"stimulus {self.name!r}: expected the source of the {self.kind}, got none")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
-    """Something to ask after a stimulus.
-
-    Attributes
-    ----------
-    name : str
-        Of the column.
-    kind : {"choice", "rating", "magnitude", "yes-no", "same-different"}
-        What an answer may be.
-    text : str
-        As it is asked.
-    options : tuple of str
-        Of a choice.
-    low, high : int
-        Ends of a rating.
-    low_label, high_label : str
-        What the ends mean.
-    truth : str
-        Factor whose level is the right answer; empty where there is none. "yes-no" asks for anything but silence,
-        "same-different" for the two members of the pair, if `truth` is empty.
-    levels : mapping of str to str
-        Levels that the question itself adds, such as ``{"rated": "towel"}``.
-    """
-
-    name: str
-    kind: QuestionKind
-    text: str
-    options: tuple[str, ...] = ()
-    low: int = 1
-    high: int = 7
-    low_label: str = ""
-    high_label: str = ""
-    truth: str = ""
-    levels: Mapping[str, str] = field(default_factory=dict[str, str])
-
-    def __post_init__(self) -> None:
-        _one_of(self.kind, QuestionKind, f"question {self.name!r}: kind")
-        if self.kind == "choice" and (len(set(self.options)) < 2 or len(set(self.options)) < len(self.options)):
-            raise InputError(f"question {self.name!r}: expected two or more different options, got {self.options}")
-        if self.kind == "rating" and not self.low < self.high:
-            raise InputError(f"question {self.name!r}: expected low below high, got {self.low} and {self.high}")
-
-    @property
-    def answers(self) -> tuple[str, ...]:
-        """Everything that may be answered; empty for a magnitude."""
-        fixed = {"yes-no": ("yes", "no"), "same-different": ("same", "different"), "choice": self.options}
-        scale = tuple(str(n) for n in range(self.low, self.high + 1)) if self.kind == "rating" else ()
-        return fixed.get(self.kind, scale)
-
-    def read(self, text: str) -> str:
-        """An answer as it is stored; the number of an option, and the beginning of one, count as the option.
-
-        Raises
-        ------
-        InputError
-            If it is no answer to this question.
-        """
-        said = text.strip()
-        if self.kind == "magnitude":
-            return _magnitude(said)
-        if said in self.answers:
-            return said
-        if self.kind != "rating" and said.isdigit() and 1 <= int(said) <= len(self.answers):
-            return self.answers[int(said) - 1]
-        begun = [option for option in self.answers if said and option.lower().startswith(said.lower())]
-        if self.kind != "rating" and len(begun) == 1:
-            return begun[0]
-        raise InputError(f"answer: expected one of {', '.join(self.answers)}, got {said!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,6 +77,10 @@ class Block:
         Told to the participant before the first trial.
     rest_s : float
         Shortest break after the block, in s.
+    adaptive : {"", "staircase", "quest+"}
+        What chooses the stimuli from the answers to the first question; `repetitions` is then the number of trials.
+    strength : str
+        Factor whose levels are the strengths of an adaptive block's stimuli, as numbers.
     """
 
     name: str
@@ -159,9 +94,14 @@ class Block:
     levels: Mapping[str, str] = field(default_factory=dict[str, str])
     text: str = ""
     rest_s: float = 0.0
+    adaptive: Adaptive = ""
+    strength: str = ""
 
     def __post_init__(self) -> None:
-        _one_of(self.order, Order, f"block {self.name!r}: order")
+        one_of(self.order, Order, f"block {self.name!r}: order")
+        one_of(self.adaptive, Adaptive, f"block {self.name!r}: adaptive")
+        if bool(self.adaptive) != bool(self.strength) or (self.adaptive and len(self.stimuli) < 3):
+            raise InputError(f"block {self.name!r}: expected adaptive, strength and three stimuli or more, or neither")
         if not self.stimuli or self.repetitions < 1 or self.longest_run < 0 or self.rest_s < 0:
             raise InputError(
                 f"block {self.name!r}: expected stimuli, repetitions of 1 or more, longest_run and rest_s of 0 or more"
@@ -186,6 +126,10 @@ class Analysis:
         Questions of the analysis of variance; none if empty.
     within : tuple of str
         Its factors.
+    strength : str
+        Factor whose levels are numbers: a psychometric function is fitted to right answers; none if empty.
+    guess : float
+        Chance of a right answer without a stimulus, for that function: 1/m with m alternatives.
     margin : float
         Difference of macro F between conditions that does not matter.
     """
@@ -195,6 +139,8 @@ class Analysis:
     only: Mapping[str, str] = field(default_factory=dict[str, str])
     rated: tuple[str, ...] = ()
     within: tuple[str, ...] = ()
+    strength: str = ""
+    guess: float = 0.5
     margin: float = 0.1
 
 
@@ -276,7 +222,8 @@ class Design:
         chosen = (self.analysis.choice,) if self.analysis.choice else ()
         _known((*chosen, *self.analysis.rated), questions, "analysis: questions")
         condition = (self.analysis.condition,) if self.analysis.condition else ()
-        factors = (*condition, *self.analysis.within, *self.analysis.only)
+        strength = (self.analysis.strength,) if self.analysis.strength else ()
+        factors = (*condition, *strength, *self.analysis.within, *self.analysis.only)
         truths = tuple(question.truth for question in self.questions if question.truth)
         _known((*factors, *truths), list(self.factors), "factors")
         taken = {"participant", "trial", "answer", "question", "block", "correct", "right", "stimulus", "scored"}
@@ -295,21 +242,6 @@ def right_answer(question: Question, stimulus: Stimulus, levels: Mapping[str, st
     if question.kind == "same-different" and stimulus.members:
         return "same" if stimulus.members[0] == stimulus.members[1] else "different"
     return ""
-
-
-def _magnitude(said: str) -> str:
-    try:
-        value = float(said)
-    except ValueError:
-        value = -1.0
-    if not 0 <= value < float("inf"):
-        raise InputError(f"answer: expected a number of 0 or more, got {said!r}")
-    return f"{value:g}"
-
-
-def _one_of(value: str, kinds: Any, what: str) -> None:
-    if value not in get_args(kinds):
-        raise InputError(f"{what}: expected one of {', '.join(get_args(kinds))}, got {value!r}")
 
 
 def _known(asked: tuple[str, ...], known: list[str], what: str) -> None:

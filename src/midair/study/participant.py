@@ -6,8 +6,9 @@ from hashlib import sha256
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.design import Question, Stimulus, right_answer
+from midair.study.design import Stimulus, right_answer
 from midair.study.plan import Plan, Trial
+from midair.study.question import Question
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,6 +22,7 @@ class SimulatedParticipant:
     - Rating: the middle of the scale, plus `rating_effect` steps (minus for a question about another object), plus the
       person's level, plus normal noise, rounded to the scale.
     - Magnitude: log-normal, `magnitude` times the person's unit.
+    - In an adaptive block d' is that of strength 1, times the strength.
     - A lapse is an answer at random. Reaction times are log-normal with a median of 0.9 s.
 
     Each answer depends only on the seed, the participant, the trial and the question: a session that is interrupted and
@@ -62,20 +64,23 @@ class SimulatedParticipant:
         if not 0 <= self.lapse <= 1 or min(self.spread, self.taste, self.rating_noise) < 0 or self.magnitude <= 0:
             raise InputError("simulated participant: expected lapse in 0 to 1, deviations of 0 or more, magnitude > 0")
 
-    def answer(self, plan: Plan, trial: Trial, name: str) -> tuple[str, float]:
-        """What this participant answers to a question, and after how many seconds."""
-        question, stimulus = plan.design.question(name), plan.design.stimulus(trial.stimulus)
+    def answer(self, plan: Plan, trial: Trial, name: str, *, felt: str = "") -> tuple[str, float]:
+        """What this participant answers to a question, and after how many seconds; `felt` in adaptive trials."""
+        question, stimulus = plan.design.question(name), plan.design.stimulus(trial.stimulus or felt)
         rng = self._stream(f"{plan.design.name} {plan.design.seed} {trial.code} {name}")
         reaction = float(np.exp(rng.normal(np.log(0.9), 0.35)))
         if question.answers and rng.random() < self.lapse:
             return str(rng.choice(question.answers)), reaction
-        return self._answer(question, stimulus, trial, rng), reaction
+        strength = float(stimulus.levels.get(plan.design.block(trial.block).strength, 1))
+        return self._answer(question, stimulus, trial, rng, strength), reaction
 
-    def _answer(self, question: Question, stimulus: Stimulus, trial: Trial, rng: np.random.Generator) -> str:
+    def _answer(
+        self, question: Question, stimulus: Stimulus, trial: Trial, rng: np.random.Generator, strength: float
+    ) -> str:
         person = self._stream(f"person {trial.participant} {question.name}")
         real = stimulus.kind == "object"
-        d = (self.real_d_prime if real else self.d_prime) + person.normal(0, self.spread)
-        right = right_answer(question, stimulus, {**trial.levels, **question.levels})
+        d = strength * ((self.real_d_prime if real else self.d_prime) + person.normal(0, self.spread))
+        right = right_answer(question, stimulus, {**stimulus.levels, **trial.levels, **question.levels})
         if question.kind == "choice":
             value = rng.normal(0, 1, len(question.options)) + person.normal(0, self.taste, len(question.options))
             value += d * np.array([option == right for option in question.options])

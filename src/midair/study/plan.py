@@ -1,9 +1,10 @@
 """The trials of every participant, drawn before the first one comes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from json import dumps
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ class Trial:
     repetition : int
         How often the stimulus has come in the block, this time included.
     stimulus : str
-        What is presented; for the presenter only.
+        What is presented; for the presenter only. Empty in an adaptive block: chosen when its time comes.
     levels : mapping of str to str
         Of the stimulus and of the block.
     questions : tuple of str
@@ -58,15 +59,18 @@ class Plan:
         With its seed.
     trials : tuple of Trial
         Of all participants, in the order of presentation.
+    digest : str
+        Names the plan by its content when it was drawn: a log says which plan it followed.
     """
 
     design: Design
     trials: tuple[Trial, ...]
+    digest: str = ""
 
-    @property
-    def digest(self) -> str:
-        """Names the plan: a log says which plan it followed."""
-        return sha256(dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:16]
+    def __post_init__(self) -> None:
+        if not self.digest:
+            digest = digest_of(asdict(self.design), [asdict(trial) for trial in self.trials])
+            object.__setattr__(self, "digest", digest)
 
     def trial(self, code: str) -> Trial:
         """By its code.
@@ -97,6 +101,11 @@ class Plan:
         return found
 
 
+def digest_of(design: Mapping[str, Any], trials: Sequence[Mapping[str, Any]]) -> str:
+    """Sixteen hexadecimal digits of SHA-256 over the JSON of a design and its trials."""
+    return sha256(dumps([dict(design), list(trials)], sort_keys=True).encode()).hexdigest()[:16]
+
+
 def draw_plan(design: Design) -> Plan:
     """Draw all trials from the seed of the design.
 
@@ -123,7 +132,7 @@ def _session(design: Design, participant: int) -> list[Trial]:
     trials: list[Trial] = []
     for block in block_order(design, participant):
         seen: dict[str, int] = {}
-        for name in _stimuli(block, rng):
+        for name in [""] * block.repetitions if block.adaptive else _stimuli(block, rng):
             seen[name] = seen.get(name, 0) + 1
             number = len(trials) + 1
             trials.append(
@@ -135,7 +144,7 @@ def _session(design: Design, participant: int) -> list[Trial]:
                     group=block.group,
                     repetition=seen[name],
                     stimulus=name,
-                    levels={**design.stimulus(name).levels, **block.levels},
+                    levels={**(design.stimulus(name).levels if name else {}), **block.levels},
                     questions=block.questions,
                     scored=block.scored,
                 )

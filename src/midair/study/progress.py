@@ -42,6 +42,8 @@ class Progress:
         Of this participant.
     answers : mapping of (code, question) to Answer
         Those that count.
+    chosen : mapping of code to str
+        Stimuli of adaptive trials.
     interruptions, withdrawn : int
         How often the session was taken up again, and answers that a policy has put aside (they stay in the log).
     simulated : bool
@@ -50,6 +52,7 @@ class Progress:
 
     trials: tuple[Trial, ...]
     answers: Mapping[tuple[str, str], Answer]
+    chosen: Mapping[str, str]
     interruptions: int = 0
     withdrawn: int = 0
     simulated: bool = False
@@ -95,6 +98,7 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
         If the log follows another plan, or belongs to another participant.
     """
     answers: dict[tuple[str, str], Answer] = {}
+    chosen: dict[str, str] = {}
     interruptions = withdrawn = 0
     simulated = False
     for event in events:
@@ -110,12 +114,16 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
             kept = {key: answer for key, answer in answers.items() if key[0] not in again}
             interruptions, withdrawn = interruptions + 1, withdrawn + len(answers) - len(kept)
             answers = kept
+            chosen = {code: name for code, name in chosen.items() if code not in again}
+        elif event["event"] == "present" and "stimulus" in event:
+            chosen[event["trial"]] = event["stimulus"]
         elif event["event"] == "answer":
             key = (event["trial"], event["question"])
             answers[key] = Answer(answer=event["answer"], reaction_s=event["reaction_s"], time=event["time"])
     return Progress(
         trials=plan.of(participant),
         answers=answers,
+        chosen=chosen,
         interruptions=interruptions,
         withdrawn=withdrawn,
         simulated=simulated,
@@ -145,15 +153,16 @@ def answers_table(plan: Plan, sessions: Sequence[Progress]) -> Table:
 def _answer_row(plan: Plan, session: Progress, trial: Trial, name: str) -> dict[str, Any]:
     question = plan.design.question(name)
     given = session.answers[trial.code, name]
-    levels = {**trial.levels, **question.levels}
-    right = right_answer(question, plan.design.stimulus(trial.stimulus), levels)
+    stimulus = plan.design.stimulus(trial.stimulus or session.chosen[trial.code])
+    levels = {**stimulus.levels, **trial.levels, **question.levels}
+    right = right_answer(question, stimulus, levels)
     row: dict[str, Any] = {
         "participant": f"sub-{trial.participant:02d}",
         "trial": trial.number,
         "block": trial.block,
         "group": trial.group,
         "repetition": trial.repetition,
-        "stimulus": trial.stimulus,
+        "stimulus": stimulus.name,
         "scored": trial.scored,
         "question": name,
         "kind": question.kind,

@@ -130,11 +130,11 @@ def fit_psychometric(
     rate = k / n
     if np.ptp(rate) == 0 or np.cov(x, rate, aweights=n)[0, 1] <= 0:
         raise InputError("answers: expected them to become more frequent with the level; there is no threshold in them")
-    function, deviance = _fit(x, k, n, guess, shape, lapse_most)
-    p = function.probability(x)
-    again = [_fit(x, rng.binomial(n.astype(int), p).astype(float), n, guess, shape, lapse_most) for _ in range(draws)]
-    low, high = np.quantile([f.threshold for f, _ in again], [0.025, 0.975])
-    share = (1 + sum(d >= deviance for _, d in again)) / (1 + draws)
+    function, deviance, at = _fit(x, k, n, guess, shape, lapse_most)
+    data = rng.binomial(n.astype(int), function.probability(x), (draws, len(x))).astype(float)
+    again = [_fit(x, row, n, guess, shape, lapse_most, start=at) for row in data]
+    low, high = np.quantile([f.threshold for f, _, _ in again], [0.025, 0.975])
+    share = (1 + sum(d >= deviance for _, d, _ in again)) / (1 + draws)
     return PsychometricFit(
         function=function,
         threshold_low=float(low),
@@ -142,6 +142,28 @@ def fit_psychometric(
         deviance=deviance,
         deviance_p=float(share),
     )
+
+
+def fit_threshold(
+    level: Array, correct: Array, total: Array, *, guess: float, shape: Shape, near: Psychometric
+) -> float:
+    """The threshold alone, from one start near a function that is known to fit: for resampling.
+
+    Parameters
+    ----------
+    level, correct, total : ndarray
+        As for `fit_psychometric`.
+    guess, shape
+        As for `fit_psychometric`.
+    near : Psychometric
+        Where to start.
+    """
+    x, k, n = _merge(level, correct, total)
+    span = float(np.ptp(x)) or 1.0
+    place = np.log(near.threshold) if shape == "weibull" else (near.threshold - x[0]) / span
+    slope = np.log(near.slope * (1 if shape == "weibull" else span))
+    found, _, _ = _fit(x, k, n, guess, shape, 0.05, start=np.array([place, slope, near.lapse]))
+    return found.threshold
 
 
 def _merge(level: Any, correct: Any, total: Any) -> tuple[Array, Array, Array]:
@@ -155,7 +177,10 @@ def _merge(level: Any, correct: Any, total: Any) -> tuple[Array, Array, Array]:
     return values, hits, trials
 
 
-def _fit(x: Array, k: Array, n: Array, guess: float, shape: Shape, lapse_most: float) -> tuple[Psychometric, float]:
+def _fit(
+    x: Array, k: Array, n: Array, guess: float, shape: Shape, lapse_most: float, *, start: Array | None = None
+) -> tuple[Psychometric, float, Array]:
+    """Function, deviance, and where the optimiser ended; from one start if given, from six if not."""
     from scipy.optimize import minimize
 
     span = float(np.ptp(x))
@@ -175,10 +200,11 @@ def _fit(x: Array, k: Array, n: Array, guess: float, shape: Shape, lapse_most: f
     middle = (top - 3, top) if shape == "weibull" else (0.3, 0.7)
     place = (top - 8, top + 3) if shape == "weibull" else (-2.0, 3.0)
     box = [place, (-3.0, 6.0), (0.0, lapse_most)]
-    starts = [np.array([m, s, lapse_most / 4]) for m in (*middle, sum(middle) / 2) for s in (0.7, 2.3)]
+    grid = [np.array([m, s, lapse_most / 4]) for m in (*middle, sum(middle) / 2) for s in (0.7, 2.3)]
+    starts = grid if start is None else [start]
     found = min((minimize(loss, z, method="L-BFGS-B", bounds=box) for z in starts), key=lambda result: result.fun)
     threshold, slope, lapse = unpack(np.asarray(found.x, np.float64))
     with np.errstate(divide="ignore", invalid="ignore"):
         best = np.where(k > 0, k * np.log(k / n), 0) + np.where(k < n, (n - k) * np.log1p(-k / n), 0)
     function = Psychometric(threshold=threshold, slope=slope, guess=guess, lapse=lapse, shape=shape)
-    return function, max(2 * (float(found.fun) + float(best.sum())), 0.0)
+    return function, max(2 * (float(found.fun) + float(best.sum())), 0.0), np.asarray(found.x, np.float64)

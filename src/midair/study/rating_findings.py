@@ -48,7 +48,7 @@ def other_questions(others: Table) -> list[Finding]:
     """Yes-no, same-different and magnitude questions."""
     found: list[Finding] = []
     for name in levels(others["question"])[0]:
-        rows = others.where(question=name)
+        rows = others.where({"question": name})
         make = _magnitudes if rows["kind"][0] == "magnitude" else _detected
         found += attempt(f"Question {name}", lambda rows=rows, name=name, make=make: [make(str(name), rows)])
     return found

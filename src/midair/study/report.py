@@ -9,6 +9,7 @@ from midair.study.data import StudyData
 from midair.study.finding import Choices, Finding, attempt
 from midair.study.rating_findings import anova, other_questions, ranks, rating_means
 from midair.study.table import Table
+from midair.study.threshold_findings import adaptive, psychometric
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,6 +64,8 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
         findings += attempt("Ratings: check on ranks", lambda: ranks(data, rng=rng))
     if data.others is not None:
         findings += other_questions(data.others)
+    findings += attempt("Psychometric function", lambda: psychometric(data, rng=rng, draws=max(draws // 25, 40)))
+    findings += attempt("Thresholds of adaptive blocks", lambda: adaptive(data))
     return Report(
         findings=tuple(findings), choices=choices, ratings=rating_means(data), simulated=data.simulated, seed=seed
     )

@@ -28,7 +28,7 @@ class Columns(Protocol):
 class Table(Mapping[str, NDArray[Any]]):
     """Named columns of one length.
 
-    ``table["F"]`` is a column, ``table.row(effect="surface")["F"]`` a number, and ``pandas.DataFrame(dict(table))`` a
+    ``table["F"]`` is a column, ``table.row({"effect": "surface"})["F"]`` a number, ``pandas.DataFrame(dict(table))`` a
     frame.
 
     Attributes
@@ -83,7 +83,7 @@ class Table(Mapping[str, NDArray[Any]]):
         lists = {name: values.tolist() for name, values in self.columns.items()}
         return [{name: lists[name][i] for name in lists} for i in range(self.height)]
 
-    def row(self, **match: Any) -> dict[str, Any]:
+    def row(self, match: Mapping[str, Any]) -> dict[str, Any]:
         """The one row whose columns have these values.
 
         Raises
@@ -91,12 +91,12 @@ class Table(Mapping[str, NDArray[Any]]):
         InputError
             If no row fits, or more than one.
         """
-        found = self.where(**match).rows
+        found = self.where(match).rows
         if len(found) != 1:
-            raise InputError(f"table: expected one row with {match}, got {len(found)}")
+            raise InputError(f"table: expected one row with {dict(match)}, got {len(found)}")
         return found[0]
 
-    def where(self, **match: Any) -> "Table":
+    def where(self, match: Mapping[str, Any]) -> "Table":
         """The rows whose columns have these values."""
         keep = np.ones(self.height, bool)
         for name, value in match.items():

@@ -1,5 +1,5 @@
-# R 4.2.2, lme4, ordinal, BayesFactor 0.9.12: the numbers in test_mixed.py, test_ordinal.py and test_compare.py.
-suppressMessages({library(lme4); library(ordinal); library(BayesFactor)}); options(digits = 12)
+# R 4.2.2, lme4, BayesFactor 0.9.12: the numbers in test_mixed.py and test_compare.py.
+suppressMessages({library(lme4); library(BayesFactor)}); options(digits = 12)
 d <- read.csv("choices.csv"); for (k in 1:3) d[[k]] <- factor(d[[k]])
 contrasts(d$surface) <- contr.sum(2); contrasts(d$object) <- contr.sum(3)
 X <- model.matrix(~ surface * object, d); a <- attr(X, "assign")
@@ -14,7 +14,5 @@ for (i in 1:3) {
   chi <- as.numeric(2 * (logLik(full) - logLik(fit(X[, a != i]))))
   cat(i, sum(a == i), chi, pchisq(chi, sum(a == i), lower = FALSE), "\n")
 }
-d <- read.csv("../anova/two_way.csv"); d$score <- factor(d$score)
-print(anova(clm(score ~ participant, data = d), clm(score ~ participant + object, data = d)))
 for (x in list(c(1.6, 3), c(2.5, 10), c(0.3, 20), c(6, 10)))
   cat(x, exp(ttest.tstat(x[1], x[2], rscale = sqrt(2) / 2)$bf), "\n")

@@ -1,0 +1,35 @@
+"""The plain form of the paper's method, from a file of its own, or this package's if there is none."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from midair.solve import LevenbergMarquardt, Problem
+
+Plain = Callable[[np.ndarray, np.ndarray, int, "np.ndarray | None"], np.ndarray]
+"""(G, p, iterations, first x) -> x = [theta, psi]."""
+
+
+def plain(path: str | None) -> tuple[str, Plain]:
+    """What it is called, and the function."""
+    file = Path(path or os.environ.get("MIDAIR_YARDSTICK", "../shared/baseline/paper_lm.py"))
+    if not file.exists():
+        return "lm (no yardstick found)", _own
+    spec = importlib.util.spec_from_file_location("yardstick", file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return f"plain ({file.name})", lambda G, p, iterations, x: module.paper_lm(G, p, iterations, x)
+
+
+def _own(G: np.ndarray, p: np.ndarray, iterations: int, x: np.ndarray | None) -> np.ndarray:
+    problem, method = Problem(G=G, amplitude=p[None]), LevenbergMarquardt()
+    state = method.begin(problem, p, np.zeros(sum(G.shape)) if x is None else x)
+    while state.iterations < iterations:
+        state = replace(method.step(problem, p, state), status=None)
+    return state.x

@@ -1,0 +1,136 @@
+"""One frame after another within a millisecond, for touch that is played while it is recorded.
+
+The first two moves of `fast`, from where the frame before ended: the field in r coordinates, then the phases whose
+field it is. The number of iterations is fixed, so that every frame takes the same time. Needs Numba.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import MissingExtraError
+from midair.model import Status
+from midair.solve.fast import rippled
+from midair.solve.modes import modes
+from midair.solve.problem import Answer, Problem, Progress
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Live:
+    """Settings of the live solver.
+
+    Attributes
+    ----------
+    iterations : int
+        Of the field, for the first frame.
+    warm_iterations : int
+        Of the field, for each frame after it.
+    lift_iterations, warm_lift_iterations : int
+        Of the projections onto equally loud drives, likewise.
+    tolerance : float
+        Modes of G below this part of the largest singular value are left out.
+    loudness, floor, every, relaxation, memory
+        As in `Fast`.
+    """
+
+    iterations: int = 200
+    warm_iterations: int = 18
+    lift_iterations: int = 60
+    warm_lift_iterations: int = 9
+    tolerance: float = 1e-2
+    loudness: float = 0.0075
+    floor: float = 0.1
+    every: int = 4
+    relaxation: float = 1.5
+    memory: int = 5
+
+    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+        """Phases for each frame, one after another."""
+        frames = len(problem.amplitude)
+        follower = self.begin(problem)
+        phase, made, status = np.zeros((frames, problem.transducers)), np.zeros(frames, np.int64), []
+        for frame, p in enumerate(problem.amplitude):
+            before = follower.iterations
+            phase[frame] = follower.follow(p)
+            made[frame] = follower.iterations - before
+            status.append("iterations" if made[frame] else "silent")
+            if progress is not None:
+                progress(frame + 1, frames)
+        ended: tuple[Status, ...] = tuple(status)
+        return Answer(phase=phase, iterations=made, status=ended)
+
+    def begin(self, problem: Problem) -> "Follower":
+        """A follower for the G of the problem; compiles, so that its first frame is not late."""
+        return Follower(problem, self)
+
+
+class Follower:
+    """Keeps the last frame's field and drive, and turns the next target into phases.
+
+    Parameters
+    ----------
+    problem : Problem
+        G, level and first phases of the field; its targets are not looked at.
+    settings : Live
+        Iterations and weights.
+    """
+
+    def __init__(self, problem: Problem, settings: Live) -> None:
+        try:
+            from midair.solve import live_kernel
+        except ImportError as missing:
+            raise MissingExtraError("the live solver needs numba: pip install midair[live]") from missing
+        self.iterations = 0
+        self._kernel: Any = live_kernel
+        self._settings = settings
+        kept = modes(problem.G, tolerance=settings.tolerance)
+        s = problem.level * kept.s
+        root = np.sqrt(s)
+        self._root = root.astype(np.float32)
+        self._out = np.ascontiguousarray((kept.U * root).T, np.complex64)
+        self._V = np.ascontiguousarray(kept.V.T, np.complex64)
+        self._drive = np.ascontiguousarray((kept.V[:: settings.every] / root).T, np.complex64)
+        self._weight = np.float32(settings.loudness / self._drive.shape[1])
+        # p -> first coordinates of the field p exp(j psi), as in the batch solver.
+        smooth = root * s / (s**2 + (settings.floor * s[0]) ** 2)
+        self._first = smooth[:, None] * kept.U.conj().T * np.exp(1j * problem.first_psi)
+        lens = kept.V @ ((kept.U.conj().T @ np.exp(1j * problem.first_psi)) / s)
+        self._q = rippled(lens).astype(np.complex64)
+        self._z = np.zeros(kept.rank, np.complex64)
+        self._step = 1 / float(s[0])
+        self._work = live_kernel.workspace(problem.points, self._drive.shape[1], kept.rank, settings.memory)
+        self._error, self._change = np.zeros(kept.rank, np.complex64), np.zeros(problem.transducers, np.complex64)
+        self._warm = False
+        self._compile(problem.points)
+
+    def follow(self, p: Array) -> Array:
+        """Phases (transducer,) in rad for the target p (point,); those of the frame before if p is all zero."""
+        size = float(np.linalg.norm(p))
+        if size > 0:
+            settings, gain = self._settings, np.float32(1 / size)
+            if not self._warm:
+                self._z[:] = self._first @ p
+            count = settings.warm_iterations if self._warm else settings.iterations
+            self._move(
+                (p / size).astype(np.float32),
+                gain,
+                count,
+                settings.warm_lift_iterations if self._warm else settings.lift_iterations,
+            )
+            self._warm = True
+            self.iterations += count
+        return np.angle(self._q).astype(np.float64)
+
+    def _move(self, p: NDArray[np.float32], gain: np.float32, field: int, lift: int) -> None:
+        step = np.float32(self._step / float(gain) ** 2)
+        self._kernel.descend(self._z, p, gain, self._out, self._drive, self._weight, step, field, self._work)
+        relaxation = np.float32(self._settings.relaxation)
+        self._kernel.lift(self._q, self._z / self._root, self._V, relaxation, lift, self._error, self._change)
+
+    def _compile(self, points: int) -> None:
+        """No iteration at all, which compiles everything and moves nothing."""
+        self._move(np.zeros(points, np.float32), np.float32(1), 0, 0)

@@ -1,0 +1,143 @@
+"""Two thousand studies in which there is nothing to find: how often each test finds something at .05."""
+
+import numpy as np
+import pytest
+
+from midair.study import (
+    IdentificationExperiment,
+    RatingExperiment,
+    chance_macro_f,
+    confusion_matrix,
+    equivalence,
+    logistic_mixed,
+    ordinal_check,
+    paired_t,
+    rm_anova,
+    sign_flip,
+)
+
+PEOPLE = 10
+OBJECTS = np.array(["brush", "sponge", "towel"])
+
+
+def paired(rng):
+    return paired_t(rng.normal(size=PEOPLE), rng.normal(size=PEOPLE)).p
+
+
+def turned(rng):
+    return sign_flip(rng.standard_t(3, PEOPLE), rng=rng)
+
+
+def turned_at_random(rng):
+    return sign_flip(rng.normal(size=(14, 2)), rng=rng, draws=400)
+
+
+def equivalent_at_the_margin(rng):
+    return equivalence(rng.normal(1.5, 1, PEOPLE), np.zeros(PEOPLE), margin=1.5).p
+
+
+def design(rng, covariance=None):
+    """Ratings of 10 people x 2 x 3 with no effect: a person's level, and normal noise."""
+    noise = rng.normal(size=(PEOPLE, 2, 3))
+    y = noise if covariance is None else noise @ np.linalg.cholesky(covariance).T
+    y = y + rng.normal(0, 1, (PEOPLE, 1, 1))
+    who, surface, thing = np.indices(y.shape).reshape(3, -1)
+    return {"y": y.ravel(), "who": who, "surface": surface, "object": thing}
+
+
+UNEVEN = np.diag([0.2, 1.0, 9.0])
+
+
+def anova(rng, column, effect, covariance=None):
+    table = rm_anova(design(rng, covariance), value="y", participant="who", within=["surface", "object"])
+    return table.row({"effect": effect})[column]
+
+
+def ranks(rng, effect):
+    data = design(rng)
+    rated = data | {"y": np.clip(np.round(data["y"] * 1.5 + 4), 1, 7)}
+    table = ordinal_check(rated, value="y", participant="who", within=["surface", "object"], rng=rng)
+    return table.row({"effect": effect})["p_sign"]
+
+
+def macro_f(rng):
+    truth = np.tile(np.repeat(OBJECTS, 4), PEOPLE)
+    taste = rng.dirichlet([3, 3, 3], PEOPLE)  # people have favourites, which is no skill
+    answer = np.concatenate([rng.choice(OBJECTS, 12, p=p) for p in taste])
+    confusion = confusion_matrix(truth, answer, participant=np.repeat(np.arange(PEOPLE), 12), labels=OBJECTS)
+    return chance_macro_f(confusion, rng=rng, draws=399).p
+
+
+def mixed(rng):
+    thing = np.tile(np.repeat(OBJECTS, 4), PEOPLE)
+    who = np.repeat(np.arange(PEOPLE), 12)
+    logit = 0.4 + rng.normal(0, 0.7, PEOPLE)[who]
+    correct = (rng.random(who.size) < 1 / (1 + np.exp(-logit))).astype(float)
+    table = {"correct": correct, "who": who, "object": thing}
+    return logistic_mixed(table, correct="correct", participant="who", within=["object"])["p"][0]
+
+
+IDENTIFICATION = IdentificationExperiment(objects=3, trials=12, d_prime=0, spread=0)
+RATING = RatingExperiment(means=(4.0, 4.0))
+
+# Exact at .05 up to the steps of p: the share must lie in the 99.9 % interval of 2000 throws at .05.
+EXACT = {
+    "paired t": paired,
+    "sign turns": turned,
+    "sign turns at random": turned_at_random,
+    "equivalence at the margin": equivalent_at_the_margin,
+    "anova, two levels": lambda rng: anova(rng, "p", "surface"),
+    "anova, three levels": lambda rng: anova(rng, "p", "object"),
+    "anova, interaction": lambda rng: anova(rng, "p", "surface:object"),
+    "ranks, two levels": lambda rng: ranks(rng, "surface"),
+    "ranks, three levels": lambda rng: ranks(rng, "object"),
+    "ranks, interaction": lambda rng: ranks(rng, "surface:object"),
+    "macro F": macro_f,
+    "mixed model": mixed,
+    "identification": lambda rng: IDENTIFICATION(PEOPLE, rng),
+    "rating of two levels": lambda rng: RATING(PEOPLE, rng),
+    "anova, uneven, GG": lambda rng: anova(rng, "p_GG", "object", UNEVEN),
+    "anova, uneven, HF": lambda rng: anova(rng, "p_HF", "object", UNEVEN),
+}
+# Greenhouse and Geisser's correction is known to be shy when there is nothing to correct.
+SHY = {
+    "anova, GG": lambda rng: anova(rng, "p_GG", "object"),
+    "anova, interaction, GG": lambda rng: anova(rng, "p_GG", "surface:object"),
+}
+
+
+def found(test, studies, seed=1):
+    rng = np.random.default_rng(seed)
+    return sum(test(rng) <= 0.05 for _ in range(studies))
+
+
+def interval(studies):
+    from scipy.stats import binom
+
+    return binom.ppf([0.0005, 0.9995], studies, 0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXACT)
+def test_finds_nothing_in_nineteen_of_twenty(name):
+    low, high = interval(2000)
+    assert low <= found(EXACT[name], 2000) <= high
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHY)
+def test_corrections_are_shy(name):
+    _, high = interval(2000)
+    assert 2000 * 0.02 <= found(SHY[name], 2000) <= high
+
+
+@pytest.mark.slow
+def test_sphericity_matters():
+    _, high = interval(2000)
+    assert found(lambda rng: anova(rng, "p", "object", UNEVEN), 2000) > high
+
+
+@pytest.mark.parametrize("name", [*EXACT, *SHY])
+def test_a_few_null_studies(name):
+    low, high = interval(60)
+    assert low <= found(({**EXACT, **SHY})[name], 60, seed=2) <= high
