@@ -11,9 +11,14 @@ Records what an object does to skin, and plays it back on a bare palm with focus
 Importing it loads NumPy and nothing else that is heavy.
 """
 
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from midair import errors, model, physics
+
 # The stages are verbs: `midair.solve` is the function. The packages of the same name are imported by it first, so
 # that no later import of theirs can take the name.
-from midair import datasets, errors, flow, model, physics, study
 from midair.calibrate import calibrate
 from midair.evaluate import compare
 from midair.physics import propagate
@@ -21,6 +26,9 @@ from midair.prepare import prepare
 from midair.solve import solve
 from midair.store import load, load_calibration, save
 from midair.version import __version__
+
+if TYPE_CHECKING:
+    from midair import datasets, flow, study
 
 __all__ = [
     "__version__",
@@ -39,3 +47,10 @@ __all__ = [
     "solve",
     "study",
 ]
+
+
+def __getattr__(name: str) -> ModuleType:
+    """The modules that many programs do without, imported when they are first asked for."""
+    if name in ("datasets", "flow", "study"):
+        return import_module(f"midair.{name}")
+    raise AttributeError(f"module 'midair' has no attribute {name!r}")

@@ -135,9 +135,42 @@ def test_a_person_at_the_terminal(tmp_path):
     assert not any(stimulus.name in said for stimulus in plan.design.stimuli)
 
 
-def test_a_terminal_that_is_closed_stops_the_session(tmp_path, monkeypatch):
+BY_HAND = """
+name = "hand"
+participants = 1
+seed = 1
+consent = "You may stop at any time."
+questions = [{ name = "which", kind = "choice", text = "Which?", options = ["brush", "towel"], truth = "object" }]
+stimuli = [
+  { name = "b", kind = "object", source = "the brush", levels = { object = "brush" } },
+  { name = "t", kind = "object", source = "the towel", levels = { object = "towel" } },
+]
+blocks = [{ name = "all", stimuli = ["b", "t"], questions = ["which"] }]
+"""
+
+
+def test_a_whole_session_by_hand(tmp_path, monkeypatch, capsys):
+    (tmp_path / "hand.toml").write_text(BY_HAND)
+    study("new", tmp_path / "s", "--source", tmp_path / "hand.toml")
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n\nbrush\n\ntowel\n"))
+    assert study("run", tmp_path / "s", "--participant", 1) == 0
+    said = capsys.readouterr()
+    assert "present: the brush" in said.err
+    assert "the brush" not in said.out  # the participant's screen
+    (progress,) = StudyFolder(tmp_path / "s").sessions()
+    assert [one.answer for one in progress.answers.values()] == ["brush", "towel"]
+
+
+def test_drives_need_an_array(tmp_path):
     study("new", tmp_path / "s", "--participants", 1)
-    monkeypatch.setattr("sys.stdin", io.StringIO("\n\n\n1\n"))
+    with pytest.raises(InputError, match="give --array"):
+        study("run", tmp_path / "s", "--participant", 1)
+
+
+def test_a_terminal_that_is_closed_stops_the_session(tmp_path, monkeypatch):
+    (tmp_path / "hand.toml").write_text(BY_HAND)
+    study("new", tmp_path / "s", "--source", tmp_path / "hand.toml")
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n\n1\n"))
     with pytest.raises(InputError, match="end of input"):
         study("run", tmp_path / "s", "--participant", 1)
     folder = StudyFolder(tmp_path / "s")

@@ -90,7 +90,8 @@ def run_command(
     d_prime
         Sensitivity of the simulated participant to reproduced objects.
     array
-        What plays drives: "none" asks the experimenter to present each, "virtual" a simulated array.
+        What plays drives: "virtual" is a simulated array; "none" does for a plan of real objects only. What the
+        experimenter is to take up goes to the error stream: send it to another screen than the participant's.
     """
     folder = StudyFolder(study)
     plan = folder.plan()

@@ -76,6 +76,8 @@ def presenter_named(array: str, folder: StudyFolder, plan: Plan) -> Generator[Pr
         done=lambda: _wait(console),
     )
     if array == "none":
+        if drives := [stimulus.name for stimulus in plan.design.stimuli if stimulus.kind == "drive"]:
+            raise InputError(f"array: expected one to play {len(drives)} drives of the plan, got none; give --array")
         yield by_hand
         return
     from midair.devices import VirtualArray

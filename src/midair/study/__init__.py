@@ -24,8 +24,8 @@ from midair.study.detection import (
     proportion_correct,
 )
 from midair.study.mixed import logistic_mixed, logistic_posterior
-from midair.study.ordinal import ordinal_check
 from midair.study.order import balanced_latin_square, constrained_shuffle
+from midair.study.ordinal import ordinal_check
 from midair.study.participant import SimulatedParticipant
 from midair.study.plan import Plan, Trial, draw_plan
 from midair.study.power import (
