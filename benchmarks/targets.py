@@ -37,16 +37,16 @@ def binary(bits: list[int]) -> np.ndarray:
 
 
 def moving_blob(frames: int, rate: float = 1000.0) -> np.ndarray:
-    """A Gaussian of 11 mm moving at .25 m/s, amplitude modulated at 100 Hz between .1 and 1: (frame, 16)."""
+    """A Gaussian of 11 mm to and fro at up to .25 m/s, amplitude modulated at 100 Hz between .1 and 1: (frame, 16)."""
     time = np.arange(frames) / rate
-    x = 0.25 * time - 0.011
+    x = -0.011 * np.cos(0.25 / 0.011 * time)
     return _gaussian(x, 0.3 * x, 0.011) * (0.55 + 0.45 * np.sin(2 * np.pi * 100 * time + 0.3))[:, None]
 
 
 def beating_blob(frames: int, rate: float = 1000.0) -> np.ndarray:
     """The same with half-wave rectified pressure, so that half of the frames are silent."""
     time = np.arange(frames) / rate
-    x = 0.25 * time - 0.011
+    x = -0.011 * np.cos(0.25 / 0.011 * time)
     return _gaussian(x, 0.3 * x, 0.011) * np.sqrt(np.maximum(np.sin(2 * np.pi * 100 * time + 0.3), 0))[:, None]
 
 

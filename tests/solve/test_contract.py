@@ -40,6 +40,8 @@ PROBLEMS = {
     "all points": of(G, np.full(8, 0.1)),
     "ten times too strong": of(G, np.full(8, 10.0)),
     "a billionth": of(G, np.full(8, 1e-9)),
+    "as good as nothing": of(G, np.full((2, 8), 1e-90)),
+    "from loud to nothing": of(G, np.full((3, 8), 0.1) * np.array([[1], [1e-30], [1]])),
     "rank deficient": rank_deficient(),
     "points twice": of(np.repeat(G[:1], 4, axis=0), [0.1, 0.1, 0.1, 0.1]),
     "dead transducers": of(np.where(np.arange(24) % 2, G, 0), np.full(8, 0.1)),

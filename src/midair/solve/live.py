@@ -33,20 +33,21 @@ class Live:
         Of the projections onto equally loud drives, likewise.
     tolerance : float
         Modes of G below this part of the largest singular value are left out.
-    loudness, floor, every, relaxation, memory
+    loudness, floor, every, relaxation, memory, faintest
         As in `Fast`.
     """
 
     iterations: int = 200
-    warm_iterations: int = 18
+    warm_iterations: int = 16
     lift_iterations: int = 60
-    warm_lift_iterations: int = 9
+    warm_lift_iterations: int = 8
     tolerance: float = 1e-2
     loudness: float = 0.0075
     floor: float = 0.1
     every: int = 4
     relaxation: float = 1.5
     memory: int = 5
+    faintest: float = 1e-12
 
     def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
         """Phases for each frame, one after another."""
@@ -109,8 +110,8 @@ class Follower:
 
     def follow(self, p: Array) -> Array:
         """Phases (transducer,) in rad for the target p (point,); those of the frame before if p is all zero."""
-        size = float(np.linalg.norm(p))
-        if size > 0:
+        if p.any():
+            size = max(float(np.linalg.norm(p)), self._settings.faintest)
             settings, gain = self._settings, np.float32(1 / size)
             if not self._warm:
                 self._z[:] = self._first @ p
