@@ -1,5 +1,6 @@
 """Settings of all tests."""
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 # Machines are noisy: a deadline would make the clock part of the law. The same examples each time, so that a red run
@@ -8,3 +9,9 @@ settings.register_profile(
     "midair", deadline=None, derandomize=True, max_examples=40, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("midair")
+
+
+@pytest.fixture(autouse=True)
+def _own_state(tmp_path_factory, monkeypatch):
+    """Logs and lines of playing go to a folder of the test's own."""
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path_factory.mktemp("state")))

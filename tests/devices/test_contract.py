@@ -3,13 +3,23 @@
 import numpy as np
 import pytest
 
-from midair.devices import ReplaySensor, VirtualArray, VirtualSensor, VirtualSkin
-from midair.errors import DeviceStateError, MismatchError
+from midair.devices import (
+    Placement,
+    ReplaySensor,
+    VirtualArray,
+    VirtualSensor,
+    VirtualSkin,
+    autd3_array,
+    autd3_firmware,
+    pyautd3_array,
+)
+from midair.errors import DeviceStateError, InputError, MismatchError
 from midair.model import Drive, PressureFrames, Provenance, Recording, TransducerArray
 from midair.physics import focus_phase
 from midair.physics.sensing import SensorModel
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
+ONE = Placement.grid(columns=1, rows=1)
 
 
 def virtual_sensor():
@@ -26,6 +36,10 @@ SENSORS = {"virtual": virtual_sensor, "replay": replay}
 ARRAYS = {
     "virtual": lambda: VirtualArray(ARRAY),
     "virtual on skin": lambda: VirtualArray(ARRAY, VirtualSkin(SensorModel())),
+    "autd3:firmware": lambda: autd3_firmware(ONE),
+    "autd3:emulator": lambda: autd3_array("emulator", ONE),
+    "pyautd3:audit": lambda: pyautd3_array("audit", ONE),
+    "pyautd3:nop": lambda: pyautd3_array("nop", ONE),
 }
 
 
@@ -110,7 +124,7 @@ def test_an_array_is_silent_after_any_failure_on_the_way(array, failure):
 
     with array:
         with pytest.raises(failure):
-            array.play(drive(), progress=fail)
+            array.play(drive(frames=300), progress=fail)
         assert loud == [True]
         assert not array.emitting
 
@@ -125,3 +139,31 @@ def test_phases_of_another_array_are_refused(array):
 def test_a_closed_array_does_not_play(array):
     with pytest.raises(DeviceStateError, match="open"):
         array.play(drive())
+
+
+def test_repeats_and_a_delay_are_played(array):
+    with array:
+        report = array.play(drive(), repeats=3, delay=0.01)
+        assert (report.frames, report.late) == (15, 0)
+        assert report.duration == pytest.approx(0.015)
+        assert not array.emitting
+
+
+@pytest.mark.parametrize(("repeats", "delay"), [(0, 0.0), (-1, 0.0), (1, -1.0), (1, float("nan")), (1, float("inf"))])
+def test_repeats_and_delays_that_make_no_sense_are_refused(array, repeats, delay):
+    with array, pytest.raises(InputError, match="repeat"):
+        array.play(drive(), repeats=repeats, delay=delay)
+
+
+def test_an_array_plays_again_after_it_has_played(array):
+    with array:
+        array.play(drive())
+        assert array.play(drive()).frames == 5
+
+
+def test_closing_twice_and_silence_at_any_time_are_harmless(array):
+    array.silence()
+    with array:
+        array.silence()
+    array.silence()
+    array.close()

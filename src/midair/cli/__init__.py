@@ -3,9 +3,23 @@
 Each file adds its commands to the one app in app.py.
 """
 
-from midair.cli import demo, doctor, info, recordings, reproduction, study
+from midair.cli import demo, doctor, exposure, info, recordings, reproduction, stop, study, sweep
 from midair.cli.app import app, main, run
 
 app.command(study.app)
+app.command(sweep.app)
 
-__all__ = ["app", "demo", "doctor", "info", "main", "recordings", "reproduction", "run", "study"]
+__all__ = [
+    "app",
+    "demo",
+    "doctor",
+    "exposure",
+    "info",
+    "main",
+    "recordings",
+    "reproduction",
+    "run",
+    "stop",
+    "study",
+    "sweep",
+]

@@ -10,17 +10,19 @@ from midair.rig.checkup import check_up
 
 
 @app.command(name="doctor")
-def doctor_command(*, json: bool = False) -> int:
+def doctor_command(*, device: str | None = None, json: bool = False) -> int:
     """Look at what is installed and what works here, and say what to do about what does not.
 
     Leaves with 1 when something that is needed is broken.
 
     Parameters
     ----------
+    device
+        An array to open and ask: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE. It stays silent.
     json
         Print JSON for a program.
     """
-    findings = check_up()
+    findings = check_up(device)
     if json:
         print_json([asdict(finding) for finding in findings])
     else:

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from midair.cli.app import app
+from midair.cli.arrays import PlayOptions, play_on_array
 from midair.cli.options import BandOptions, SolveOptions, Time
 from midair.cli.quantity import quantity
 from midair.cli.recordings import may_write
@@ -82,38 +83,51 @@ def play_command(
     output: Path | None = None,
     seed: int = 0,
     force: bool = False,
+    options: PlayOptions | None = None,
 ) -> None:
     """Play a drive, and re-record what it presses when the device is virtual.
+
+    Nothing is played on an array or on its emulator that exceeds the exposure profile, unless someone answers for it.
+    Ctrl-C stops, and so does midair stop in another terminal.
 
     Parameters
     ----------
     source
         NAME.drive.h5.
     device
-        virtual: an array and a sensor that exist only here.
+        virtual: an array and a sensor that exist only here. autd3, autd3:INTERFACE: units over Ethernet.
+        autd3:emulator: their emulator. pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit,
+        pyautd3:nop: no units.
     output
-        The re-recording; NAME.rerecorded.h5 if not given.
+        The re-recording of a virtual device; NAME.rerecorded.h5 if not given.
     seed
         Of the virtual rig's strengths and noise.
     force
         Write over a file that is there.
+    options
+        Of exposure and of arrays.
     """
-    check_array_name(device)
+    options = options or PlayOptions()
+    if device != "virtual":
+        return play_on_array(source, device, options)
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
-    solution = load_solution(source)
-    rig = VirtualRig(array=solution.drive.array, seed=seed)
+    admission = options.admit(load_solution(source).drive, gated=False)
+    drive = admission.drive
+    rig = VirtualRig(array=drive.array, seed=seed)
     skin = rig.skin()
     banner(True)
     with stages() as stage, rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        recording = rerecord(solution.drive, array, sensor, progress=stage("play and re-record"))
+        recording = rerecord(drive, array, sensor, progress=stage("play and re-record"))
     save(recording, target, calibration=sensor.calibration)
     print_rows(
         [
-            ("played", f"{solution.drive.frames} frames at {solution.drive.rate:g} Hz on {device}"),
+            ("played", f"{drive.frames} frames at {drive.rate:g} Hz on {device}"),
             ("re-recorded", f"{target}, {recording.frames} frames at {recording.rate:g} Hz"),
+            ("exposure", f"on a real array: {admission.exposure.verdict()}"),
         ]
     )
+    return None
 
 
 @app.command(name="loop")

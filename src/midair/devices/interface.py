@@ -4,6 +4,7 @@ A device is a context manager: entering opens it, leaving stops and closes it, a
 on errors too. A new device is a subclass in a file of its own that fills in the abstract methods.
 """
 
+import contextlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import MismatchError
+from midair.errors import DeviceError, InputError, MismatchError
 from midair.model import Calibration, Drive, SensorGrid, TransducerArray, Unit
 
 Progress = Callable[[int, int], None]
@@ -102,12 +103,33 @@ class SensorDevice(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayReport:
-    """What an array did with a drive: frames it played, and how many of them came late or were repeated."""
+    """What an array did with a drive.
+
+    Attributes
+    ----------
+    frames : int
+        That it played, all repeats counted.
+    duration : float
+        From the first frame to the end of the last, less gaps, in s.
+    late : int
+        Frames that began later than their time.
+    repeated : int
+        Frames that stood longer than their time.
+    start : int or None
+        Device time of the first frame in ns, the same on all units; None where there is no such clock.
+    gap : float
+        Silence that came between frames, in s.
+    silencer : str
+        How the firmware spread steps, in words; empty where there is none.
+    """
 
     frames: int
     duration: float
     late: int = 0
     repeated: int = 0
+    start: int | None = None
+    gap: float = 0.0
+    silencer: str = ""
 
 
 class ArrayDevice(ABC):
@@ -121,18 +143,22 @@ class ArrayDevice(ABC):
         Its transducers; it plays phases made for them and refuses others.
     simulated : bool
         Whether it only pretends.
+    gated : bool
+        Whether nothing may be played on it that breaks the exposure profile; False only where no sound can come out
+        and no real device is spoken to.
     """
 
     name: str
     array: TransducerArray
     simulated: bool = False
+    gated: bool = True
 
     @abstractmethod
     def open(self) -> None:
         """Take hold of the device; it is silent."""
 
     @abstractmethod
-    def emit(self, drive: Drive, progress: Progress | None) -> PlayReport:
+    def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
         """Put out every frame of a drive that `play` has checked; `play` silences afterwards."""
 
     @abstractmethod
@@ -143,25 +169,49 @@ class ArrayDevice(ABC):
     def close(self) -> None:
         """Let go of the device. Harmless when not open."""
 
-    def play(self, drive: Drive, *, progress: Progress | None = None) -> PlayReport:
+    def play(
+        self, drive: Drive, *, repeats: int = 1, delay: float = 0.0, progress: Progress | None = None
+    ) -> PlayReport:
         """Play a drive from its first frame to its last, then be silent, whatever happens on the way.
+
+        Parameters
+        ----------
+        drive : Drive
+            Made for this array.
+        repeats : int
+            How often, one time after the other without a gap.
+        delay : float
+            Silence before the first frame, in s.
+        progress : callable, optional
+            Called with (frames begun, frames in all).
 
         Raises
         ------
         MismatchError
             If the drive was made for another array.
+        InputError
+            If there is less than one repeat, or a delay that is negative or endless.
         DeviceStateError
             If the device is not open.
         """
+        if repeats < 1 or not 0 <= delay < 3600:
+            raise InputError(f"expected 1 repeat or more after 0 to 3600 s, got {repeats} after {delay:g} s")
+        self.check_fits(drive)
+        try:
+            report = self.emit(drive, progress, repeats=repeats, delay=delay)
+        except BaseException:
+            self._silence_after_an_error()
+            raise
+        self.silence()
+        return report
+
+    def check_fits(self, drive: Drive) -> None:
+        """Refuse phases that were solved for another array, with MismatchError."""
         if not self.array.same_as(drive.array):
             raise MismatchError(
                 f"drive: expected one for {self.array.name} ({self.array.count} transducers), got one for "
                 f"{drive.array.name} ({drive.array.count} transducers); solve the target again for this array"
             )
-        try:
-            return self.emit(drive, progress)
-        finally:
-            self.silence()
 
     def __enter__(self) -> Self:
         self.open()
@@ -171,6 +221,14 @@ class ArrayDevice(ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            self.silence()
+            if error is None:
+                self.silence()
+            else:
+                self._silence_after_an_error()
         finally:
             self.close()
+
+    def _silence_after_an_error(self) -> None:
+        """Silence, and let the first error be the one that is told: a lost link, say, cannot be told to be silent."""
+        with contextlib.suppress(DeviceError):
+            self.silence()

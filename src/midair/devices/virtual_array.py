@@ -43,6 +43,7 @@ class VirtualArray(ArrayDevice):
     """
 
     simulated = True
+    gated = False
 
     def __init__(
         self,
@@ -79,17 +80,19 @@ class VirtualArray(ArrayDevice):
         self._open = True
         self.silence()
 
-    def emit(self, drive: Drive, progress: Progress | None) -> PlayReport:
+    def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
         """Work out the pressure of every frame on the skin, some frames at a time."""
         if not self._open:
             raise DeviceStateError("virtual array: expected open before play")
         substeps = self._substeps(drive.rate)
-        together = max(1, 1024 // substeps)
-        for start in range(0, drive.frames, together):
-            self._emit_frames(drive, slice(start, start + together), substeps)
-            if progress:
-                progress(min(start + together, drive.frames), drive.frames)
-        return PlayReport(frames=drive.frames, duration=drive.frames / drive.rate)
+        together, total = max(1, 1024 // substeps), drive.frames * repeats
+        self._rest(round(delay * drive.rate), substeps)
+        for before in range(0, total, drive.frames):
+            for start in range(0, drive.frames, together):
+                self._emit_frames(drive, slice(start, start + together), substeps)
+                if progress:
+                    progress(before + min(start + together, drive.frames), total)
+        return PlayReport(frames=total, duration=total / drive.rate)
 
     def silence(self) -> None:
         """Stop all sound at once."""
@@ -109,6 +112,11 @@ class VirtualArray(ArrayDevice):
                 "solve it at 1000 Hz"
             )
         return round(substeps)
+
+    def _rest(self, frames: int, substeps: int) -> None:
+        """Silence on the skin."""
+        if self._skin is not None and frames:
+            self._skin.press(np.zeros((frames * substeps, self._skin.points.count)))
 
     def _emit_frames(self, drive: Drive, frames: slice, substeps: int) -> None:
         level = drive.level[frames] if drive.level.ndim == 2 else drive.level[frames, None]

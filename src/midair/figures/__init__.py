@@ -1,6 +1,7 @@
 """Figures: Matplotlib figures of nouns, each with units on its axes. Nothing here writes a file."""
 
 from midair.figures.errors import error_figure
+from midair.figures.exposure import exposure_figure
 from midair.figures.fields import maps_figure, phase_figure
 from midair.figures.style import Style, png
 from midair.figures.waveforms import beam_figure, spectra_figure, traces_figure
@@ -9,6 +10,7 @@ __all__ = [
     "Style",
     "beam_figure",
     "error_figure",
+    "exposure_figure",
     "maps_figure",
     "phase_figure",
     "png",

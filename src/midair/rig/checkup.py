@@ -6,42 +6,26 @@ import os
 import platform
 import tempfile
 import time
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
+from midair.rig.array_checkup import array_findings
+from midair.rig.finding import Finding
 from midair.solve import solve
 from midair.store import load, save
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """One thing that was looked at.
+def check_up(device: str | None = None) -> list[Finding]:
+    """Everything that can be looked at without hardware, and an array if one is named.
 
-    Attributes
+    Parameters
     ----------
-    subject : str
-        What.
-    state : {"ok", "missing", "broken"}
-        "missing" is something optional that is not there.
-    found : str
-        What was seen.
-    advice : str
-        One line of what to do; empty when there is nothing to do.
+    device : str, optional
+        As in `array_named`; it is opened, asked, and closed, and stays silent.
     """
-
-    subject: str
-    state: Literal["ok", "missing", "broken"]
-    found: str
-    advice: str = ""
-
-
-def check_up() -> list[Finding]:
-    """Everything that can be looked at without hardware."""
     return [
         _python(),
         *(_library(name) for name in ("numpy", "scipy", "h5py", "soundfile", "matplotlib")),
@@ -51,7 +35,7 @@ def check_up() -> list[Finding]:
         _solver(),
         _threads(),
         Finding(subject="sensor", state="ok", found="virtual sensor; no driver for a real one in this version"),
-        Finding(subject="array", state="ok", found="virtual AUTD3 2 x 2; no driver for a real one in this version"),
+        *array_findings(device),
     ]
 
 

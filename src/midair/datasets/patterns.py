@@ -1,0 +1,51 @@
+"""The 65535 binary patterns of the paper's simulation (paper, 5.1): each channel silent or loud, not all silent."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from midair.errors import InputError
+from midair.model import SensorGrid
+
+
+def binary_patterns(count: int | None = None, *, seed: int = 0, channels: int = 16) -> NDArray[np.int64]:
+    """Patterns in an order drawn with a seed, so that the first few are a fair sample of all.
+
+    Parameters
+    ----------
+    count : int, optional
+        How many; all 2^channels - 1 if None.
+    seed : int
+        Of the order.
+    channels : int
+        Of the sensor, at most 16.
+
+    Returns
+    -------
+    ndarray of int, shape (pattern,)
+        Bit k says whether channel k is loud. No pattern comes twice, and none is 0.
+
+    Raises
+    ------
+    InputError
+        If there are not so many patterns.
+    """
+    if not 1 <= channels <= 16:
+        raise InputError(f"channels: expected 1 to 16, got {channels}")
+    every = 2**channels - 1
+    if count is not None and not 1 <= count <= every:
+        raise InputError(f"count of patterns: expected 1 to {every}, got {count}")
+    return np.random.default_rng(seed).permutation(np.arange(1, every + 1))[:count]
+
+
+def channel_amplitudes(patterns: ArrayLike, sensor: SensorGrid | None = None) -> NDArray[np.float64]:
+    """0 or 1 for each channel of each pattern, shape (pattern, channel).
+
+    Parameters
+    ----------
+    patterns : array of int, shape (pattern,)
+        Bit k is channel k.
+    sensor : SensorGrid, optional
+        The cells; 4 x 4 by default.
+    """
+    bits = np.asarray(patterns, np.int64)[:, None] >> np.arange((sensor or SensorGrid()).count)
+    return (bits & 1).astype(np.float64)

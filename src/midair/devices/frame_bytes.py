@@ -1,0 +1,54 @@
+"""A drive as AUTD3's firmware holds it: one byte of phase and one of intensity for each transducer.
+
+q = exp(+j phi) and G = exp(+j k d) / d are the firmware's signs as well as midair's, so a phase goes over as it is:
+byte = round(phi / 2 pi * 256) mod 256. An intensity byte I becomes a pulse of round(512 asin(I / 255) / pi) of 512
+steps, and a pulse of w steps an amplitude of sin(pi w / 512): so I = round(255 level), true to .005 of full drive.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import RateError
+from midair.model import Drive
+
+Bytes = NDArray[np.uint8]
+
+TICK = 25_000
+"""Period of the ultrasound in ns: every instant of the firmware is a multiple of it."""
+
+
+def phase_bytes(drive: Drive, units: int) -> Bytes:
+    """Phases in steps of 2 pi / 256, shape (frame, unit, transducer of the unit)."""
+    steps = np.mod(np.rint(drive.phase * (256 / (2 * np.pi))), 256)
+    return steps.astype(np.uint8).reshape(drive.frames, units, -1)
+
+
+def intensity_bytes(drive: Drive, units: int) -> Bytes:
+    """Intensities, shape (frame,) when all transducers share one, or (frame, unit, transducer of the unit)."""
+    levels = np.rint(drive.level * 255).astype(np.uint8)
+    return levels if levels.ndim == 1 else levels.reshape(drive.frames, units, -1)
+
+
+def amplitude_of(intensity: Bytes) -> NDArray[np.float64]:
+    """Amplitude relative to full drive that an intensity byte gives through its pulse width, same shape."""
+    width = np.rint(512 / np.pi * np.arcsin(intensity / 255))
+    return np.sin(np.pi * width / 512)
+
+
+def divider(rate: float) -> int:
+    """The whole number N of ultrasound periods in a frame: rate = 40 kHz / N.
+
+    Raises
+    ------
+    RateError
+        If there is none from 1 to 65535.
+    """
+    exact = 40e3 / rate
+    whole = round(exact)
+    if not 1 <= whole <= 65535 or abs(exact - whole) > 1e-6 * exact:
+        low, high = (40e3 / max(1, min(65535, number)) for number in (int(exact) + 1, int(exact)))
+        raise RateError(
+            f"drive: expected a rate of 40 kHz / N with N whole, 1 to 65535, got {rate:g} Hz; "
+            f"solve it at {low:.6g} or {high:.6g} Hz"
+        )
+    return whole

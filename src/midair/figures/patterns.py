@@ -1,0 +1,140 @@
+"""Sweeps over patterns: how E is spread, examples like the paper's Fig. 3, E over strength and over height."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.figures.style import Style, new_figure, plain
+from midair.model import ControlGrid, SensorGrid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Example:
+    """A pattern that was solved.
+
+    Attributes
+    ----------
+    name : str
+        Of the pattern.
+    error : float
+        E.
+    target, field : ndarray, shape (point,)
+        Magnitude that was wanted and that was made, over the focus of the whole array.
+    """
+
+    name: str
+    error: float
+    target: Array
+    field: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Curve:
+    """E over some quantity: mean, and the range of the middle patterns, each of shape (value,)."""
+
+    name: str
+    x: Array
+    mean: Array
+    low: Array
+    high: Array
+
+
+def histogram_figure(
+    errors: Sequence[tuple[str, Array]], *, published: tuple[float, float], style: Style | None = None
+) -> Figure:
+    """How many patterns have which E.
+
+    Parameters
+    ----------
+    errors : sequence of (str, ndarray of shape (pattern,))
+        Name of a condition, and E of each pattern.
+    published : tuple of float
+        Range of the average E that the paper reports, shaded.
+    """
+    style = style or Style()
+    figure = new_figure(7.0, 3.0, simulated=True, style=style)
+    axes = plain(figure.subplots(), style)
+    axes.axvspan(100 * published[0], 100 * published[1], color=style.band, zorder=0, label="paper, average")
+    top = 100 * max(float(values.max()) for _, values in errors)
+    bins = np.linspace(0, top, 121).tolist()
+    for (name, values), colour in zip(errors, _colours(len(errors), style), strict=True):
+        label = f"{name}: mean {100 * values.mean():.1f} %, worst {100 * values.max():.1f} %, {len(values)} patterns"
+        axes.hist(100 * values, bins=bins, histtype="stepfilled", color=colour, alpha=0.35)
+        axes.hist(100 * values, bins=bins, histtype="step", color=colour, linewidth=1.1, label=label)
+    axes.set_xlabel("E (%)", fontsize=9)
+    axes.set_ylabel("patterns", fontsize=9)
+    axes.set_xlim(0, max(top, 100 * published[1]) * 1.02)
+    axes.set_ylim(0, axes.get_ylim()[1] * 1.3)
+    axes.legend(fontsize=8, frameon=False, loc="upper right")
+    return figure
+
+
+def examples_figure(
+    examples: Sequence[Example], grid: ControlGrid, sensor: SensorGrid, *, title: str, style: Style | None = None
+) -> Figure:
+    """Targets above, fields below, all on one scale; circles are the channels, as in the paper's Fig. 3."""
+    style = style or Style()
+    figure = new_figure(1.75 * len(examples) + 1.2, 4.2, simulated=True, style=style)
+    axes = figure.subplots(2, len(examples), sharex=True, sharey=True, squeeze=False)
+    top = max(max(float(one.target.max()), float(one.field.max())) for one in examples)
+    image = None
+    for column, one in zip(axes.T, examples, strict=True):
+        for axis, values in zip(column, (one.target, one.field), strict=True):
+            image = _map(axis, values, grid, sensor, top, style)
+        column[0].set_title(one.name, fontsize=8, loc="left", color=style.ink)
+        column[1].set_title(f"E {100 * one.error:.1f} %", fontsize=8, loc="left", color=style.ink)
+        column[1].set_xlabel("x (mm)", fontsize=8)
+    for axis, name in zip(axes[:, 0], ("target", "field"), strict=True):
+        axis.set_ylabel(f"{name}\ny (mm)", fontsize=8)
+    bar = figure.colorbar(image, ax=axes.ravel().tolist(), shrink=0.8, pad=0.02)  # pyright: ignore[reportArgumentType]
+    bar.set_label("sound pressure over a full focus", fontsize=8)
+    bar.ax.tick_params(labelsize=7)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=9)
+    return figure
+
+
+def curve_figure(
+    curves: Sequence[Curve], *, quantity: str, published: tuple[float, float], style: Style | None = None
+) -> Figure:
+    """Mean E over a quantity; shaded: the middle 90 % of the patterns."""
+    style = style or Style()
+    figure = new_figure(5.2, 3.2, simulated=True, style=style)
+    axes = plain(figure.subplots(), style)
+    axes.axhspan(100 * published[0], 100 * published[1], color=style.band, zorder=0, label="paper, average")
+    for curve, colour in zip(curves, _colours(len(curves), style), strict=True):
+        axes.fill_between(curve.x, 100 * curve.low, 100 * curve.high, color=colour, alpha=0.18, linewidth=0)
+        axes.plot(curve.x, 100 * curve.mean, "o-", color=colour, markersize=3.5, linewidth=1.2, label=curve.name)
+    axes.set_xlabel(quantity, fontsize=9)
+    axes.set_ylabel("E (%)", fontsize=9)
+    axes.set_ylim(0, None)
+    axes.legend(fontsize=8, frameon=False, loc="upper left")
+    return figure
+
+
+def _map(axis: Axes, values: Array, grid: ControlGrid, sensor: SensorGrid, top: float, style: Style) -> AxesImage:
+    half = 0.5e3 * grid.pitch
+    x, y = 1e3 * grid.x, 1e3 * grid.y
+    extent = (x[0] - half, x[-1] + half, y[-1] + half, y[0] - half)
+    image = axis.imshow(values.reshape(grid.shape), cmap=style.quantity, vmin=0, vmax=top, extent=extent)
+    places_x, places_y = np.meshgrid(1e3 * sensor.x, 1e3 * sensor.y)
+    axis.plot(
+        places_x.ravel(), places_y.ravel(), "o", markerfacecolor="none", markeredgecolor="white", markersize=4, mew=0.6
+    )
+    axis.tick_params(labelsize=7)
+    return image
+
+
+def _colours(count: int, style: Style) -> list[str]:
+    return [(style.reproduced, style.before, style.original)[number % 3] for number in range(count)]

@@ -1,0 +1,315 @@
+"""What sound reaches ears and hands: level of every frame, dose, and how far from linear the sound is.
+
+Levels are in dB re 20 µPa rms, from the linear field of each frame as if it lasted for ever.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.model import Drive, Medium
+from midair.model.arrays import frozen_array
+from midair.physics.directivity import Directivity
+from midair.physics.propagation import transfer_matrix
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where somebody's ear or hand is, and what may reach it.
+
+    Attributes
+    ----------
+    name : str
+        Such as "left ear".
+    position : tuple of float
+        x, y, z from the centre of the array, in m.
+    reach : float
+        Half the edge of the cube around it that is searched, in m.
+    limit : float
+        Sound pressure level that no frame may exceed, in dB.
+    enforced : bool
+        Whether more than the limit is refused, or only told.
+    source : str
+        Where the limit is from, if not from the profile's source.
+    """
+
+    name: str
+    position: tuple[float, float, float]
+    reach: float
+    limit: float
+    enforced: bool = True
+    source: str = ""
+
+    @property
+    def points(self) -> Array:
+        """3 x 3 x 3 points of the cube, shape (27, 3), in m."""
+        steps = np.array([-1.0, 0.0, 1.0]) * self.reach
+        cube = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
+        return np.asarray(cube + np.array(self.position), np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExposureProfile:
+    """A named set of limits.
+
+    Attributes
+    ----------
+    name, title : str
+        What to call it, and for whom it is.
+    source, evidence : str
+        Where its limits are from, and how good the evidence is.
+    places : tuple of Place
+        At least one.
+    """
+
+    name: str
+    title: str
+    source: str
+    evidence: str
+    places: tuple[Place, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Exposure:
+    """What a drive exposes people to.
+
+    Attributes
+    ----------
+    profile : ExposureProfile
+        Whose places and limits these are.
+    level : ndarray, shape (frame, place)
+        Highest sound pressure level in the cube of each place, in dB.
+    rate : float
+        Frames per second, in Hz.
+    repeats : int
+        How often all frames are played.
+    nonlinearity : float
+        sigma of the strongest frame up to the palm; above 1 the linear field is too strong.
+    """
+
+    profile: ExposureProfile
+    level: Array
+    rate: float
+    repeats: int
+    nonlinearity: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "level", frozen_array(self.level, "level", ("frame", len(self.profile.places))))
+
+    @property
+    def duration(self) -> float:
+        """With all repeats, in s."""
+        return len(self.level) * self.repeats / self.rate
+
+    @property
+    def peak(self) -> Array:
+        """Level of the loudest frame, shape (place,), in dB."""
+        return self.level.max(axis=0)
+
+    @property
+    def mean(self) -> Array:
+        """Level of the mean energy, shape (place,), in dB."""
+        return np.asarray(10 * np.log10(np.mean(10 ** (self.level / 10), axis=0)), np.float64)
+
+    @property
+    def dose(self) -> Array:
+        """Integral of the squared sound pressure over all repeats, shape (place,), in Pa2 s."""
+        return np.asarray((20e-6) ** 2 * 10 ** (self.mean / 10) * self.duration, np.float64)
+
+    @property
+    def daily(self) -> Array:
+        """The level that has the same dose when it lasts for eight hours, shape (place,), in dB."""
+        return np.asarray(self.mean + 10 * np.log10(self.duration / 28800), np.float64)
+
+    @property
+    def excess(self) -> float:
+        """By how much the loudest frame is above an enforced limit, in dB; negative when all are kept."""
+        return max(
+            (
+                float(peak) - place.limit
+                for peak, place in zip(self.peak, self.profile.places, strict=True)
+                if place.enforced
+            ),
+            default=-np.inf,
+        )
+
+    @property
+    def worst(self) -> tuple[Place, int]:
+        """The enforced place that is furthest above its limit, or nearest to it, and its loudest frame.
+
+        Raises
+        ------
+        InputError
+            If the profile enforces nothing.
+        """
+        margins = [
+            (float(self.peak[number]) - place.limit, number)
+            for number, place in enumerate(self.profile.places)
+            if place.enforced
+        ]
+        if not margins:
+            raise InputError(f"profile {self.profile.name}: expected at least one enforced limit, got none")
+        number = max(margins)[1]
+        return self.profile.places[number], int(self.level[:, number].argmax())
+
+    def verdict(self) -> str:
+        """One line: whether the profile is kept, and where it is closest to its limit."""
+        place, frame = self.worst
+        number = self.profile.places.index(place)
+        where = " ".join(f"{1e3 * each:.0f}" for each in place.position)
+        kept = "kept" if self.excess <= 0 else "exceeded"
+        return (
+            f"{self.profile.name} is {kept}: {self.peak[number]:.1f} dB at the {place.name} ({where} mm) "
+            f"in frame {frame}, limit {place.limit:g} dB"
+        )
+
+
+def exposure(
+    drive: Drive,
+    profile: ExposureProfile,
+    *,
+    repeats: int = 1,
+    medium: Medium | None = None,
+    directivity: Directivity = "t4010a1",
+) -> Exposure:
+    """What a drive exposes people to at the places of a profile.
+
+    Parameters
+    ----------
+    drive : Drive
+        To be played.
+    profile : ExposureProfile
+        Places and limits.
+    repeats : int
+        How often it is played.
+    medium, directivity
+        As in `transfer_matrix`.
+
+    Returns
+    -------
+    Exposure
+        Of every frame at every place.
+    """
+    medium = medium or Medium()
+    points = np.concatenate([place.points for place in profile.places])
+    matrix = transfer_matrix(points, drive.array, medium=medium, directivity=directivity).T
+    level = np.empty((drive.frames, len(profile.places)))
+    for first in range(0, drive.frames, 256):
+        part = slice(first, first + 256)
+        pressure = np.abs(_drive(drive, part) @ matrix).reshape(-1, len(profile.places), 27).max(axis=2)
+        level[part] = sound_level(pressure)
+    return Exposure(
+        profile=profile,
+        level=level,
+        rate=drive.rate,
+        repeats=repeats,
+        nonlinearity=_nonlinearity(drive, profile, medium, directivity, level),
+    )
+
+
+def sound_level(peak: Array) -> Array:
+    """Sound pressure level of an amplitude, in dB re 20 µPa rms: 20 lg(p / sqrt(2) / 20 µPa), not below -40 dB."""
+    return np.asarray(20 * np.log10(np.maximum(peak / np.sqrt(2) / 20e-6, 1e-2)), np.float64)
+
+
+def nonlinearity_index(pressure: Array, path: Array, medium: Medium, frequency: float) -> float:
+    """How far a beam is distorted: sigma = 1.2 omega / (rho c^3) integral |p| ds; a shock forms at 1 in a plane wave.
+
+    1.2 is the coefficient of nonlinearity of air (Hamilton & Blackstock, Nonlinear Acoustics, chapter 4).
+
+    Parameters
+    ----------
+    pressure : ndarray, shape (point,)
+        Amplitude along the beam, in Pa.
+    path : ndarray, shape (point,)
+        Distance along the beam, in m.
+    medium : Medium
+        Density and speed of sound.
+    frequency : float
+        In Hz.
+    """
+    integral = float(np.trapezoid(np.abs(pressure), path))
+    return 1.2 * 2 * np.pi * frequency / (medium.density * medium.speed**3) * integral
+
+
+def profiles_of(text: str) -> dict[str, ExposureProfile]:
+    """The profiles of a TOML text, by name, in its order.
+
+    Raises
+    ------
+    InputError
+        If it is no TOML, or its keys or numbers are not those of the profiles that come with midair.
+    """
+    try:
+        content = tomllib.loads(text)
+        profiles = [_profile(each) for each in content["profile"]]
+    except tomllib.TOMLDecodeError as wrong:
+        raise InputError(f"exposure profiles: expected TOML, got {wrong}") from wrong
+    except KeyError as wrong:
+        raise InputError(
+            f"exposure profiles: expected the key {wrong}; copy a profile that comes with midair"
+        ) from wrong
+    except (TypeError, ValueError, AttributeError) as wrong:
+        raise InputError(f"exposure profiles: {wrong}; copy a profile that comes with midair") from wrong
+    return {profile.name: profile for profile in profiles}
+
+
+def _profile(entry: Mapping[str, Any]) -> ExposureProfile:
+    _only(entry, {"name", "title", "source", "evidence", "place"})
+    places = tuple(_place(each) for each in entry["place"])
+    if not any(place.enforced for place in places):
+        raise InputError(f"profile {entry['name']}: expected at least one enforced limit, got none")
+    return ExposureProfile(
+        name=str(entry["name"]),
+        title=str(entry["title"]),
+        source=str(entry["source"]),
+        evidence=str(entry["evidence"]),
+        places=places,
+    )
+
+
+def _place(entry: Mapping[str, Any]) -> Place:
+    _only(entry, {"name", "position_mm", "reach_mm", "limit_db", "enforced", "source"})
+    x, y, z = (float(each) * 1e-3 for each in entry["position_mm"])
+    numbers = np.array([x, y, z, entry["reach_mm"], entry["limit_db"]], float)
+    enforced = entry.get("enforced", True)
+    if not np.isfinite(numbers).all() or numbers[3] < 0 or not isinstance(enforced, bool):
+        raise InputError(f"place {entry['name']}: expected finite numbers, reach_mm from 0 on, enforced true or false")
+    return Place(
+        name=str(entry["name"]),
+        position=(x, y, z),
+        reach=float(entry["reach_mm"]) * 1e-3,
+        limit=float(entry["limit_db"]),
+        enforced=enforced,
+        source=str(entry.get("source", "")),
+    )
+
+
+def _only(entry: Mapping[str, Any], known: set[str]) -> None:
+    if unknown := set(entry) - known:
+        raise InputError(f"expected {', '.join(sorted(known))}, got {', '.join(sorted(unknown))}")
+
+
+def _nonlinearity(
+    drive: Drive, profile: ExposureProfile, medium: Medium, directivity: Directivity, level: Array
+) -> float:
+    """Of the frame that is strongest at the lowest place, which is the palm, along the line that leads there."""
+    number = int(np.argmin([np.linalg.norm(place.position) for place in profile.places]))
+    strongest = int(level[:, number].argmax())
+    end = np.array(profile.places[number].position)
+    share = np.linspace(0.02, 1, 200)
+    matrix = transfer_matrix(share[:, None] * end, drive.array, medium=medium, directivity=directivity)
+    pressure = np.abs(matrix @ _drive(drive, slice(strongest, strongest + 1))[0])
+    return nonlinearity_index(pressure, share * float(np.linalg.norm(end)), medium, drive.array.frequency)
+
+
+def _drive(drive: Drive, frames: slice) -> NDArray[np.complex128]:
+    level = drive.level[frames] if drive.level.ndim == 2 else drive.level[frames, None]
+    return np.asarray(level * np.exp(1j * drive.phase[frames]), np.complex128)

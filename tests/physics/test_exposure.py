@@ -1,0 +1,142 @@
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.model import Drive, Medium, TransducerArray
+from midair.physics import ExposureProfile, exposure, focus_phase, profiles_of, sound_level, transfer_matrix
+from midair.physics.exposure import Place, nonlinearity_index
+
+ONE = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]]), pressure=4.0)
+AIR = Medium(attenuation=0)
+
+TOML = """
+[[profile]]
+name = "mine"
+title = "t"
+source = "s"
+evidence = "e"
+[[profile.place]]
+name = "ear"
+position_mm = [0, 0, 500]
+reach_mm = 0
+limit_db = 100
+"""
+
+
+def profile(*places):
+    return ExposureProfile(name="p", title="t", source="s", evidence="e", places=places)
+
+
+def ear(z=2.0, limit=100.0, **options):
+    return Place(name="ear", position=(0.0, 0.0, z), reach=0.0, limit=limit, **options)
+
+
+def steady(level, frames=4):
+    return Drive(phase=np.zeros((frames, 1)), level=np.full(frames, level), rate=1000.0, array=ONE)
+
+
+def test_level_of_one_pascal_is_94_db():
+    np.testing.assert_allclose(
+        sound_level(np.array([np.sqrt(2), 10 * np.sqrt(2), 2e-5 * np.sqrt(2)])), [93.979, 113.979, 0], atol=1e-3
+    )
+
+
+def test_one_transducer_by_hand():
+    """4 Pa m at 2 m on the axis is 2 Pa peak: 20 lg(2 / sqrt(2) / 20e-6) = 96.99 dB; half the level is 6.02 dB less."""
+    found = exposure(steady(1.0), profile(ear()), medium=AIR)
+    assert found.peak[0] == pytest.approx(96.99, abs=0.005)
+    assert exposure(steady(0.5), profile(ear()), medium=AIR).peak[0] == pytest.approx(90.97, abs=0.005)
+    assert found.excess == pytest.approx(-3.01, abs=0.005)
+    assert "kept" in found.verdict()
+
+
+def test_mean_energy_dose_and_day():
+    """A quarter of the frames at 2 Pa peak, the rest silent: mean square 0.5 Pa2, 93.98 - 3.01 dB."""
+    drive = Drive(phase=np.zeros((1000, 1)), level=np.repeat([1.0, 0.0], [250, 750]), rate=1000.0, array=ONE)
+    found = exposure(drive, profile(ear()), medium=AIR, repeats=10)
+    assert found.mean[0] == pytest.approx(90.969, abs=0.005)
+    assert found.duration == 10
+    assert found.dose[0] == pytest.approx(0.5 * 10, rel=1e-6)
+    assert found.daily[0] == pytest.approx(90.969 + 10 * np.log10(10 / 28800), abs=0.005)
+
+
+def test_the_loudest_point_of_the_cube_and_the_loudest_frame_count():
+    array = TransducerArray.autd3(columns=1, rows=1)
+    place = Place(name="ear", position=(0.1, -0.2, 0.4), reach=0.03, limit=100.0)
+    rng = np.random.default_rng(0)
+    drive = Drive(phase=rng.uniform(0, 6, (600, 249)), level=rng.random(600), rate=1000.0, array=array)
+    found = exposure(drive, profile(place))
+    field = np.abs(drive.q @ transfer_matrix(place.points, array).T)
+    np.testing.assert_allclose(found.level[:, 0], sound_level(field.max(axis=1)), atol=1e-9)
+    where, frame = found.worst
+    assert where is place
+    assert frame == field.max(axis=1).argmax()
+    assert f"frame {frame}" in found.verdict()
+    assert "100 -200 400 mm" in found.verdict()
+
+
+def test_places_that_only_advise_do_not_count():
+    found = exposure(steady(1.0), profile(ear(limit=110.0), ear(z=0.1, limit=50.0, enforced=False)), medium=AIR)
+    assert found.excess < 0
+    assert found.worst[0].limit == 110
+
+
+def test_nonlinearity_of_a_plane_wave_in_closed_form():
+    """sigma = beta k M x with M = p / (rho c2): 1.2 * 2 pi 40e3 * 1000 * 0.1 / (1.25 * 340^3)."""
+    path = np.linspace(0, 0.1, 50)
+    sigma = nonlinearity_index(np.full(50, 1000.0), path, Medium(), 40e3)
+    assert sigma == pytest.approx(1.2 * 2 * np.pi * 40e3 * 100 / (1.25 * 340**3), rel=1e-9)
+
+
+def test_a_full_focus_of_four_units_is_far_from_linear_and_far_too_loud():
+    array = TransducerArray.autd3()
+    drive = Drive(phase=focus_phase(array, np.array([0, 0, 0.2]))[None], level=np.ones(1), rate=1000.0, array=array)
+    profiles = shipped()
+    found = exposure(drive, profiles["occupational-110"])
+    assert found.nonlinearity == pytest.approx(2.2, abs=0.3)
+    assert 135 < found.peak[0] < 150
+    assert 170 < found.peak[-1] < 178
+    assert exposure(drive, profiles["public-100"]).excess == pytest.approx(found.excess + 10)
+
+
+def shipped():
+    from midair.rig.exposure_gate import load_profiles
+
+    return load_profiles()
+
+
+def test_profiles_that_come_with_midair_say_where_they_are_from_and_how_thin_the_evidence_is():
+    profiles = shipped()
+    assert list(profiles) == ["occupational-110", "public-100"]
+    for each in profiles.values():
+        assert any(year in each.source for year in ("1984", "2005", "2010"))
+        assert "thin" in each.evidence
+        assert {place.name for place in each.places} == {"left ear", "right ear", "bystander", "palm"}
+        assert not each.places[-1].enforced
+
+
+def test_a_profile_of_one_s_own():
+    mine = profiles_of(TOML)["mine"]
+    assert mine.places[0].position == (0, 0, 0.5)
+    assert mine.places[0].enforced
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("reach_mm = 0", "", "reach_mm"),
+        ("reach_mm = 0", "reach_mm = -1", "reach_mm"),
+        ("limit_db = 100", "limit_db = nan", "finite"),
+        ("limit_db = 100", "limit_db = 'loud'", "loud"),
+        ("limit_db = 100", "limit_db = 100\nlimt = 3", "limt"),
+        ("limit_db = 100", "limit_db = 100\nenforced = false", "at least one"),
+        ("[0, 0, 500]", "[0, 0]", "unpack"),
+        ('evidence = "e"', "", "evidence"),
+        ("[[profile]]", "[[profile]", "TOML"),
+        ("[[profile]]\n", "[[profiles]]\n", "profile"),
+    ],
+)
+def test_wrong_profiles_are_refused(old, new, word):
+    assert old in TOML
+    with pytest.raises(InputError, match=word):
+        profiles_of(TOML.replace(old, new, 1))
