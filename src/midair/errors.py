@@ -18,6 +18,7 @@
     ├── DeviceError
     │   ├── UnknownDeviceError (LookupError)
     │   └── DeviceStateError (RuntimeError)  called in the wrong order
+    ├── ClusterError (RuntimeError)          a cluster that does not answer or loses its workers
     └── MissingExtraError (ImportError)      an optional package is not installed
 
 A message says what was expected, what came, and what to do.
@@ -86,6 +87,10 @@ class UnknownDeviceError(DeviceError, LookupError):
 
 class DeviceStateError(DeviceError, RuntimeError):
     """A device called in the wrong order, such as read before open."""
+
+
+class ClusterError(MidairError, RuntimeError):
+    """A cluster that does not answer, or loses its workers."""
 
 
 class MissingExtraError(MidairError, ImportError):

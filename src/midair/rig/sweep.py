@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import MidairError, MissingExtraError
+from midair.errors import ClusterError, MissingExtraError
 from midair.rig.sweep_plan import PatternSweep, Task, solve_patterns
 from midair.rig.sweep_store import Result, open_sweep
 from midair.solve import Progress
@@ -55,7 +55,7 @@ def run_sweep(
     ------
     MismatchError
         If the store is of another sweep.
-    MidairError
+    ClusterError
         If the cluster cannot be reached or a task fails; what was found so far is stored.
     """
     whole = sum(task.count for task in sweep.tasks())
@@ -90,7 +90,7 @@ def cluster(scheduler: str | None = None, *, workers: int | None = None, patienc
 
     Raises
     ------
-    MidairError
+    ClusterError
         If the scheduler does not answer or has no workers.
     """
     distributed = _distributed()
@@ -131,12 +131,12 @@ def _client_of(scheduler: str, patience: float) -> "Client":
     try:
         client = distributed.Client(scheduler, timeout=patience, set_as_default=False)
     except (OSError, ValueError) as wrong:
-        raise MidairError(f"scheduler: expected one at {scheduler}, got no answer; check the address") from wrong
+        raise ClusterError(f"scheduler: expected one at {scheduler}, got no answer; check the address") from wrong
     try:
         client.wait_for_workers(1, timeout=patience)
     except TimeoutError as wrong:
         client.close()
-        raise MidairError(f"scheduler: expected workers at {scheduler}, got none; start dask worker") from wrong
+        raise ClusterError(f"scheduler: expected workers at {scheduler}, got none; start dask worker") from wrong
     return client
 
 
@@ -154,7 +154,7 @@ def _results(client: "Client", sweep: PatternSweep, tasks: Sequence[Task]) -> It
     ]
     for future in _distributed().as_completed(futures, loop=client.loop):
         if future.status != "finished":
-            raise MidairError(
+            raise ClusterError(
                 f"sweep: expected an answer of every worker, got {future.exception()!r}; what was found so far is "
                 "stored, the same command goes on"
             )
