@@ -9,11 +9,14 @@ from rich.console import Console
 
 from midair.cli.study import app
 from midair.cli.study_terminal import TerminalScreen
-from midair.errors import InputError, MissingFileError
+from midair.errors import InputError, MissingFileError, UnknownDeviceError
+from midair.model import Drive, Solution, TransducerArray
+from midair.physics import focus_phase
 from midair.rig.presenters import NoPresenter
 from midair.rig.study_log import read_events
 from midair.rig.study_plan import StudyFolder
 from midair.rig.trials import Session, run
+from midair.store import save_solution
 
 
 def study(*words):
@@ -159,6 +162,58 @@ def test_a_whole_session_by_hand(tmp_path, monkeypatch, capsys):
     assert "the brush" not in said.out  # the participant's screen
     (progress,) = StudyFolder(tmp_path / "s").sessions()
     assert [one.answer for one in progress.answers.values()] == ["brush", "towel"]
+
+
+DRIVES = BY_HAND.replace('object", source = "the brush', 'drive", source = "focus.drive.h5').replace(
+    'object", source = "the towel', 'drive", source = "focus.drive.h5'
+)
+
+
+def study_of_drives(folder, level):
+    """A study whose two stimuli are ten frames of a focus beside the plan."""
+    array = TransducerArray.autd3()
+    phase = np.broadcast_to(focus_phase(array, np.array([0, 0, 0.2])), (10, array.count))
+    drive = Drive(phase=phase, level=np.full(10, level), rate=1000.0, array=array)
+    (folder / "drives.toml").write_text(DRIVES)
+    study("new", folder / "s", "--source", folder / "drives.toml")
+    solution = Solution(drive=drive, error=np.zeros(10), iterations=np.ones(10), status=("iterations",) * 10)
+    save_solution(solution, folder / "s" / "focus.drive.h5")
+    return folder / "s"
+
+
+def played(folder):
+    return [json.loads(line) for line in (folder / "played.jsonl").read_text().splitlines()]
+
+
+@pytest.mark.parametrize("array", ["virtual", "pyautd3:audit"])
+def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
+    folder = study_of_drives(tmp_path, level=0.001)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    assert study("run", folder, "--participant", 1, "--array", array) == 0
+    events = [(entry["event"], entry["drive"], entry["device"]) for entry in played(tmp_path)]
+    assert events == [("play", "focus.drive.h5", array), ("end", "focus.drive.h5", array)] * 2
+    (progress,) = StudyFolder(folder).sessions()
+    assert [one.answer for one in progress.answers.values()] == ["brush", "towel"]
+    assert progress.simulated
+
+
+def test_too_loud_a_drive_stops_the_session_before_it_begins(tmp_path, monkeypatch):
+    folder = study_of_drives(tmp_path, level=1.0)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    with pytest.raises(InputError, match="dB at the"):
+        study("run", folder, "--participant", 1, "--array", "pyautd3:audit")
+    assert not (tmp_path / "played.jsonl").exists()
+    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    answered_for = ("--override-exposure", "A. Person")
+    assert study("run", folder, "--participant", 1, "--array", "pyautd3:audit", *answered_for) == 0
+    assert {entry.get("override_by") for entry in played(tmp_path) if entry["event"] == "play"} == {"A. Person"}
+
+
+def test_an_array_that_nothing_answers_to(tmp_path):
+    folder = study_of_drives(tmp_path, level=0.001)
+    with pytest.raises(UnknownDeviceError, match="autd9"):
+        study("run", folder, "--participant", 1, "--array", "autd9")
 
 
 def test_drives_need_an_array(tmp_path):

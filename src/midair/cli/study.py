@@ -9,7 +9,7 @@ from rich.console import Console
 from midair.cli.study_numbers import paper_command, power_command, say
 from midair.cli.study_terminal import TerminalScreen, presenter_named, stops_on_signals
 from midair.errors import InputError, MissingFileError
-from midair.rig.presenters import NoPresenter
+from midair.rig.presenters import ArrayPresenter, NoPresenter
 from midair.rig.simulated_screen import SimulatedScreen
 from midair.rig.study_plan import StudyFolder, paper_design_text, read_design
 from midair.rig.study_report import report_json, report_page, report_text
@@ -73,7 +73,9 @@ def run_command(
     policy: Policy = "resume",
     simulate: bool = False,
     d_prime: float = 1.2,
-    array: Literal["none", "virtual"] = "none",
+    array: str = "none",
+    attenuate: bool = False,
+    override_exposure: str | None = None,
 ) -> int:
     """Run one participant in this terminal, or go on with one who was interrupted. Ctrl-C stops at once.
 
@@ -90,8 +92,13 @@ def run_command(
     d_prime
         Sensitivity of the simulated participant to reproduced objects.
     array
-        What plays drives: "virtual" is a simulated array; "none" does for a plan of real objects only. What the
-        experimenter is to take up goes to the error stream: send it to another screen than the participant's.
+        What plays drives, as in midair play --device: virtual, autd3, pyautd3 and so on; "none" does for a plan of real
+        objects only. What the experimenter is to take up goes to the error stream: send it to another screen than the
+        participant's.
+    attenuate
+        Weaken drives that exceed the exposure profile until they keep it.
+    override_exposure
+        Name of the person who answers for playing above the exposure profile; it is logged.
     """
     folder = StudyFolder(study)
     plan = folder.plan()
@@ -100,10 +107,14 @@ def run_command(
     if participant < 1:
         raise InputError("participant: expected --participant N, from 1 on; or --simulate for simulated ones")
     screen = TerminalScreen(Console())
-    with stops_on_signals(), presenter_named(array, folder, plan) as presenter:
+    with (
+        stops_on_signals(),
+        presenter_named(array, folder, plan, attenuate=attenuate, override=override_exposure) as presenter,
+    ):
+        simulated = isinstance(presenter, ArrayPresenter) and presenter.array.simulated
         log = folder.log(participant)
         try:
-            with Session(plan, participant, log, presenter, policy=policy, simulated=array == "virtual") as session:
+            with Session(plan, participant, log, presenter, policy=policy, simulated=simulated) as session:
                 step = run(session, screen)
         except EOFError as closed:
             raise InputError(

@@ -10,11 +10,16 @@ from types import FrameType
 from rich.console import Console
 from rich.markup import escape
 
+from midair.devices import VirtualArray
 from midair.errors import InputError
-from midair.model import Drive, TransducerArray
+from midair.model import TransducerArray
+from midair.rig.arrays import array_named
+from midair.rig.exposure_gate import Admission, admit, profile_named
+from midair.rig.playing import play_admitted
 from midair.rig.presenters import ArrayPresenter, ExperimenterPresenter, Presenter
 from midair.rig.study_plan import StudyFolder
 from midair.rig.trials import Reply, Step
+from midair.store import load_solution
 from midair.study.plan import Plan
 
 
@@ -68,8 +73,13 @@ class TerminalScreen:
 
 
 @contextmanager
-def presenter_named(array: str, folder: StudyFolder, plan: Plan) -> Generator[Presenter]:
-    """What presents: the experimenter, told on the error stream, or an array that plays drives beside the plan."""
+def presenter_named(
+    array: str, folder: StudyFolder, plan: Plan, *, attenuate: bool = False, override: str | None = None
+) -> Generator[Presenter]:
+    """What presents: the experimenter, told on the error stream, or an array that plays drives beside the plan.
+
+    Every drive passes the exposure gate before the session begins, and each time it plays is in the log.
+    """
     console = Console(stderr=True)
     by_hand = ExperimenterPresenter(
         tell=lambda line: console.print(f"experimenter: {escape(line)}"),
@@ -80,15 +90,21 @@ def presenter_named(array: str, folder: StudyFolder, plan: Plan) -> Generator[Pr
             raise InputError(f"array: expected one to play {len(drives)} drives of the plan, got none; give --array")
         yield by_hand
         return
-    from midair.devices import VirtualArray
-    from midair.store import load_solution
+    profile = profile_named("occupational-110")
+    device = VirtualArray(TransducerArray.autd3()) if array == "virtual" else array_named(array)
 
     @lru_cache(maxsize=32)
-    def load(source: str) -> Drive:
-        return load_solution(folder.path / source).drive
+    def admitted(source: str) -> Admission:
+        drive = load_solution(folder.path / source).drive
+        return admit(drive, profile, gated=device.gated, attenuate=attenuate, override=override)
 
-    with VirtualArray(TransducerArray.autd3()) as device:
-        presenter = ArrayPresenter(array=device, load=load, by_hand=by_hand)
+    with device:
+        presenter = ArrayPresenter(
+            array=device,
+            load=lambda source: admitted(source).drive,
+            by_hand=by_hand,
+            play=lambda source: play_admitted(admitted(source), device, source=source),
+        )
         presenter.check(plan.design.stimuli)
         yield presenter
 

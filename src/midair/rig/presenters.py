@@ -59,11 +59,15 @@ class ArrayPresenter:
         From the source of a stimulus to its drive; asked before the first trial, see `check`.
     by_hand : Presenter
         For real objects.
+    play : callable, optional
+        Plays the drive of a source; the array's own `play` if None. What sounds in the room goes through the exposure
+        gate and the log: see `rig.playing`.
     """
 
     array: ArrayDevice
     load: Callable[[str], Drive]
     by_hand: Presenter
+    play: Callable[[str], object] | None = None
 
     def check(self, stimuli: tuple[Stimulus, ...]) -> None:
         """Load every drive once, so that a file that is missing stops the session before it begins.
@@ -81,7 +85,9 @@ class ArrayPresenter:
 
     def present(self, stimulus: Stimulus) -> None:
         """Play it, or have it presented."""
-        if stimulus.kind == "drive":
+        if stimulus.kind == "drive" and self.play is not None:
+            self.play(stimulus.source)
+        elif stimulus.kind == "drive":
             self.array.play(self.load(stimulus.source))
         elif stimulus.kind == "object":
             self.by_hand.present(stimulus)
