@@ -59,6 +59,15 @@ def test_another_place():
     assert comparison.correlation == pytest.approx(0, abs=1e-9)
 
 
+def test_of_two_equal_places_either_may_be_the_stronger_again():
+    def both(first, last):
+        pressure = frames(first, channel=0).pressure + frames(last, channel=15).pressure
+        return dataclasses.replace(frames(), pressure=pressure)
+
+    assert compare(both(1.0, 0.98), both(0.97, 1.0)).peak_distance == 0
+    assert compare(both(1.0, 0.5), both(0.5, 1.0)).peak_distance == pytest.approx(33e-3 * 2**0.5)
+
+
 def test_distortion_by_hand():
     """A second sine of a tenth of the amplitude is 20 dB of distortion."""
     original = frames()

@@ -10,7 +10,7 @@ from midair.errors import MismatchError, RateError
 from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.field import peak_position
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
-from midair.model import PressureFrames
+from midair.model import PressureFrames, SensorGrid
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,8 @@ class Comparison:
     spectral_error : float
         Level difference of the spectra in the band, weighted by the original's power, in dB (see `spectral_error`).
     peak : tuple of tuple of float
-        (x, y) of the cell with the largest rms, original and reproduced, in m.
+        (x, y) of the cell with the largest rms, original and reproduced, in m. Of cells of the original that are
+        equally strong, to 5 %, the one nearest to the reproduction's counts.
     frequency : tuple of float
         Dominant frequency, original and reproduced, in Hz.
     rms : tuple of float
@@ -119,13 +120,22 @@ def compare(
         waveform_error=_ratio(np.linalg.norm(y - x), np.linalg.norm(x)),
         distortion_ratio=_decibels(float(gain) ** 2 * (x**2).sum(), ((y - gain * x) ** 2).sum()),
         spectral_error=_spectral_error(x, y, original.rate, band or original.band),
-        peak=(peak_position(power_x, original.sensor), peak_position(power_y, original.sensor)),
+        peak=_peaks(power_x, power_y, original.sensor),
         frequency=(dominant_frequency(x, original.rate), dominant_frequency(y, original.rate)),
         rms=(float(np.sqrt(power_x.max())), float(np.sqrt(power_y.max()))),
         channel_correlation=_correlation(x, y, axis=0),
         channel_gain=_gain(x, y, axis=0),
         simulated=original.provenance.simulated or reproduced.provenance.simulated,
     )
+
+
+def _peaks(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Places of the largest mean square, shape (row, column) each; see `Comparison.peak`."""
+    found = peak_position(reproduced, sensor)
+    rows, columns = np.nonzero(original >= 0.95**2 * original.max())
+    away = np.hypot(sensor.x[columns] - found[0], sensor.y[rows] - found[1])
+    nearest = int(np.argmin(away))
+    return (float(sensor.x[columns[nearest]]), float(sensor.y[rows[nearest]])), found
 
 
 def _check_alike(original: PressureFrames, reproduced: PressureFrames) -> None:
