@@ -95,6 +95,8 @@ def test_stop_and_close_are_harmless_at_any_time(sensor):
     sensor.close()
     with sensor:
         sensor.stop()
+        sensor.start()
+        assert len(sensor.read(5).samples) == 5
 
 
 def test_an_array_tells_what_it_played(array):
@@ -165,5 +167,6 @@ def test_closing_twice_and_silence_at_any_time_are_harmless(array):
     array.silence()
     with array:
         array.silence()
+        assert array.play(drive()).frames == 5
     array.silence()
     array.close()

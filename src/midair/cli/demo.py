@@ -26,7 +26,7 @@ class DemoOptions(SolveOptions):
     Parameters
     ----------
     method
-        The solver; exact makes the steps of the paper's Levenberg-Marquardt (lm) at less cost.
+        The solver; exact is the paper's Levenberg-Marquardt (lm) in the modes of the field above .5 % of the strongest.
     """
 
     method: str = "exact"

@@ -41,4 +41,4 @@ def check_array_name(name: str) -> None:
         If it is not ``virtual``.
     """
     if name != "virtual":
-        raise UnknownDeviceError(f"array: expected virtual, got {name!r}; no other array is supported yet")
+        raise UnknownDeviceError(f"array: expected virtual, got {name!r}; midair play takes others")

@@ -36,7 +36,8 @@ def solve(
     array : TransducerArray
         What is to make it.
     method : str
-        A name in `methods.METHODS`. "lm": the paper's Levenberg-Marquardt. "exact": the same steps, cheaper. "fast":
+        A name in `methods.METHODS`. "lm": the paper's Levenberg-Marquardt. "exact": the same in the modes of G
+        above .5 % of the strongest, cheaper. "fast":
         many frames at once, each on its own. "live": within a millisecond a frame. "naive", "gs", "wgs", "gs-pat",
         "greedy": published methods to compare with.
     medium, directivity
