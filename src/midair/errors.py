@@ -10,14 +10,16 @@
     │   ├── RateError                        a frame rate that does not fit
     │   ├── BandError                        a frequency band that holds nothing
     │   ├── UnitError                        a quantity in the wrong unit
-    │   └── MismatchError                    two things that do not belong together
+    │   ├── MismatchError                    two things that do not belong together
+    │   └── ExposureError                    a drive above the exposure profile
     ├── FileError
     │   ├── MissingFileError (FileNotFoundError)
     │   ├── UnknownFormatError (ValueError)  no reader or writer for this name
     │   └── BrokenFileError (OSError)        truncated, damaged, or of another kind
     ├── DeviceError
     │   ├── UnknownDeviceError (LookupError)
-    │   └── DeviceStateError (RuntimeError)  called in the wrong order
+    │   ├── DeviceStateError (RuntimeError)  called in the wrong order
+    │   └── LinkLostError (ConnectionError)  a unit that no longer answers
     ├── ClusterError (RuntimeError)          a cluster that does not answer or loses its workers
     └── MissingExtraError (ImportError)      an optional package is not installed
 
@@ -61,6 +63,10 @@ class MismatchError(InputError):
     """Two things that do not belong together, such as phases and another array."""
 
 
+class ExposureError(InputError):
+    """A drive that exceeds the exposure profile and that nobody has answered for."""
+
+
 class FileError(MidairError):
     """A file that cannot be read or written."""
 
@@ -87,6 +93,10 @@ class UnknownDeviceError(DeviceError, LookupError):
 
 class DeviceStateError(DeviceError, RuntimeError):
     """A device called in the wrong order, such as read before open."""
+
+
+class LinkLostError(DeviceError, ConnectionError):
+    """A device that answered and no longer does."""
 
 
 class ClusterError(MidairError, RuntimeError):

@@ -10,7 +10,7 @@ import pytest
 
 from midair.devices import Placement, autd3_array
 from midair.devices.frame_bytes import phase_bytes
-from midair.errors import DeviceError
+from midair.errors import DeviceError, LinkLostError
 from midair.model import Drive
 
 pytest.importorskip("autd3")
@@ -111,7 +111,7 @@ def test_a_lost_link_ends_playing_and_the_failsafe_silences(tap):
         if done >= 250:
             tap.passes = False
 
-    with pytest.raises(DeviceError, match=r"check.*power"), autd3_array(tap.address, ONE) as device:
+    with pytest.raises(LinkLostError, match=r"check.*power"), autd3_array(tap.address, ONE) as device:
         device.play(noise(2000), progress=cut)
     time.sleep(0.55)
     assert [state & FAILSAFE for state in tap.states()] == [FAILSAFE]
@@ -129,7 +129,7 @@ def test_silence_from_another_thread_ends_playing(tap):
         assert_last_word_is_silence(tap)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_signals_silence_on_the_way_out(tap, number):
     with playing(tap) as process:
         process.send_signal(number)

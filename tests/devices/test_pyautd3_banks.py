@@ -5,10 +5,10 @@ import pytest
 
 from midair.devices import Placement, pyautd3_array
 from midair.devices.frame_bytes import intensity_bytes, phase_bytes
-from midair.errors import DeviceStateError
+from midair.errors import DeviceStateError, UnknownDeviceError
 from midair.model import Drive
 
-pytest.importorskip("pyautd3")
+pyautd3 = pytest.importorskip("pyautd3")
 
 PAIR = Placement.grid(columns=2, rows=1)
 
@@ -90,3 +90,14 @@ def test_a_link_that_breaks_ends_playing():
 def test_memory_of_the_nop_link_cannot_be_read():
     with pyautd3_array("nop", PAIR) as device, pytest.raises(DeviceStateError, match="audit"):
         device.banks.held(0, 0, 0)
+
+
+def test_a_link_that_the_sdk_has_not():
+    with pytest.raises(UnknownDeviceError, match=r"remote:ADDRESS:PORT.*got 'soem'"):
+        pyautd3_array("soem", PAIR).open()
+
+
+@pytest.mark.skipif(pyautd3.__version__.startswith("36."), reason="version 36 has EtherCrab")
+def test_the_later_sdk_says_what_to_use_instead_of_ethercrab():
+    with pytest.raises(UnknownDeviceError, match="twincat"):
+        pyautd3_array("ethercrab", PAIR).open()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.devices.frame_bytes import amplitude_of, intensity_bytes
-from midair.errors import FileError, InputError, MissingFileError, UnknownDeviceError
+from midair.errors import ExposureError, FileError, InputError, MissingFileError, UnknownDeviceError
 from midair.model import Drive, Provenance, TransducerArray
 from midair.physics import exposure, focus_phase
 from midair.rig.arrays import array_named
@@ -34,6 +34,8 @@ def focus(level=1.0, frames=3):
         ("autd3:emulator", True),
         ("pyautd3", False),
         ("pyautd3:eth0", False),
+        ("pyautd3:twincat", False),
+        ("pyautd3:remote:127.0.0.1:8080", False),
         ("pyautd3:audit", True),
         ("pyautd3:nop", True),
     ],
@@ -52,7 +54,7 @@ def test_names_that_nothing_answers_to(name):
 
 
 def test_a_loud_drive_is_refused_with_level_and_place():
-    with pytest.raises(InputError, match=r"14\d\.\d dB at the (left|right) ear \(.* mm\) in frame \d.*limit 110 dB"):
+    with pytest.raises(ExposureError, match=r"14\d\.\d dB at the (left|right) ear \(.* mm\) in frame \d.*limit 110 dB"):
         admit(focus(), PROFILE)
 
 

@@ -13,6 +13,7 @@ from midair.cli.options import BandOptions, SolveOptions, Time
 from midair.cli.quantity import quantity
 from midair.cli.recordings import may_write
 from midair.cli.show import banner, print_figures, print_json, print_rows, stages
+from midair.devices import load_placement
 from midair.evaluate import Comparison, compare
 from midair.flow import Settings, felt, reproduce
 from midair.model import PressureFrames, Provenance, Setting, TransducerArray
@@ -33,6 +34,7 @@ def solve_command(
     options: SolveOptions | None = None,
     start_at: Time = 0.0,
     duration: Annotated[float | None, quantity("s")] = None,
+    placement: Path | None = None,
     force: bool = False,
 ) -> None:
     """Work out the drive with which the array presses as the sensor felt, frame by frame.
@@ -49,23 +51,26 @@ def solve_command(
         Where in the recording to begin.
     duration
         How much of the recording; all that is left if not given.
+    placement
+        TOML file with position and rotation of the array's units; two by two side by side if not given.
     force
         Write over a file that is there.
     """
     settings = (options or SolveOptions()).settings()
+    array = TransducerArray.autd3() if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force)
     pressure = _felt(source, settings, start_at, duration)
     banner(pressure.provenance.simulated)
     with stages() as stage:
-        made = reproduce(pressure, TransducerArray.autd3(), settings, progress=stage("solve"))
+        made = reproduce(pressure, array, settings, progress=stage("solve"))
     save_solution(made.solution, target, target=made.target)
     solution = made.solution
     plays = np.array([status != "silent" for status in solution.status])
     error = 100 * solution.error[plays] if plays.any() else np.zeros(1)
     print_rows(
         [
-            ("drive", str(target)),
+            ("drive", f"{target} for {array.name}, {array.count} transducers"),
             ("frames", f"{made.target.frames} at {settings.rate:g} Hz, {int((~plays).sum())} silent"),
             ("strength", f"{made.strength(settings):.3f} of a single full focus"),
             ("E", f"mean {error.mean():.1f} %, worst {error.max():.1f} %"),

@@ -19,7 +19,7 @@ from midair.devices.banks import TooLateError
 from midair.devices.frame_bytes import Bytes
 from midair.devices.placement import Placement
 from midair.devices.silencer import Silencer
-from midair.errors import DeviceError, DeviceStateError
+from midair.errors import DeviceError, DeviceStateError, LinkLostError
 
 T = TypeVar("T")
 
@@ -174,7 +174,7 @@ class Autd3Udp:
         status = self._state.check()
         if status.any_lost:
             lost = [number for number, state in enumerate(status.devices) if str(state).endswith("Lost")]
-            raise DeviceError(
+            raise LinkLostError(
                 f"autd3: expected {self._units} units to answer, lost {lost or 'some'}; they silence themselves within "
                 f"{FAILSAFE:g} s; check cables and power (up to 50 W a unit), then play again"
             )
@@ -189,10 +189,11 @@ class Autd3Udp:
         try:
             return future.result(timeout)
         except Autd3Error as wrong:
-            raise DeviceError(f"autd3: {wrong}; {_advice(wrong)}") from wrong
+            kind = LinkLostError if wrong.code in (Autd3Error.NETWORK, Autd3Error.TIMEOUT) else DeviceError
+            raise kind(f"autd3: {wrong}; {_advice(wrong)}") from wrong
         except TimeoutError:
             future.cancel()
-            raise DeviceError(f"autd3: no answer within {timeout:g} s; midair doctor says what to look at") from None
+            raise LinkLostError(f"autd3: no answer within {timeout:g} s; midair doctor says what to look at") from None
         except BaseException:
             future.cancel()
             raise

@@ -1,8 +1,11 @@
-"""AUTD3 units with firmware before series 0.12, over EtherCAT. Imports the extra `pyautd3`, version 36.
+"""AUTD3 units with firmware before series 0.12, over EtherCAT. Imports the extra `pyautd3`, version 36 or 38.
+
+Version 36 is for firmware v10 and later and reaches the bus by itself (ethercrab); version 38 needs Python 3.12, is for
+firmware v12.1, and goes through TwinCAT or a server on another machine.
 
 The SDK asks for each transducer's drive by a callback, and one in Python takes 200 ms a frame. A compiled one that
 reads a table takes .1 ms. It goes through `gain_custom` of the SDK's C interface, which the SDK does not promise to
-keep: hence the narrow version in the extra.
+keep: hence the narrow versions in the extra.
 """
 
 # The SDK hands out no types that a strict checker could follow.
@@ -10,6 +13,7 @@ keep: hence the narrow version in the extra.
 
 import contextlib
 import ctypes
+import importlib
 import time
 from threading import RLock
 
@@ -24,7 +28,6 @@ from pyautd3 import (
     FixedUpdateRate,
     GainSTM,
     GainSTMOption,
-    Nop,
     Null,
     ReadsFPGAState,
     SamplingConfig,
@@ -40,17 +43,22 @@ from pyautd3 import (
 )
 from pyautd3.autd_error import AUTDError
 from pyautd3.driver.datagram.gain import Gain
+from pyautd3.link import remote
 from pyautd3.link.audit import Audit
-from pyautd3.link.ethercrab import EtherCrab, EtherCrabOption
+from pyautd3.link.nop import Nop
+from pyautd3.link.twincat import TwinCAT
 from pyautd3.native_methods.autd3capi import NativeMethods
 
 from midair.devices.banks import TooLateError
 from midair.devices.frame_bytes import Bytes
 from midair.devices.placement import UNIT, Placement
 from midair.devices.silencer import Silencer
-from midair.errors import DeviceError, DeviceStateError
+from midair.errors import DeviceError, DeviceStateError, LinkLostError, UnknownDeviceError
 
 SEGMENTS = Segment.S0, Segment.S1
+
+YEAR_2000 = 946_684_800_000_000_000
+"""Where the time of EtherCAT's distributed clocks begins, in ns of Unix time."""
 
 
 @cfunc(types.void(types.CPointer(types.uint8), types.voidptr, types.uint16, types.uint8, types.CPointer(types.uint8)))
@@ -81,14 +89,16 @@ class PyAutd3Banks:
     placement : Placement
         One entry a unit, in the order of the wiring.
     link : str
-        ``audit``, ``nop``, ``ethercrab`` or ``ethercrab:INTERFACE``.
-
+        ``audit``, ``nop``, ``twincat``, ``remote:ADDRESS:PORT``, or, with version 36, ``ethercrab`` or
+        ``ethercrab:INTERFACE``.
     interval : float, optional
         Between datagrams, in s; one carries one pattern. If None, the SDK's 1 ms on a real bus, at which 1000 patterns
         a second do not get through, and half of that where there is no bus.
 
     Raises
     ------
+    UnknownDeviceError
+        If there is no such link, or not in the version that is installed.
     DeviceError
         If the units do not answer.
     """
@@ -126,10 +136,8 @@ class PyAutd3Banks:
 
     def switch(self, bank: int, instant: int) -> None:
         """Play a segment once, from an instant on."""
-        at = DcSysTime.now()
-        at = at + Duration.from_nanos(max(0, instant - at.sys_time()))
         try:
-            self._send(SwapSegmentGainSTM(SEGMENTS[bank], transition_mode.SysTime(at)))
+            self._send(SwapSegmentGainSTM(SEGMENTS[bank], transition_mode.SysTime(_device_time(instant))))
         except DeviceError as wrong:
             if "transition" in str(wrong).lower():
                 raise TooLateError(str(wrong)) from None
@@ -137,7 +145,7 @@ class PyAutd3Banks:
 
     def now(self) -> int:
         """Device time, in ns."""
-        return DcSysTime.now().sys_time()
+        return time.time_ns() - YEAR_2000
 
     def wait_until(self, instant: int) -> None:
         """Return at an instant, or raise as soon as a unit is lost."""
@@ -190,21 +198,40 @@ class PyAutd3Banks:
         return self._controller
 
     def _link(self, name: str):
-        kind, _, interface = name.partition(":")
+        kind, _, address = name.partition(":")
         match kind:
             case "audit":
                 return Audit()
             case "nop":
                 return Nop()
+            case "twincat":
+                return TwinCAT()
+            case "remote" if address:
+                return remote.Remote(address, *_later_option(remote, "RemoteOption"))
+            case "ethercrab":
+                return self._ethercrab(address)
             case _:
-                return EtherCrab(self._lose, EtherCrabOption(ifname=interface or None))
+                raise UnknownDeviceError(
+                    "pyautd3: expected the link audit, nop, twincat, remote:ADDRESS:PORT or ethercrab[:INTERFACE], "
+                    f"got {name!r}"
+                )
+
+    def _ethercrab(self, interface: str):
+        try:
+            ethercrab = importlib.import_module("pyautd3.link.ethercrab")
+        except ImportError:
+            raise UnknownDeviceError(
+                "pyautd3: expected version 36 for the link ethercrab, got a later one without it; "
+                "use twincat or remote:ADDRESS:PORT, or Python 3.11 and pip install 'pyautd3==36.0.2'"
+            ) from None
+        return ethercrab.EtherCrab(self._lose, ethercrab.EtherCrabOption(ifname=interface or None))
 
     def _lose(self, unit: int, status: object) -> None:
         self._lost = f"unit {unit}: {status}"
 
     def _check(self) -> None:
         if self._lost:
-            raise DeviceError(f"pyautd3: {self._lost}; {_ADVICE}, then play again")
+            raise LinkLostError(f"pyautd3: {self._lost}; {_ADVICE}, then play again")
 
     def _send(self, datagram) -> None:
         with self._lock:
@@ -212,6 +239,19 @@ class PyAutd3Banks:
                 self._open.send(datagram)
             except AUTDError as wrong:
                 raise DeviceError(f"pyautd3: {wrong}; {_ADVICE}") from wrong
+
+
+def _later_option(module, name: str) -> list:
+    """The default of an option that version 38 wants and version 36 does not know."""
+    return [getattr(module, name)()] if hasattr(module, name) else []
+
+
+def _device_time(instant: int) -> DcSysTime:
+    """An instant, in ns of device time, as the SDK wants it; version 36 makes one only from the present."""
+    if not hasattr(DcSysTime, "now"):
+        return DcSysTime(instant)
+    now = DcSysTime.now()
+    return now + Duration.from_nanos(max(0, instant - now.sys_time()))
 
 
 _ADVICE = "check cables and power (up to 50 W a unit), the interface's name, and the right to open raw sockets"

@@ -23,8 +23,8 @@ def array_findings(device: str | None = None) -> list[Finding]:
     """Software, rights and network; and what a device says of itself if one is named."""
     return [
         Finding(subject="virtual array", state="ok", found="AUTD3 2 x 2; always there"),
-        _sdk("autd3", "0.12", "firmware series 0.12, over Ethernet; and its emulator"),
-        _sdk("pyautd3", "36", "older firmware, over EtherCAT"),
+        _sdk("autd3", ("0.12",), "firmware series 0.12, over Ethernet; and its emulator"),
+        _sdk("pyautd3", ("36", "38"), "older firmware, over EtherCAT"),
         _interfaces(),
         *([_raw_sockets()] if _installed("pyautd3") else []),
         _log(),
@@ -73,14 +73,14 @@ def _installed(package: str) -> str | None:
         return None
 
 
-def _sdk(package: str, series: str, use: str) -> Finding:
+def _sdk(package: str, series: tuple[str, ...], use: str) -> Finding:
     version = _installed(package)
     if version is None:
         advice = f'pip install "midair[{package}]" if you have such units'
         return Finding(subject=package, state="missing", found=f"not installed; {use}", advice=advice)
-    if not version.startswith(series + "."):
-        advice = f'pip install "midair[{package}]"'
-        return Finding(subject=package, state="broken", found=f"{version}, expected {series}.*; {use}", advice=advice)
+    if not any(version.startswith(one + ".") for one in series):
+        advice, expected = f'pip install "midair[{package}]"', " or ".join(f"{one}.*" for one in series)
+        return Finding(subject=package, state="broken", found=f"{version}, expected {expected}; {use}", advice=advice)
     return Finding(subject=package, state="ok", found=f"{version}; {use}")
 
 

@@ -3,7 +3,10 @@
 from midair.devices import BankedArray, Placement, SilencerChoice, autd3_array, pyautd3_array
 from midair.errors import UnknownDeviceError
 
-NAMES = "virtual, autd3, autd3:INTERFACE, autd3:emulator, pyautd3, pyautd3:INTERFACE, pyautd3:audit or pyautd3:nop"
+NAMES = (
+    "virtual, autd3, autd3:INTERFACE, autd3:emulator, pyautd3, pyautd3:INTERFACE, pyautd3:twincat, "
+    "pyautd3:remote:ADDRESS:PORT, pyautd3:audit or pyautd3:nop"
+)
 
 
 def array_named(name: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
@@ -13,7 +16,8 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
     ----------
     name : str
         ``autd3`` searches all network interfaces; ``autd3:INTERFACE`` takes one, or the address of an emulator;
-        ``autd3:emulator`` starts one. ``pyautd3`` is for older firmware over EtherCAT; ``pyautd3:audit`` and
+        ``autd3:emulator`` starts one. ``pyautd3`` and ``pyautd3:INTERFACE`` are for older firmware over
+        EtherCAT, ``pyautd3:twincat`` and ``pyautd3:remote:ADDRESS:PORT`` through a server; ``pyautd3:audit`` and
         ``pyautd3:nop`` have no hardware behind them. ``virtual`` is not among them: it needs a skin to press on.
     placement : Placement, optional
         Of the units; two by two if None.
@@ -32,7 +36,13 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
         case "autd3":
             return autd3_array(where or "auto", placement, silencer=silencer)
         case "pyautd3":
-            link = where if where in ("audit", "nop") else f"ethercrab:{where}" if where else "ethercrab"
-            return pyautd3_array(link, placement, silencer=silencer)
+            return pyautd3_array(_old_link(where), placement, silencer=silencer)
         case _:
             raise UnknownDeviceError(f"array: expected {NAMES}, got {name!r}")
+
+
+def _old_link(where: str) -> str:
+    """The link that follows ``pyautd3:``; whatever is none is a network interface."""
+    if where in ("audit", "nop", "twincat") or where.startswith("remote:"):
+        return where
+    return f"ethercrab:{where}" if where else "ethercrab"

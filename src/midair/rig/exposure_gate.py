@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from midair.devices.frame_bytes import amplitude_of
-from midair.errors import InputError, MissingFileError
+from midair.errors import ExposureError, InputError, MissingFileError
 from midair.model import Drive
 from midair.physics import Exposure, ExposureProfile, exposure, profiles_of
 
@@ -102,8 +102,10 @@ def admit(
 
     Raises
     ------
+    ExposureError
+        If the drive exceeds the profile and nobody answers for it.
     InputError
-        If the drive exceeds the profile and nobody answers for it, or an override has no name.
+        If an override has no name.
     """
     if override is not None and not override.strip():
         raise InputError("--override-exposure: expected the name of the person who answers for it, got none")
@@ -117,7 +119,7 @@ def admit(
         return Admission(drive=drive, exposure=found, outcome="overridden", by=override.strip())
     if not gated:
         return Admission(drive=drive, exposure=found, outcome="exceeded")
-    raise InputError(
+    raise ExposureError(
         f"exposure: {found.verdict()}; weaken it with --attenuate ({-found.excess:.1f} dB), take another --profile, or "
         "answer for it with --override-exposure NAME and ear protection for everyone in the room"
     )
