@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from midair.cli import run
+from midair.rig.sweep_report import PatternResults
 from midair.rig.sweep_store import load_sweep
 
 SMALL = ["--count", "12", "--curves", "0", "--chunk", "4", "--method", "naive", "--workers", "2"]
@@ -34,7 +35,7 @@ def test_from_patterns_to_a_report(capsys):
     assert "48/48" in said.err
     assert "SIMULATED" in said.err
     assert "48 of 48 patterns solved" in said.out
-    sweep = load_sweep(Path("s.zarr")).sweep
+    sweep = PatternResults.of(load_sweep(Path("s.zarr"))).sweep
     assert sweep.strengths == (0.1, 0.2)
     assert sweep.heights == pytest.approx((0.18, 0.2))
     assert sweep.method == "naive"
@@ -95,3 +96,55 @@ def test_ctrl_c_is_one_line_and_what_was_solved_is_kept():
     assert "Traceback" not in said
     assert "midair: stopped; what was solved is stored" in said
     assert 0 < load_sweep(Path("s.zarr")).known < 2000
+
+
+COARSE = ["--points", "6", "--pitch", "11mm", "--workers", "1"]
+
+
+@pytest.fixture
+def take():
+    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
+    return "take.h5"
+
+
+def test_recordings_under_settings(take, capsys):
+    ask = ["sweep", "recordings", "r.zarr", take, "--vary", "method=naive,gs", "height=150mm,200mm"]
+    ask += ["--duration", "20ms", *COARSE]
+    assert run(ask) == 0
+    said = capsys.readouterr()
+    assert "80/80" in said.err
+    assert "SIMULATED" in said.err
+    assert "method=gs height=200mm" in said.out
+    assert run(["sweep", "report", "r.zarr", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert [trial["variant"] for trial in answer["trials"]] == [
+        f"method={method} height={height}" for method in ("naive", "gs") for height in ("150mm", "200mm")
+    ]
+    assert all(Path(name).is_file() for name in answer["files"])
+    assert run([*ask, "--bits", "4"]) == 1
+    assert "bits" in one_line_of(capsys)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        (["--vary", "method"], "OPTION=VALUE"),
+        (["--vary", "method=,"], "OPTION=VALUE"),
+        (["--vary", "frob=1"], "frob"),
+        (["--vary", "height=150"], "unit"),
+        (["--vary", "method=magic"], "magic"),
+        (["--vary", "height=150mm", "height=200mm"], "once"),
+        (["--vary", "height=150mm,150mm"], "twice"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_varied_is_one_line_and_leaves_nothing(take, capsys, wrong, word):
+    capsys.readouterr()
+    assert run(["sweep", "recordings", "r.zarr", take, *wrong]) == 1
+    assert word in one_line_of(capsys)
+    assert not Path("r.zarr").exists()
+
+
+def test_a_sweep_of_no_recordings_is_one_line(capsys):
+    assert run(["sweep", "recordings", "r.zarr"]) == 1
+    assert "expected recordings" in one_line_of(capsys)

@@ -6,8 +6,8 @@ import pytest
 from midair.errors import InputError
 from midair.rig.sweep import do
 from midair.rig.sweep_plan import PatternSweep
-from midair.rig.sweep_report import examples_of, report_of, write_sweep_report
-from midair.rig.sweep_store import SweepResults, load_sweep, open_sweep
+from midair.rig.sweep_report import PatternResults, examples_of, report_of, write_sweep_report
+from midair.rig.sweep_store import load_sweep, open_sweep
 
 SWEEP = PatternSweep(count=24, curve_count=6, chunk=8, method="naive")
 
@@ -18,14 +18,14 @@ def results(tmp_path_factory):
     path = tmp_path_factory.mktemp("sweep") / "s.zarr"
     with open_sweep(path, SWEEP) as store:
         for task in store.missing():
-            store.write(do(SWEEP, task, SWEEP.patterns()[task.first : task.last]))
-    return load_sweep(path)
+            store.write(do(SWEEP.job(task), task))
+    return PatternResults.of(load_sweep(path))
 
 
 def made_up(error, sweep=SWEEP):
     shape = (len(sweep.conditions()), len(sweep.patterns()))
     error = np.broadcast_to(error, shape)
-    return SweepResults(sweep=sweep, patterns=sweep.patterns(), error=error, rounded_error=error + 0.01, seconds=12.0)
+    return PatternResults(sweep=sweep, patterns=sweep.patterns(), error=error, rounded_error=error + 0.01, seconds=12.0)
 
 
 def test_figures_of_numbers_known_by_hand():
@@ -86,8 +86,8 @@ def test_a_sweep_without_curves_has_no_figures_of_them(tmp_path):
     sweep = PatternSweep(count=8, curve_count=0, chunk=8, method="naive", strengths=(0.1,))
     path = tmp_path / "s.zarr"
     with open_sweep(path, sweep) as store:
-        store.write(do(sweep, sweep.tasks()[0], sweep.patterns()))
-    files = write_sweep_report(load_sweep(path), tmp_path / "report")
+        store.write(do(sweep.job(sweep.tasks()[0]), sweep.tasks()[0]))
+    files = write_sweep_report(PatternResults.of(load_sweep(path)), tmp_path / "report")
     assert "strength.png" not in {file.name for file in files}
 
 

@@ -6,7 +6,9 @@ import zarr
 
 from midair.errors import BrokenFileError, DeviceStateError, MismatchError, MissingFileError
 from midair.rig.sweep_plan import PatternSweep
+from midair.rig.sweep_report import PatternResults
 from midair.rig.sweep_store import Result, load_sweep, open_sweep
+from midair.rig.sweep_task import Found
 from midair.store.provenance import from_json
 
 SWEEP = PatternSweep(count=10, curve_count=4, chunk=4, strengths=(0.1,), curve_heights=(0.3,), method="naive")
@@ -14,7 +16,7 @@ SWEEP = PatternSweep(count=10, curve_count=4, chunk=4, strengths=(0.1,), curve_h
 
 def found(task):
     error = 0.001 * np.arange(task.first, task.last) + task.condition
-    return Result(task=task, error=error, rounded_error=error + 0.5, seconds=2.0)
+    return Result(task=task, found=Found(error=error, rounded_error=error + 0.5, strength=0.1), seconds=2.0)
 
 
 def test_what_is_written_is_read_and_no_longer_missing(tmp_path):
@@ -26,14 +28,14 @@ def test_what_is_written_is_read_and_no_longer_missing(tmp_path):
         assert store.missing() == SWEEP.tasks()[:-1]
     with open_sweep(path, SWEEP) as store:
         assert store.missing() == SWEEP.tasks()[:-1]
-    results = load_sweep(path)
+    results = PatternResults.of(load_sweep(path))
     assert results.sweep == SWEEP
     assert results.known == last.count
     assert results.asked == sum(one.count for one in SWEEP.conditions())
     assert results.seconds == 2.0
-    np.testing.assert_array_equal(results.error[last.condition, last.first : last.last], found(last).error)
+    np.testing.assert_array_equal(results.error[last.condition, last.first : last.last], found(last).found.error)
     np.testing.assert_array_equal(
-        results.rounded_error[last.condition, last.first : last.last], found(last).error + 0.5
+        results.rounded_error[last.condition, last.first : last.last], found(last).found.error + 0.5
     )
 
 

@@ -3,7 +3,19 @@
 Each file adds its commands to the one app in app.py.
 """
 
-from midair.cli import demo, doctor, exposure, info, recordings, reproduction, stop, study, sweep
+from midair.cli import (
+    demo,
+    doctor,
+    exposure,
+    info,
+    recordings,
+    reproduction,
+    stop,
+    study,
+    sweep,
+    sweep_recordings,
+    sweep_report,
+)
 from midair.cli.app import app, main, run
 
 app.command(study.app)
@@ -22,4 +34,6 @@ __all__ = [
     "stop",
     "study",
     "sweep",
+    "sweep_recordings",
+    "sweep_report",
 ]

@@ -12,19 +12,20 @@ from rich.table import Table as Shown
 from rich.text import Text
 
 from midair.cli.quantity import parse_quantity, spell
-from midair.cli.show import banner, out, print_json
+from midair.cli.show import banner, out
 from midair.model import Medium
 from midair.physics import Directivity
 from midair.rig.sweep import run_sweep
 from midair.rig.sweep_plan import PatternSweep
-from midair.rig.sweep_report import Report, report_of, write_sweep_report
+from midair.rig.sweep_report import PatternResults, Report, report_of
 from midair.rig.sweep_store import load_sweep
+from midair.rig.sweep_task import Sweep
 from midair.solve import Progress as Advance
 
 app = App(
     name="sweep",
-    help="Solve all binary patterns of the paper's simulation (5.1) on many processes, and report E. What is swept is "
-    "patterns, strength and height; a recording is solved by itself, with midair solve.",
+    help="Solve many targets on many processes, and report E: all binary patterns of the paper's simulation (5.1) over "
+    "strengths and heights, or recordings under many settings.",
 )
 
 
@@ -43,13 +44,17 @@ Lengths = Annotated[
 ]
 
 
-class PatternsPerSecond(ProgressColumn):
+class PerSecond(ProgressColumn):
     """How fast the work goes."""
 
+    def __init__(self, items: str) -> None:
+        super().__init__()
+        self._items = items
+
     def render(self, task: Task) -> Text:
-        """Patterns per second, once there is something to tell."""
+        """Items per second, once there is something to tell."""
         speed = task.finished_speed or task.speed
-        return Text("" if speed is None else f"{speed:6.1f} patterns/s", style="cyan")
+        return Text("" if speed is None else f"{speed:6.1f} {self._items}/s", style="cyan")
 
 
 @app.command(name="patterns")
@@ -128,48 +133,32 @@ def patterns_command(
         bits=bits,
         chunk=chunk,
     )
+    status = swept(sweep, output, scheduler=scheduler, workers=workers)
+    if status == 0:
+        show_patterns(report_of(PatternResults.of(load_sweep(output))))
+        out().print(f"Next: midair sweep report {output}", markup=False)
+    return status
+
+
+def swept(sweep: Sweep, path: Path, *, scheduler: str | None, workers: int | None) -> int:
+    """Run a sweep with a progress bar; its exit status."""
     try:
-        with patterns_bar() as progress:
-            run_sweep(sweep, output, scheduler=scheduler, workers=workers, progress=progress)
+        with sweep_bar(f"{sweep.item}s") as progress:
+            run_sweep(sweep, path, scheduler=scheduler, workers=workers, progress=progress)
     except KeyboardInterrupt:
         _say("stopped; what was solved is stored, and the same command goes on")
         return 130
-    _show(report_of(load_sweep(output)))
-    out().print(f"Next: midair sweep report {output}", markup=False)
     return 0
 
 
-@app.command(name="report")
-def report_command(source: Path, /, *, output: Path | None = None, json: bool = False) -> None:
-    """Tables (CSV) and figures (PNG) of a sweep, finished or not: histogram of E, examples, E over strength and height.
-
-    Parameters
-    ----------
-    source
-        NAME.zarr.
-    output
-        Folder for the files; NAME.report if not given.
-    json
-        Print JSON for a program.
-    """
-    folder = output or source.with_suffix(".report")
-    results = load_sweep(source)
-    report, files = report_of(results), write_sweep_report(results, folder)
-    if json:
-        print_json(report.plain() | {"files": [str(file) for file in files]})
-        return
-    _show(report)
-    out().print("\n".join(str(file) for file in files), markup=False)
-
-
 @contextmanager
-def patterns_bar() -> Generator[Advance]:
-    """A progress bar on the error stream: patterns, patterns per second, time left."""
+def sweep_bar(items: str) -> Generator[Advance]:
+    """A progress bar on the error stream: patterns or frames, how many per second, time left."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
-        PatternsPerSecond(),
+        PerSecond(items),
         TimeRemainingColumn(elapsed_when_finished=True),
     )
     with Progress(*columns, console=Console(stderr=True), speed_estimate_period=120) as bars:
@@ -188,7 +177,8 @@ def _say(words: str) -> None:
     Console(stderr=True, highlight=False, soft_wrap=True).print(f"midair: {words}", markup=False)
 
 
-def _show(report: Report) -> None:
+def show_patterns(report: Report) -> None:
+    """A table of conditions."""
     banner(True)
     table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
     for name in ("strength", "height", "patterns", "mean", "sd", "median", "95 %", "worst", "rounded", "worst"):

@@ -49,8 +49,8 @@ def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: Si
     Parameters
     ----------
     link : str
-        ``ethercrab`` to search, ``ethercrab:INTERFACE``, ``twincat``, ``remote:ADDRESS:PORT``, or ``audit`` and ``nop``,
-        which have no hardware behind them. Version 38 of the SDK, for Python 3.12 and later, has no ethercrab.
+        ``ethercrab`` to search, ``ethercrab:INTERFACE``, ``twincat``, ``remote:ADDRESS:PORT``, or ``audit`` and
+        ``nop``, which have no hardware behind them. Version 38 of the SDK, for Python 3.12 and later, has no ethercrab.
     placement, silencer
         As for `autd3_array`.
     """

@@ -7,12 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from midair.errors import ClusterError, MissingExtraError
-from midair.rig.sweep_plan import PatternSweep, Task, solve_patterns
 from midair.rig.sweep_store import Result, open_sweep
+from midair.rig.sweep_task import Job, Sweep, Task
 from midair.solve import Progress
 
 if TYPE_CHECKING:
@@ -20,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def run_sweep(
-    sweep: PatternSweep,
+    sweep: Sweep,
     path: Path,
     *,
     scheduler: str | None = None,
@@ -34,7 +31,7 @@ def run_sweep(
 
     Parameters
     ----------
-    sweep : PatternSweep
+    sweep : Sweep
         What to solve.
     path : Path
         NAME.zarr, new or of the same sweep.
@@ -44,12 +41,12 @@ def run_sweep(
     workers : int, optional
         Processes on this machine; one a core if None.
     progress : callable, optional
-        Called with (patterns done, patterns in all) at the start and after each task.
+        Called with (patterns or frames done, all of them) at the start and after each task.
 
     Returns
     -------
     int
-        Number of patterns that were solved now.
+        Number of patterns or frames that were solved now.
 
     Raises
     ------
@@ -114,16 +111,11 @@ def cluster(scheduler: str | None = None, *, workers: int | None = None, patienc
         yield client
 
 
-def do(sweep: PatternSweep, task: Task, patterns: NDArray[np.int64]) -> Result:
+def do(job: Job, task: Task) -> Result:
     """One task, on a worker."""
     start = time.process_time()
-    solved = solve_patterns(sweep, sweep.conditions()[task.condition], patterns)
-    return Result(
-        task=task,
-        error=solved.error,
-        rounded_error=solved.rounded_error,
-        seconds=time.process_time() - start,
-    )
+    found = job()
+    return Result(task=task, found=found, seconds=time.process_time() - start)
 
 
 def _client_of(scheduler: str, patience: float) -> "Client":
@@ -145,12 +137,10 @@ def _leave_ctrl_c_to_the_client() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _results(client: "Client", sweep: PatternSweep, tasks: Sequence[Task]) -> Iterator[Result]:
+def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task]) -> Iterator[Result]:
     """What each task found, as it comes."""
-    patterns = sweep.patterns()
     futures: list[Any] = [
-        client.submit(do, sweep, task, patterns[task.first : task.last], pure=False, priority=-number)
-        for number, task in enumerate(tasks)
+        client.submit(do, sweep.job(task), task, pure=False, priority=-number) for number, task in enumerate(tasks)
     ]
     for future in _distributed().as_completed(futures, loop=client.loop):
         if future.status != "finished":

@@ -1,7 +1,7 @@
 """What a sweep over binary patterns is: which patterns, at which strengths and heights, and how they are solved."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from midair.model import ControlGrid, Medium, Provenance, SensorGrid, Setting, T
 from midair.model.arrays import positive
 from midair.physics import Directivity, quantise_phase, transfer_matrix
 from midair.prepare import interpolation_matrix
+from midair.rig.sweep_task import Coordinate, Found, Task, settings_of
 from midair.solve import Problem, one_blas_thread, relative_error
 from midair.solve import solver as solver_of
 from midair.solve.lens import spreading_phase
@@ -37,20 +38,6 @@ class Condition:
     strength: float
     height: float
     count: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
-    """Patterns `first` to `last` - 1 of one condition, solved together."""
-
-    condition: int
-    first: int
-    last: int
-
-    @property
-    def count(self) -> int:
-        """Number of patterns."""
-        return self.last - self.first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,6 +101,21 @@ class PatternSweep:
         solver_of(self.method, iterations=self.iterations, start="zero")
 
     @property
+    def kind(self) -> str:
+        """Name of the kind."""
+        return "patterns"
+
+    @property
+    def item(self) -> str:
+        """Name of what the second axis counts."""
+        return "pattern"
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(condition, pattern)."""
+        return len(self.conditions()), max(self.count, self.curve_count)
+
+    @property
     def sensor(self) -> SensorGrid:
         """Whose channels the patterns are of."""
         return SensorGrid()
@@ -144,12 +146,30 @@ class PatternSweep:
         ]
         return tuple(sorted(whole, key=lambda task: (task.first, task.condition)))
 
+    def job(self, task: Task) -> "PatternJob":
+        """What a worker is given."""
+        patterns = self.patterns()[task.first : task.last]
+        return PatternJob(sweep=self, condition=self.conditions()[task.condition], patterns=patterns)
+
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """What is stored along the axes."""
+        strength = np.array([one.strength for one in self.conditions()])
+        height = np.array([one.height for one in self.conditions()])
+        return (
+            Coordinate(name="strength", axis="condition", values=strength, attributes={}),
+            Coordinate(name="height", axis="condition", values=height, attributes={"units": "m"}),
+            Coordinate(
+                name="pattern",
+                axis="pattern",
+                values=self.patterns(),
+                attributes={"description": "bit k is channel k"},
+            ),
+        )
+
     def settings(self) -> dict[str, Any]:
         """Everything that the results depend on, as JSON knows it; the solver's own settings too."""
         solver = solver_of(self.method, iterations=self.iterations, start="zero")
-        return _plain(asdict(self)) | {
-            "solver": {one.name: _plain(getattr(solver, one.name)) for one in fields(solver)}
-        }
+        return settings_of(self) | {"solver": settings_of(solver)}
 
     @classmethod
     def of_settings(cls, settings: Mapping[str, Any]) -> "PatternSweep":
@@ -169,6 +189,20 @@ class PatternSweep:
             if isinstance(value, str | int | float | tuple)
         }
         return Provenance(source="virtual:binary patterns", simulated=True).then("sweep", settings)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PatternJob:
+    """Some patterns of one condition, to be solved on a worker."""
+
+    sweep: PatternSweep
+    condition: Condition
+    patterns: NDArray[np.int64]
+
+    def __call__(self) -> Found:
+        """E of each."""
+        solved = solve_patterns(self.sweep, self.condition, self.patterns)
+        return Found(error=solved.error, rounded_error=solved.rounded_error, strength=self.condition.strength)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -219,12 +253,3 @@ def solve_patterns(sweep: PatternSweep, condition: Condition, patterns: NDArray[
             error=relative_error(problem, answer.phase, answer.level),
             rounded_error=relative_error(problem, rounded, answer.level),
         )
-
-
-def _plain(value: Any) -> Any:
-    """What JSON would give back: lists for tuples, texts for what it does not know."""
-    if isinstance(value, Mapping):
-        return {str(name): _plain(each) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
-    return value if value is None or isinstance(value, str | int | float) else str(value)

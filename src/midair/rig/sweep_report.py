@@ -1,4 +1,4 @@
-"""What a sweep says: tables in CSV, figures in PNG."""
+"""What a sweep over patterns says: tables in CSV, figures in PNG."""
 
 import csv
 from collections.abc import Callable, Mapping, Sequence
@@ -48,7 +48,59 @@ class Report:
         return {"simulated": True} | asdict(self)
 
 
-def report_of(results: SweepResults) -> Report:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PatternResults:
+    """All that is known of a sweep over patterns so far.
+
+    Attributes
+    ----------
+    sweep : PatternSweep
+        What was asked for.
+    patterns : ndarray of int, shape (pattern,)
+        Bit k is channel k.
+    error, rounded_error : ndarray, shape (condition, pattern)
+        NaN where nothing is known yet or was not asked for.
+    seconds : float
+        Processor time of all tasks that are done.
+    """
+
+    sweep: PatternSweep
+    patterns: NDArray[np.int64]
+    error: Array
+    rounded_error: Array
+    seconds: float
+
+    @classmethod
+    def of(cls, results: SweepResults) -> "PatternResults":
+        """From what is in a store.
+
+        Raises
+        ------
+        InputError
+            If the sweep is over something else.
+        """
+        if results.kind != "patterns":
+            raise InputError(f"sweep: expected one over patterns, got one over {results.kind}")
+        return cls(
+            sweep=PatternSweep.of_settings(results.settings),
+            patterns=results.coordinates["pattern"],
+            error=results.error,
+            rounded_error=results.rounded_error,
+            seconds=results.seconds,
+        )
+
+    @property
+    def known(self) -> int:
+        """Number of patterns solved, over all conditions."""
+        return int(np.isfinite(self.error).sum())
+
+    @property
+    def asked(self) -> int:
+        """Number of patterns asked for, over all conditions."""
+        return sum(condition.count for condition in self.sweep.conditions())
+
+
+def report_of(results: PatternResults) -> Report:
     """The figures of a sweep, as far as it is.
 
     Raises
@@ -66,7 +118,7 @@ def report_of(results: SweepResults) -> Report:
     )
 
 
-def write_sweep_report(results: SweepResults, folder: Path) -> list[Path]:
+def write_sweep_report(results: PatternResults, folder: Path) -> list[Path]:
     """Write tables and figures into a folder, which is made if it is not there; the files.
 
     conditions.csv, channels.csv and histogram.csv; histogram.png, examples.png, and strength.png and height.png where
@@ -87,7 +139,7 @@ def write_sweep_report(results: SweepResults, folder: Path) -> list[Path]:
 
 
 def examples_of(
-    results: SweepResults, number: int, *, quantiles: Sequence[float] = (0, 0.25, 0.5, 0.75, 1)
+    results: PatternResults, number: int, *, quantiles: Sequence[float] = (0, 0.25, 0.5, 0.75, 1)
 ) -> list[Example]:
     """Patterns of one condition at quantiles of E, and their fields.
 
@@ -114,7 +166,7 @@ def _example(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.int
     )
 
 
-def _main(results: SweepResults) -> list[int]:
+def _main(results: PatternResults) -> list[int]:
     """Conditions that all patterns were asked for and of which some are solved."""
     sweep = results.sweep
     return [
@@ -124,14 +176,14 @@ def _main(results: SweepResults) -> list[int]:
     ]
 
 
-def _rows(results: SweepResults, first: int | None = None) -> list[Row]:
+def _rows(results: PatternResults, first: int | None = None) -> list[Row]:
     """One a condition, from the `first` patterns or all, by height and strength."""
     known = np.isfinite(results.error[:, :first]).any(axis=1)
     rows = [_condition(results, int(number), first) for number in np.flatnonzero(known)]
     return sorted(rows, key=lambda row: (row["height_mm"], row["strength"]))
 
 
-def _condition(results: SweepResults, number: int, first: int | None) -> Row:
+def _condition(results: PatternResults, number: int, first: int | None) -> Row:
     condition = results.sweep.conditions()[number]
     known = np.flatnonzero(np.isfinite(results.error[number, :first]))
     error, rounded = results.error[number, known], results.rounded_error[number, known]
@@ -148,7 +200,7 @@ def _condition(results: SweepResults, number: int, first: int | None) -> Row:
     }
 
 
-def _by_channels(results: SweepResults, number: int) -> list[Row]:
+def _by_channels(results: PatternResults, number: int) -> list[Row]:
     condition = results.sweep.conditions()[number]
     loud = channel_amplitudes(results.patterns, results.sweep.sensor).sum(axis=1).astype(int)
     rows: list[Row] = []
@@ -174,7 +226,7 @@ def _spread(error: Array) -> Row:
     }
 
 
-def _histogram(results: SweepResults, *, width: float = 0.005) -> list[Row]:
+def _histogram(results: PatternResults, *, width: float = 0.005) -> list[Row]:
     """Patterns in each bin of E, a column for each main condition."""
     numbers, conditions = _main(results), results.sweep.conditions()
     top = max(float(np.nanmax(results.error[number])) for number in numbers)
@@ -188,7 +240,7 @@ def _histogram(results: SweepResults, *, width: float = 0.005) -> list[Row]:
     return rows
 
 
-def _figures(results: SweepResults) -> Mapping[str, bytes]:
+def _figures(results: PatternResults) -> Mapping[str, bytes]:
     conditions, numbers = results.sweep.conditions(), _main(results)
     labels = [f"strength {conditions[n].strength:g}, {1e3 * conditions[n].height:g} mm" for n in numbers]
     errors = [results.error[number][np.isfinite(results.error[number])] for number in numbers]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, DeviceStateError, MismatchError, MissingExtraError, MissingFileError
-from midair.rig.sweep_plan import PatternSweep, Task
+from midair.rig.sweep_task import Found, Sweep, Task
 from midair.store.files import refusing, writable_path
 from midair.store.provenance import to_json
 from midair.version import __version__
@@ -23,11 +23,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Result:
-    """What a task found: E and E of rounded phases, shape (pattern,), and the processor time it took, in s."""
+    """What a task found, and the processor time it took, in s."""
 
     task: Task
-    error: Array
-    rounded_error: Array
+    found: Found
     seconds: float
 
 
@@ -37,31 +36,32 @@ class SweepResults:
 
     Attributes
     ----------
-    sweep : PatternSweep
-        What was asked for.
-    patterns : ndarray of int, shape (pattern,)
-        Bit k is channel k.
-    error, rounded_error : ndarray, shape (condition, pattern)
+    kind : str
+        ``patterns`` or ``recordings``.
+    settings : mapping
+        Of the sweep, as JSON knows them.
+    coordinates : mapping of str to ndarray
+        What stands along the axes, by name.
+    error, rounded_error : ndarray, shape (condition, item)
         NaN where nothing is known yet or was not asked for.
+    strength : ndarray, shape (condition, task)
+        Highest peak of the targets over the focus of the whole array; NaN for tasks that are not done.
     seconds : float
         Processor time of all tasks that are done.
     """
 
-    sweep: PatternSweep
-    patterns: NDArray[np.int64]
+    kind: str
+    settings: Mapping[str, Any]
+    coordinates: Mapping[str, NDArray[Any]]
     error: Array
     rounded_error: Array
+    strength: Array
     seconds: float
 
     @property
     def known(self) -> int:
-        """Number of patterns solved, over all conditions."""
+        """Number of patterns or frames solved, over all conditions."""
         return int(np.isfinite(self.error).sum())
-
-    @property
-    def asked(self) -> int:
-        """Number of patterns asked for, over all conditions."""
-        return sum(condition.count for condition in self.sweep.conditions())
 
 
 class SweepStore:
@@ -71,7 +71,7 @@ class SweepStore:
     this one. Zarr puts each chunk into a file of its own and renames it when it is whole.
     """
 
-    def __init__(self, group: Any, sweep: PatternSweep) -> None:
+    def __init__(self, group: Any, sweep: Sweep) -> None:
         self._group = group
         self._sweep = sweep
 
@@ -83,8 +83,9 @@ class SweepStore:
     def write(self, result: Result) -> None:
         """Store what a task found; then its flag."""
         task = result.task
-        self._group["error"][task.condition, task.first : task.last] = result.error
-        self._group["rounded_error"][task.condition, task.first : task.last] = result.rounded_error
+        self._group["error"][task.condition, task.first : task.last] = result.found.error
+        self._group["rounded_error"][task.condition, task.first : task.last] = result.found.rounded_error
+        self._group["target_strength"][self._place(task)] = result.found.strength
         self._group["seconds"][self._place(task)] = result.seconds
         self._group["done"][self._place(task)] = True
 
@@ -93,7 +94,7 @@ class SweepStore:
 
 
 @contextmanager
-def open_sweep(path: Path, sweep: PatternSweep) -> Generator[SweepStore]:
+def open_sweep(path: Path, sweep: Sweep) -> Generator[SweepStore]:
     """A new store for a sweep, or the one that is there, to go on with.
 
     Raises
@@ -110,8 +111,9 @@ def open_sweep(path: Path, sweep: PatternSweep) -> Generator[SweepStore]:
     with _alone(path):
         group = _group(path, "r+")
         _check_settings(path, group.attrs, sweep)
-        if not np.array_equal(group["pattern"][:], sweep.patterns()):
-            raise MismatchError(f"{path}: expected the patterns of seed {sweep.seed}, got others; use a new name")
+        for one in sweep.coordinates():
+            if not np.array_equal(group[one.name][:], one.values):
+                raise MismatchError(f"{path}: expected the same {one.name} as before, got others; use a new name")
         yield SweepStore(group, sweep)
 
 
@@ -129,18 +131,20 @@ def load_sweep(path: Path) -> SweepResults:
         raise MissingFileError(f"{path}: expected a sweep, found none; make one with midair sweep patterns {path}")
     group = _group(path, "r")
     with refusing(path, "a sweep of midair"):
-        sweep = PatternSweep.of_settings(group.attrs["settings"])
-        done = np.repeat(group["done"][:], sweep.chunk, axis=1)[:, : group["error"].shape[1]]
+        settings, done = dict(group.attrs["settings"]), group["done"][:]
+        known = np.repeat(done, group["error"].chunks[1], axis=1)[:, : group["error"].shape[1]]
         return SweepResults(
-            sweep=sweep,
-            patterns=group["pattern"][:],
-            error=np.where(done, group["error"][:], np.nan),
-            rounded_error=np.where(done, group["rounded_error"][:], np.nan),
+            kind=str(group.attrs["kind"]),
+            settings=settings,
+            coordinates={str(name): group[name][:] for name in group.attrs["coordinates"]},
+            error=np.where(known, group["error"][:], np.nan),
+            rounded_error=np.where(known, group["rounded_error"][:], np.nan),
+            strength=np.where(done, group["target_strength"][:], np.nan),
             seconds=float(np.nansum(group["seconds"][:])),
         )
 
 
-def _create(path: Path, sweep: PatternSweep) -> None:
+def _create(path: Path, sweep: Sweep) -> None:
     """Make the store beside `path` and rename it when it is whole."""
     partial = path.with_name(f".midair-{secrets.token_hex(4)}.part")
     try:
@@ -151,35 +155,64 @@ def _create(path: Path, sweep: PatternSweep) -> None:
         shutil.rmtree(partial, ignore_errors=True)
 
 
-def _fill(path: Path, sweep: PatternSweep) -> None:
-    conditions, patterns = sweep.conditions(), sweep.patterns()
+def _fill(path: Path, sweep: Sweep) -> None:
     group: Any = _zarr().create_group(path, zarr_format=3)
-    group.attrs.put({"midair": __version__, "settings": sweep.settings(), "provenance": to_json(sweep.provenance())})
-    axes = ("condition", "pattern")
-    group.create_array("pattern", data=patterns, dimension_names=axes[1:]).attrs["description"] = "bit k is channel k"
-    strengths, heights = ([getattr(one, name) for one in conditions] for name in ("strength", "height"))
-    group.create_array("strength", data=np.array(strengths), dimension_names=axes[:1])
-    group.create_array("height", data=np.array(heights), dimension_names=axes[:1]).attrs["units"] = "m"
-    shape = (len(conditions), len(patterns))
+    coordinates = sweep.coordinates()
+    group.attrs.put(
+        {
+            "midair": __version__,
+            "kind": sweep.kind,
+            "coordinates": [one.name for one in coordinates],
+            "settings": sweep.settings(),
+            "provenance": to_json(sweep.provenance()),
+        }
+    )
+    for one in coordinates:
+        group.create_array(one.name, data=one.values, dimension_names=(one.axis,)).attrs.put(dict(one.attributes))
+    shape, axes = sweep.shape, ("condition", sweep.item)
     for name in ("error", "rounded_error"):
         group.create_array(
             name, shape=shape, chunks=(1, sweep.chunk), dtype="float64", fill_value=np.nan, dimension_names=axes
         )
-    shape = (len(conditions), -(-len(patterns) // sweep.chunk))
-    axes = ("condition", "task")
-    for name, dtype, empty in (("seconds", "float64", np.nan), ("done", "bool", False)):
+    shape, axes = (shape[0], -(-shape[1] // sweep.chunk)), ("condition", "task")
+    for name, dtype, empty in (
+        ("target_strength", "float64", np.nan),
+        ("seconds", "float64", np.nan),
+        ("done", "bool", False),
+    ):
         group.create_array(name, shape=shape, chunks=(1, shape[1]), dtype=dtype, fill_value=empty, dimension_names=axes)
 
 
-def _check_settings(path: Path, attrs: Mapping[str, Any], sweep: PatternSweep) -> None:
+def _check_settings(path: Path, attrs: Mapping[str, Any], sweep: Sweep) -> None:
     with refusing(path, "a sweep of midair"):
-        stored, asked = dict(attrs["settings"]), sweep.settings()
-    for name in sorted(stored | asked):
-        if stored.get(name) != asked.get(name):
-            raise MismatchError(
-                f"{path}: expected {name} {asked.get(name)}, got a sweep with {stored.get(name)}; give its settings to "
-                "go on with it, or use a new name"
-            )
+        stored = dict(attrs["settings"]) | {"kind": attrs["kind"]}
+        asked = sweep.settings() | {"kind": sweep.kind}
+    different = _difference(stored, asked)
+    if different is not None:
+        name, there, wanted = different
+        raise MismatchError(
+            f"{path}: expected {name} {wanted}, got a sweep with {there}; give its settings to go on with it, or use a "
+            "new name"
+        )
+
+
+def _difference(stored: Any, asked: Any, name: str = "") -> tuple[str, str, str] | None:
+    """Name and both values of the first setting that differs."""
+    if isinstance(stored, Mapping) and isinstance(asked, Mapping):
+        pairs = [(str(key), stored.get(key), asked.get(key)) for key in sorted({*stored, *asked})]
+    elif isinstance(stored, list) and isinstance(asked, list) and len(stored) == len(asked):
+        pairs = [(str(number), *pair) for number, pair in enumerate(zip(stored, asked, strict=True))]
+    elif stored == asked:
+        return None
+    else:
+        return name, _short(stored), _short(asked)
+    found = (_difference(there, wanted, f"{name} {key}".strip()) for key, there, wanted in pairs)
+    return next((one for one in found if one is not None), None)
+
+
+def _short(value: Any) -> str:
+    """Numbers and texts as they are; of what is longer, how long it is."""
+    return f"{len(value)} of them" if isinstance(value, list | Mapping) and len(str(value)) > 80 else str(value)
 
 
 def _group(path: Path, mode: str) -> Any:

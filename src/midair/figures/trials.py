@@ -1,0 +1,53 @@
+"""Sweeps over recordings: how E of the frames is spread in each trial."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from midair.figures.style import Style, new_figure, plain
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """E of a trial's frames.
+
+    Attributes
+    ----------
+    name : str
+        Recording and settings.
+    low, middle, high, worst : float
+        5 %, mean, 95 % and the worst frame.
+    strength : float
+        Highest peak of its targets over a full focus.
+    """
+
+    name: str
+    low: float
+    middle: float
+    high: float
+    worst: float
+    strength: float
+
+
+def trials_figure(spreads: Sequence[Spread], *, style: Style | None = None) -> Figure:
+    """A line a trial: mean, the middle 90 % of the frames, and the worst frame, in %; its strength at the right."""
+    style = style or Style()
+    figure = new_figure(8.0, 1.2 + 0.26 * len(spreads), simulated=True, style=style)
+    axes = plain(figure.subplots(), style)
+    top = 100 * max(one.worst for one in spreads) or 1.0
+    for row, one in enumerate(spreads):
+        axes.plot([100 * one.low, 100 * one.high], [row, row], color=style.reproduced, linewidth=5, alpha=0.3)
+        axes.plot(100 * one.middle, row, "o", color=style.reproduced, markersize=5)
+        axes.plot(100 * one.worst, row, "|", color=style.ink, markersize=9)
+        axes.annotate(f"{one.strength:.3f}", (1.01, row), xycoords=("axes fraction", "data"), fontsize=8, va="center")
+    axes.annotate("strength", (1.01, 1.02), xycoords="axes fraction", fontsize=8, va="bottom")
+    axes.set_yticks(range(len(spreads)), [one.name for one in spreads])
+    axes.set_ylim(len(spreads) - 0.5, -0.5)
+    axes.set_xlim(0, 1.04 * top)
+    axes.set_xlabel("E (%): mean, middle 90 % of the frames, worst frame", fontsize=9)
+    return figure
