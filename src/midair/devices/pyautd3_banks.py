@@ -107,7 +107,7 @@ class PyAutd3Banks:
     margin = 30_000_000
 
     def __init__(self, placement: Placement, link: str, *, interval: float | None = None) -> None:
-        self._lock, self._lost = RLock(), ""
+        self._lock, self._lost, self._ordered = RLock(), "", False
         self._units = placement.units
         units = [AUTD3(pos=at, rot=turn) for at, turn in zip(placement.origin * 1e3, placement.quaternion, strict=True)]
         self.link = self._link(link)
@@ -142,6 +142,7 @@ class PyAutd3Banks:
             if "transition" in str(wrong).lower():
                 raise TooLateError(str(wrong)) from None
             raise
+        self._ordered = True
 
     def now(self) -> int:
         """Device time, in ns."""
@@ -157,11 +158,18 @@ class PyAutd3Banks:
     def silence(self) -> None:
         """All transducers to intensity 0 at once."""
         self._send(WithSegment(Null(), Segment.S0, transition_mode.Immediate()))
+        self._ordered = False
 
     def emitting(self) -> bool:
-        """Whether a unit says that a sequence plays."""
+        """Whether a unit says that a sequence plays.
+
+        The clock of version 38's own audit and nop stands still, so that their units never get to the instant of a
+        switch: there, whether a switch was ordered and no silence since.
+        """
         if self._controller is None:
             return False
+        if isinstance(self.link, Audit | Nop) and not hasattr(DcSysTime, "now"):
+            return self._ordered
         with self._lock:
             states = self._controller.fpga_state()
         return any(state is not None and state.is_stm_mode() for state in states)
