@@ -61,3 +61,19 @@ def random_problem():
         return G, rng.uniform(0, 0.3, points), rng.uniform(-np.pi, np.pi, transducers + points)
 
     return draw
+
+
+@pytest.fixture(scope="session")
+def complex_slope():
+    """(cost, y) -> the slope s with d cost = Re(conj(s) dy), by central differences, row by row."""
+
+    def of(cost, y, h=1e-6):
+        slope = np.zeros_like(y)
+        for n in range(y.shape[1]):
+            for along in (1, 1j):
+                step = np.zeros_like(y)
+                step[:, n] = h * along
+                slope[:, n] += along * (cost(y + step) - cost(y - step)) / (2 * h)
+        return slope
+
+    return of

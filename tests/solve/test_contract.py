@@ -1,9 +1,16 @@
 """Every solver on every known problem: a new one is a line in `METHODS`, and its tests are here already."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from midair.solve import METHODS, Problem, one_blas_thread, relative_error, solver
+from midair.errors import InputError
+from midair.solve import METHODS, TAKES, Problem, one_blas_thread, relative_error, solver
+from midair.solve.methods import check_terms
+from midair.solve.terms.amplitudes import doubled, halves
+from midair.solve.terms.cells import CellTarget
+from midair.solve.terms.guard import GuardField
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -53,6 +60,37 @@ PROBLEMS = {
 }
 
 
+def guarded(problem):
+    ring = random_field(5, problem.transducers, seed=9)
+    return replace(problem, guard=GuardField(G=ring, ceiling=0.3, weight=1.0))
+
+
+def by_cells(problem):
+    weights = np.eye(problem.points)[::2] + 0.5 * np.eye(problem.points, k=1)[::2]
+    return replace(problem, cells=CellTarget(weights=weights, wanted=problem.amplitude**2 @ weights.T))
+
+
+def smoothed(problem):
+    return replace(problem, smooth=1e-2)
+
+
+WITH = {
+    "guard": guarded,
+    "cells": by_cells,
+    "smooth": smoothed,
+    "amplitudes": doubled,
+    "all": lambda problem: doubled(smoothed(by_cells(guarded(problem)))),
+}
+"""What makes a problem with a term of one without."""
+
+TAKEN = [
+    (method, term)
+    for method, taken in TAKES.items()
+    for term in WITH
+    if term in taken or (term == "all" and len(taken) == len(WITH) - 1)
+]
+
+
 @pytest.fixture(scope="module", params=list(METHODS), ids=str)
 def method(request):
     if request.param == "live":
@@ -74,6 +112,44 @@ def test_never_fails_and_never_gives_nan(method, name):
     assert [status == "silent" for status in answer.status] == list(silent)
     assert not answer.iterations[silent].any()
     assert (answer.iterations[~silent] >= 0).all()
+
+
+@pytest.mark.parametrize("name", list(PROBLEMS), ids=str)
+@pytest.mark.parametrize(("taker", "term"), TAKEN, ids=str)
+def test_no_term_makes_it_fail_or_give_nan(taker, term, name):
+    if taker == "live":
+        pytest.importorskip("numba")
+    plain = PROBLEMS[name]
+    problem = WITH[term](plain)
+    iterations = 6 if taker == "lm" else None
+    answer = solver(taker, iterations=iterations).solve(problem)
+    assert np.isfinite(answer.phase).all()
+    phase, level = answer.phase, answer.level
+    if problem.transducers != plain.transducers:
+        phase, level = halves(phase)
+        assert 0 <= level.min() <= level.max() <= 1
+    assert np.isfinite(relative_error(replace(problem, G=plain.G), phase, level)).all()
+    assert [status == "silent" for status in answer.status] == list(~plain.amplitude.any(axis=1))
+
+
+def test_what_a_method_does_not_take_it_refuses(method):
+    for term in ("guard", "cells", "smooth", "amplitudes"):
+        if term in TAKES[method]:
+            check_terms(method, {term})
+        else:
+            with pytest.raises(InputError, match=rf"method {method}: .* got {term}; choose .*fast"):
+                check_terms(method, {term})
+
+
+def test_a_problem_says_which_terms_it_has():
+    plain = PROBLEMS["all points"]
+    assert plain.terms == frozenset()
+    for term in ("guard", "cells", "smooth"):
+        assert WITH[term](plain).terms == {term}
+
+
+def test_every_method_says_what_it_takes():
+    assert set(TAKES) == set(METHODS)
 
 
 def test_silence_keeps_the_phases_of_the_frame_before(method):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.solve.lbfgs import LBFGS, dot
+from midair.solve.lbfgs import LBFGS
 
 
 def quadratics(rows, unknowns, seed=0):
@@ -13,7 +13,7 @@ def quadratics(rows, unknowns, seed=0):
 
     def function(x):
         slope = np.einsum("rij,rj->ri", H, x) - b
-        return 0.5 * dot(x, slope - b), slope
+        return 0.5 * np.vecdot(x, slope - b), slope
 
     return function, np.stack([np.linalg.solve(h, v) for h, v in zip(H, b, strict=True)])
 
@@ -51,7 +51,7 @@ def test_cost_never_rises_even_from_a_step_that_is_far_too_long():
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 def test_precision_is_kept(kind):
     def function(x):
-        return dot(x, x), 2 * x
+        return np.vecdot(x, x), 2 * x
 
     state = LBFGS().run(function, np.ones((2, 3), kind), np.ones(2, kind), 5)
     assert state.x.dtype == kind

@@ -3,6 +3,7 @@ import pytest
 
 from midair.solve.levenberg_marquardt import LevenbergMarquardt, dual_step, primal_step
 from midair.solve.problem import Problem, jacobian, relative_error, residual
+from midair.solve.terms.guard import GuardField, excess_rows
 
 # What the plain form of the paper's method reaches on ten patterns of strength .1 in 50 iterations, from zero.
 PLAIN = {
@@ -91,3 +92,42 @@ def test_at_the_minimum_the_gradient_vanishes_and_it_says_converged():
     answer = LevenbergMarquardt().solve(problem)
     assert answer.status == ("converged",)
     assert relative_error(problem, answer.phase)[0] == pytest.approx(0.5)
+
+
+def guarded(points, transducers, seed=3):
+    rng = np.random.default_rng(seed)
+    G, ring = (
+        (rng.normal(size=(m, transducers)) + 1j * rng.normal(size=(m, transducers))) / transducers
+        for m in (points, points + 2)
+    )
+    p = rng.uniform(0.02, 0.2, (1, points))
+    return Problem(G=G, amplitude=p, level=0.8, guard=GuardField(G=ring, ceiling=0.3, weight=0.6))
+
+
+@pytest.mark.parametrize(("points", "transducers"), [(6, 20), (9, 5), (1, 1), (1, 8), (8, 1)])
+@pytest.mark.parametrize("damping", [1e-4, 1.0])
+def test_with_a_guard_the_steps_are_those_of_least_squares_with_its_rows(points, transducers, damping):
+    problem = guarded(points, transducers)
+    p, x = problem.amplitude[0], np.random.default_rng(1).uniform(-3, 3, transducers + points)
+    state = LevenbergMarquardt().begin(problem, p, x)
+    object.__setattr__(state, "damping", damping)
+    J, r = jacobian(problem, p, x), residual(problem, p, x)
+    e, B = excess_rows(problem.guard, x[:transducers], 0.8, p.max())
+    assert len(e)
+    rows = np.vstack([J, np.hstack([B, np.zeros((len(e), points))]), np.sqrt(damping) * np.eye(len(x))])
+    right = -np.concatenate([r.real, r.imag, e, np.zeros(len(x))])
+    expected = np.linalg.lstsq(rows, right, rcond=None)[0]
+    np.testing.assert_allclose(dual_step(problem, p, state), expected, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(primal_step(problem, p, state), expected, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(state.gradient, -(rows.T @ right), atol=1e-12)
+    assert state.cost == pytest.approx(0.5 * right @ right)
+
+
+def test_a_guard_keeps_its_points_below_the_ceiling():
+    from dataclasses import replace
+
+    problem = guarded(6, 30)
+    q = [np.exp(1j * LevenbergMarquardt().solve(one).phase[0]) for one in (replace(problem, guard=None), problem)]
+    loudest = [0.8 * np.abs(problem.guard.G @ one).max() / problem.amplitude.max() for one in q]
+    assert loudest[0] > 0.7
+    assert loudest[1] < 0.35

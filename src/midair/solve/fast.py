@@ -8,22 +8,22 @@
 3. The polish: the error itself as a function of the phases alone. At the best psi, || G q - diag(p) u || is
    || |G q| - p ||, so that psi needs no unknowns.
 
-Moves 1 and 3 are L-BFGS on batches. How this was chosen, and what lost: docs/decisions/0004-solvers.md.
+Moves 1 and 3 are L-BFGS on batches; `moves` has them all. How this was chosen, and what lost:
+docs/decisions/0004-solvers.md.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Status
-from midair.solve.lbfgs import LBFGS, Function, Numbers, Rows
-from midair.solve.modes import Modes, modes
+from midair.solve.backend import Rows, backend
+from midair.solve.moves import Batch, Machine
+from midair.solve.phases import hold
 from midair.solve.problem import Answer, Problem, Progress
-
-Complex = NDArray[np.complexfloating[Any, Any]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +33,10 @@ class Fast:
     Attributes
     ----------
     iterations : int
-        Of the polish.
+        Of the polish; five times as many where changes of phase count (`Problem.smooth`) and all frames of a batch
+        are polished together.
     more_iterations : int
-        That the worst quarter of a batch gets on top.
+        That the worst quarter of a batch gets on top, where frames are on their own.
     field_iterations, lift_iterations : int
         Of the first and the second move.
     tolerance : float
@@ -49,14 +50,16 @@ class Fast:
         One transducer in so many is looked at for loudness: a drive made of r modes is smooth.
     relaxation : float
         Of the projections, 1 to 2.
-    batch : int
-        Frames at once: large enough for matrix products, small enough for the cache.
+    batch : int, optional
+        Frames at once: large enough for matrix products, small enough for the cache. What suits the backend if None.
     memory : int
         Pairs that L-BFGS keeps.
     faintest : float
         Norm of a target, in units of the focus, below which it counts as this faint: the range of single precision.
     precision : {"single", "double"}
         Of the iterations. Rounding of single precision is a thousandth of the smallest error seen.
+    backend : str
+        What does the arithmetic, and where: see `backend.backend`. The modes are always worked out by NumPy.
     """
 
     iterations: int = 40
@@ -68,172 +71,60 @@ class Fast:
     floor: float = 0.1
     every: int = 4
     relaxation: float = 1.5
-    batch: int = 128
+    batch: int | None = None
     memory: int = 4
     faintest: float = 1e-12
     precision: Literal["single", "double"] = "single"
+    backend: str = "numpy"
 
     def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
         """Phases for each frame; silent ones keep those of the frame before them.
 
         The iterations that are reported are those of all three moves, without what the worst quarter gets on top.
+
+        Raises
+        ------
+        InputError
+            If the backend is unknown.
+        MissingExtraError
+            If it is not installed.
         """
+        there = backend(self.backend, precision=self.precision)
         audible = np.flatnonzero(problem.amplitude.any(axis=1))
         phase = np.zeros((len(problem.amplitude), problem.transducers))
         made = np.zeros(len(phase), np.int64)
         if len(audible):
-            machine = _Machine.of(problem, self)
-            for some in _batches(audible, self.batch):
-                phase[some] = machine.phases(problem.amplitude[some])
-                made[some] = self.field_iterations + self.lift_iterations + self.iterations
-                if progress is not None:
-                    progress(int(some[-1]) + 1, len(phase))
+            with there.at_work():
+                machine = Machine.of(problem, there, tolerance=self.tolerance, memory=self.memory)
+                self._fill(phase, machine, audible, progress)
+            made[audible] = self._iterations(problem)
         return Answer(phase=hold(phase, audible), iterations=made, status=_status(len(phase), audible))
 
+    def _fill(
+        self, phase: NDArray[np.float64], machine: Machine, audible: NDArray[np.int64], progress: Progress | None
+    ) -> None:
+        """Phases of the audible frames, batch by batch."""
+        there = machine.backend
+        before = there.xp.zeros_like(machine.lens)
+        for some in _batches(audible, self.batch or there.rows):
+            theta = self._phases(machine, machine.batch(some, faintest=self.faintest), before)
+            phase[some], before = there.get(theta), there.phasor(theta[-1:, :])
+            if progress is not None:
+                progress(int(some[-1]) + 1, len(phase))
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Machine:
-    """The matrices of one problem, in the precision of the iterations, and the three moves."""
-
-    settings: Fast
-    field: Complex
-    """U diag(s) A, transposed: (mode, point); from V^H q to the field."""
-    drive: Complex
-    """V transposed: (mode, transducer)."""
-    s: NDArray[Any]
-    """Singular values times A."""
-    psi: NDArray[Any]
-    """First phase of the field, exp j psi: (point,)."""
-
-    @classmethod
-    def of(cls, problem: Problem, settings: Fast) -> "_Machine":
-        kept: Modes = modes(problem.G, tolerance=settings.tolerance)
-        exact = np.complex64 if settings.precision == "single" else np.complex128
-        s = problem.level * kept.s
-        return cls(
-            settings=settings,
-            field=np.ascontiguousarray((kept.U * s).T, exact),
-            drive=np.ascontiguousarray(kept.V.T, exact),
-            s=s.astype(np.float32 if settings.precision == "single" else float),
-            psi=np.exp(1j * problem.first_psi).astype(exact),
+    def _phases(self, machine: Machine, batch: Batch, before: Rows) -> Rows:
+        """The three moves for some frames: phases (row, transducer), in rad."""
+        field = machine.best_field(
+            batch, self.field_iterations, loudness=self.loudness, floor=self.floor, every=self.every
         )
+        theta = machine.lift(field, self.lift_iterations, relaxation=self.relaxation)
+        if machine.problem.smooth > 0:
+            return machine.together(theta, batch, before, 5 * self.iterations)
+        return machine.polish(theta, batch, self.iterations, more=self.more_iterations)
 
-    def phases(self, amplitude: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The three moves for targets of shape (row, point): phases (row, transducer), in rad."""
-        size = np.maximum(np.linalg.norm(amplitude, axis=1, keepdims=True), self.settings.faintest)
-        # Targets of norm 1, and the array louder to match: then cost is E^2 / 2 and single precision is enough.
-        p = (amplitude / size).astype(self.s.dtype)
-        gain = (1 / size).astype(self.s.dtype)
-        theta = np.angle(self._lift(self._field(p, gain)))
-        return np.asarray(self._polish(theta, p, gain), np.float64)
-
-    def _field(self, p: Rows, gain: Numbers) -> Complex:
-        """Coordinates V^H q of the best field with free amplitudes, (row, mode)."""
-        root = np.sqrt(self.s)
-        # In z = sqrt(s) a the weak modes are neither stiff nor out of reach; a and s a are both slower.
-        out, drive = self.field / root[:, None], self.drive[:, :: self.settings.every] / root[:, None]
-        out_back, drive_back = out.conj().T.copy(), drive.conj().T.copy()
-        weight = self.settings.loudness / drive.shape[1]
-
-        def function(x: Rows) -> tuple[Numbers, Rows]:
-            z = x.view(self.field.dtype)
-            cost, slope = _misfit(gain * (z @ out), p)
-            q = z @ drive
-            above = np.maximum(_square(q) - 1, 0)
-            gradient = gain * (slope @ out_back) + weight * ((above * q) @ drive_back)
-            return cost + 0.25 * weight * np.einsum("rn,rn->r", above, above), gradient.view(p.dtype)
-
-        # The field p exp(j psi), without asking much of weak modes: z = sqrt(s) a, a = s U^H y / (s^2 + floor^2).
-        smooth = root / (self.s**2 + (self.settings.floor * self.s[0]) ** 2)
-        first = ((p * self.psi / gain) @ self.field.conj().T * smooth).astype(self.field.dtype)
-        step = 1 / (self.s[0] * gain[:, 0] ** 2)
-        state = LBFGS(memory=self.settings.memory).run(
-            function, first.view(p.dtype), step, self.settings.field_iterations
-        )
-        return state.x.view(self.field.dtype) / root
-
-    def _lift(self, a: Complex) -> Complex:
-        """Drives of magnitude 1 with V^H q close to a, (row, transducer).
-
-        All rows start at the same drive, that of the lens, so that what no point can hear stays alike from frame to
-        frame.
-        """
-        back = self.drive.conj().T.copy()
-        lens = (self.psi @ self.field.conj().T / self.s**2) @ self.drive
-        q = np.broadcast_to(rippled(lens), (len(a), len(lens)))
-        for _ in range(self.settings.lift_iterations):
-            q = unit(q + self.settings.relaxation * ((a - q @ back) @ self.drive))
-        return q
-
-    def _polish(self, theta: Rows, p: Rows, gain: Numbers) -> Rows:
-        """Least || |G q| - p || from theta on, (row, transducer)."""
-        function = phase_function(self.field, self.drive, p, gain)
-        step = 1 / (self.s[0] * gain[:, 0]) ** 2
-        method = LBFGS(memory=self.settings.memory)
-        state = method.run(function, theta, step, self.settings.iterations)
-        worst = np.argsort(state.cost)[-((len(theta) + 3) // 4) :]
-        function = phase_function(self.field, self.drive, p[worst], gain[worst])
-        state.x[worst] = method.run(function, state.x[worst], state.scale[worst], self.settings.more_iterations).x
-        return state.x
-
-
-def phase_function(field: Complex, drive: Complex, p: Rows, gain: Numbers) -> Function:
-    """Theta -> E^2 / 2 and its gradient, row by row.
-
-    The gradient of || |y| - p ||^2 / 2 by theta_n is Im(conj(q_n) (G^H r)_n) with r = (|y| - p) y / |y|.
-
-    Parameters
-    ----------
-    field, drive : ndarray of complex, shape (mode, point) and (mode, transducer)
-        U diag(s) A and V, transposed.
-    p : ndarray, shape (row, point)
-        Targets of norm 1.
-    gain : ndarray, shape (row, 1)
-        One over the norm that the targets had.
-    """
-    drive_back, field_back = drive.conj().T.copy(), field.conj().T.copy()
-
-    def function(theta: Rows) -> tuple[Numbers, Rows]:
-        q = np.empty(theta.shape, drive.dtype)
-        np.cos(theta, out=q.real)
-        np.sin(theta, out=q.imag)
-        cost, slope = _misfit(gain * ((q @ drive_back) @ field), p)
-        back = (slope @ field_back) @ drive
-        return cost, gain * (q.real * back.imag - q.imag * back.real)
-
-    return function
-
-
-def unit(q: Complex) -> Complex:
-    """Q / |q|; 1 where q is 0."""
-    size = np.abs(q)
-    return np.where(size > 0, q / np.where(size > 0, size, 1), 1).astype(q.dtype)
-
-
-def rippled(q: Complex) -> Complex:
-    """The phases of q (transducer,) with a ripple of .3 rad: drives all in step with a mode would stay so for ever."""
-    return (unit(q) * np.exp(0.3j * np.sin(2.4 * np.arange(len(q))))).astype(q.dtype)
-
-
-def hold(phase: NDArray[np.float64], audible: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Phases of silent frames are those of the last audible frame before them; zero before the first."""
-    last = np.full(len(phase), -1)
-    last[audible] = audible
-    last = np.maximum.accumulate(last)
-    return np.where(last[:, None] >= 0, phase[last], 0.0)
-
-
-def _misfit(y: Complex, p: Rows) -> tuple[Numbers, Complex]:
-    """|| |y| - p ||^2 / 2 of each row, and its gradient by y: (|y| - p) y / |y|."""
-    size = np.abs(y)
-    missed = size - p
-    # A point that is exactly silent has no direction; any will do, none is taken.
-    y *= missed / np.maximum(size, np.finfo(size.dtype).tiny)
-    return 0.5 * np.einsum("rm,rm->r", missed, missed), y
-
-
-def _square(q: Complex) -> Rows:
-    return q.real**2 + q.imag**2
+    def _iterations(self, problem: Problem) -> int:
+        polish = 5 * self.iterations if problem.smooth > 0 else self.iterations
+        return self.field_iterations + self.lift_iterations + polish
 
 
 def _batches(audible: NDArray[np.int64], size: int) -> Iterator[NDArray[np.int64]]:

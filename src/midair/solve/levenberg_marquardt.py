@@ -7,7 +7,7 @@ ratio, and the stops are those of Madsen, Nielsen & Tingleff, "Methods for non-l
 (2004), section 3.2.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from midair.model import Status
 from midair.solve.problem import Answer, Problem, Progress, Start, jacobian, residual
 from midair.solve.sequence import FrameAnswer, solve_in_turn
+from midair.solve.terms.guard import excess_rows
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -44,7 +45,11 @@ class State:
     status : str or None
         How it ended; None while it goes on.
     normal : ndarray, shape (2 point, 2 point), or None
-        J J^T at x, kept over failed steps.
+        J J^T at x, kept over failed steps, without the rows of the guard.
+    excess : ndarray, shape (active guard point,)
+        Residuals of the guard, `terms.guard.excess_rows`; none without one.
+    slope : ndarray, shape (active guard point, transducer)
+        Their derivative by theta.
     """
 
     x: Array
@@ -56,6 +61,8 @@ class State:
     iterations: int = 0
     status: Status | None = None
     normal: Array | None = None
+    excess: Array = field(default_factory=lambda: np.zeros(0))
+    slope: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,15 +114,8 @@ class LevenbergMarquardt:
 
     def begin(self, problem: Problem, p: Array, x: Array) -> State:
         """The state before the first step: lambda = tau max diag(J^T J)."""
-        r = residual(problem, p, x)
         largest = max(float((np.abs(problem.level * problem.G) ** 2).sum(axis=0).max()), float((p**2).max()))
-        return State(
-            x=x,
-            residual=r,
-            gradient=_transposed_jacobian(problem, p, x, r),
-            cost=_cost(r),
-            damping=self.tau * largest,
-        )
+        return _at(problem, p, x, damping=self.tau * largest)
 
     def step(self, problem: Problem, p: Array, state: State) -> State:
         """One iteration: a step that lowers the cost is taken, any other raises lambda."""
@@ -134,21 +134,15 @@ class LevenbergMarquardt:
 
     def _judged(self, problem: Problem, p: Array, state: State, h: Array) -> State:
         """Gain ratio: the fall of the cost over the fall that the linear model promised."""
-        x = state.x + h
-        r = residual(problem, p, x)
-        fall = state.cost - _cost(r)
+        trial = _at(problem, p, state.x + h, damping=state.damping)
+        fall = state.cost - trial.cost
         gain = fall / (0.5 * float(h @ (state.damping * h - state.gradient)))
         if not gain > 0:
             return _refused(state)
         return replace(
-            state,
-            x=x,
-            residual=r,
-            gradient=_transposed_jacobian(problem, p, x, r),
-            cost=_cost(r),
+            trial,
             damping=damped(state.damping, gain),
-            growth=2.0,
-            normal=None,
+            iterations=state.iterations,
             status="converged" if fall <= self.cost_tolerance * state.cost else None,
         )
 
@@ -168,12 +162,17 @@ def dual_step(problem: Problem, p: Array, state: State) -> Array:
     """
     from scipy.linalg import cho_factor, cho_solve
 
-    normal = (_normal(problem, p, state.x) if state.normal is None else state.normal).copy()
+    normal = _normal(problem, p, state.x) if state.normal is None else state.normal
+    normal = _bordered(problem, normal, state) if len(state.excess) else normal.copy()
     normal[np.diag_indices_from(normal)] += state.damping
-    f = np.concatenate([state.residual.real, state.residual.imag])
+    f = np.concatenate([state.residual.real, state.residual.imag, state.excess])
     # The transpose of a symmetric matrix is the same matrix, in the order of axes that LAPACK wants.
     y = cho_solve(cho_factor(normal.T, lower=True, overwrite_a=True, check_finite=False), f, check_finite=False)
-    return -_transposed_jacobian(problem, p, state.x, y[: problem.points] + 1j * y[problem.points :])
+    M = problem.points
+    h = -_transposed_jacobian(problem, p, state.x, y[:M] + 1j * y[M : 2 * M])
+    if len(state.excess):
+        h[: problem.transducers] -= y[2 * M :] @ state.slope
+    return h
 
 
 def primal_step(problem: Problem, p: Array, state: State) -> Array:
@@ -188,6 +187,8 @@ def primal_step(problem: Problem, p: Array, state: State) -> Array:
 
     J = jacobian(problem, p, state.x)
     normal = J.T @ J
+    if len(state.excess):
+        normal[: problem.transducers, : problem.transducers] += state.slope.T @ state.slope
     normal[np.diag_indices_from(normal)] += state.damping
     return -cho_solve(cho_factor(normal, lower=True, overwrite_a=True, check_finite=False), state.gradient)
 
@@ -222,8 +223,32 @@ def _transposed_jacobian(problem: Problem, p: Array, x: Array, y: Complex) -> Ar
     return np.concatenate([problem.level * (np.exp(-1j * theta) * back).imag, -(p * u.conj() * y).imag])
 
 
-def _cost(r: Complex) -> float:
-    return 0.5 * float(np.vdot(r, r).real)
+def _bordered(problem: Problem, normal: Array, state: State) -> Array:
+    """J J^T with the rows of the guard, shape (2 point + active guard point, the same).
+
+    Of the rows of J by theta, -I and R, with T = A G diag(exp j theta) = R + j I; the guard's do not touch psi.
+    """
+    turned = problem.level * problem.G * np.exp(1j * state.x[: problem.transducers])
+    across = state.slope @ np.concatenate([-turned.imag, turned.real]).T
+    return np.block([[normal, across.T], [across, state.slope @ state.slope.T]])
+
+
+def _at(problem: Problem, p: Array, x: Array, *, damping: float) -> State:
+    """The state at x before its first step."""
+    r = residual(problem, p, x)
+    state = State(
+        x=x,
+        residual=r,
+        gradient=_transposed_jacobian(problem, p, x, r),
+        cost=0.5 * float(np.vdot(r, r).real),
+        damping=damping,
+    )
+    if problem.guard is None:
+        return state
+    excess, slope = excess_rows(problem.guard, x[: problem.transducers], problem.level, float(p.max()))
+    gradient = state.gradient.copy()
+    gradient[: problem.transducers] += excess @ slope
+    return replace(state, gradient=gradient, cost=state.cost + 0.5 * float(excess @ excess), excess=excess, slope=slope)
 
 
 def _refused(state: State) -> State:

@@ -1,4 +1,4 @@
-"""The inner loop of the live solver, compiled by Numba: fixed work, no allocation.
+"""The inner loops of the live solver, compiled by Numba: fixed work, no allocation.
 
 Import it late: Numba takes a second to load, and the first call compiles (kept on disk for the next run).
 """
@@ -11,27 +11,28 @@ from numba import njit
 
 @njit(cache=True, fastmath=True)
 def cost_and_slope(z, p, gain, out, drive, weight, y, q, conjugate, g):
-    """Write the gradient by z into g and return the cost; see `fast._Machine._field`.
+    """Write the gradient by z into g and return the cost; see `moves`.
 
-    z, g (mode,); p, y (point,); out (mode, point); drive, conjugate-free q (some transducers,); all single precision.
+    z, g (mode,); p, y (point,), p of norm 1; out (mode, point); drive (mode, some transducers); q (some transducers,);
+    gain, the norm that p had: the drive is gain times that of z; all single precision.
     """
     np.dot(out.T, z, y)
     cost = np.float32(0)
     for m in range(len(p)):
-        re, im = gain * y[m].real, gain * y[m].imag
+        re, im = y[m].real, y[m].imag
         size = np.sqrt(re * re + im * im)
         missed = size - p[m]
         cost += missed * missed
-        part = gain * missed / max(size, np.float32(1e-30))
+        part = missed / max(size, np.float32(1e-30))
         y[m] = complex(part * re, -part * im)
     np.dot(out, y, g)
     np.dot(drive.T, z, q)
-    loud = np.float32(0)
+    loud, scale = np.float32(0), gain * weight
     for n in range(len(q)):
-        re, im = q[n].real, q[n].imag
+        re, im = gain * q[n].real, gain * q[n].imag
         above = max(re * re + im * im - np.float32(1), np.float32(0))
         loud += above * above
-        q[n] = complex(weight * above * re, -weight * above * im)
+        q[n] = complex(scale * above * re, -scale * above * im)
     np.dot(drive, q, conjugate)
     for k in range(len(g)):
         total = g[k] + conjugate[k]
@@ -40,88 +41,102 @@ def cost_and_slope(z, p, gain, out, drive, weight, y, q, conjugate, g):
 
 
 @njit(cache=True, fastmath=True)
-def descend(z, p, gain, out, drive, weight, step, iterations, work):
-    """L-BFGS on one row; z (mode,) is moved in place. `work` is what `workspace` made."""
-    y, q, conjugate, g, trial, slope, S, Y, rho, direction = work
+def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
+    """L-BFGS on one row; z (mode,) is moved in place.
+
+    `pairs` and `work` are what `workspace` made. The pairs stay for the next frame, whose cost bends alike.
+    """
+    S, Y, rho, held, count, scale = pairs
+    y, q, conjugate, g, trial, slope, direction = work
     x, gx, tx, sx = z.view(np.float32), g.view(np.float32), trial.view(np.float32), slope.view(np.float32)
-    memory, kept, scale, length = len(rho), 0, step, np.float32(1)
+    memory, length = len(rho), np.float32(1)
     cost = cost_and_slope(z, p, gain, out, drive, weight, y, q, conjugate, g)
     for _ in range(iterations):
-        _two_loops(gx, S, Y, rho, kept, scale, direction)
-        fall = np.float32(0)
+        _two_loops(gx, S, Y, rho, held, count[0], scale[0], direction)
+        fall = np.dot(direction, gx)
+        if not fall < 0:
+            count[0] = 0
+            for i in range(len(x)):
+                direction[i] = -scale[0] * gx[i]
+            fall = np.dot(direction, gx)
         for i in range(len(x)):
             tx[i] = x[i] + length * direction[i]
-            fall += direction[i] * gx[i]
         new = cost_and_slope(trial, p, gain, out, drive, weight, y, q, conjugate, slope)
-        row = kept % memory
+        row = count[0] % memory
         sy, yy = np.float32(0), np.float32(0)
         for i in range(len(x)):
             S[row, i], Y[row, i] = tx[i] - x[i], sx[i] - gx[i]
             sy += S[row, i] * Y[row, i]
             yy += Y[row, i] * Y[row, i]
-        if sy > np.float32(1e-10) * yy:
-            rho[row], scale, kept = 1 / sy, sy / yy, kept + 1
+        if yy > 0 and sy > np.float32(1e-10) * yy:
+            rho[row], scale[0] = 1 / sy, sy / yy
+            count[0] += 1
         if new <= cost + np.float32(1e-4) * length * fall + np.float32(5e-7) * cost:
             cost, length = new, min(np.float32(1), 3 * length)
-            x[:] = tx
-            gx[:] = sx
+            for i in range(len(x)):
+                x[i], gx[i] = tx[i], sx[i]
         else:
             length *= np.float32(0.3)
 
 
 @njit(cache=True, fastmath=True)
-def _two_loops(gx, S, Y, rho, kept, scale, direction):
+def _two_loops(gx, S, Y, rho, held, count, scale, direction):
     """Nocedal & Wright, algorithm 7.4, on the last pairs of a ring."""
     memory = len(rho)
-    weights = np.empty(8, np.float32)
-    direction[:] = -gx
-    last = max(kept - memory, 0)
-    for j in range(kept - 1, last - 1, -1):
+    for i in range(len(gx)):
+        direction[i] = -gx[i]
+    last = max(count - memory, 0)
+    for j in range(count - 1, last - 1, -1):
         row = j % memory
         weight = rho[row] * np.dot(S[row], direction)
-        weights[row] = weight
+        held[row] = weight
         for i in range(len(direction)):
             direction[i] -= weight * Y[row, i]
-    direction *= scale
-    for j in range(last, kept):
+    for i in range(len(direction)):
+        direction[i] *= scale
+    for j in range(last, count):
         row = j % memory
-        weight = weights[row] - rho[row] * np.dot(Y[row], direction)
+        weight = held[row] - rho[row] * np.dot(Y[row], direction)
         for i in range(len(direction)):
             direction[i] += weight * S[row, i]
 
 
 @njit(cache=True, fastmath=True)
-def lift(q, a, V, relaxation, iterations, error, change):
-    """Alternating projections: q (transducer,) of magnitude 1 is moved in place until V^H q is close to a (mode,).
+def lift(q, z, gain, root, V, step, momentum, iterations, error, change, speed):
+    """Heavy ball on the phases of q (transducer,), moved in place, until V^H q is close to gain z / root (mode,).
 
-    V is (mode, transducer), transposed; error (mode,) and change (transducer,) are workspace.
+    || V^H q - a ||^2 / 2 falls with the phases at the rate Im(conj(q) V (a - V^H q)). V is (mode, transducer),
+    transposed; error (mode,), change (transducer,) and speed (transducer,) are workspace.
     """
+    for n in range(len(q)):
+        speed[n] = 0
     for _ in range(iterations):
         for n in range(len(q)):
             change[n] = complex(q[n].real, -q[n].imag)
         np.dot(V, change, error)
-        for k in range(len(a)):
-            error[k] = complex(a[k].real - error[k].real, a[k].imag + error[k].imag)
+        for k in range(len(z)):
+            wanted = gain / root[k]
+            error[k] = complex(wanted * z[k].real - error[k].real, wanted * z[k].imag + error[k].imag)
         np.dot(V.T, error, change)
         for n in range(len(q)):
-            re = q[n].real + relaxation * change[n].real
-            im = q[n].imag + relaxation * change[n].imag
+            uphill = q[n].real * change[n].imag - q[n].imag * change[n].real
+            speed[n] = momentum * speed[n] + step * uphill
+            # (1 + j t) / |1 + j t| turns by arctan t: as good as by t, and never by more than a quarter.
+            re, im = q[n].real - speed[n] * q[n].imag, q[n].imag + speed[n] * q[n].real
             part = 1 / np.sqrt(max(re * re + im * im, np.float32(1e-30)))
             q[n] = complex(part * re, part * im)
 
 
-def workspace(points: int, some: int, rank: int, memory: int) -> tuple[np.ndarray, ...]:
-    """The arrays that `descend` writes to."""
+def workspace(points: int, some: int, rank: int, memory: int, scale: float):
+    """The pairs and the arrays that `descend` writes to; `scale` is the first guess of the inverse Hessian."""
     kind, real = np.complex64, np.float32
-    return (
-        np.zeros(points, kind),
-        np.zeros(some, kind),
-        np.zeros(rank, kind),
-        np.zeros(rank, kind),
-        np.zeros(rank, kind),
-        np.zeros(rank, kind),
+    pairs = (
         np.zeros((memory, 2 * rank), real),
         np.zeros((memory, 2 * rank), real),
         np.zeros(memory, real),
-        np.zeros(2 * rank, real),
+        np.zeros(memory, real),
+        np.zeros(1, np.int64),
+        np.full(1, scale, real),
     )
+    lengths = (points, some, rank, rank, rank, rank)
+    return pairs, (*(np.zeros(length, kind) for length in lengths), np.zeros(2 * rank, real))

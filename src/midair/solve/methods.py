@@ -1,6 +1,6 @@
 """The solvers by name."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
 from types import MappingProxyType
 from typing import Any
@@ -10,7 +10,7 @@ from midair.solve.exact import Exact
 from midair.solve.fast import Fast
 from midair.solve.levenberg_marquardt import LevenbergMarquardt
 from midair.solve.live import Live
-from midair.solve.problem import Start
+from midair.solve.problem import Start, Term
 from midair.solve.reference import GSPAT, GerchbergSaxton, Greedy, Naive, WeightedGerchbergSaxton
 
 Method = LevenbergMarquardt | Exact | Fast | Live | Naive | GerchbergSaxton | WeightedGerchbergSaxton | GSPAT | Greedy
@@ -31,7 +31,47 @@ METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
 """Name of each method and how to make it with its default settings."""
 
 
-def solver(method: str, *, iterations: int | tuple[int, int] | None = None, start: Start | None = None) -> Method:
+TAKES: Mapping[str, frozenset[Term]] = MappingProxyType(
+    {
+        "lm": frozenset({"guard", "amplitudes"}),
+        "exact": frozenset({"amplitudes"}),
+        "fast": frozenset({"guard", "cells", "smooth", "amplitudes"}),
+        "live": frozenset({"amplitudes"}),
+        "naive": frozenset(),
+        "gs": frozenset(),
+        "wgs": frozenset(),
+        "gs-pat": frozenset(),
+        "greedy": frozenset(),
+    }
+)
+"""Terms that each method takes beside the paper's error; the published ones stay as published."""
+
+
+def check_terms(method: str, asked: Iterable[Term]) -> None:
+    """Refuse terms that the method would not look at.
+
+    Raises
+    ------
+    InputError
+        If there are any.
+    """
+    left = sorted(set(asked) - TAKES[method])
+    if left:
+        able = [name for name, taken in TAKES.items() if taken >= set(left)]
+        taken = ", ".join(sorted(TAKES[method])) or "none"
+        raise InputError(
+            f"method {method}: expected terms that it takes ({taken}), got {', '.join(left)}; "
+            f"choose {' or '.join(able)}"
+        )
+
+
+def solver(
+    method: str,
+    *,
+    iterations: int | tuple[int, int] | None = None,
+    start: Start | None = None,
+    backend: str | None = None,
+) -> Method:
     """The method of this name with other iterations and another start, where it has them.
 
     Parameters
@@ -43,12 +83,14 @@ def solver(method: str, *, iterations: int | tuple[int, int] | None = None, star
     start : {"previous", "zero"}, optional
         Of every frame after the first. Methods that solve each frame on its own have none, and "live" always goes on
         from the frame before.
+    backend : str, optional
+        What does the arithmetic, see `backend.backend`; the method's own if None. Only "fast" has the choice.
 
     Raises
     ------
     InputError
-        If the method or the start is unknown, the iterations are below 1, or two numbers of iterations are given to
-        a method that has one.
+        If the method or the start is unknown, the iterations are below 1, two numbers of iterations are given to
+        a method that has one, or a backend to one that has none.
     """
     if method not in METHODS:
         raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
@@ -59,6 +101,10 @@ def solver(method: str, *, iterations: int | tuple[int, int] | None = None, star
     changes: dict[str, Any] = {}
     if start is not None and "start" in has:
         changes["start"] = start
+    if backend is not None:
+        if "backend" not in has:
+            raise InputError(f"backend: expected method fast, got {method}; the others are NumPy's or Numba's")
+        changes["backend"] = backend
     if iterations is not None:
         changes |= _iterations(method, iterations, "warm_iterations" in has)
     return replace(settings, **changes)

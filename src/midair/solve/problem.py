@@ -13,12 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Status
+from midair.solve.terms.cells import CellTarget
+from midair.solve.terms.guard import GuardField
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 Start = Literal["previous", "zero"]
 """Where a frame starts: at the phases of the frame before it, or at zero; the first frame starts at zero."""
+
+Term = Literal["guard", "cells", "smooth", "amplitudes"]
+"""What a problem may ask for beside the paper's error."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,12 +41,32 @@ class Problem:
         A, the drive of every transducer, 0 to 1.
     psi : ndarray, shape (point,), or None
         Phases of the field, in rad, that a solver may start from; see `lens.spreading_phase`. Zero if None.
+    guard : GuardField, optional
+        Points around the square that are to stay quiet; see `terms.guard`.
+    cells : CellTarget, optional
+        What the cells of the sensor are to read, in place of the field at the points; see `terms.cells`. `amplitude`
+        still says which frames are silent, and what to start from.
+    smooth : float
+        Weight of the change of phase from frame to frame; see `terms.smooth`.
     """
 
     G: Complex
     amplitude: Array
     level: float = 1.0
     psi: Array | None = None
+    guard: GuardField | None = None
+    cells: CellTarget | None = None
+    smooth: float = 0.0
+
+    @property
+    def terms(self) -> frozenset[Term]:
+        """What is asked for beside the paper's error."""
+        asked: dict[Term, bool] = {
+            "guard": self.guard is not None,
+            "cells": self.cells is not None,
+            "smooth": self.smooth > 0,
+        }
+        return frozenset(term for term, there in asked.items() if there)
 
     @property
     def first_psi(self) -> Array:
@@ -110,7 +135,8 @@ class Solver(Protocol):
 def relative_error(problem: Problem, theta: Array, level: Array | None = None) -> Array:
     """E = || |G q| - p || / || p || of each frame, shape (frame,); 0 where p is zero, which is played as silence.
 
-    The paper prints a factor 1/M in front, with which its 5 to 15 % would be .02 to .06 %; it is left out.
+    The paper prints a factor 1/M in front, with which its 5 to 15 % would be .02 to .06 %; it is left out. Where the
+    cells of the sensor are the target, it is their error: || w |G q|^2 - P || / || P ||.
 
     Parameters
     ----------
@@ -118,12 +144,17 @@ def relative_error(problem: Problem, theta: Array, level: Array | None = None) -
         G, p and A.
     theta : ndarray, shape (frame, transducer)
         Phases, in rad.
-    level : ndarray, shape (frame,), optional
+    level : ndarray, shape (frame,) or (frame, transducer), optional
         Part of the problem's level; all of it if None.
     """
-    field = np.abs(problem.field(theta))
-    if level is not None:
-        field = level[:, None] * field
+    if level is None:
+        field = np.abs(problem.field(theta))
+    elif level.ndim == 2:
+        field = np.abs((problem.level * level * np.exp(1j * theta)) @ problem.G.T)
+    else:
+        field = level[:, None] * np.abs(problem.field(theta))
+    if problem.cells is not None:
+        return problem.cells.error(field) * problem.amplitude.any(axis=1)
     wanted = np.linalg.norm(problem.amplitude, axis=1)
     missed = np.linalg.norm(field - problem.amplitude, axis=1)
     error = np.zeros(len(wanted), np.float64)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Status
-from midair.solve.fast import hold, unit
+from midair.solve.phases import hold, unit
 from midair.solve.problem import Answer, Problem, Progress
 
 Array = NDArray[np.float64]

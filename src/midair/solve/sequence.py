@@ -31,6 +31,7 @@ def solve_in_turn(
     *,
     iterations: tuple[int, int],
     start: Start,
+    first: Array | None = None,
     progress: Progress | None = None,
 ) -> Answer:
     """Solve each frame with `one`; a frame without any target is silent and hands the phases on as they are.
@@ -42,9 +43,11 @@ def solve_in_turn(
     one : callable
         Solves one frame.
     iterations : tuple of int
-        At most for a frame that starts at zero, and for one that starts at the previous frame.
+        At most for a frame on its own, and for one that starts at the previous frame.
     start : {"previous", "zero"}
-        Of every frame after the first.
+        Of every frame after the first; with "zero" each is on its own.
+    first : ndarray, shape (frame, transducer + point), optional
+        x that a frame on its own starts from; zero if None.
     progress : callable, optional
         Called with (frames done, frames in all).
 
@@ -54,15 +57,16 @@ def solve_in_turn(
         Of all frames.
     """
     frames = len(problem.amplitude)
-    zero = np.zeros(problem.transducers + problem.points)
+    x = np.zeros(problem.transducers + problem.points)
+    begin = np.broadcast_to(x, (frames, len(x))) if first is None else first
     phase = np.zeros((frames, problem.transducers))
     made = np.zeros(frames, np.int64)
     status: list[Status] = []
-    x, warm = zero, False
+    warm = False
     for frame, p in enumerate(problem.amplitude):
         if p.any():
             fresh = start == "zero" or not warm
-            answer = one(p, zero if fresh else x, iterations[0] if fresh else iterations[1])
+            answer = one(p, begin[frame] if fresh else x, iterations[0] if fresh else iterations[1])
             x, warm, made[frame] = answer.x, True, answer.iterations
             status.append(answer.status)
         else:

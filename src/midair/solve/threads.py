@@ -7,6 +7,7 @@ more cores better.
 
 from collections.abc import Generator
 from contextlib import contextmanager
+from importlib import import_module
 
 
 @contextmanager
@@ -14,5 +15,7 @@ def one_blas_thread() -> Generator[None]:
     """Within it, matrix products of this process use one thread."""
     from threadpoolctl import threadpool_limits
 
+    # Only a BLAS that is loaded can be limited; SciPy's, which Numba calls too, is another one than NumPy's.
+    import_module("scipy.linalg.cython_blas")
     with threadpool_limits(limits=1, user_api="blas"):
         yield

@@ -1,0 +1,45 @@
+"""Patterns on their own: error, time, ratio to the plain form, and distance to the floor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.clock import heading, line, timed
+from benchmarks.floors import floors
+from benchmarks.peers import peers
+from benchmarks.targets import binary, problem_of
+from benchmarks.yardstick import Plain
+from midair.solve import Problem, relative_error, solver
+from midair.solve.reference import best_level
+
+
+def static(strength: float, bits: list[int], name: str, reference: Plain, methods: list[str], others: bool) -> None:
+    print(f"\n{len(bits)} patterns, strength {strength}; each pattern on its own")
+    heading("E mean", "E worst", "x floor", "ms", "ratio")
+    problem, floor = problem_of(binary(bits), strength), floors(bits, strength)
+    count = len(bits)
+    theta, base = timed(
+        lambda: np.stack([reference(problem.G, p, 50, None)[: problem.transducers] for p in problem.amplitude])
+    )
+    _line(f"{name}, 50 iterations", relative_error(problem, theta), floor, base / count, 1.0)
+    for method in [method for method in methods if method != "live"]:
+        settings = solver(method, start="zero")
+        settings.solve(Problem(G=problem.G, amplitude=problem.amplitude[:1], psi=problem.psi))
+        answer, cost = timed(lambda settings=settings: settings.solve(problem))
+        error = relative_error(problem, answer.phase, answer.level)
+        _line(f"{method}, {int(answer.iterations.max())} iterations", error, floor, cost / count, base / cost)
+    if "fast" in methods:
+        many = problem_of(np.tile(binary(bits), (1 + 1000 // count, 1)), strength)
+        answer, cost = timed(lambda: solver("fast").solve(many))
+        each = cost / len(many.amplitude)
+        error = relative_error(many, answer.phase)[:count]
+        _line(f"fast, {len(many.amplitude)} at once", error, floor, each, base / count / each)
+    for label, work in peers(problem) if others else ():
+        theta, cost = timed(work)
+        error = relative_error(problem, theta, best_level(problem, theta))
+        _line(label, error, floor, cost / count, base / cost)
+
+
+def _line(label: str, error: np.ndarray, floor: np.ndarray | None, cost: float, ratio: float) -> None:
+    distance = None if floor is None else error.mean() / floor.mean()
+    line(label, error.mean(), error.max(), distance, cost, ratio, digits="44221")

@@ -1,0 +1,177 @@
+"""Which library does the arithmetic of the batch solver, and where: NumPy, or another one of the array API standard.
+
+The standard (data-apis.org/array-api) names the functions that NumPy, PyTorch, CuPy and others share. NumPy speaks it
+itself; the others are spoken to through array-api-compat. The solver is written once.
+"""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, MissingExtraError
+
+Rows = Any
+"""An array of the backend, shape (row, unknown), real or complex, single or double precision."""
+Numbers = Any
+"""An array of the backend, shape (row,), real."""
+
+LIBRARIES = {
+    "numpy": "numpy",
+    "torch": "array_api_compat.torch",
+    "cupy": "array_api_compat.cupy",
+    "strict": "array_api_strict",
+}
+"""Name of each backend, and the module that speaks the standard for it. "strict" is the standard's own checker."""
+
+EXTRAS = {"torch": "gpu-torch", "cupy": "gpu-cupy", "strict": "test"}
+"""What to install for each."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Backend:
+    """An array library, a device, and the precision of what is put there.
+
+    Attributes
+    ----------
+    xp : module
+        The functions of the standard.
+    device : object
+        As `xp` names it; None for its default.
+    single : bool
+        float32 and complex64 instead of float64 and complex128.
+    """
+
+    xp: Any
+    device: Any = None
+    single: bool = True
+
+    @property
+    def rows(self) -> int:
+        """Frames at once that suit it: as many as a CPU's cache holds, or enough to fill a GPU."""
+        return 4096 if "cuda" in str(self.device) or "cupy" in self.xp.__name__ else 128
+
+    def put(self, array: NDArray[Any]) -> Rows:
+        """A copy of a NumPy array there, in this precision; integers stay what they are."""
+        kinds = {"f": np.float32, "c": np.complex64} if self.single else {"f": np.float64, "c": np.complex128}
+        there = np.array(array, kinds.get(array.dtype.kind), order="C")
+        return there if self.xp is np else self.xp.asarray(there, device=self.device)
+
+    def get(self, array: Rows) -> NDArray[np.float64]:
+        """A NumPy array of it, in double precision."""
+        host = array.cpu() if hasattr(array, "cpu") else array.get() if hasattr(array, "get") else array
+        return np.asarray(host, np.float64)
+
+    def complex(self, real: Rows, imaginary: Rows) -> Rows:
+        """Real + j imaginary."""
+        if self.xp is np:
+            made = np.empty(real.shape, np.result_type(real, np.complex64))
+            made.real, made.imag = real, imaginary
+            return made
+        if hasattr(self.xp, "complex"):
+            return self.xp.complex(real, imaginary)
+        kind = self.xp.complex64 if self.single else self.xp.complex128
+        return self.xp.astype(real, kind) + 1j * self.xp.astype(imaginary, kind)
+
+    def phasor(self, theta: Rows) -> Rows:
+        """The numbers exp(j theta)."""
+        if self.xp is np:
+            # Straight into the parts: a complex exponential is ten times as slow.
+            q: Any = np.empty(theta.shape, np.result_type(theta, np.complex64))
+            np.cos(theta, out=q.real)
+            np.sin(theta, out=q.imag)
+            return q
+        return self.complex(self.xp.cos(theta), self.xp.sin(theta))
+
+    def unit(self, q: Rows) -> Rows:
+        """The numbers q / |q|; 1 where q is 0."""
+        size = self.xp.abs(q)
+        heard = size > 0
+        one = self.xp.ones_like(q)
+        return self.xp.where(heard, q / self.xp.where(heard, size, self.xp.ones_like(size)), one)
+
+    def as_real(self, z: Rows) -> Rows:
+        """Complex rows as real ones of twice the length; `as_complex` undoes it."""
+        if self.xp is np:
+            return z.view(np.float32 if self.single else np.float64)
+        return self.xp.concat([self.xp.real(z), self.xp.imag(z)], axis=1)
+
+    def as_complex(self, x: Rows) -> Rows:
+        """Complex rows of what `as_real` made of them."""
+        if self.xp is np:
+            return x.view(np.complex64 if self.single else np.complex128)
+        half = x.shape[1] // 2
+        return self.complex(x[:, :half], x[:, half:])
+
+    def adjoint(self, matrix: Rows) -> Rows:
+        """The conjugate transpose, laid out in memory as it is read."""
+        turned = self.xp.conj(matrix.T)
+        return np.ascontiguousarray(turned) if self.xp is np else turned
+
+    @contextmanager
+    def at_work(self) -> Generator[None]:
+        """Within it, PyTorch uses one thread of the CPU, as NumPy does here: two wait for each other, spinning.
+
+        And NumPy does not warn of what overflows: such a step counts as one that failed.
+        """
+        before = self.xp.get_num_threads() if hasattr(self.xp, "get_num_threads") else None
+        try:
+            if before is not None:
+                self.xp.set_num_threads(1)
+            with np.errstate(over="ignore", invalid="ignore"):
+                yield
+        finally:
+            if before is not None:
+                self.xp.set_num_threads(before)
+
+
+def backend(name: str, *, precision: Literal["single", "double"] = "single") -> Backend:
+    """The backend of this name.
+
+    Parameters
+    ----------
+    name : str
+        A name in `LIBRARIES`, and after a colon the device if it is not the library's own first choice: "numpy",
+        "torch", "torch:cuda", "torch:cuda:1", "cupy".
+    precision : {"single", "double"}
+        Of what is put there.
+
+    Raises
+    ------
+    InputError
+        If there is no such backend or device.
+    MissingExtraError
+        If the library is not installed.
+    """
+    library, _, device = name.partition(":")
+    if library not in LIBRARIES:
+        raise InputError(f"backend: expected one of {', '.join(LIBRARIES)}, with :DEVICE if need be, got {name!r}")
+    if device and library != "torch":
+        raise InputError(f"backend: expected a device after torch only, such as torch:cuda, got {name!r}")
+    xp = _module(library)
+    if device:
+        _try(xp, name, device)
+    return Backend(xp=xp, device=device or None, single=precision == "single")
+
+
+@cache
+def _module(library: str) -> Any:
+    try:
+        return import_module(LIBRARIES[library])
+    except ImportError as missing:
+        advice = f"pip install 'midair[{EXTRAS[library]}]'"
+        raise MissingExtraError(f"the {library} backend needs {missing.name or library}: {advice}") from missing
+
+
+def _try(xp: Any, name: str, device: str) -> None:
+    """Refuse a device on which not even one number can be made."""
+    try:
+        xp.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as missing:
+        reason = str(missing).partition("\n")[0]
+        raise InputError(f"backend: expected a device that is here, got {name!r} ({reason}); try torch") from missing

@@ -1,0 +1,27 @@
+"""Phases of drives: of complex numbers, of silent frames, and a first drive that no mode is in step with."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Complex = NDArray[np.complexfloating[Any, Any]]
+
+
+def unit(q: Complex) -> Complex:
+    """Q / |q|; 1 where q is 0."""
+    size = np.abs(q)
+    return np.where(size > 0, q / np.where(size > 0, size, 1), 1).astype(q.dtype)
+
+
+def rippled(q: Complex) -> Complex:
+    """The phases of q (transducer,) with a ripple of .3 rad: drives all in step with a mode would stay so for ever."""
+    return (unit(q) * np.exp(0.3j * np.sin(2.4 * np.arange(len(q))))).astype(q.dtype)
+
+
+def hold(phase: NDArray[np.float64], audible: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Phases of silent frames are those of the last audible frame before them; zero before the first."""
+    last = np.full(len(phase), -1)
+    last[audible] = audible
+    last = np.maximum.accumulate(last)
+    return np.where(last[:, None] >= 0, phase[last], 0.0)
