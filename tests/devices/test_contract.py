@@ -1,20 +1,18 @@
-"""What every device keeps to, whoever made it. A new device is one more entry in a table."""
+"""What every array keeps to, whoever made it. A new one is one more entry in a table. Sensors: live/."""
 
 import numpy as np
 import pytest
 
 from midair.devices import (
     Placement,
-    ReplaySensor,
     VirtualArray,
-    VirtualSensor,
     VirtualSkin,
     autd3_array,
     autd3_firmware,
     pyautd3_array,
 )
 from midair.errors import DeviceStateError, InputError, MismatchError
-from midair.model import Drive, PressureFrames, Provenance, Recording, TransducerArray
+from midair.model import Drive, TransducerArray
 from midair.physics import focus_phase
 from midair.physics.sensing import SensorModel
 
@@ -22,17 +20,6 @@ ARRAY = TransducerArray.autd3(columns=1, rows=1)
 ONE = Placement.grid(columns=1, rows=1)
 
 
-def virtual_sensor():
-    touch = PressureFrames(pressure=np.random.default_rng(1).random((1600, 4, 4)), rate=8000.0)
-    return VirtualSensor(VirtualSkin(SensorModel()), touch=touch)
-
-
-def replay():
-    samples = np.random.default_rng(2).random((200, 4, 4))
-    return ReplaySensor(Recording(samples=samples, rate=1000.0, provenance=Provenance(simulated=True)))
-
-
-SENSORS = {"virtual": virtual_sensor, "replay": replay}
 ARRAYS = {
     "virtual": lambda: VirtualArray(ARRAY),
     "virtual on skin": lambda: VirtualArray(ARRAY, VirtualSkin(SensorModel())),
@@ -48,55 +35,9 @@ def drive(array=ARRAY, frames=5, rate=1000.0):
     return Drive(phase=phase, level=np.ones(frames), rate=rate, array=array)
 
 
-@pytest.fixture(params=SENSORS)
-def sensor(request):
-    return SENSORS[request.param]()
-
-
 @pytest.fixture(params=ARRAYS)
 def array(request):
     return ARRAYS[request.param]()
-
-
-def test_blocks_follow_each_other_without_a_gap(sensor):
-    with sensor:
-        sensor.start()
-        blocks = [sensor.read(50) for _ in range(4)]
-    assert [block.first for block in blocks] == [0, 50, 100, 150]
-    assert all(block.samples.shape == (50, *sensor.grid.shape) for block in blocks)
-    assert not any(block.overflow for block in blocks)
-    assert np.ptp(np.concatenate([block.samples for block in blocks])) > 0
-
-
-def test_device_time_is_that_of_the_first_frame(sensor):
-    with sensor:
-        sensor.start()
-        times = [sensor.read(50).device_time for _ in range(3)]
-    np.testing.assert_allclose(np.diff(times), 50 / sensor.rate)
-
-
-def test_the_size_of_the_blocks_does_not_matter(sensor):
-    with sensor:
-        sensor.start()
-        at_once = sensor.read(120).samples
-        sensor.stop()
-        sensor.start()
-        in_parts = np.concatenate([sensor.read(n).samples for n in (7, 50, 63)])
-    np.testing.assert_array_equal(at_once, in_parts)
-
-
-def test_reading_before_start_is_refused(sensor):
-    with sensor, pytest.raises(DeviceStateError, match="start before read"):
-        sensor.read(1)
-
-
-def test_stop_and_close_are_harmless_at_any_time(sensor):
-    sensor.stop()
-    sensor.close()
-    with sensor:
-        sensor.stop()
-        sensor.start()
-        assert len(sensor.read(5).samples) == 5
 
 
 def test_an_array_tells_what_it_played(array):

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from midair.store import RecordingWriter, load, save
-from midair.store.unclosed import checksum, closed_image, is_unclosed
+from midair.store.unclosed import checksum, closed_file, closed_image, is_unclosed
 
 
 @pytest.mark.parametrize(
@@ -46,3 +46,21 @@ def test_a_damaged_superblock_is_not_taken_for_an_unclosed_one(recording, tmp_pa
     assert not is_unclosed(path)
     with pytest.raises(OSError, match="expected"):
         load(path)
+
+
+@pytest.mark.parametrize("large", [0, 10**9], ids=["the file itself", "a copy"])
+def test_an_unclosed_file_is_read_in_place_when_it_is_large(large, recording, tmp_path):
+    path = tmp_path / "live.h5"
+    with RecordingWriter(
+        path, rate=1000, sensor=recording.sensor, unit="V", provenance=recording.provenance, interval=1e-9
+    ) as writer:
+        writer.append(recording.samples)
+        before = path.read_bytes()
+        with closed_file(path, large=large) as source:
+            with h5py.File(source, "r") as file:
+                np.testing.assert_array_equal(file["samples"], recording.samples)
+            source.seek(0)
+            whole = bytearray(len(before))
+            assert source.readinto(whole) == len(before)
+            assert bytes(whole) == closed_image(path)
+        assert path.read_bytes() == before

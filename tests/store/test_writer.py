@@ -28,7 +28,7 @@ def test_a_live_recording_equals_a_saved_one(recording, calibration, options, tm
     assert load_calibration(path) is not None
     with xarray.open_dataset(path, engine="h5netcdf") as table:
         np.testing.assert_array_equal(table.samples, recording.samples)
-        assert table.sizes == {"time": 40, "row": 3, "column": 5}
+        assert table.sizes == {"time": 40, "row": 3, "column": 5, "event": 0}
 
 
 def test_can_be_read_while_it_grows(recording, options, tmp_path):

@@ -5,7 +5,9 @@ from midair.devices.banked_array import BankedArray
 from midair.devices.interface import ArrayDevice, Block, PlayReport, Progress, SensorDevice
 from midair.devices.placement import Placement, load_placement
 from midair.devices.replay import ReplaySensor
+from midair.devices.rewired import Rewired
 from midair.devices.silencer import SilencerChoice
+from midair.devices.streamed_sensor import StreamedSensor
 from midair.devices.virtual_array import VirtualArray
 from midair.devices.virtual_sensor import VirtualSensor
 from midair.devices.virtual_skin import VirtualSkin
@@ -18,8 +20,10 @@ __all__ = [
     "PlayReport",
     "Progress",
     "ReplaySensor",
+    "Rewired",
     "SensorDevice",
     "SilencerChoice",
+    "StreamedSensor",
     "VirtualArray",
     "VirtualSensor",
     "VirtualSkin",

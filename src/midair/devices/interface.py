@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import DeviceError, InputError, MismatchError
-from midair.model import Calibration, Drive, SensorGrid, TransducerArray, Unit
+from midair.model import Calibration, Drive, SensorGrid, SensorWiring, TransducerArray, Unit
 
 Progress = Callable[[int, int], None]
 """Called with (done, total) as work goes on."""
@@ -31,8 +31,11 @@ class Block:
         In the sensor's unit.
     first : int
         Index of the first frame since start; a gap to the block before is lost frames.
-    device_time, host_time : float
-        Of the first frame by the device's clock and by this computer's, in s.
+    device_time : float
+        Of the first frame by the device's own clock, in s: its time stamp, or else frames counted over its rate.
+    host_time : float
+        Of the first frame by this computer's steady clock (`time.monotonic`), in s, as well as the source tells. The
+        slope of one time over the other is the drift of the device's clock. A virtual sensor gives its own time twice.
     overflow : bool
         Whether frames were lost before this block.
     """
@@ -61,6 +64,12 @@ class SensorDevice(ABC):
         That it brings along.
     simulated : bool
         Whether what it gives is simulated.
+    full_scale : float or None
+        Magnitude in `unit` at which it clips, where that is known.
+    wiring : SensorWiring or None
+        Which channel of its source is which cell, where it has a source with channels.
+    on_demand : bool
+        Whether its time stands still while nobody reads, as that of a replayed file does.
     """
 
     name: str
@@ -69,6 +78,9 @@ class SensorDevice(ABC):
     unit: Unit
     calibration: Calibration | None = None
     simulated: bool = False
+    full_scale: float | None = None
+    wiring: SensorWiring | None = None
+    on_demand: bool = False
 
     @abstractmethod
     def open(self) -> None:
@@ -80,7 +92,15 @@ class SensorDevice(ABC):
 
     @abstractmethod
     def read(self, frames: int) -> Block:
-        """The next frames, `frames` of them; fewer, or none, when the source has ended."""
+        """The next frames, `frames` of them; fewer before a gap and at the end, none when the source has ended.
+
+        Raises
+        ------
+        DeviceStateError
+            If it was not started.
+        DeviceError
+            If it gives nothing for longer than it may, or is lost; frames that came before are given first.
+        """
 
     @abstractmethod
     def stop(self) -> None:
@@ -89,6 +109,10 @@ class SensorDevice(ABC):
     @abstractmethod
     def close(self) -> None:
         """Let go of the device. Harmless when not open."""
+
+    def describe(self) -> dict[str, str]:
+        """What it says of itself, and what it counted since start, in words."""
+        return {}
 
     def __enter__(self) -> Self:
         self.open()

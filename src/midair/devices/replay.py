@@ -10,6 +10,8 @@ from midair.model import Calibration, Recording
 class ReplaySensor(SensorDevice):
     """Gives the frames of a recording, then none."""
 
+    on_demand = True
+
     def __init__(self, recording: Recording, *, calibration: Calibration | None = None, name: str = "replay") -> None:
         self.name, self.grid, self.rate, self.unit = name, recording.sensor, recording.rate, recording.unit
         self.calibration, self.simulated = calibration, recording.provenance.simulated

@@ -1,4 +1,4 @@
-"""From a sensor to a recording."""
+"""From a sensor to a recording in one go, for programs; `rig/take.py` is what a person has."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import numpy as np
 from midair.devices import Progress, SensorDevice
 from midair.errors import DeviceError, InputError
 from midair.model import Provenance, Recording
-from midair.store import RecordingWriter
+from midair.store import RecordingWriter, load
 
 
 def record(
@@ -28,7 +28,8 @@ def record(
     duration : float
         In s.
     path : Path, optional
-        A file that is written as the frames come, so that whatever was recorded survives a crash.
+        A file that is written as the frames come, so that whatever was recorded survives a crash; it is read back at
+        the end, and nothing is kept in memory before.
     notes : dict of str to str, optional
         What people want to remember: object, surface, speed, operator.
     block : float
@@ -50,7 +51,9 @@ def record(
     sensor.start()
     try:
         if path is None:
-            samples = _blocks(sensor, frames, block, None, progress)
+            kept: list[np.ndarray] = []
+            _blocks(sensor, frames, block, kept, progress)
+            samples = np.concatenate(kept)
         else:
             with RecordingWriter(
                 path,
@@ -60,17 +63,21 @@ def record(
                 provenance=provenance,
                 calibration=sensor.calibration,
             ) as writer:
-                samples = _blocks(sensor, frames, block, writer, progress)
+                _blocks(sensor, frames, block, writer, progress)
+            return load(path)
     finally:
         sensor.stop()
     return Recording(samples=samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit, provenance=provenance)
 
 
 def _blocks(
-    sensor: SensorDevice, frames: int, block: float, writer: RecordingWriter | None, progress: Progress | None
-) -> np.ndarray:
+    sensor: SensorDevice,
+    frames: int,
+    block: float,
+    into: RecordingWriter | list[np.ndarray],
+    progress: Progress | None,
+) -> None:
     size, got = max(1, round(block * sensor.rate)), 0
-    taken: list[np.ndarray] = []
     while got < frames:
         part = sensor.read(min(size, frames - got))
         if part.overflow or part.first != got:
@@ -79,12 +86,9 @@ def _blocks(
             )
         if not len(part.samples):
             break
-        taken.append(part.samples)
+        into.append(part.samples)
         got += len(part.samples)
-        if writer is not None:
-            writer.append(part.samples)
         if progress:
             progress(got, frames)
-    if not taken:
+    if not got:
         raise DeviceError(f"{sensor.name}: expected frames, got none; is it connected and switched on?")
-    return np.concatenate(taken)

@@ -14,17 +14,19 @@ from midair.model import AmplitudeFrames, ControlGrid, Medium, Recording, Transd
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.rig.array_checkup import array_findings
 from midair.rig.finding import Finding
+from midair.rig.sensor_checkup import is_live_sensor, live_sensor_findings, sensor_findings
 from midair.solve import solve
 from midair.store import load, save
 
 
 def check_up(device: str | None = None) -> list[Finding]:
-    """Everything that can be looked at without hardware, and an array if one is named.
+    """Everything that can be looked at without hardware, and an array or a live sensor if one is named.
 
     Parameters
     ----------
     device : str, optional
-        As in `array_named`; it is opened, asked, and closed, and stays silent.
+        An array as in `array_named`: it is opened, asked, and closed, and stays silent. Or a live sensor as in
+        `sensor_named`: it is listened to for half a second.
     """
     return [
         _python(),
@@ -34,8 +36,9 @@ def check_up(device: str | None = None) -> list[Finding]:
         _field(),
         _solver(),
         _threads(),
-        Finding(subject="sensor", state="ok", found="virtual sensor; no driver for a real one in this version"),
-        *array_findings(device),
+        *sensor_findings(),
+        *(live_sensor_findings(device) if device is not None and is_live_sensor(device) else []),
+        *array_findings(None if device is not None and is_live_sensor(device) else device),
     ]
 
 

@@ -1,13 +1,21 @@
 """HDF5 files whose writer was killed or still runs, as if they had been closed.
 
 Such a file carries a flag for which HDF5 refuses it to anyone but a reader beside a writer (SWMR), and that reader
-tries damaged metadata again and again without end. So the file is read as it stands, and the flag is cleared in the
-copy.
+tries damaged metadata again and again without end. So the file is read as it stands, and the flag is cleared in what is
+handed to HDF5.
 Layout of the superblock, version 3: HDF5 File Format Specification 3.0, section II.A.
 """
 
 import struct
+from io import BytesIO, FileIO
 from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO, cast
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
+
+LARGE = 64_000_000
+"""Bytes from which a file is not copied into memory."""
 
 _LENGTH = 48  # bytes of the superblock; the last 4 are the checksum of the others
 _WORD = 0xFFFFFFFF
@@ -20,13 +28,46 @@ def is_unclosed(path: Path) -> bool:
     return _sound(block) and block[11] != 0
 
 
+def closed_file(path: Path, *, large: int = LARGE) -> BinaryIO:
+    """An unclosed file as if it had been closed: a copy in memory, or from `large` bytes on the file itself.
+
+    The copy is what a file that still grows needs: it does not change while it is read.
+    """
+    if path.stat().st_size < large:
+        return BytesIO(closed_image(path))
+    return cast("BinaryIO", _ClosedView(path))
+
+
 def closed_image(path: Path) -> bytes:
     """The bytes of an unclosed file with the flag cleared and the end where the bytes end."""
     data = path.read_bytes()
-    block = bytearray(data[: _LENGTH - 4])
-    block[11] = 0
-    block[28:36] = struct.pack("<Q", len(data))
-    return bytes(block) + struct.pack("<I", checksum(bytes(block))) + data[_LENGTH:]
+    return _closed_block(data[:_LENGTH], len(data)) + data[_LENGTH:]
+
+
+class _ClosedView(FileIO):
+    """A file whose first block says that it is closed and as long as it was when it was opened."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "r")
+        self._block = _closed_block(self.read(_LENGTH), path.stat().st_size)
+        self.seek(0)
+
+    def readinto(self, buffer: "WriteableBuffer", /) -> int:
+        """Read where the file stands."""
+        at = self.tell()
+        count = super().readinto(buffer) or 0
+        if at < _LENGTH:
+            instead = self._block[at : at + count]
+            memoryview(buffer).cast("B")[: len(instead)] = instead
+        return count
+
+
+def _closed_block(block: bytes, size: int) -> bytes:
+    """The superblock of a file with the flag cleared and its end at `size`."""
+    closed = bytearray(block[: _LENGTH - 4])
+    closed[11] = 0
+    closed[28:36] = struct.pack("<Q", size)
+    return bytes(closed) + struct.pack("<I", checksum(bytes(closed)))
 
 
 def checksum(data: bytes) -> int:

@@ -1,0 +1,93 @@
+"""Single keys from a terminal, and signals as a request to stop in order."""
+
+import contextlib
+import os
+import select
+import signal
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from types import FrameType, TracebackType
+from typing import Any, Self, TextIO
+
+
+class Keys:
+    """Keys as they are pressed, without Enter; the terminal is as before however the block is left.
+
+    Where the input is no terminal there are no keys.
+
+    Parameters
+    ----------
+    stream : TextIO, optional
+        The standard input if None.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = sys.stdin if stream is None else stream
+        self._before: list[Any] | None = None
+        self._file = -1
+
+    @property
+    def active(self) -> bool:
+        """Whether somebody can press a key."""
+        return self._before is not None
+
+    def __enter__(self) -> Self:
+        with contextlib.suppress(ImportError, OSError, ValueError):
+            import termios
+            import tty
+
+            if self._stream.isatty():
+                self._file = self._stream.fileno()
+                try:
+                    self._before = termios.tcgetattr(self._file)
+                    tty.setcbreak(self._file, termios.TCSANOW)
+                except termios.error:
+                    self._before = None
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, wrong: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._before is not None:
+            import termios
+
+            before, self._before = self._before, None
+            with contextlib.suppress(termios.error, OSError):  # the terminal may be gone
+                termios.tcsetattr(self._file, termios.TCSADRAIN, before)
+
+    def pressed(self) -> str:
+        """The keys that were pressed since the last time; never waits."""
+        keys = b""
+        while self.active and select.select([self._file], [], [], 0)[0]:
+            more = os.read(self._file, 64)
+            if not more:
+                break
+            keys += more
+        return keys.decode("utf-8", "replace")
+
+
+class Signals:
+    """Which signals came; a second Ctrl-C is not waited for."""
+
+    def __init__(self) -> None:
+        self.came: str = ""
+
+    def catch(self, number: int, _frame: FrameType | None) -> None:
+        """Remember a signal; the take that runs ends in order."""
+        if self.came and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        self.came = signal.Signals(number).name
+
+
+@contextmanager
+def signals_noted() -> Generator[Signals]:
+    """Ctrl-C, a request to end the program and a lost terminal are noted instead of ending it."""
+    signals = Signals()
+    wanted = (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM))
+    before = {one: signal.signal(one, signals.catch) for one in wanted}
+    try:
+        yield signals
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)

@@ -1,0 +1,60 @@
+"""Taps on each cell in turn, as pressure on the sensor: what tells which channel is which cell."""
+
+import numpy as np
+
+from midair.model import PressureFrames, Provenance, SensorGrid
+from midair.model.arrays import positive
+
+
+def taps(
+    *,
+    every: float = 1.0,
+    quiet: float = 1.0,
+    peak: float = 30.0,
+    spread: float = 0.25,
+    rate: float = 1000.0,
+    seed: int = 0,
+    sensor: SensorGrid | None = None,
+) -> PressureFrames:
+    """A half sine of 20 ms on each cell, row by row, each of another strength; its neighbours feel a part of it.
+
+    Parameters
+    ----------
+    every : float
+        Between two taps, in s; each comes after .2 to .4 of it.
+    quiet : float
+        Before the first, in s.
+    peak : float
+        Of the pressure of the strongest tap, in Pa; the weakest has a third of it.
+    spread : float
+        Part that the cells beside a tapped one feel; its square falls on those across the corner.
+    rate : float
+        Frames per second, in Hz.
+    seed : int
+        Of strengths and times.
+    sensor : SensorGrid, optional
+        The cells; 4 x 4 at 11 mm by default.
+
+    Returns
+    -------
+    PressureFrames
+        Simulated, in Pa, 0 or more.
+    """
+    sensor, rng = sensor or SensorGrid(), np.random.default_rng(seed)
+    every, rate = positive(every, "time between taps", "s"), positive(rate, "rate", "Hz")
+    push = np.sin(np.pi * np.arange(round(0.02 * rate)) / (0.02 * rate))
+    pressure = np.zeros((round((quiet + every * sensor.count) * rate) + len(push), *sensor.shape))
+    rows, columns = np.mgrid[: sensor.rows, : sensor.columns]
+    for cell in range(sensor.count):
+        row, column = divmod(cell, sensor.columns)
+        away = np.abs(rows - row) + np.abs(columns - column)
+        begin = round((quiet + every * (cell + rng.uniform(0.2, 0.4))) * rate)
+        strength = positive(peak, "peak", "Pa") * rng.uniform(1 / 3, 1)
+        pressure[begin : begin + len(push)] += strength * push[:, None, None] * np.where(away < 3, spread**away, 0)
+    settings = {"every_s": every, "quiet_s": quiet, "peak_pa": float(peak), "spread": float(spread), "seed": seed}
+    return PressureFrames(
+        pressure=pressure,
+        rate=rate,
+        sensor=sensor,
+        provenance=Provenance(source="virtual:taps", simulated=True).then("taps", settings),
+    )

@@ -1,0 +1,48 @@
+"""A sensor whose time is its own, such as a replayed file, at the pace of this computer's clock."""
+
+import time
+from dataclasses import replace
+
+from midair.devices.interface import Block, SensorDevice
+
+
+class PacedSensor(SensorDevice):
+    """Gives the frames of another sensor when their time has come, no sooner.
+
+    Parameters
+    ----------
+    sensor : SensorDevice
+        Whose clock runs when it is read.
+    """
+
+    def __init__(self, sensor: SensorDevice) -> None:
+        self._sensor = sensor
+        self.name, self.grid, self.rate, self.unit = sensor.name, sensor.grid, sensor.rate, sensor.unit
+        self.calibration, self.simulated, self.full_scale = sensor.calibration, sensor.simulated, sensor.full_scale
+        self.wiring = sensor.wiring
+        self._begin = 0.0
+
+    def open(self) -> None:
+        """Take hold of the other sensor."""
+        self._sensor.open()
+
+    def start(self) -> None:
+        """Start the other sensor; its first frame is taken now."""
+        self._sensor.start()
+        self._begin = time.monotonic()
+
+    def read(self, frames: int) -> Block:
+        """The next frames, when the last of them would have been taken."""
+        block = self._sensor.read(frames)
+        end = self._begin + (block.first + len(block.samples)) / self.rate
+        time.sleep(max(0.0, end - time.monotonic()))
+        first = block.first / self.rate
+        return replace(block, device_time=first, host_time=self._begin + first)
+
+    def stop(self) -> None:
+        """Stop the other sensor."""
+        self._sensor.stop()
+
+    def close(self) -> None:
+        """Let go of the other sensor."""
+        self._sensor.close()

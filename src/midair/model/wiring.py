@@ -1,0 +1,101 @@
+"""How the channels of a source are wired to the cells of a sensor."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import isqrt
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, ShapeError, UnitError
+from midair.model.arrays import positive
+from midair.model.geometry import SensorGrid
+from midair.model.recording import Unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorWiring:
+    """A sensor as a source gives it: which of its channels is which cell, and what its numbers mean.
+
+    Attributes
+    ----------
+    grid : SensorGrid
+        The cells, with the sensor's name.
+    order : tuple of int
+        For each cell, row by row, the channel of the source that it is wired to, from 0; empty for 0, 1, 2 and so on.
+    unit : {"V", "count", "Pa"}
+        Of the samples.
+    full_scale : float or None
+        Magnitude in `unit` at which the source clips. Sources that only know shares of their full scale (audio) or
+        counts (serial) are scaled by it.
+    sensitivity : float or None
+        Nominal output per pressure, the same for all cells, in `unit` per Pa.
+    """
+
+    grid: SensorGrid = field(default_factory=SensorGrid)
+    order: tuple[int, ...] = ()
+    unit: Unit = "count"
+    full_scale: float | None = None
+    sensitivity: float | None = None
+
+    def __post_init__(self) -> None:
+        order = tuple(int(channel) for channel in self.order) or tuple(range(self.grid.count))
+        if len(order) != self.grid.count or len(set(order)) != len(order) or min(order) < 0:
+            raise ShapeError(
+                f"order of the channels: expected {self.grid.count} different numbers from 0 on, one for each of "
+                f"{self.grid.rows} x {self.grid.columns} cells, got {list(order)}"
+            )
+        object.__setattr__(self, "order", order)
+        if self.unit not in get_args(Unit):
+            raise UnitError(f"unit of the sensor: expected one of {', '.join(get_args(Unit))}, got {self.unit!r}")
+        if self.full_scale is not None:
+            positive(self.full_scale, "full scale", self.unit)
+        if self.sensitivity is not None and not (np.isfinite(self.sensitivity) and self.sensitivity != 0):
+            raise InputError(
+                f"sensitivity: expected a number other than 0 {self.unit}/Pa, got {self.sensitivity:g}; leave it out "
+                "if nobody knows it"
+            )
+
+    @classmethod
+    def for_channels(cls, channels: int, *, name: str = "sensor", unit: Unit = "count") -> "SensorWiring":
+        """In the order of the source: a square of cells 11 mm apart where the number allows one, else one row."""
+        if channels < 1:
+            raise ShapeError(f"channels: expected at least 1, got {channels}")
+        side = isqrt(channels)
+        rows, columns = (side, side) if side * side == channels else (1, channels)
+        return cls(grid=SensorGrid(rows=rows, columns=columns, name=name), unit=unit)
+
+    @property
+    def channels(self) -> int:
+        """How many channels the source must have at least."""
+        return max(self.order) + 1
+
+    def with_order(self, order: Sequence[int]) -> "SensorWiring":
+        """The same sensor with its channels in another order."""
+        return replace(self, order=tuple(order))
+
+    def arrange(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Samples of the source's channels as samples of the cells.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (frame, channel)
+            As the source gives them.
+
+        Returns
+        -------
+        ndarray, shape (frame, row, column)
+            The same unit; channels that no cell is wired to are left out.
+
+        Raises
+        ------
+        ShapeError
+            If the source has too few channels.
+        """
+        if samples.ndim != 2 or samples.shape[1] < self.channels:
+            raise ShapeError(
+                f"{self.grid.name}: expected frames of {self.channels} channels or more, got shape {samples.shape}; "
+                "correct the order in the sensor file"
+            )
+        return samples[:, list(self.order)].reshape(-1, *self.grid.shape)

@@ -1,0 +1,110 @@
+"""What happened while a recording was made: frames that were lost, channels that clipped or stood still, clocks.
+
+A recording that runs keeps a journal of them, a row each along an axis of its own, since attributes cannot change while
+others read. Whoever reads the file gets the journal as the step "events" of the recording's provenance, so that every
+copy, export and later stage keeps it.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from midair.errors import BrokenFileError
+from midair.model import Provenance, Setting
+
+EventKind = Literal["lost", "clipped", "dead", "stuck", "rate", "clock", "trigger"]
+"""lost: frames that never came, held at the last good one. clipped, dead, stuck: of a channel. rate: frames counted
+against this computer's clock. clock: the device's clock against this computer's. trigger: the frame that started it."""
+
+LISTED = 1000
+"""At most this many places of one kind are listed in the provenance; the totals count all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """One thing that happened.
+
+    Attributes
+    ----------
+    kind : {"lost", "clipped", "dead", "stuck", "rate", "clock", "trigger"}
+        What.
+    frame : int
+        Of the recording, from 0: the first that it concerns.
+    frames : int
+        How many it concerns.
+    channel : int
+        Of the sensor; -1 for all.
+    ppm : float
+        How much faster than this computer's clock, for rate and clock, in millionths.
+    """
+
+    kind: EventKind
+    frame: int
+    frames: int = 0
+    channel: int = -1
+    ppm: float = 0.0
+
+
+KINDS: tuple[EventKind, ...] = get_args(EventKind)
+"""Number in the file = place in this tuple."""
+
+
+def event_values(events: Iterable[Event]) -> dict[str, Any]:
+    """What is stored of events."""
+    rows = tuple(events)
+    return {
+        "event": np.arange(len(rows)),
+        "event_kind": np.array([KINDS.index(row.kind) for row in rows], np.int8),
+        "event_frame": np.array([row.frame for row in rows], np.int64),
+        "event_frames": np.array([row.frames for row in rows], np.int64),
+        "event_channel": np.array([row.channel for row in rows], np.int64),
+        "event_ppm": np.array([row.ppm for row in rows], np.float64),
+    }
+
+
+def events_from(values: Mapping[str, Any]) -> tuple[Event, ...]:
+    """The events that were stored; none of a file without a journal.
+
+    Raises
+    ------
+    BrokenFileError
+        If a number names no kind, or a frame is below 0.
+    """
+    if any(f"event_{name}" not in values for name in ("kind", "frame", "frames", "channel", "ppm")):
+        return ()
+    kind, first, frames = values["event_kind"], values["event_frame"], values["event_frames"]
+    if len(kind) and not (0 <= kind.min() <= kind.max() < len(KINDS) and first.min() >= 0 and frames.min() >= 0):
+        raise BrokenFileError(f"events: expected kinds 0 to {len(KINDS) - 1} at frames from 0 on, got others")
+    columns = zip(kind, first, frames, values["event_channel"], values["event_ppm"], strict=True)
+    return tuple(
+        Event(kind=KINDS[int(k)], frame=int(f), frames=int(n), channel=int(c), ppm=float(p))
+        for k, f, n, c, p in columns
+    )
+
+
+def with_events(provenance: Provenance, events: Iterable[Event], frames: int) -> Provenance:
+    """The life of a recording of so many frames with what happened in them as its step "events"; as it is without."""
+    inside = tuple(event for event in events if event.frame < frames)
+    return provenance.then("events", _settings(inside, frames)) if inside else provenance
+
+
+def _settings(events: tuple[Event, ...], frames: int) -> dict[str, Setting]:
+    of = {kind: [event for event in events if event.kind == kind] for kind in KINDS}
+    settings: dict[str, Setting] = {}
+    if of["lost"]:
+        lost = [(event.frame, min(event.frames, frames - event.frame)) for event in of["lost"]]
+        settings |= {"lost_frames": sum(count for _, count in lost), "lost": tuple(lost[:LISTED])}
+    if of["clipped"]:
+        settings["clipped_frames"] = sum(event.frames for event in of["clipped"])
+        settings["clipped"] = tuple((event.channel, event.frame, event.frames) for event in of["clipped"][:LISTED])
+    for kind in ("dead", "stuck"):
+        if of[kind]:
+            settings[kind] = tuple((event.channel, event.frame) for event in of[kind][:LISTED])
+    for kind in ("rate", "clock"):
+        if of[kind]:
+            settings[f"{kind}_ppm"] = of[kind][-1].ppm
+    if of["trigger"]:
+        settings["trigger"] = of["trigger"][0].frame
+    return settings
