@@ -214,3 +214,37 @@ def test_bad_input_is_refused():
             SensorModel(**wrong)
     with pytest.raises(ShapeError, match="corner"):
         SensorModel(corner=np.ones((2, 2)))
+
+
+def test_a_delay_turns_the_phase_only():
+    delay = np.linspace(0, 3e-4, 16).reshape(4, 4)
+    late = SensorModel(bits=32, full_scale=1000.0, delay=delay)
+    frequency = np.array([30.0, 200.0, 450.0])
+    turned = channel_response(late, frequency) / channel_response(QUIET, frequency)
+    assert np.abs(turned) == pytest.approx(np.ones((3, 4, 4)))
+    assert np.angle(turned) == pytest.approx(-2 * np.pi * frequency[:, None, None] * delay)
+
+
+def test_cells_feel_each_other():
+    mixed = np.eye(16)
+    mixed[5, 6] = 0.25
+    model = SensorModel(bits=32, full_scale=1000.0, crosstalk=mixed)
+    pressure = np.zeros((400, 4, 4))
+    pressure[:, 1, 2] = 20 * np.sin(2 * np.pi * 0.1 * np.arange(400))
+    volts = sense(model, pressure, RATE)
+    assert volts[:, 1, 1] == pytest.approx(0.25 * volts[:, 1, 2], abs=2 * model.step)
+    assert np.abs(np.delete(volts.reshape(-1, 16), [5, 6], axis=1)).max() < 2 * model.step
+    assert calibration_of(model).crosstalk.matrix[5, 6] == 0.25
+    assert calibration_of(QUIET).crosstalk is None
+
+
+def test_an_amplifier_saturates():
+    model = SensorModel(bits=32, full_scale=1000.0, saturation=0.5)
+    plain = sense(QUIET, 100 * tone(100.0, 500), RATE)
+    assert sense(model, 100 * tone(100.0, 500), RATE) == pytest.approx(0.5 * np.tanh(plain / 0.5), abs=1e-5)
+
+
+@pytest.mark.parametrize("wrong", [{"saturation": 0.0}, {"delay": -np.ones((4, 4))}])
+def test_delays_and_saturation_must_make_sense(wrong):
+    with pytest.raises(InputError, match=f"{next(iter(wrong))} of the sensor"):
+        SensorModel(**wrong)

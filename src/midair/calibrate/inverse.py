@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.dsp import Band, band_window, fft_frequencies, fir_from_response
-from midair.errors import InputError
+from midair.errors import BandError, InputError
 from midair.model import Calibration
 from midair.model.arrays import positive
 
@@ -83,6 +83,22 @@ def inverse_fir(
     wanted = inverse_response(calibration, frequency, band, edges=edges, floor=floor)
     fir = fir_from_response(wanted, taps)
     return fir if wanted[0].any() else fir - fir.mean(axis=0)
+
+
+def check_reach(calibration: Calibration, band: Band) -> None:
+    """Refuse a band in which the response is not known.
+
+    Raises
+    ------
+    BandError
+        If it reaches below the first bin or above the last.
+    """
+    first, last = calibration.frequency[0], calibration.frequency[-1]
+    if band[0] < first or band[1] > last:
+        raise BandError(
+            f"band: expected one within the calibration's {first:g} to {last:g} Hz, got {band[0]:g} to {band[1]:g} Hz; "
+            "narrow the band or measure the response further"
+        )
 
 
 def default_taps(rate: float, edges: tuple[float, float]) -> int:

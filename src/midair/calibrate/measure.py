@@ -1,43 +1,38 @@
 """A sensor's calibration from what it said while a known pressure acted on it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.calibrate.channels import dead_channels
-from midair.errors import BandError, MismatchError
-from midair.model import Calibration, PressureFrames, Recording
-from midair.model.arrays import positive
+from midair.calibrate.evidence import Evidence, MeasureSettings, sums_of
+from midair.calibrate.linearity import distinct
+from midair.calibrate.takes import Take, check_alike
+from midair.errors import MismatchError
+from midair.model import Calibration, PressureFrames, Provenance, Recording, Setting
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def measure_response(
     recording: Recording,
     pressure: PressureFrames,
     *,
-    resolution: float = 2.0,
+    resolution: float = 1.0,
     coherence: float = 0.9,
     date: str = "",
 ) -> Calibration:
-    """Frequency response and noise of each channel, from a recording of a known pressure.
-
-    H1(f) = S_xy / S_xx, which noise at the output does not bias, and gamma^2 = |S_xy|^2 / (S_xx S_yy), by Welch's
-    method (Bendat and Piersol, Random Data, 6.1 and 9.2). A bin counts only where gamma^2 is high enough on every live
-    channel. What of the output is not coherent is the noise, S_nn = (1 - gamma^2) S_yy, its median over the bins: an
-    upper bound, since distortion and leakage between the bins count too.
+    """Calibration from one recording of a known pressure that differs from cell to cell.
 
     Parameters
     ----------
     recording : Recording
         What the sensor said.
     pressure : PressureFrames
-        What acted on its cells at the same time and rate: noise or a sweep that fills the band, for 16 segments of
-        1 / resolution or more.
-    resolution : float
-        Spacing of the bins, in Hz.
-    coherence : float
-        Smallest gamma^2 of a bin, 0 to 1.
+        What acted on its cells at the same time and rate: noise or a sweep that fills the band, for 12 / resolution
+        seconds or more.
+    resolution, coherence
+        See `MeasureSettings`.
     date : str
         When it was measured, ISO 8601.
 
@@ -54,39 +49,126 @@ def measure_response(
         If fewer than two bins count.
     """
     _check_pair(recording, pressure)
-    segment = max(2, round(recording.rate / positive(resolution, "resolution", "Hz")))
-    frequency, sxx, syy, sxy = _spectra(pressure.pressure, recording.samples, recording.rate, segment)
-    response = np.divide(sxy, sxx, out=np.zeros_like(sxy), where=sxx > 0)
-    both = sxx * syy
-    gamma = np.divide(np.abs(sxy) ** 2, both, out=np.zeros_like(both), where=both > 0)
-    alive = ~dead_channels(recording)
-    # A segment's mean is removed before its spectrum is taken: 0 Hz says nothing.
-    counts = (gamma[:, alive] >= coherence).all(axis=1) & (frequency > 0)
-    if alive.sum() == 0 or counts.sum() < 2:
-        raise BandError(
-            f"response: expected two bins or more with a coherence of {coherence:g} on every live channel, got "
-            f"{counts.sum() if alive.any() else 0}; press harder, longer, or over a wider band"
-        )
-    settings = {"resolution_hz": resolution, "coherence": coherence, "bins": int(counts.sum())}
+    settings = MeasureSettings(resolution=resolution, coherence=coherence)
+    x, y = (values.reshape(len(values), -1) for values in (pressure.pressure, recording.samples))
+    part = sums_of(x, y, recording.rate, settings)
     simulated = pressure.provenance.simulated
-    return Calibration(
-        sensor=recording.sensor,
-        frequency=frequency[counts],
-        response=np.where(alive, response[counts], 0),
-        noise=np.sqrt(np.median(np.maximum((1 - gamma[counts]) * syy[counts], 0), axis=0)),
-        unit=recording.unit,
-        date=date,
-        provenance=recording.provenance.then("measure response", settings, simulated=simulated),
+    found = Evidence(recording=recording, parts=(part,), own=(part,), settings=settings, reference="known pressure")
+    life = recording.provenance.then("measure response", settings.as_settings(), simulated=simulated)
+    return found.calibration(date=date, version=1, provenance=life, method="one recording of a known pressure")
+
+
+def measure_calibration(
+    takes: Sequence[Take],
+    *,
+    quiet: Recording | None = None,
+    settings: MeasureSettings | None = None,
+    date: str = "",
+    version: int = 1,
+) -> Calibration:
+    """Calibration of a sensor from recordings against a reference, with an uncertainty on every number.
+
+    The response of a channel rests on all takes that press on it, weighted by their power. Its uncertainty combines, as
+    in the GUM, the noise (Bendat and Piersol), what the takes differ by beyond it, and the reference's own.
+
+    Parameters
+    ----------
+    takes : sequence of Take
+        Noise or sweeps that fill the band; a sweep begins and ends in silence. On all cells at once, or one take or
+        more on each cell alone, which also gives the crosstalk (takes on all cells then count for linearity only).
+        Five different levels give the linearity.
+    quiet : Recording, optional
+        In which nothing presses, for the noise; without it the noise is what the reference does not explain.
+    settings : MeasureSettings, optional
+        The defaults if None.
+    date : str
+        When it was measured, ISO 8601.
+    version : int
+        Of this sensor's calibration.
+
+    Returns
+    -------
+    Calibration
+        At the bins that count.
+
+    Raises
+    ------
+    MismatchError
+        If the takes are not of one sensor, or some cells but not all were pressed on alone.
+    BandError
+        If the takes are too short, or fewer than two bins count.
+    """
+    check_alike(takes)
+    settings = settings or MeasureSettings()
+    first = takes[0].recording
+    _check_quiet(quiet, first)
+    parts = tuple(
+        sums_of(take.reference.pressure[:, None], _flat(take.recording), first.rate, settings) for take in takes
     )
+    alone = _pressed_alone(takes)
+    own = tuple(
+        part.only(take.presses()) for part, take in zip(parts, takes, strict=True) if not alone or take.cell is not None
+    )
+    found = Evidence(
+        recording=first,
+        parts=parts,
+        own=own,
+        settings=settings,
+        takes=tuple(takes),
+        alone=alone,
+        quiet=quiet,
+        reference=", ".join(dict.fromkeys(take.reference.name for take in takes)),
+        reference_uncertainty=max(take.reference.uncertainty for take in takes),
+    )
+    where = "each cell alone" if alone else "all cells at once"
+    levels = len(distinct(np.array([take.level for take in takes])))
+    method = f"{len(takes)} takes on {where}, {levels} levels, {'a' if quiet else 'no'} quiet recording"
+    if np.sum([part.points > 0 for part in own], axis=0).min() < 2:
+        method += "; one take on a cell, so that repeatability is not known"
+    simulated = first.provenance.simulated or any(take.reference.simulated for take in takes)
+    life = Provenance(source=f"measured against {found.reference}", simulated=simulated, notes=first.provenance.notes)
+    told: dict[str, Setting] = {
+        **settings.as_settings(),
+        "takes": tuple(take.recording.provenance.source for take in takes),
+        "levels_pa": tuple(round(take.level, 6) for take in takes),
+        "reference_uncertainty": found.reference_uncertainty,
+        "quiet": "none" if quiet is None else quiet.provenance.source,
+    }
+    life = life.then("measure calibration", told)
+    return found.calibration(date=date, version=version, provenance=life, method=method)
 
 
-def _spectra(x: Array, y: Array, rate: float, segment: int) -> tuple[Array, Array, Array, Complex]:
-    """Frequencies and one-sided S_xx, S_yy, S_xy under Hann segments that overlap by half."""
-    from scipy.signal import csd, welch
+def _flat(recording: Recording) -> Array:
+    return recording.samples.reshape(recording.frames, -1)
 
-    frequency, sxx = welch(x, rate, nperseg=segment, axis=0)
-    syy = welch(y, rate, nperseg=segment, axis=0)[1]
-    return frequency, sxx, syy, np.asarray(csd(x, y, rate, nperseg=segment, axis=0)[1], np.complex128)
+
+def _pressed_alone(takes: Sequence[Take]) -> bool:
+    """Whether each cell was pressed on alone.
+
+    Raises
+    ------
+    MismatchError
+        If some were and others not.
+    """
+    pressed = {take.cell for take in takes if take.cell is not None}
+    missing = [cell for cell in range(takes[0].recording.sensor.count) if cell not in pressed]
+    if pressed and missing:
+        raise MismatchError(
+            f"takes: expected every cell pressed on alone, or none, got no take on cells "
+            f"{', '.join(map(str, missing))}; record the missing ones, or leave the single ones out"
+        )
+    return bool(pressed)
+
+
+def _check_quiet(quiet: Recording | None, first: Recording) -> None:
+    if quiet is None:
+        return
+    have, want = (quiet.sensor, quiet.unit, quiet.rate), (first.sensor, first.unit, first.rate)
+    if have != want:
+        raise MismatchError(
+            f"quiet recording: expected sensor {want[0].name!r} {want[0].shape} in {want[1]} at {want[2]:g} Hz, got "
+            f"{have[0].name!r} {have[0].shape} in {have[1]} at {have[2]:g} Hz"
+        )
 
 
 def _check_pair(recording: Recording, pressure: PressureFrames) -> None:

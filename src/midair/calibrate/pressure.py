@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.calibrate.channels import dead_channels
-from midair.calibrate.inverse import default_taps, inverse_fir, inverse_response
+from midair.calibrate.inverse import check_reach, default_taps, inverse_fir, inverse_response
+from midair.calibrate.stream import mixing
 from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
-from midair.model import Calibration, PressureFrames, Recording
+from midair.model import Calibration, PressureFrames, Recording, Setting
 
 Method = Literal["fft", "fir"]
 
@@ -23,6 +24,8 @@ def calibrate(
     edges: tuple[float, float] | None = None,
     taps: int | None = None,
     floor: float = 0.05,
+    crosstalk: Literal["keep", "undo"] = "keep",
+    damping: float = 0.0,
 ) -> PressureFrames:
     """Undo each channel's frequency response within a band and remove the rest.
 
@@ -45,6 +48,10 @@ def calibrate(
         401 taps reach 0.06 % and 0.5 %, 801 taps 0.009 % and 0.09 %.
     floor : float
         Density of the weakest pressure worth hearing, in Pa/sqrt(Hz); see `midair.calibrate.inverse_response`.
+    crosstalk : {"keep", "undo"}
+        Whether to undo what the cells feel of each other, by the calibration's matrix.
+    damping : float
+        Of that, 0 or more; see `midair.calibrate.undo_matrix`.
 
     Returns
     -------
@@ -61,27 +68,35 @@ def calibrate(
     MismatchError
         If the calibration is of another sensor or unit.
     InputError
-        If the method is none of the two, or taps or floor make no sense.
+        If the method is none of the two, taps, floor or damping make no sense, or crosstalk is to be undone that nobody
+        measured.
     """
     band = check_band(band, recording.rate)
     edges = band_edges(band, recording.rate) if edges is None else (float(edges[0]), float(edges[1]))
     if method not in get_args(Method):
         raise InputError(f"method of calibrate: expected one of {', '.join(get_args(Method))}, got {method!r}")
     used = _fitting(recording, calibration, band)
+    mix = mixing(used, crosstalk, damping)
     _check_content(recording, band)
     if method == "fir":
         fir = inverse_fir(used, recording.rate, band, edges=edges, taps=taps, floor=floor)
         taps, pressure = len(fir), filter_fir(recording.samples, fir)
     else:
         taps, pressure = None, _by_fft(recording, used, band, edges, floor)
-    settings = {
+    if mix is not None:
+        pressure = (pressure.reshape(recording.frames, -1) @ mix.T).reshape(pressure.shape)
+    settings: dict[str, Setting] = {
         "band_hz": band,
         "edges_hz": edges,
         "method": method,
         "taps": taps,
         "floor_pa_per_sqrt_hz": floor,
         "calibration": "none: the recording is in Pa" if calibration is None else calibration.provenance.source,
+        "calibration_id": used.identifier,
         "calibration_date": used.date,
+        "calibration_version": used.version,
+        "uncertainty": typical_uncertainty(used, band),
+        "crosstalk": crosstalk if mix is None else f"undone with a damping of {damping:g}",
         "dead_channels": tuple(int(channel) for channel in np.flatnonzero(dead_channels(recording))),
     }
     return PressureFrames(
@@ -91,6 +106,16 @@ def calibrate(
         band=band,
         provenance=recording.provenance.then("calibrate", settings, simulated=used.provenance.simulated),
     )
+
+
+def typical_uncertainty(calibration: Calibration, band: Band) -> float | None:
+    """Twice the standard uncertainty (k = 2) of the response's magnitude, the median over band and channels.
+
+    None for a calibration that was stated, not measured.
+    """
+    frequency = np.linspace(*band, 64)
+    found = calibration.uncertainty_at(frequency)
+    return None if found is None else float(2 * np.median(found))
 
 
 def _by_fft(
@@ -123,12 +148,7 @@ def _fitting(recording: Recording, calibration: Calibration | None, band: Band) 
             f"calibration: expected one of a sensor that puts out {recording.unit}, got {calibration.unit}; "
             "give the one that was made with this converter"
         )
-    first, last = calibration.frequency[0], calibration.frequency[-1]
-    if band[0] < first or band[1] > last:
-        raise BandError(
-            f"band: expected one within the calibration's {first:g} to {last:g} Hz, got {band[0]:g} to {band[1]:g} Hz; "
-            "narrow the band or measure the response further"
-        )
+    check_reach(calibration, band)
     return calibration
 
 

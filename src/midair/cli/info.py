@@ -10,6 +10,7 @@ from midair.cli.app import app
 from midair.cli.quantity import spell
 from midair.cli.show import banner, print_json, print_rows
 from midair.model import Calibration, Provenance, Recording, Setting
+from midair.rig.calibration_page import calibration_rows, uncertainty_of
 from midair.store import contents, load, load_calibration, load_pressure, load_solution
 
 
@@ -63,13 +64,7 @@ def _calibration_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
     calibration = load_calibration(source)
     if calibration is None:
         return [("calibration", "none")], Provenance()
-    frequency = calibration.frequency
-    rows = [
-        ("calibration", calibrated_by(calibration)),
-        ("sensor", calibration.sensor.name),
-        ("frequencies", f"{len(frequency)} from {frequency[0]:g} to {frequency[-1]:g} Hz"),
-        ("unit", f"{calibration.unit}/Pa"),
-    ]
+    rows = calibration_rows(calibration)
     return rows, calibration.provenance
 
 
@@ -79,6 +74,10 @@ def _stored_rows(source: Path, *, stored: bool = True) -> tuple[list[tuple[str, 
     pressure = load_pressure(source) if stored else None
     rows = [("recording", str(source)), ("source", recording.provenance.source), *recording_rows(recording)]
     rows.append(("calibration", calibrated_by(calibration)))
+    if calibration is not None:
+        rows.append(("calibration id", f"{calibration.identifier}, version {calibration.version}"))
+        rows.append(("calibration date", calibration.date or "not written down"))
+        rows.append(("uncertainty", uncertainty_of(calibration)))
     if pressure is not None:
         rows.append(("largest pressure", f"{np.abs(pressure.pressure).max():.3g} Pa"))
     rows += [(f"note: {name}", text) for name, text in recording.provenance.notes.items()]

@@ -1,13 +1,16 @@
 """How a sensor answers to pressure, channel by channel."""
 
+import hashlib
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import InputError
+from midair.errors import InputError, ShapeError
 from midair.model.arrays import frozen_array
 from midair.model.geometry import SensorGrid
+from midair.model.measurement import Crosstalk, Linearity, Measurement
 from midair.model.provenance import Provenance
 from midair.model.recording import Unit
 
@@ -32,6 +35,15 @@ class Calibration:
         When it was made, ISO 8601; empty when nobody wrote it down.
     provenance : Provenance
         How it was made.
+    version : int
+        Of this sensor's calibration: 1 for the first, one more for each that takes an older one's place.
+    measurement : Measurement, optional
+        How sure it is; None for one that was stated, not measured.
+    crosstalk : Crosstalk, optional
+        What the cells feel of each other's pressure; None when it is not known. `response` is then that of a pressure
+        on the cell alone; otherwise that of an even pressure on all of them.
+    linearity : Linearity, optional
+        What was found at several levels.
     """
 
     sensor: SensorGrid
@@ -41,6 +53,10 @@ class Calibration:
     unit: Unit = "V"
     date: str = ""
     provenance: Provenance = field(default_factory=Provenance)
+    version: int = 1
+    measurement: Measurement | None = None
+    crosstalk: Crosstalk | None = None
+    linearity: Linearity | None = None
 
     def __post_init__(self) -> None:
         frequency = frozen_array(self.frequency, "frequency", ("bin",))
@@ -54,6 +70,9 @@ class Calibration:
         object.__setattr__(self, "frequency", frequency)
         object.__setattr__(self, "response", response)
         object.__setattr__(self, "noise", noise)
+        if self.version < 1:
+            raise InputError(f"version of the calibration: expected 1 or more, got {self.version}")
+        self._check_parts()
 
     @classmethod
     def flat(cls, sensor: SensorGrid, *, sensitivity: float = 1.0, unit: Unit = "V") -> "Calibration":
@@ -72,6 +91,25 @@ class Calibration:
             provenance=Provenance(source=f"nominal: {sensitivity:g} {unit}/Pa, flat"),
         )
 
+    @property
+    def identifier(self) -> str:
+        """Eight letters and digits that change with sensor, unit, date, version, bins, response, noise or crosstalk."""
+        digest = hashlib.sha256(f"{self.sensor!r} {self.unit} {self.date} {self.version}".encode())
+        for part in (self.frequency, self.response, self.noise):
+            digest.update(part.tobytes())
+        if self.crosstalk is not None:
+            digest.update(self.crosstalk.matrix.tobytes())
+        return digest.hexdigest()[:8]
+
+    def uncertainty_at(self, frequency: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Standard uncertainty of the magnitude between the bins, as a part of it, shape (f, row, column).
+
+        None when the calibration was not measured.
+        """
+        if self.measurement is None:
+            return None
+        return self._between(frequency, self.measurement.magnitude_uncertainty)
+
     def response_at(self, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
         """The response between the bins, by linear interpolation of real and imaginary part; held at the ends.
 
@@ -85,8 +123,24 @@ class Calibration:
         ndarray of complex, shape (f, row, column)
             In `unit` per Pa.
         """
+        return self._between(frequency, self.response)
+
+    def _between(self, frequency: NDArray[np.float64], values: NDArray[Any]) -> NDArray[Any]:
+        """`values` of the bins, interpolated in a straight line and held at the ends."""
         where = np.clip(np.interp(frequency, self.frequency, np.arange(len(self.frequency))), 0, None)
         low = np.minimum(where.astype(int), len(self.frequency) - 2) if len(self.frequency) > 1 else where.astype(int)
         high = np.minimum(low + 1, len(self.frequency) - 1)
         part = (where - low)[:, None, None]
-        return (1 - part) * self.response[low] + part * self.response[high]
+        return (1 - part) * values[low] + part * values[high]
+
+    def _check_parts(self) -> None:
+        bins, cells = len(self.frequency), self.sensor.count
+        if self.measurement is not None and self.measurement.coherence.shape != (bins, *self.sensor.shape):
+            raise ShapeError(
+                f"measurement: expected shape {(bins, *self.sensor.shape)} like the response, got "
+                f"{self.measurement.coherence.shape}"
+            )
+        if self.crosstalk is not None and len(self.crosstalk.matrix) != cells:
+            raise ShapeError(f"crosstalk: expected {cells} x {cells}, got {self.crosstalk.matrix.shape}")
+        if self.linearity is not None and self.linearity.gain.shape != self.sensor.shape:
+            raise ShapeError(f"linearity: expected {self.sensor.shape} cells, got {self.linearity.gain.shape}")

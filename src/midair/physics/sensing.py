@@ -7,8 +7,9 @@ is the chain
 
 with s the sensitivity, g the channel's own gain, tau the relaxation of the gel (a Kelvin-Voigt layer), f_h the corner
 below which the microphone and the leak of its cavity hear nothing, and f_r and Q the resonance of the cavity (a
-Helmholtz resonator; Kinsler et al., Fundamentals of Acoustics, 10.8). Then come noise, the converter's limits and its
-steps. The paper gives no figures for these; the defaults are plausible, not measured.
+Helmholtz resonator; Kinsler et al., Fundamentals of Acoustics, 10.8). Cells may feel each other's pressure (crosstalk),
+channels may lag, an amplifier may saturate. Then come noise, the converter's limits and its steps. The paper gives no
+figures for these; the defaults are plausible, not measured.
 """
 
 from dataclasses import dataclass, field, replace
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model import Calibration, ControlGrid, Provenance, SensorGrid
+from midair.model import Calibration, ControlGrid, Crosstalk, Provenance, SensorGrid
 from midair.model.arrays import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -56,6 +57,12 @@ class SensorModel:
         Largest voltage that the converter takes, either sign, in V.
     bits : int
         Of the converter.
+    delay : ndarray, shape (row, column)
+        Of each channel, as of a converter that takes one after the other, in s, 0 or more; empty for none.
+    crosstalk : ndarray, shape (channel, channel)
+        Pressure that cell i feels over the pressure on cell k; empty for cells that feel only their own.
+    saturation : float
+        Voltage that the microphone's amplifier approaches but never reaches, v_s tanh(v / v_s), in V.
     """
 
     grid: SensorGrid = field(default_factory=SensorGrid)
@@ -71,6 +78,9 @@ class SensorModel:
     noise: float = 20e-6
     full_scale: float = 5.0
     bits: int = 16
+    delay: Array = field(default_factory=lambda: np.zeros(0))
+    crosstalk: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    saturation: float = np.inf
 
     def __post_init__(self) -> None:
         units = {"spread": "m", "aperture": "m", "sensitivity": "V/Pa", "high_pass": "Hz", "resonance": "Hz"}
@@ -87,6 +97,14 @@ class SensorModel:
             if factors.min() <= 0:
                 raise InputError(f"{name} of the sensor: expected factors above 0, got {factors.min():g}")
             object.__setattr__(self, name, factors)
+        if not self.saturation > 0:
+            raise InputError(f"saturation of the sensor: expected above 0 V, got {self.saturation:g} V")
+        delay = self.delay if np.size(self.delay) else np.zeros(self.grid.shape)
+        crosstalk = self.crosstalk if np.size(self.crosstalk) else np.eye(self.grid.count)
+        object.__setattr__(self, "delay", frozen_array(delay, "delay", self.grid.shape))
+        object.__setattr__(self, "crosstalk", frozen_array(crosstalk, "crosstalk", (self.grid.count, self.grid.count)))
+        if self.delay.min() < 0:
+            raise InputError(f"delay of the sensor: expected 0 s or more, got {self.delay.min():g} s")
 
     def with_spread(self, *, seed: int, gain: float = 0.1, corner: float = 0.1) -> "SensorModel":
         """The same sensor with channels that differ, as those of real sensors do.
@@ -157,7 +175,8 @@ def channel_response(model: SensorModel, frequency: Array) -> Complex:
     gel = 1 / (1 + 2j * np.pi * f * model.relaxation)
     cavity = 1 / (1 - (f / model.resonance) ** 2 + 1j * f / (model.quality * model.resonance))
     over = 1j * f / (model.high_pass * model.corner)
-    return np.asarray(model.sensitivity * model.gain * gel * cavity * over / (1 + over), np.complex128)
+    late = np.exp(-2j * np.pi * f * model.delay)
+    return np.asarray(model.sensitivity * model.gain * gel * cavity * over / (1 + over) * late, np.complex128)
 
 
 def sense(
@@ -206,7 +225,9 @@ def sense(
         raise ShapeError(
             f"pressure: expected shape (frame, {model.grid.rows}, {model.grid.columns}), got {pressure.shape}"
         )
-    volts = _respond(model, pressure, rate, oversample)
+    volts = _respond(model, _felt(model, pressure), rate, oversample)
+    if np.isfinite(model.saturation):
+        volts = model.saturation * np.tanh(volts / model.saturation)
     if rng is not None:
         volts = volts + model.noise * np.sqrt(rate / 2) * rng.standard_normal(volts.shape)
     return _convert(model, volts)
@@ -226,12 +247,15 @@ def calibration_of(model: SensorModel, *, highest: float = 4000.0, bins: int = 1
         with 1024 to better than 3e-5 of the response above 1 Hz.
     """
     frequency = np.concatenate([[0.0], np.geomspace(1.0, positive(highest, "highest", "Hz"), bins)])
+    alone = (model.crosstalk == np.eye(model.grid.count)).all()
+    own = model.crosstalk / np.diag(model.crosstalk)[:, None]
     return Calibration(
         sensor=model.grid,
         frequency=frequency,
-        response=channel_response(model, frequency),
+        response=channel_response(model, frequency) * np.diag(model.crosstalk).reshape(model.grid.shape),
         noise=np.full(model.grid.shape, model.noise),
         unit="V",
+        crosstalk=None if alone else Crosstalk(matrix=own, uncertainty=np.zeros_like(own)),
         provenance=Provenance(source="the sensor's model", simulated=True),
     )
 
@@ -252,6 +276,13 @@ def _ramp(x: Array, spread: float) -> Array:
     return spread * (z * ndtr(z) + np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi))
 
 
+def _felt(model: SensorModel, pressure: Array) -> Array:
+    """What the cells feel of the pressure on all of them, shape (frame, row, column)."""
+    if (model.crosstalk == np.eye(model.grid.count)).all():
+        return pressure
+    return (pressure.reshape(len(pressure), -1) @ model.crosstalk.T).reshape(pressure.shape)
+
+
 def _respond(model: SensorModel, pressure: Array, rate: float, oversample: int) -> Array:
     from scipy.fft import irfft, next_fast_len, rfft
 
@@ -259,7 +290,7 @@ def _respond(model: SensorModel, pressure: Array, rate: float, oversample: int) 
     slowest = (
         1 / (2 * np.pi * model.high_pass * model.corner.min()) + model.relaxation + model.quality / model.resonance
     )
-    settle = int(np.ceil(20 * slowest * rate)) + 1
+    settle = int(np.ceil((20 * slowest + model.delay.max()) * rate)) + 1
     fade = 0.5 + 0.5 * np.cos(np.pi * np.arange(1, settle * oversample) / (settle * oversample))
     held = np.concatenate([pressure, fade[:, None, None] * pressure[-1]])
     length = next_fast_len(frames + 2 * settle, real=True)

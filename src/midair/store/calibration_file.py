@@ -1,11 +1,15 @@
 """Calibrations: a file of their own, `name.calibration.h5`, or a group of the recording that they belong to."""
 
 import os
+from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from midair.errors import BrokenFileError, UnknownFormatError
-from midair.model import Calibration
+from midair.model import Calibration, Crosstalk, Linearity, Measurement
 from midair.store.axes import sensor_from, sensor_values
 from midair.store.hdf5 import kind_of, new_file, open_file, read_group, signature, stored_group, write_group
 from midair.store.provenance import from_json
@@ -15,6 +19,16 @@ if TYPE_CHECKING:
 
 SUFFIX = ".calibration.h5"
 """Of a calibration's file."""
+
+MEASUREMENT: Mapping[str, str] = {field.name: field.name for field in fields(Measurement)}
+CROSSTALK: Mapping[str, str] = {"crosstalk": "matrix", "crosstalk_uncertainty": "uncertainty"}
+LINEARITY: Mapping[str, str] = {
+    {"pressure": "level_pressure", "output": "level_output"}.get(field.name, field.name): field.name
+    for field in fields(Linearity)
+}
+"""Names in the file: attributes of the parts."""
+
+Part = TypeVar("Part", Measurement, Crosstalk, Linearity)
 
 
 def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> None:
@@ -83,7 +97,22 @@ def read_calibration(group: "h5py.Group", path: Path) -> Calibration:
         unit=values["unit"],
         date=values["date"],
         provenance=from_json(values["provenance"]),
+        version=values.get("version", 1),
+        measurement=_part(Measurement, MEASUREMENT, values, path),
+        crosstalk=_part(Crosstalk, CROSSTALK, values, path),
+        linearity=_part(Linearity, LINEARITY, values, path),
     )
+
+
+def _part(part: type[Part], names: Mapping[str, str], values: Mapping[str, Any], path: Path) -> Part | None:
+    """A part of a calibration if the file has it; all of it or nothing."""
+    present = [name for name in names if name in values]
+    if not present:
+        return None
+    if len(present) < len(names):
+        missing = ", ".join(name for name in names if name not in values)
+        raise BrokenFileError(f"{path}: expected {missing} beside {present[0]}, found none; the file is damaged")
+    return part(**{attribute: values[name] for name, attribute in names.items()})
 
 
 def _values(calibration: Calibration) -> dict[str, Any]:
@@ -96,4 +125,19 @@ def _values(calibration: Calibration) -> dict[str, Any]:
         "response_real": calibration.response.real,
         "response_imag": calibration.response.imag,
         "noise": calibration.noise,
+        "version": calibration.version,
+        **_stored(calibration.measurement, MEASUREMENT),
+        **_stored(calibration.crosstalk, CROSSTALK),
+        **_axis("channel", "pressed", count=calibration.sensor.count if calibration.crosstalk else 0),
+        **_stored(calibration.linearity, LINEARITY),
+        **_axis("level", count=calibration.linearity.levels if calibration.linearity else 0),
     }
+
+
+def _stored(part: object, names: Mapping[str, str]) -> dict[str, Any]:
+    """What is stored of a part of a calibration; nothing if there is none."""
+    return {} if part is None else {name: getattr(part, attribute) for name, attribute in names.items()}
+
+
+def _axis(*names: str, count: int) -> dict[str, Any]:
+    return {name: np.arange(count) for name in names} if count else {}

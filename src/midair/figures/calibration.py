@@ -1,0 +1,250 @@
+"""A calibration on one page: response, how sure it is, coherence, noise, crosstalk, linearity, delay."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.figures.style import Style, new_figure, plain
+from midair.model import Calibration, Crosstalk, Linearity, Measurement
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+def calibration_figure(calibration: Calibration, *, style: Style | None = None) -> Figure:
+    """Nine panels; what was not measured says so. Bands and bars are expanded uncertainties (k = 2)."""
+    style = style or Style()
+    figure = new_figure(15.0, 11.0, simulated=calibration.provenance.simulated, style=style)
+    axes = figure.subplots(3, 3)
+    measured = calibration.measurement
+    _response(axes[0, 0], calibration, style)
+    _deviation(axes[0, 1], calibration, style)
+    _phase(axes[0, 2], calibration, style)
+    _uncertainty(axes[1, 0], calibration, measured, style)
+    _coherence(axes[1, 1], calibration, measured, style)
+    _noise(axes[1, 2], calibration, style)
+    _crosstalk(figure, axes[2, 0], calibration.crosstalk, style)
+    _linearity(axes[2, 1], calibration.linearity, style)
+    _delay(axes[2, 2], measured, style)
+    figure.suptitle(_title(calibration), fontsize=10, x=0.01, ha="left", color=style.ink)
+    return figure
+
+
+def _title(calibration: Calibration) -> str:
+    sensor, measured = calibration.sensor, calibration.measurement
+    first = (
+        f"{sensor.name}, {sensor.rows} x {sensor.columns}, calibration {calibration.identifier}, version "
+        f"{calibration.version}, {calibration.date or 'no date'}"
+    )
+    return f"{first}\n{calibration.provenance.source}{'' if measured is None else f': {measured.method}'}"
+
+
+def _colours(count: int) -> Array:
+    from matplotlib import colormaps
+
+    return np.asarray(colormaps["viridis"](np.linspace(0, 0.92, count)))
+
+
+def _curves(values: Array) -> Array:
+    """Shape (channel, bin)."""
+    return values.reshape(len(values), -1).T
+
+
+def _line(axis: Axes, frequency: Array, values: Array, colour: Array) -> None:
+    """A curve, or a dot where there is one bin only."""
+    axis.plot(
+        frequency, values, color=tuple(colour), linewidth=0.8, marker="o" if len(frequency) == 1 else "", markersize=4
+    )
+
+
+def _band(axis: Axes, frequency: Array, low: Array, high: Array, colour: Array, alpha: float) -> None:
+    axis.fill_between(frequency, low, high, color=tuple(colour), alpha=alpha, linewidth=0)
+
+
+def _heard(calibration: Calibration) -> tuple[Array, list[int]]:
+    """Magnitude, shape (channel, bin), and the channels that hear something everywhere."""
+    size = _curves(np.abs(calibration.response))
+    return size, [channel for channel, one in enumerate(size) if (one > 0).all()]
+
+
+def _frequency_axis(axis: Axes, calibration: Calibration, label: str, style: Style) -> Axes:
+    plain(axis, style)
+    axis.set_xlabel("frequency (Hz)", fontsize=9)
+    axis.set_ylabel(label, fontsize=9)
+    low, high = calibration.frequency[[0, -1]]
+    if 0 < low < high:
+        axis.set_xscale("log")
+        ticks = [f for f in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000) if low <= f <= high]
+        axis.set_xticks(ticks, [str(f) for f in ticks])
+        axis.minorticks_off()
+    axis.margins(x=0)
+    return axis
+
+
+def _expanded(calibration: Calibration) -> Array | None:
+    """Twice the relative uncertainty of the magnitude, shape (channel, bin)."""
+    measured = calibration.measurement
+    return None if measured is None else 2 * _curves(measured.magnitude_uncertainty)
+
+
+def _response(axis: Axes, calibration: Calibration, style: Style) -> None:
+    _frequency_axis(axis, calibration, f"response ({calibration.unit}/Pa)", style)
+    size, heard = _heard(calibration)
+    wide, colours = _expanded(calibration), _colours(len(size))
+    for channel in heard:
+        _line(axis, calibration.frequency, size[channel], colours[channel])
+        if wide is not None:
+            low, high = size[channel] * (1 - np.minimum(wide[channel], 0.99)), size[channel] * (1 + wide[channel])
+            _band(axis, calibration.frequency, low, high, colours[channel], 0.15)
+    axis.set_yscale("log")
+    axis.set_title("magnitude, channel 0 (dark) to the last (light)", fontsize=8, loc="left")
+
+
+def _deviation(axis: Axes, calibration: Calibration, style: Style) -> None:
+    """How the channels differ: only what they do not share is uncertain here."""
+    _frequency_axis(axis, calibration, "re mean of the channels (dB)", style)
+    size, heard = _heard(calibration)
+    if not heard:
+        return
+    mean, colours, measured = size[heard].mean(axis=0), _colours(len(size)), calibration.measurement
+    for channel in heard:
+        level = 20 * np.log10(size[channel] / mean)
+        _line(axis, calibration.frequency, level, colours[channel])
+        if measured is not None:
+            own = _curves(measured.magnitude_uncertainty)[channel] ** 2 - measured.reference_uncertainty**2
+            wide = 20 / np.log(10) * 2 * np.sqrt(np.maximum(own, 0))
+            axis.fill_between(
+                calibration.frequency, level - wide, level + wide, color=colours[channel], alpha=0.3, lw=0
+            )
+    axis.set_title("difference between channels", fontsize=8, loc="left")
+
+
+def _phase(axis: Axes, calibration: Calibration, style: Style) -> None:
+    _frequency_axis(axis, calibration, "phase (rad)", style)
+    _, heard = _heard(calibration)
+    phase, colours = np.unwrap(_curves(np.angle(calibration.response)), axis=1), _colours(calibration.sensor.count)
+    measured = calibration.measurement
+    for channel in heard:
+        _line(axis, calibration.frequency, phase[channel], colours[channel])
+        if measured is not None:
+            wide = 2 * _curves(measured.phase_uncertainty)[channel]
+            axis.fill_between(
+                calibration.frequency,
+                phase[channel] - wide,
+                phase[channel] + wide,
+                color=colours[channel],
+                alpha=0.15,
+                lw=0,
+            )
+    axis.set_title("phase", fontsize=8, loc="left")
+
+
+def _uncertainty(axis: Axes, calibration: Calibration, measured: Measurement | None, style: Style) -> None:
+    _frequency_axis(axis, calibration, "uncertainty of the magnitude (%, k = 2)", style)
+    if measured is None:
+        return _absent(axis, "stated, not measured: nobody knows", style)
+    each = 200 * _curves(measured.magnitude_uncertainty)
+    axis.fill_between(
+        calibration.frequency,
+        each.min(axis=0),
+        each.max(axis=0),
+        color=style.before,
+        alpha=0.4,
+        lw=0,
+        label="all channels",
+    )
+    axis.plot(calibration.frequency, np.median(each, axis=0), color=style.original, lw=1, label="median")
+    axis.axhline(
+        200 * measured.reference_uncertainty, color=style.reproduced, lw=1, ls="--", label="shared: the reference"
+    )
+    axis.set_ylim(0, max(1.1 * float(np.quantile(each, 0.99)), 220 * measured.reference_uncertainty, 1e-3))
+    axis.legend(fontsize=8, frameon=False)
+    axis.set_title("how sure", fontsize=8, loc="left")
+    return None
+
+
+def _coherence(axis: Axes, calibration: Calibration, measured: Measurement | None, style: Style) -> None:
+    _frequency_axis(axis, calibration, "1 - coherence (1)", style)
+    if measured is None:
+        return _absent(axis, "not measured", style)
+    lost, colours = np.maximum(1 - _curves(measured.coherence), 1e-9), _colours(calibration.sensor.count)
+    for channel in _heard(calibration)[1]:
+        _line(axis, calibration.frequency, lost[channel], colours[channel])
+    axis.axhline(0.1, color=style.reproduced, lw=1, ls="--")
+    axis.set_yscale("log")
+    axis.set_title("not explained by the reference; a bin above the dashed line is rejected", fontsize=8, loc="left")
+    return None
+
+
+def _noise(axis: Axes, calibration: Calibration, style: Style) -> None:
+    _frequency_axis(axis, calibration, "noise-equivalent pressure (mPa/√Hz)", style)
+    size, heard = _heard(calibration)
+    measured, colours = calibration.measurement, _colours(len(size))
+    white = np.broadcast_to(calibration.noise, (len(calibration.frequency), *calibration.noise.shape))
+    density = _curves(white if measured is None else measured.noise_density)
+    for channel in heard:
+        _line(axis, calibration.frequency, 1e3 * density[channel] / size[channel], colours[channel])
+    if density.max() > 0:
+        axis.set_yscale("log")
+    axis.set_title("noise floor", fontsize=8, loc="left")
+
+
+def _crosstalk(figure: Figure, axis: Axes, crosstalk: Crosstalk | None, style: Style) -> None:
+    axis.tick_params(labelsize=8, color=style.faint, labelcolor=style.ink)
+    axis.set_xlabel("pressed cell (channel)", fontsize=9)
+    axis.set_ylabel("hearing channel", fontsize=9)
+    if crosstalk is None:
+        return _absent(axis, "not measured: press on each cell alone", style)
+    level = 20 * np.log10(np.maximum(np.abs(crosstalk.matrix), 1e-5))
+    image = axis.imshow(level, cmap=style.quantity, vmin=-60, vmax=0, origin="upper")
+    bar = figure.colorbar(image, ax=axis, shrink=0.9)
+    bar.set_label("crosstalk (dB)", fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+    away = ~np.eye(len(level), dtype=bool)
+    if away.any():
+        worst, unsure = np.abs(crosstalk.matrix[away]).max(), 2 * np.median(crosstalk.uncertainty[away])
+        axis.set_title(f"crosstalk, at most {worst:.3g}, each to {unsure:.1g} (median, k = 2)", fontsize=8, loc="left")
+    return None
+
+
+def _linearity(axis: Axes, linearity: Linearity | None, style: Style) -> None:
+    plain(axis, style)
+    axis.set_xlabel("pressure (Pa rms)", fontsize=9)
+    axis.set_ylabel("output re the line through 0 (%)", fontsize=9)
+    if linearity is None:
+        return _absent(axis, "not measured: five levels or more", style)
+    x, y = _curves(linearity.pressure), _curves(linearity.output)
+    gain, colours = linearity.gain.ravel()[:, None], _colours(len(x))
+    for channel, away in enumerate(100 * (y / np.where(gain * x == 0, 1, gain * x) - 1)):
+        axis.plot(x[channel], away, "o-", color=colours[channel], markersize=3, linewidth=0.7)
+    axis.axhline(0, color=style.faint, lw=1)
+    worst = int(np.argmax(np.abs(linearity.curvature)))
+    bend, unsure = linearity.curvature.ravel()[worst], 2 * linearity.curvature_uncertainty.ravel()[worst]
+    axis.set_title(
+        f"linearity: largest bend {100 * bend:.2g} ± {100 * unsure:.2g} % (channel {worst})", fontsize=8, loc="left"
+    )
+    return None
+
+
+def _delay(axis: Axes, measured: Measurement | None, style: Style) -> None:
+    plain(axis, style)
+    axis.set_xlabel("channel", fontsize=9)
+    axis.set_ylabel("delay (ms)", fontsize=9)
+    if measured is None or not measured.delay.any():
+        return _absent(axis, "not measured", style)
+    delay, wide = 1e3 * measured.delay.ravel(), 2e3 * measured.delay_uncertainty.ravel()
+    axis.errorbar(np.arange(len(delay)), delay, yerr=wide, fmt="o", color=style.original, markersize=4, capsize=2)
+    axis.set_title("delay in the upper half of the band", fontsize=8, loc="left")
+    return None
+
+
+def _absent(axis: Axes, words: str, style: Style) -> None:
+    axis.text(0.5, 0.5, words, ha="center", va="center", fontsize=9, color=style.ink, transform=axis.transAxes)
+    axis.set_xticks([])
+    axis.set_yticks([])
