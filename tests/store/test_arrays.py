@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
-from midair.errors import BrokenFileError, UnitError
+from midair.errors import BrokenFileError, MismatchError, UnitError
 from midair.model import SensorGrid
 from midair.store import load, read, save
 
@@ -104,3 +104,26 @@ def test_reads_mat_of_version_73(tmp_path):
 def test_reads_mat_of_version_4(tmp_path):
     savemat(tmp_path / "a.mat", {"x": np.arange(32.0).reshape(2, 16)}, format="4")
     assert load(tmp_path / "a.mat", **SAID).frames == 2
+
+
+@each
+def test_one_row_or_column_is_one_channel(ending, tmp_path):
+    data = np.random.default_rng(0).normal(size=50)
+    for shape in ((50, 1), (1, 50)):
+        seen = read(write(tmp_path / f"a{ending}", {"wave": data.reshape(shape), "fs": 3.0}), **SAID)
+        np.testing.assert_array_equal(seen.recording.samples.ravel(), data)
+        assert seen.recording.sensor.count == 1
+    assert "one channel of 50 frames" in seen.report[0]
+
+
+def test_a_plain_row_of_numbers_is_one_channel(tmp_path):
+    np.savez(tmp_path / "a.npz", wave=np.arange(9.0))
+    assert load(tmp_path / "a.npz", **SAID).frames == 9
+
+
+@each
+def test_takes_the_array_that_is_named(ending, tmp_path):
+    path = write(tmp_path / f"a{ending}", {"a": np.ones((3, 4)), "b": np.zeros((3, 4))})
+    assert load(path, **SAID, stream="b", channels=["1"]).samples.max() == 0
+    with pytest.raises(MismatchError, match="called 'c'"):
+        load(path, **SAID, stream="c")

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.errors import MismatchError, RateError, ShapeError, UnitError
+from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
 from midair.model import SensorGrid
 from midair.store.imported import Foreign, Given
 
@@ -49,3 +49,42 @@ def test_the_report_goes_into_the_provenance(path):
 def test_refuses_what_nobody_says_or_what_does_not_fit(shape, given, error, path):
     with pytest.raises(error, match=r"a\.bin"):
         foreign(shape).settle(given, path)
+
+
+def test_channels_are_chosen_by_name_or_number_in_any_order(path):
+    samples = np.arange(12.0).reshape(3, 4)
+    file = Foreign(samples=samples, form="bin", rate=10.0, names=("a", "b", "c", "d"), units=("V", "Pa", "V", None))
+    pair = SensorGrid(rows=1, columns=2)
+    seen = file.settle(Given(channels=("c", "0"), sensor=pair), path)
+    np.testing.assert_array_equal(seen.recording.samples[:, 0], samples[:, [2, 0]])
+    assert seen.recording.unit == "V"
+    assert seen.recording.provenance.steps[0].settings["channels"] == ("c", "a")
+    with pytest.raises(UnitError):
+        file.settle(Given(channels=("a", "b"), sensor=pair), path)
+
+
+@pytest.mark.parametrize("channels", [("e",), ("4",), ("-1",), (), ("a", "0")])
+def test_refuses_channels_that_are_not_there_or_there_twice(channels, path):
+    file = foreign((3, 4), rate=10.0, unit="V", names=("a", "b", "c", "d"))
+    with pytest.raises(ShapeError, match=r"expected (a channel by name|channels that are there once)"):
+        file.settle(Given(channels=channels), path)
+
+
+def test_a_chosen_channel_tells_of_rows_that_repeat(path):
+    rng = np.random.default_rng(0)
+    samples = rng.normal(size=(50, 2))
+    samples[[7, 20, 21], 0] = samples[[6, 19, 19], 0]
+    seen = Foreign(samples=samples, form="bin", rate=10.0, unit="V").settle(Given(channels=("0",)), path)
+    assert seen.report == ("3 of 50 rows repeat every channel of the row before, at a later time: they were kept.",)
+
+
+def test_a_scale_makes_pressure_of_any_number(path):
+    recording = Foreign(samples=np.full((3, 1), 2.0), form="bin", rate=10.0).settle(Given(scale=1.5), path).recording
+    assert (recording.unit, recording.samples[0, 0, 0]) == ("Pa", 3.0)
+    with pytest.raises(MismatchError, match="the file says Pa"):
+        foreign((3, 1), rate=10.0, unit="Pa").settle(Given(scale=2.0), path)
+    with pytest.raises(MismatchError, match="leave unit out"):
+        Given(scale=2.0, unit="V")
+    for scale in (0.0, np.nan):
+        with pytest.raises(InputError, match="other than 0 Pa"):
+            Given(scale=scale)

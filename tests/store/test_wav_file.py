@@ -27,8 +27,8 @@ def test_other_programs_read_midairs_own_below_full_scale(recording, tmp_path):
     scale = 2.0 ** np.ceil(np.log2(np.abs(recording.samples).max()))
     np.testing.assert_array_equal(samples * scale, recording.samples.reshape(40, 15))
     assert 0.5 <= np.abs(samples).max() < 1
-    assert "others than midair read 333 Hz for 333.333333 Hz" in lost[0]
-    assert f"Full scale is 2^{int(np.log2(scale))} Pa" in lost[1]
+    assert "others than midair read 333 Hz for 333.333333 Hz" in str(lost[0])
+    assert f"Full scale is 2^{int(np.log2(scale))} Pa" in str(lost[1])
 
 
 def test_whole_rates_lose_nothing_but_the_scale(recording, tmp_path):
@@ -36,7 +36,7 @@ def test_whole_rates_lose_nothing_but_the_scale(recording, tmp_path):
     assert len(save(whole, tmp_path / "a.wav")) == 1
 
 
-@pytest.mark.parametrize("subtype", ["PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
+@pytest.mark.parametrize("subtype", ["PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
 def test_reads_every_subtype_to_full_scale_one(subtype, foreign):
     seen = read(foreign(subtype), unit="V")
     np.testing.assert_array_equal(seen.recording.samples.ravel(), [0.5, -0.25, 0])
@@ -45,7 +45,9 @@ def test_reads_every_subtype_to_full_scale_one(subtype, foreign):
     assert seen.report == (f"Full scale of the WAV ({subtype}) was taken as 1 V.",)
 
 
-@pytest.mark.parametrize(("subtype", "full"), [("PCM_16", 2**15), ("PCM_24", 2**23), ("PCM_32", 2**31), ("FLOAT", 1)])
+@pytest.mark.parametrize(
+    ("subtype", "full"), [("PCM_U8", 2**7), ("PCM_16", 2**15), ("PCM_24", 2**23), ("PCM_32", 2**31), ("FLOAT", 1)]
+)
 def test_counts_are_the_whole_numbers_of_the_file(subtype, full, foreign):
     np.testing.assert_array_equal(
         load(foreign(subtype), unit="count").samples.ravel(), np.array([0.5, -0.25, 0]) * full
@@ -99,3 +101,40 @@ def test_refuses_more_cells_than_channels(tmp_path):
     with pytest.raises(FileError, match="up to 1024 channels, got a sensor of 1056"):
         save(large, tmp_path / "a.wav")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("form", "ending"), [("W64", ".w64"), ("RF64", ".rf64"), ("RF64", ".wav"), ("WAVEX", ".wav")])
+@pytest.mark.parametrize(("subtype", "channels"), [("PCM_24", 1), ("DOUBLE", 16), ("FLOAT", 16), ("PCM_16", 3)])
+def test_reads_the_forms_for_long_files(form, ending, subtype, channels, tmp_path):
+    samples = np.random.default_rng(0).integers(-100, 100, (20, channels)) / 128
+    soundfile.write(tmp_path / f"a{ending}", samples, 4000, subtype=subtype, format=form)
+    sensor = SensorGrid(rows=1, columns=channels)
+    seen = read(tmp_path / f"a{ending}", unit="V", sensor=sensor)
+    np.testing.assert_array_equal(seen.recording.samples.reshape(20, channels), samples)
+    assert seen.recording.rate == 4000
+
+
+@pytest.mark.parametrize(("form", "ending"), [("W64", ".w64"), ("RF64", ".rf64")])
+@pytest.mark.parametrize("kept", [0.1, 0.5, 0.95])
+def test_refuses_long_forms_that_were_cut(form, ending, kept, tmp_path):
+    path = tmp_path / f"a{ending}"
+    soundfile.write(path, np.random.default_rng(0).random((200, 16)), 4000, subtype="DOUBLE", format=form)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(kept * len(data))])
+    with pytest.raises(BrokenFileError):
+        load(path, unit="V")
+
+
+def test_takes_channels_in_the_order_that_is_given(tmp_path):
+    samples = np.arange(12).reshape(3, 4) / 16
+    soundfile.write(tmp_path / "a.wav", samples, 8000, subtype="FLOAT")
+    got = load(tmp_path / "a.wav", unit="V", channels=["2", "0"], sensor=SensorGrid(rows=2, columns=1))
+    np.testing.assert_array_equal(got.samples[:, :, 0], samples[:, [2, 0]])
+
+
+def test_full_scale_can_be_a_pressure(foreign):
+    seen = read(foreign("PCM_16"), scale=30.0)
+    np.testing.assert_array_equal(seen.recording.samples.ravel(), [15, -7.5, 0])
+    assert seen.recording.unit == "Pa"
+    assert seen.report == ("Full scale of the WAV (PCM_16) was taken as 30 Pa.",)
+    assert seen.recording.provenance.steps[0].settings["scale_pa"] == 30

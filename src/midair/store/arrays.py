@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import BrokenFileError
+from midair.errors import BrokenFileError, MismatchError
 from midair.store.header import parse_header, recording_from
 from midair.store.imported import Foreign, Given, Imported
 
@@ -22,17 +22,30 @@ def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: Given) 
     """
     if "midair" in arrays:
         return _own(arrays, path, given)
+    name = _chosen(arrays, path, given)
+    samples = np.asarray(arrays[name], np.float64)
+    report: tuple[str, ...] = ()
+    if samples.ndim == 1 or samples.shape[0] == 1:
+        report = (f"Array {name} {samples.shape} was taken as one channel of {samples.size} frames.",)
+        samples = samples.reshape(-1, 1)
+    return Foreign(samples=samples, form=form, settings={"array": name}, report=report).settle(given, path)
+
+
+def _chosen(arrays: Mapping[str, Any], path: Path, given: Given) -> str:
+    """The name of the array that can be frames: the one that was asked for, or "samples", or the only one."""
     names = [name for name, array in arrays.items() if _frames(array)]
-    if "samples" in names:
-        names = ["samples"]
-    if len(names) != 1:
-        found = ", ".join(f"{name} {np.shape(array)}" for name, array in arrays.items()) or "nothing"
-        raise BrokenFileError(
-            f"{path}: expected one array of numbers with axes (frame, channel) or (frame, row, column), or one called "
-            f"samples, got {found}"
-        )
-    samples = np.asarray(arrays[names[0]], np.float64)
-    return Foreign(samples=samples, form=form, settings={"array": names[0]}).settle(given, path)
+    found = ", ".join(f"{name} {np.shape(array)}" for name, array in arrays.items()) or "nothing"
+    if given.stream is not None:
+        if given.stream not in names:
+            raise MismatchError(f"{path}: expected an array of frames called {given.stream!r}, got {found}")
+        return given.stream
+    for only in (["samples"] if "samples" in names else [], [name for name in names if arrays[name].ndim > 1], names):
+        if len(only) == 1:
+            return only[0]
+    raise BrokenFileError(
+        f"{path}: expected one array of numbers with axes (frame, channel) or (frame, row, column), or one called "
+        f"samples, or to be told which (stream), got {found}"
+    )
 
 
 def _own(arrays: Mapping[str, Any], path: Path, given: Given) -> Imported:
@@ -48,8 +61,8 @@ def _own(arrays: Mapping[str, Any], path: Path, given: Given) -> Imported:
 
 
 def _frames(array: Any) -> bool:
-    """Whether an array can be frames: numbers, real, with two or three axes, and more than one number."""
-    return isinstance(array, np.ndarray) and array.dtype.kind in "fiu" and array.ndim in (2, 3) and array.size > 1
+    """Whether an array can be frames: numbers, real, with one to three axes, and more than one number."""
+    return isinstance(array, np.ndarray) and array.dtype.kind in "fiu" and array.ndim in (1, 2, 3) and array.size > 1
 
 
 def _text(array: Any) -> str:

@@ -10,8 +10,9 @@ from midair.errors import BrokenFileError
 from midair.model import Calibration, Recording, Unit
 from midair.store import fabricslide
 from midair.store.files import whole_file
-from midair.store.header import calibration_lost, header_of, parse_header, recording_from
+from midair.store.header import header_of, parse_header, recording_from
 from midair.store.imported import Foreign, Given, Imported
+from midair.store.loss import Loss, calibration_lost
 from midair.store.stamps import uniform
 from midair.store.table import Table, read_table
 
@@ -19,7 +20,7 @@ MARK = "# midair "
 """What midair's own files begin with."""
 
 
-def write_csv(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[str, ...]:
+def write_csv(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
     """Write a comment with everything but the samples, a row of names, and a row a frame; every digit that matters."""
     sensor = recording.sensor
     cells = [
@@ -67,7 +68,7 @@ def _own(text: str, path: Path, given: Given) -> Imported:
 def _foreign(table: Table, given: Given) -> Foreign:
     clock = next((i for i, name in enumerate(table.names) if _TIME.fullmatch(name)), None)
     if clock is None:
-        return Foreign(samples=table.values, form="CSV", unit=_common_unit(table.names))
+        return Foreign(samples=table.values, form="CSV", names=table.names, units=_units(table.names))
     seconds, report = _seconds(table, clock)
     names = tuple(name for i, name in enumerate(table.names) if i != clock)
     even = uniform(seconds, np.delete(table.values, clock, axis=1), rate=given.rate)
@@ -75,7 +76,8 @@ def _foreign(table: Table, given: Given) -> Foreign:
         samples=even.samples,
         form="CSV",
         rate=even.rate,
-        unit=_common_unit(names),
+        names=names,
+        units=_units(names),
         settings={"columns": names, "rate_hz": even.rate, "interpolation": "linear"},
         report=(*report, *even.report),
     )
@@ -98,7 +100,7 @@ def _seconds(table: Table, clock: int) -> tuple[np.ndarray, tuple[str, ...]]:
     return stamps * _SECONDS[guessed], (f"Column {name!r} does not say its unit: {guessed} was assumed.",)
 
 
-def _common_unit(names: tuple[str, ...]) -> Unit | None:
-    """The unit that stands in brackets behind every name."""
+def _units(names: tuple[str, ...]) -> tuple[Unit | None, ...]:
+    """The unit that stands in brackets behind each name."""
     units: tuple[Unit, ...] = get_args(Unit)
-    return next((unit for unit in units if names and all(name.endswith(f"[{unit}]") for name in names)), None)
+    return tuple(next((unit for unit in units if name.endswith(f"[{unit}]")), None) for name in names)

@@ -42,6 +42,7 @@ def foreign(table: Table, path: Path, given: Given) -> Foreign:
         form="CSV of FabricSlide",
         rate=even.rate,
         unit="count",
+        names=COLUMNS[3:],
         sensor=SensorGrid(name="CPM-finger of FabricSlide"),
         notes={**_notes(path), **layout},
         settings={"left_out": COLUMNS[1:3], "rate_hz": even.rate, "interpolation": "linear"},

@@ -114,7 +114,8 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
 def refusing(path: Path, expected: str) -> Generator[None]:
     """Turn what a parser says about damaged bytes into one line that names the file.
 
-    Errors of midair (a NaN, a wrong shape) keep their type and get the file's name if they lack it.
+    Errors of midair (a NaN, a wrong shape) keep their type, get the file's name if they lack it, and lose what cannot
+    be printed: names in damaged files.
 
     Raises
     ------
@@ -126,9 +127,10 @@ def refusing(path: Path, expected: str) -> Generator[None]:
     try:
         yield
     except MidairError as wrong:
-        if str(path) in str(wrong):
+        text = "".join(letter if letter.isprintable() else "?" for letter in str(wrong).replace("\n", " "))
+        if text == str(wrong) and str(path) in text:
             raise
-        raise type(wrong)(f"{path}: {wrong}") from wrong
+        raise type(wrong)(text if str(path) in text else f"{path}: {text}") from wrong
     except PARSER_FAILURES as wrong:
         raise BrokenFileError(
             f"{path}: expected {expected}, got a damaged or foreign file ({reason(wrong)})"

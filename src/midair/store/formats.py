@@ -1,7 +1,7 @@
 """Which format a file name means, and the two doors of the store: `load` and `save`."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,17 +10,24 @@ import numpy as np
 from midair.errors import UnknownFormatError
 from midair.model import Calibration, Recording, SensorGrid, Unit
 from midair.store import calibration_file, drive_file
+from midair.store.ahap_file import write_ahap
 from midair.store.channels import suspicious
 from midair.store.csv_file import read_csv, write_csv
 from midair.store.files import existing_file, refusing
+from midair.store.hjif_file import write_hjif
 from midair.store.imported import Given, Imported
+from midair.store.loss import Loss
 from midair.store.mat_file import read_mat, write_mat
+from midair.store.mcap_file import read_mcap
+from midair.store.netcdf_file import write_netcdf
 from midair.store.npz_file import read_npz, write_npz
 from midair.store.recording_file import read_recording, write_recording
+from midair.store.tdms_file import read_tdms
 from midair.store.wav_file import read_wav, write_wav
+from midair.store.xdf_file import read_xdf
 
 Reader = Callable[[Path, Given], Imported]
-Writer = Callable[[Recording, Path, Calibration | None], tuple[str, ...]]
+Writer = Callable[[Recording, Path, Calibration | None], tuple[Loss, ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,13 +38,13 @@ class Format:
     ----------
     name : str
         What to call it.
-    read, write : callable
-        The doors in and out.
+    read, write : callable or None
+        The doors in and out; None where there is none.
     """
 
     name: str
-    read: Reader
-    write: Writer
+    read: Reader | None = None
+    write: Writer | None = None
 
 
 HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
@@ -49,6 +56,14 @@ FORMATS: Mapping[str, Format] = {
     ".wav": Format(name="WAV", read=read_wav, write=write_wav),
     ".npz": Format(name="NPZ", read=read_npz, write=write_npz),
     ".mat": Format(name="MAT", read=read_mat, write=write_mat),
+    ".nc": Format(name="NetCDF of midair", read=read_recording, write=write_netcdf),
+    ".w64": Format(name="Wave64", read=read_wav),
+    ".rf64": Format(name="RF64", read=read_wav),
+    ".xdf": Format(name="XDF", read=read_xdf),
+    ".tdms": Format(name="TDMS", read=read_tdms),
+    ".mcap": Format(name="MCAP", read=read_mcap),
+    ".hjif": Format(name="MPEG haptics", write=write_hjif),
+    ".ahap": Format(name="AHAP", write=write_ahap),
 }
 """By the end of a file's name, in small letters."""
 
@@ -65,6 +80,9 @@ def load(
     rate: float | None = None,
     unit: Unit | None = None,
     sensor: SensorGrid | None = None,
+    scale: float | None = None,
+    channels: Sequence[str] | None = None,
+    stream: str | None = None,
 ) -> Recording:
     """The recording in a file of any format that midair knows.
 
@@ -74,13 +92,20 @@ def load(
     Parameters
     ----------
     path : str or PathLike
-        Its ending tells the format: .h5, .hdf5, .csv, .wav, .npz or .mat.
+        Its ending tells the format: .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .mat, .nc, .xdf, .tdms or .mcap.
     rate : float, optional
         Frames per second, in Hz.
     unit : {"V", "count", "Pa"}, optional
         Of the samples.
     sensor : SensorGrid, optional
         How the channels are laid out.
+    scale : float, optional
+        Pressure that 1 of the file's numbers means, in Pa: of full scale, of a volt, of 1 m/s2.
+    channels : sequence of str, optional
+        The ones to take, in this order, by name or by number from 0.
+    stream : str, optional
+        Which one to take of a file that holds several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of
+        NPZ or MAT.
 
     Returns
     -------
@@ -94,7 +119,7 @@ def load(
     InputError
         Its leaf that says what is missing or cannot be used.
     """
-    return read(path, rate=rate, unit=unit, sensor=sensor).recording
+    return read(path, rate=rate, unit=unit, sensor=sensor, scale=scale, channels=channels, stream=stream).recording
 
 
 def read(
@@ -103,19 +128,27 @@ def read(
     rate: float | None = None,
     unit: Unit | None = None,
     sensor: SensorGrid | None = None,
+    scale: float | None = None,
+    channels: Sequence[str] | None = None,
+    stream: str | None = None,
 ) -> Imported:
     """`load`, with a report: one sentence for each thing that was assumed, changed, left out or looks wrong."""
     form = format_of(path)
+    if form.read is None:
+        known = ", ".join(ending for ending, each in FORMATS.items() if each.read)
+        raise UnknownFormatError(f"{path}: {form.name} holds effects, not a recording; what can be read is {known}")
     file = existing_file(path)
     # Damaged numbers may overflow on the way; the recording refuses what is not finite.
     with refusing(file, f"a {form.name} file"), np.errstate(all="ignore"):
-        imported = form.read(file, Given(rate=rate, unit=unit, sensor=sensor))
+        chosen = None if channels is None else tuple(channels)
+        given = Given(rate=rate, unit=unit, sensor=sensor, scale=scale, channels=chosen, stream=stream)
+        imported = form.read(file, given)
     return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
 
 
 def save(
     recording: Recording, path: str | os.PathLike[str], *, calibration: Calibration | None = None
-) -> tuple[str, ...]:
+) -> tuple[Loss, ...]:
     """Write a recording in the format that the ending of `path` tells, whole or not at all.
 
     Parameters
@@ -123,14 +156,14 @@ def save(
     recording : Recording
         To write.
     path : str or PathLike
-        Ends in .h5, .hdf5, .csv, .wav, .npz or .mat; replaced in one piece if it is there.
+        Ends in .h5, .hdf5, .csv, .wav, .npz, .mat, .nc, .hjif or .ahap; replaced in one piece if it is there.
     calibration : Calibration, optional
         Of its sensor, to keep in the same file.
 
     Returns
     -------
-    tuple of str
-        One sentence for each thing that the format cannot hold; empty when nothing is lost.
+    tuple of Loss
+        One for each thing that the format cannot hold; empty when nothing is lost.
 
     Raises
     ------
@@ -139,7 +172,11 @@ def save(
     FileError
         If the file cannot be written.
     """
-    return format_of(path).write(recording, Path(path), calibration)
+    form = format_of(path)
+    if form.write is None:
+        known = ", ".join(ending for ending, each in FORMATS.items() if each.write)
+        raise UnknownFormatError(f"{path}: {form.name} is read, not written; what can be written is {known}")
+    return form.write(recording, Path(path), calibration)
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:

@@ -8,7 +8,6 @@ reader beside a writer (SWMR); numbers of finished files carry a checksum of the
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,7 @@ from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.store.files import existing_file, refusing, whole_file
 from midair.store.provenance import to_json
 from midair.store.schema import FORMAT, TABLE, Entry, Kind
-from midair.store.unclosed import closed_image, is_unclosed
+from midair.store.unclosed import closed_file, is_unclosed
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -30,6 +29,9 @@ if TYPE_CHECKING:
 
 LAYOUT = ("v110", "v110")
 """Oldest and newest version of HDF5 whose layout is used."""
+
+GROWING = ("time", "event")
+"""Axes along which a recording grows while it runs."""
 
 
 @contextmanager
@@ -81,8 +83,8 @@ def signature(kind: Kind, provenance: "Provenance") -> dict[str, Any]:
 def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, live: bool = False) -> None:
     """Write what the table lists for `kind`; coordinates first, since the others refer to them.
 
-    With `live`, the axis time can grow, unwritten numbers are NaN, and there are no checksums of numbers: a writer that
-    is killed in the middle of a block would leave one that refuses the whole block.
+    With `live`, the axes time and event can grow, unwritten numbers are NaN, and there are no checksums of numbers: a
+    writer that is killed in the middle of a block would leave one that refuses the whole block.
     """
     entries = [entry for entry in TABLE[kind] if entry.name in values]
     unit = str(values.get("unit", ""))
@@ -97,7 +99,7 @@ def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, l
 def read_group(group: "h5py.Group", kind: Kind, path: Path, *, live: bool = False) -> dict[str, Any]:
     """What the table lists for `kind`, each checked for type, axes, unit and lengths that agree.
 
-    With `live`, what lies along time is cut to the shortest: a writer may be between two datasets.
+    With `live`, what lies along time, or event, is cut to the shortest: a writer may be between two datasets.
 
     Raises
     ------
@@ -112,9 +114,9 @@ def read_group(group: "h5py.Group", kind: Kind, path: Path, *, live: bool = Fals
     stored = [entry for entry in present if entry.dimensions is not None]
     for entry in stored:
         values[entry.name] = _dataset(group, entry, entry.unit.format(unit=values.get("unit", "")), path)
-    if live:
-        along = [entry.name for entry in stored if "time" in (entry.dimensions or ())]
-        shortest = min(len(values[name]) for name in along)
+    for axis in GROWING if live else ():
+        along = [entry.name for entry in stored if axis in (entry.dimensions or ())]
+        shortest = min((len(values[name]) for name in along), default=0)
         values |= {name: values[name][:shortest] for name in along}
     _check_lengths(stored, values, path)
     return values
@@ -178,21 +180,21 @@ def kind_of(group: "h5py.Group") -> str:
 
 @contextmanager
 def _opened(path: Path) -> "Generator[h5py.File]":
-    """`path`, or a closed copy in memory when a writer has it or was killed with it."""
+    """`path`, or what it would be if it were closed, when a writer has it or was killed with it."""
     import h5py
 
-    with h5py.File(BytesIO(closed_image(path)) if is_unclosed(path) else path, "r") as file:
+    with h5py.File(closed_file(path) if is_unclosed(path) else path, "r") as file:
         yield file
 
 
 def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: bool) -> None:
     data = np.asarray(value, entry.dtype)
     axes = entry.dimensions or ()
-    grows = live and "time" in axes
+    grows = live and not set(GROWING).isdisjoint(axes)
     dataset = group.create_dataset(
         entry.name,
         data=data,
-        maxshape=tuple(None if axis == "time" else have for axis, have in zip(axes, data.shape, strict=True))
+        maxshape=tuple(None if axis in GROWING else have for axis, have in zip(axes, data.shape, strict=True))
         if grows
         else None,
         chunks=_chunk(data, grows=grows),

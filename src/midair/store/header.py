@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, UnknownFormatError
-from midair.model import Calibration, Recording, SensorGrid
+from midair.model import Recording, SensorGrid
 from midair.store.provenance import from_plain, to_plain
 from midair.store.schema import FORMAT
 from midair.version import __version__
@@ -87,10 +87,3 @@ def recording_from(header: Mapping[str, Any], samples: NDArray[np.float64], path
         unit=header["unit"],
         provenance=from_plain(header["provenance"]),
     )
-
-
-def calibration_lost(calibration: Calibration | None, form: str) -> tuple[str, ...]:
-    """The sentence that a format without a place for a calibration owes."""
-    if calibration is None:
-        return ()
-    return (f"{form} holds no calibration: it was left out; save_calibration() writes it to a file of its own.",)

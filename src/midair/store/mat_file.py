@@ -9,11 +9,13 @@ from midair.errors import BrokenFileError, FileError
 from midair.model import Calibration, Recording
 from midair.store.arrays import from_arrays
 from midair.store.files import reason, whole_file
-from midair.store.header import calibration_lost, header_of
+from midair.store.header import header_of
 from midair.store.imported import Given, Imported
+from midair.store.loss import Loss, calibration_lost
+from midair.store.mat5 import is_mat5, read_mat5
 
 
-def write_mat(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[str, ...]:
+def write_mat(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
     """Write a v5 file with the samples, shape (frame, row, column), their rate in Hz and unit, and the header.
 
     Raises
@@ -50,9 +52,13 @@ def read_mat(path: Path, given: Given) -> Imported:
     from scipy.io.matlab import MatReadError
 
     with path.open("rb") as file:
-        newest = file.read(20).startswith(b"MATLAB 7.3")
-    if newest:
+        start = file.read(128)
+    if is_mat5(start):
+        return from_arrays(read_mat5(path), "MAT", path, given)
+    if start.startswith(b"MATLAB 7.3"):
         return from_arrays(_version_73(path), "MAT v7.3", path, given)
+    if 0 not in start[:4]:  # as every file of version 4 has; SciPy's compiled reader of others does not survive damage
+        raise BrokenFileError(f"{path}: expected a MATLAB file, got one that begins with {start[:12]!r}")
     try:
         arrays: dict[str, Any] = loadmat(str(path), appendmat=False)
     except MatReadError as wrong:

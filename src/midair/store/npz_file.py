@@ -8,11 +8,12 @@ import numpy as np
 from midair.model import Calibration, Recording
 from midair.store.arrays import from_arrays
 from midair.store.files import whole_file
-from midair.store.header import calibration_lost, header_of
+from midair.store.header import header_of
 from midair.store.imported import Given, Imported
+from midair.store.loss import Loss, calibration_lost
 
 
-def write_npz(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[str, ...]:
+def write_npz(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
     """Write the samples, shape (frame, row, column), their rate in Hz and unit, and the header."""
     with whole_file(path) as partial, partial.open("wb") as file:
         np.savez(

@@ -10,6 +10,7 @@ from midair.errors import BrokenFileError, MismatchError
 from midair.model import Calibration, PressureFrames, Recording
 from midair.store.axes import check_time, sensor_from, sensor_values, time_values
 from midair.store.calibration_file import load_calibration, write_calibration
+from midair.store.events import events_from, with_events
 from midair.store.hdf5 import (
     check_kind,
     new_file,
@@ -21,6 +22,7 @@ from midair.store.hdf5 import (
     write_group,
 )
 from midair.store.imported import Given, Imported
+from midair.store.loss import Loss
 from midair.store.provenance import from_json
 from midair.store.unclosed import is_unclosed
 
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
     import h5py
 
 
-def write_recording(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[str, ...]:
+def write_recording(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
     """Write a recording, whole or not at all; nothing of it is lost."""
     _write(recording, path, calibration, None)
     return ()
@@ -67,7 +69,7 @@ def _read_once(path: Path, given: Given) -> Imported:
             rate=values["rate_hz"],
             sensor=sensor_from(values),
             unit=values["unit"],
-            provenance=from_json(values["provenance"]),
+            provenance=with_events(from_json(values["provenance"]), events_from(values), len(values["time"])),
         )
         given.check(recording, path)
         return Imported(recording=recording, report=report)

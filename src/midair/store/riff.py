@@ -1,18 +1,24 @@
-"""The chunks of a RIFF file: midair keeps its header in one of its own, which other programs skip.
+"""The chunks of WAV files: RIFF, RF64 and Wave64; midair keeps its header in one of its own, which others skip.
 
-Multimedia Programming Interface and Data Specifications 1.0 (IBM and Microsoft, 1991): a chunk is four letters, the
-length of its content as a little-endian uint32, and the content, padded to an even length.
+RIFF: Multimedia Programming Interface and Data Specifications 1.0 (IBM and Microsoft, 1991): a chunk is four letters,
+the length of its content as a little-endian uint32, and the content, padded to an even length. RF64 (ITU-R BS.2088): as
+RIFF, but lengths of 2^32 - 1 stand for 64-bit lengths in the first chunk, ds64. Wave64 (Sony, 2003): letters are GUIDs
+that begin with the four letters, lengths are uint64 and count the 24 bytes before the content, padding is to 8 bytes.
 """
 
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from midair.errors import BrokenFileError
 
 CHUNK = b"mdar"
 """Letters of midair's chunk."""
+
+_LONG = 0xFFFFFFFF
+_WAVE64 = b"riff\x2e\x91\xcf\x11\xa5\xd6\x28\xdb\x04\xc1\x00\x00"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,21 +31,35 @@ class Chunk:
 
 
 def chunks(path: Path) -> tuple[Chunk, ...]:
-    """The chunks of a WAV, in order.
+    """The chunks of a WAV, RF64 or Wave64 file, in order.
 
     Raises
     ------
     BrokenFileError
-        If the file is no WAV, or shorter than its chunks say.
+        If the file is none of them, or shorter than its chunks say.
     """
-    data = path.read_bytes()
-    if data[:4] != b"RIFF" or data[8:12] != b"WAVE":
-        raise BrokenFileError(f"{path}: expected a WAV, got a file that begins with {data[:12]!r}")
-    return tuple(_walk(data, path))
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        start = file.read(40)
+        if start[:16] == _WAVE64 and start[24:28] == b"wave":
+            walk = _walk_wave64
+        elif start[:4] in (b"RIFF", b"RF64") and start[8:12] == b"WAVE":
+            walk = _walk_riff
+        else:
+            raise BrokenFileError(f"{path}: expected a WAV, got a file that begins with {start[:12]!r}")
+        found: list[Chunk] = []
+        for chunk in walk(_Bytes(file=file, size=size)):
+            if chunk.length < 0 or chunk.start + chunk.length > size:
+                raise BrokenFileError(
+                    f"{path}: expected {chunk.length} bytes in chunk {chunk.letters.decode('latin-1')!r}, got "
+                    f"{size - chunk.start}; the file was cut or its header is wrong"
+                )
+            found.append(chunk)
+    return tuple(found)
 
 
 def append_chunk(path: Path, content: bytes) -> None:
-    """Put midair's chunk behind the others, and its length into that of the whole."""
+    """Put midair's chunk behind the others of a RIFF file, and its length into that of the whole."""
     with path.open("rb+") as file:
         end = file.seek(0, 2)
         file.write(b"\0" * (end % 2) + CHUNK + struct.pack("<I", len(content)) + content + b"\0" * (len(content) % 2))
@@ -55,14 +75,33 @@ def content(path: Path, chunk: Chunk) -> bytes:
         return file.read(chunk.length)
 
 
-def _walk(data: bytes, path: Path) -> Iterator[Chunk]:
-    place = 12
-    while place + 8 <= len(data):
-        letters, length = struct.unpack_from("<4sI", data, place)
-        if place + 8 + length > len(data):
-            raise BrokenFileError(
-                f"{path}: expected {length} bytes in chunk {letters.decode('latin-1')!r}, got {len(data) - place - 8}; "
-                "the file was cut or its header is wrong"
-            )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Bytes:
+    """An open file and its length."""
+
+    file: BinaryIO
+    size: int
+
+    def at(self, place: int, count: int) -> bytes:
+        self.file.seek(place)
+        return self.file.read(count)
+
+
+def _walk_riff(data: _Bytes) -> Iterator[Chunk]:
+    place, long = 12, 0
+    while place + 8 <= data.size:
+        letters, length = struct.unpack("<4sI", data.at(place, 8))
+        if letters == b"ds64" and length >= 16 and place + 24 <= data.size:
+            long = struct.unpack("<Q", data.at(place + 16, 8))[0]
+        if letters == b"data" and length == _LONG and long:
+            length = long
         yield Chunk(letters=letters, start=place + 8, length=length)
         place += 8 + length + length % 2
+
+
+def _walk_wave64(data: _Bytes) -> Iterator[Chunk]:
+    place = 40
+    while place + 24 <= data.size:
+        letters, length = struct.unpack("<4s12xQ", data.at(place, 24))
+        yield Chunk(letters=letters, start=place + 24, length=length - 24)
+        place += -(-length // 8) * 8

@@ -83,6 +83,51 @@ _TIME = (
     numbers("time", "time", "s", "of a frame: its number over the rate"),
 )
 _UNIT = (attribute("unit", "text", "of the sensor's output: V, count or Pa"),)
+_EVENTS = (
+    indices("event", "event", "of what happened while it was recorded, from 0", required=False),
+    indices("event_kind", "event", "what happened; flag_meanings names the numbers", required=False, dtype="i1"),
+    indices("event_frame", "event", "first frame that it concerns", required=False),
+    indices("event_frames", "event", "how many frames it concerns; lost ones hold the last good frame", required=False),
+    indices("event_channel", "event", "of the sensor, or -1 for all", required=False),
+    numbers("event_ppm", "event", "1e-6", "how much faster than the computer's clock, for rate, clock", required=False),
+)
+_MEASUREMENT = (
+    attribute("method", "text", "how a measured calibration was made, in words", required=False),
+    attribute("reference", "text", "what the pressure was measured by", required=False),
+    attribute("reference_uncertainty", "f8", "part of the magnitude that all bins share, k = 1", required=False),
+    attribute("takes", "i8", "number of recordings that it rests on", required=False),
+    numbers("coherence", "frequency row column", "1", "share of the output that is explained", required=False),
+    numbers(
+        "magnitude_uncertainty", "frequency row column", "1", "of the magnitude, a part of it, k = 1", required=False
+    ),
+    numbers("phase_uncertainty", "frequency row column", "rad", "of the response's phase, k = 1", required=False),
+    numbers(
+        "noise_density", "frequency row column", "{unit}/sqrt(Hz)", "noise of the output, one-sided", required=False
+    ),
+    numbers("noise_uncertainty", "row column", "1", "of noise, as a part of it, k = 1", required=False),
+    numbers("delay", "row column", "s", "of a channel behind the reference", required=False),
+    numbers("delay_uncertainty", "row column", "s", "of the delay, k = 1", required=False),
+)
+_CROSSTALK = (
+    indices("channel", "channel", "that hears, row by row, from 0", required=False),
+    indices("pressed", "pressed", "channel whose cell is pressed, from 0", required=False),
+    numbers("crosstalk", "channel pressed", "1", "pressure that a cell feels over that on another", required=False),
+    numbers("crosstalk_uncertainty", "channel pressed", "1", "of it, k = 1", required=False),
+)
+_LINEARITY = (
+    indices("level", "level", "of the pressure, weakest first, from 0", required=False),
+    numbers("level_pressure", "level row column", "Pa", "rms of the pressure", required=False),
+    numbers("level_output", "level row column", "Pa", "rms of the output over the response", required=False),
+    *(
+        numbers(f"{name}{end}", "row column", unit, f"{what}{', k = 1' if end else ''}", required=False)
+        for name, unit, what in (
+            ("gain", "1", "slope of output over pressure"),
+            ("intercept", "Pa", "output at no pressure"),
+            ("curvature", "1", "change of the slope over the levels, a part of it"),
+        )
+        for end in ("", "_uncertainty")
+    ),
+)
 
 TABLE: Mapping[Kind, tuple[Entry, ...]] = {
     "recording": (
@@ -92,6 +137,7 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         *_SENSOR,
         numbers("samples", "time row column", "{unit}", "what the sensor said; NaN where nothing was written"),
         indices("finished", "", "1 when the recording was closed in order, 0 while it runs", dtype="i1"),
+        *_EVENTS,
     ),
     "calibration": (
         *_SIGNED,
@@ -102,6 +148,10 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         numbers("response_real", "frequency row column", "{unit}/Pa", "output over pressure, real part"),
         numbers("response_imag", "frequency row column", "{unit}/Pa", "output over pressure, imaginary part"),
         numbers("noise", "row column", "{unit}/sqrt(Hz)", "one-sided noise density of the output"),
+        attribute("version", "i8", "of this sensor's calibration, from 1", required=False),
+        *_MEASUREMENT,
+        *_CROSSTALK,
+        *_LINEARITY,
     ),
     "pressure": (
         *_SIGNED,
@@ -151,6 +201,15 @@ HEADER: tuple[Entry, ...] = (
     attribute("scale_exponent", "i8", "of the power of two that full scale stands for, in a WAV", required=False),
 )
 """What the line of JSON holds that goes with the samples into CSV, WAV, NPZ and MAT."""
+
+NETCDF: tuple[Entry, ...] = (
+    attribute("Conventions", "text", "the edition of the CF conventions that the names follow"),
+    attribute("title", "text", "which sensor"),
+    attribute("source", "text", "device or file that it came from, and whether it was SIMULATED"),
+    attribute("history", "text", "the steps of its provenance by name"),
+    attribute("comment", "text", "who wrote the file, and where its provenance is"),
+)
+"""What a recording exported as NetCDF has besides: the attributes that programs for NetCDF look for."""
 
 
 def as_markdown(entries: Iterable[Entry]) -> str:

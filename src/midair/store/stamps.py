@@ -58,7 +58,7 @@ def uniform(time: Array, samples: Array, *, rate: float | None = None) -> Unifor
         row = int(np.argmax(np.diff(time) < 0))
         raise RateError(f"time stamps: expected them to grow, got {time[row + 1]:g} s after {time[row]:g} s")
     keep = np.concatenate([[True], np.diff(time) > 0])
-    report = (*_repeats(keep), *_held(samples[keep]))
+    report = (*_repeats(keep), *held(samples[keep]))
     time, samples = time[keep] - time[0], samples[keep]
     if len(time) < 2:
         raise RateError(f"time stamps: expected two that differ, got {len(time)}; give the rate and drop the stamps")
@@ -90,12 +90,13 @@ def _repeats(keep: NDArray[np.bool_]) -> tuple[str, ...]:
     return (f"{repeats} of {len(keep)} rows have the time stamp of the row before: the first of each was kept.",)
 
 
-def _held(samples: Array) -> tuple[str, ...]:
-    """A sentence when rows repeat the one before although time went on and some channel does change."""
-    held = int((np.diff(samples, axis=0) == 0).all(axis=1).sum())
-    if not held or held == len(samples) - 1:
+def held(samples: Array) -> tuple[str, ...]:
+    """A sentence when rows, shape (row, channel), repeat the one before although time went on and some do not."""
+    repeats = int((np.diff(samples, axis=0) == 0).all(axis=1).sum())
+    if not repeats or repeats == len(samples) - 1:
         return ()
-    return (f"{held} of {len(samples)} rows repeat every channel of the row before, at a later time: they were kept.",)
+    told = f"{repeats} of {len(samples)} rows"
+    return (f"{told} repeat every channel of the row before, at a later time: they were kept.",)
 
 
 def _gaps(time: Array, usual: NDArray[np.bool_]) -> tuple[str, ...]:

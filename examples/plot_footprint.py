@@ -1,0 +1,42 @@
+"""
+One channel becomes a field
+===========================
+
+Most tactile libraries hold one waveform a surface. Where the contact was, and how large, is not in the file: it is
+stated here, and the field that 4 x 4 cells would have felt follows.
+"""
+
+import numpy as np
+
+import midair
+from midair import edit
+from midair.datasets import sample
+from midair.figures import maps_figure, traces_figure
+from midair.footprint import Footprint, covered, footprint_field
+from midair.model import Recording, SensorGrid
+
+# %%
+# The waveform is that of one taxel of a real finger on denim, at 1 kHz. One count is called half a pascal.
+
+denim = edit.resample(sample("denim"), 1000.0)
+wave = edit.cut(denim, 4.0, 5.64).samples[:, 1, 1]
+wave = 0.5 * (wave - np.median(wave))
+one = SensorGrid(rows=1, columns=1)
+mono = Recording(samples=wave[:, None, None], rate=1000.0, sensor=one, unit="Pa", provenance=denim.provenance)
+
+# %%
+# A disc of 20 mm moves over the cells at 50 mm/s. What a cell feels is the waveform times the share of it that is
+# covered.
+
+footprint = Footprint(shape="circle", size=20e-3, speed=50e-3, path="diagonal")
+field = footprint_field(mono, footprint)
+times = np.array([0.3, 0.6, 0.82, 1.1])
+shares = covered(footprint, field.sensor, times)
+shown = [(f"{time:g} s", share) for time, share in zip(times, shares, strict=True)]
+print(f"it takes {footprint.crossing(field.sensor):.2f} s over the sensor")
+share_figure = maps_figure(shown, field.sensor, quantity="share of the cell that is covered", simulated=True)
+
+# %%
+# Its places were never measured, so all that is made of it says so.
+
+figure = traces_figure(midair.calibrate(field, band=(0.8, 15.0)))

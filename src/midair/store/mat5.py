@@ -1,0 +1,105 @@
+"""The arrays of a MATLAB file of version 5 (up to v7): numbers and text; structures and cells are left alone.
+
+SciPy's reader is compiled and ends the program on some damaged files, so the bytes are checked here.
+Layout: "MAT-File Format" (MathWorks), Level 5: a header of 128 bytes, then elements, each a tag (type, length) and data
+padded to 8 bytes; short ones keep their data in the tag. Compressed elements are zlib streams with a checksum.
+"""
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import BrokenFileError
+
+_NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
+_TEXT = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
+_MATRIX, _COMPRESSED, _CHAR, _COMPLEX = 14, 15, 4, 0x08
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Element:
+    kind: int
+    data: bytes
+
+
+def is_mat5(start: bytes) -> bool:
+    """Whether a file that begins with these 128 bytes is one."""
+    return len(start) >= 128 and start[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
+
+
+def read_mat5(path: Path) -> dict[str, Any]:
+    """The arrays by name; structures, cells and the like as empty objects.
+
+    Raises
+    ------
+    BrokenFileError
+        If a part is shorter or longer than its tag says.
+    """
+    data = path.read_bytes()
+    order = "<" if data[126:128] == b"IM" else ">"
+    arrays: dict[str, Any] = {}
+    for element in _elements(data[128:], order, path):
+        held = element
+        if element.kind == _COMPRESSED:
+            held = next(_elements(zlib.decompress(element.data), order, path))
+        if held.kind == _MATRIX and held.data:
+            name, array = _matrix(held.data, order, path)
+            arrays[name] = array
+    return arrays
+
+
+def _elements(data: bytes, order: str, path: Path) -> Iterator[_Element]:
+    place = 0
+    while place + 8 <= len(data):
+        kind, length = struct.unpack_from(order + "II", data, place)
+        if kind >> 16:
+            kind, length, place = kind & 0xFFFF, kind >> 16, place + 4
+            end = place + 4
+        else:
+            place += 8
+            end = place + (length if kind == _COMPRESSED else length + -length % 8)
+        if place + length > len(data) or place + length > end:
+            raise BrokenFileError(f"{path}: expected {length} bytes at {place}, got {len(data) - place}; it was cut")
+        yield _Element(kind=kind, data=data[place : place + length])
+        place = end
+    if place < len(data):
+        raise BrokenFileError(f"{path}: expected whole elements, got {len(data) - place} bytes at the end; it was cut")
+
+
+def _matrix(data: bytes, order: str, path: Path) -> tuple[str, Any]:
+    parts = list(_elements(data, order, path))
+    if len(parts) < 3 or len(parts[0].data) != 8:
+        raise BrokenFileError(f"{path}: expected flags, dimensions and a name of an array, got {len(parts)} parts")
+    word = struct.unpack(order + "II", parts[0].data)[0]
+    shape = tuple(int(length) for length in np.frombuffer(parts[1].data, order + "i4"))
+    name = parts[2].data.decode("latin-1")
+    kind, complex_numbers = word & 0xFF, bool(word >> 8 & _COMPLEX)
+    if kind == _CHAR and len(parts) > 3:
+        return name, np.array([_text(parts[3], order)])
+    if kind not in _CLASSES or len(parts) < 4:
+        return name, np.empty(0, object)
+    real = _numbers(parts[3], shape, _CLASSES[kind], order, path)
+    return name, real.astype(complex) if complex_numbers else real
+
+
+def _text(part: _Element, order: str) -> str:
+    spelled = _TEXT.get(part.kind, "latin-1")
+    wide = spelled in ("utf-16", "utf-32")
+    return part.data.decode(f"{spelled}-{'le' if order == '<' else 'be'}" if wide else spelled)
+
+
+def _numbers(part: _Element, shape: tuple[int, ...], dtype: str, order: str, path: Path) -> NDArray[Any]:
+    if part.kind not in _NUMBERS or min(shape, default=0) < 0:
+        raise BrokenFileError(f"{path}: expected numbers of shape {shape}, got type {part.kind}")
+    numbers = np.frombuffer(part.data, order + _NUMBERS[part.kind])
+    if numbers.size != math.prod(shape):
+        raise BrokenFileError(f"{path}: expected {math.prod(shape)} numbers, got {numbers.size}; it was cut or edited")
+    return numbers.reshape(shape, order="F").astype(dtype)
