@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from sphinx_gallery.scrapers import figure_rst
 
 from midair import __version__
-from midair.store.schema import HEADER, TABLE, as_markdown
+from midair.store.schema import HEADER, NETCDF, TABLE, as_markdown
 
 
 def figure_scraper(_: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
@@ -44,6 +44,7 @@ html_static_path: list[str] = []
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "substitution"]
 myst_substitutions = {
     "header_table": as_markdown(HEADER),
+    "netcdf_table": as_markdown(NETCDF),
     **{f"{kind}_table": as_markdown(entries) for kind, entries in TABLE.items()},
 }
 myst_heading_anchors = 3

@@ -28,15 +28,17 @@ from midair.store import load, load_calibration, save
 from midair.version import __version__
 
 if TYPE_CHECKING:
-    from midair import datasets, flow, study
+    from midair import datasets, edit, flow, footprint, study
 
 __all__ = [
     "__version__",
     "calibrate",
     "compare",
     "datasets",
+    "edit",
     "errors",
     "flow",
+    "footprint",
     "load",
     "load_calibration",
     "model",
@@ -51,6 +53,6 @@ __all__ = [
 
 def __getattr__(name: str) -> ModuleType:
     """The modules that many programs do without, imported when they are first asked for."""
-    if name in ("datasets", "flow", "study"):
+    if name in ("datasets", "edit", "flow", "footprint", "study"):
         return import_module(f"midair.{name}")
     raise AttributeError(f"module 'midair' has no attribute {name!r}")

@@ -8,6 +8,7 @@ import numpy as np
 
 from midair.calibrate import calibrate
 from midair.dsp import resample
+from midair.errors import InputError
 from midair.model import (
     AmplitudeFrames,
     Calibration,
@@ -18,9 +19,9 @@ from midair.model import (
     Solution,
     TransducerArray,
 )
-from midair.physics import Directivity, focus_amplitude
-from midair.prepare import Interpolated, prepare
-from midair.solve import solve
+from midair.physics import Directivity, TransducerDynamics, check_frame_rate, focus_amplitude
+from midair.prepare import Circle, Interpolated, decouple, precompensate, precompensate_sound, prepare
+from midair.solve import Amplitudes, Fit, Guard, solve
 
 Progress = Callable[[int, int], None]
 
@@ -34,11 +35,21 @@ class Settings:
     band : tuple of float
         (low, high) of the frequencies that are kept, in Hz (3).
     rate : float
-        Frames per second of the drive, in Hz (3).
+        Frames per second of the drive, in Hz: the ultrasound's 40 kHz over a whole number (3).
     inverse : {"fft", "fir"}
         How the channels' responses are undone.
     mapping : str
-        From signed pressure to pressure that pushes (4.1).
+        From signed pressure to pressure that pushes (4.1); "slow-bias" distorts least.
+    decouple : bool
+        Whether to undo that a cell also feels what is played for its neighbours; the paper did not.
+    precompensate : bool
+        Whether to undo what holding frames and the transducers' envelope make quieter; the paper did not.
+    compensate : {"sound", "pressure"}
+        Where: on the sound's amplitude at all frequencies, or on the pressure within 20-480 Hz.
+    dynamics : TransducerDynamics
+        The envelope that is undone.
+    ramp : float
+        The silencer's ramp that is undone, in s.
     interpolate : {"amplitude", "pressure"}
         What is interpolated between the cells (4.1).
     gain : float
@@ -55,14 +66,31 @@ class Settings:
         At most, (first frame, later frames); the method's own if None (5.2).
     start : {"previous", "zero"}
         Where the solver starts from (4.2).
-    level : float
-        Drive of every transducer, 0 to 1: the equal amplitude A (4.2).
+    level : float or "auto"
+        Drive of every transducer, 0 to 1: the equal amplitude A (4.2); "auto" takes what the loudest frame needs.
+    amplitudes : {"equal", "bounded"}
+        All transducers at that level, as in the paper; or each at its own up to it.
+    guard : Guard or None
+        Keeps a ring around the control points quiet; not in the paper.
+    fit : {"points", "cells"} or Cells
+        Whether the control points are met, as in the paper, or the sensor's cells.
+    smooth : float
+        Weight of the change of phase from frame to frame; not in the paper.
+    backend : str or None
+        What does the arithmetic of method "fast"; NumPy if None.
+    circle : Circle or None
+        Moves the pattern slowly on a circle, for touch below 20 Hz; not in the paper and not validated on people.
     """
 
     band: tuple[float, float] = (20.0, 470.0)
     rate: float = 1000.0
     inverse: Literal["fft", "fir"] = "fft"
     mapping: str = "half-wave"
+    decouple: bool = False
+    precompensate: bool = False
+    compensate: Literal["sound", "pressure"] = "sound"
+    dynamics: TransducerDynamics = field(default_factory=TransducerDynamics)
+    ramp: float = 0.0
     interpolate: Interpolated = "amplitude"
     gain: float = 1.0
     grid: ControlGrid = field(default_factory=ControlGrid)
@@ -71,7 +99,13 @@ class Settings:
     method: str = "lm"
     iterations: int | tuple[int, int] | None = None
     start: Literal["previous", "zero"] = "previous"
-    level: float = 1.0
+    level: float | Literal["auto"] = 1.0
+    amplitudes: Amplitudes = "equal"
+    guard: Guard | None = None
+    fit: Fit = "points"
+    smooth: float = 0.0
+    backend: str | None = None
+    circle: Circle | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,18 +142,54 @@ def at_rate(pressure: PressureFrames, rate: float) -> PressureFrames:
     )
 
 
-def reproduce(
-    pressure: PressureFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
-) -> Reproduction:
-    """The drive with which the array presses as the sensor felt: prepare, then solve."""
+def to_play(pressure: PressureFrames, settings: Settings) -> PressureFrames:
+    """The pressure to be mapped so that this is what presses: decoupled and pre-compensated, as the settings say.
+
+    Pre-compensation of the sound comes later, in `wanted`.
+    """
+    if settings.decouple:
+        pressure = decouple(pressure, grid=settings.grid)
+    if settings.precompensate and settings.compensate == "pressure":
+        pressure = precompensate(pressure, dynamics=settings.dynamics, ramp=settings.ramp)
+    return pressure
+
+
+def wanted(pressure: PressureFrames, settings: Settings) -> AmplitudeFrames:
+    """Sound amplitude at the control points that presses as the sensor felt, all but the solver's part of the way.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range or unknown.
+    """
+    if settings.compensate not in ("sound", "pressure"):
+        raise InputError(f"compensate: expected sound or pressure, got {settings.compensate!r}")
     target = prepare(
-        pressure,
+        to_play(pressure, settings),
         mapping=settings.mapping,
         grid=settings.grid,
         medium=settings.medium,
         interpolate=settings.interpolate,
         gain=settings.gain,
+        circle=settings.circle,
     )
+    if settings.precompensate and settings.compensate == "sound":
+        target = precompensate_sound(target, dynamics=settings.dynamics, ramp=settings.ramp)
+    return target
+
+
+def reproduce(
+    pressure: PressureFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
+) -> Reproduction:
+    """The drive with which the array presses as the sensor felt: prepare, then solve.
+
+    Raises
+    ------
+    RateError
+        If the array cannot take frames at the pressure's rate.
+    """
+    check_frame_rate(pressure.rate, array.frequency)
+    target = wanted(pressure, settings)
     solution = solve(
         target,
         array,
@@ -129,6 +199,11 @@ def reproduce(
         iterations=settings.iterations,
         start=settings.start,
         level=settings.level,
+        amplitudes=settings.amplitudes,
+        guard=settings.guard,
+        fit=settings.fit,
+        smooth=settings.smooth,
+        backend=settings.backend,
         progress=progress,
     )
     return Reproduction(pressure=pressure, target=target, solution=solution)

@@ -4,11 +4,12 @@ import pytest
 from midair.devices import VirtualArray, VirtualSkin
 from midair.errors import RateError
 from midair.model import Drive, Medium, TransducerArray
-from midair.physics import focus_phase, radiation_pressure, transfer_matrix
+from midair.physics import PlaybackChain, Transducers, focus_phase, radiation_pressure, simulate, transfer_matrix
 from midair.physics.sensing import SensorModel, cell_weights
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
-PERFECT = {"strength": 1.0, "spread": 0.0}
+PERFECT = {"strength": 1.0, "spread": 0.0, "resonance_spread": 0.0, "quality_spread": 0.0}
+EXACT = {"chain": PlaybackChain(phase_bits=None, precision="double", transducers=Transducers.alike(249))}
 
 
 def focus(frames=20, level=0.2, rate=1000.0):
@@ -29,16 +30,17 @@ def test_a_steady_focus_presses_as_the_field_says():
     q = 0.2 * np.exp(1j * focus().phase[0])
     field = transfer_matrix(skin.points, ARRAY) @ q
     expected = cell_weights(skin.model, skin.points) @ radiation_pressure(field, Medium())
-    found = steady(phase_bits=30, **PERFECT)
-    np.testing.assert_allclose(found.ravel(), expected, rtol=1e-6)
+    np.testing.assert_allclose(steady(**EXACT).ravel(), expected, rtol=1e-6)
+    # in single precision and with 8 bits: .007 rad rms of rounding on 249 transducers is 1e-3 of pressure
+    np.testing.assert_allclose(steady(**PERFECT).ravel(), expected, atol=4e-3 * expected.max())
 
 
 def test_pressure_goes_with_the_square_of_the_level():
-    np.testing.assert_allclose(steady(level=0.4, **PERFECT), 4 * steady(level=0.2, **PERFECT), rtol=1e-9)
+    np.testing.assert_allclose(steady(level=0.4, **PERFECT), 4 * steady(level=0.2, **PERFECT), rtol=1e-5)
 
 
 def test_weaker_transducers_press_less():
-    np.testing.assert_allclose(steady(strength=0.9, spread=0.0), 0.81 * steady(**PERFECT), rtol=1e-9)
+    np.testing.assert_allclose(steady(**PERFECT | {"strength": 0.9}), 0.81 * steady(**PERFECT), rtol=1e-5)
 
 
 def test_transducers_take_their_time():
@@ -58,7 +60,7 @@ def test_blocks_of_a_long_drive_join_without_a_seam():
     with VirtualArray(ARRAY, short) as array:
         array.play(focus(frames=5))
     np.testing.assert_allclose(long.pressure(0)[40:], np.broadcast_to(long.pressure(0)[-1], (2360, 4, 4)), rtol=0.02)
-    np.testing.assert_allclose(long.pressure(0)[:40], short.pressure(0), rtol=1e-9)
+    np.testing.assert_allclose(long.pressure(0)[:40], short.pressure(0), rtol=1e-5)
 
 
 def test_a_rate_that_does_not_fit_is_refused():
@@ -69,3 +71,40 @@ def test_a_rate_that_does_not_fit_is_refused():
 def test_the_same_seed_is_the_same_array():
     np.testing.assert_array_equal(steady(seed=3), steady(seed=3))
     assert not np.array_equal(steady(seed=3), steady(seed=4))
+
+
+def wandering(frames=60):
+    step = np.random.default_rng(5).uniform(-2, 2, (frames, ARRAY.count))
+    return Drive(phase=np.cumsum(step, axis=0), level=np.full(frames, 0.5), rate=1000.0, array=ARRAY)
+
+
+def test_plays_what_the_simulation_says():
+    """Blocks of a device against one call of the law, with transducers that differ."""
+    skin = VirtualSkin(SensorModel())
+    with VirtualArray(ARRAY, skin, seed=4) as array:
+        array.play(wandering(200))
+    G = transfer_matrix(skin.points, ARRAY)
+    weights = cell_weights(skin.model, skin.points)
+    law = simulate(wandering(200), G, chain=array.chain, rate=8000.0, weights=weights)
+    np.testing.assert_allclose(skin.pressure(0).reshape(-1, 16), law, atol=1e-5 * law.max())
+
+
+def test_the_silencer_is_chosen_for_the_drive_and_told():
+    off, on = VirtualSkin(SensorModel()), VirtualSkin(SensorModel())
+    with VirtualArray(ARRAY, off) as array:
+        assert array.play(wandering()).silencer == ""
+    with VirtualArray(ARRAY, on, silencer="auto") as array:
+        report = array.play(wandering())
+    assert report.silencer.startswith("phase 0.5 ms")
+    assert np.abs(on.pressure(0) - off.pressure(0)).max() > 0.05 * off.pressure(0).max()
+
+
+def test_an_ideal_hold_presses_the_quasi_stationary_field_at_the_beginning_of_each_frame():
+    skin = VirtualSkin(SensorModel())
+    with VirtualArray(ARRAY, skin, chain=PlaybackChain(hold="ideal", phase_bits=None, precision="double")) as array:
+        array.play(focus())
+    q = 0.2 * np.exp(1j * focus().phase[0])
+    still = cell_weights(skin.model, skin.points) @ radiation_pressure(
+        transfer_matrix(skin.points, ARRAY) @ q, Medium()
+    )
+    np.testing.assert_allclose(skin.pressure(0).reshape(-1, 16)[::8], np.tile(still, (20, 1)), rtol=1e-3)

@@ -1,7 +1,5 @@
-"""Commands that make and check a reproduction: solve, play, loop, compare."""
+"""Commands that make a reproduction and play it: solve, play."""
 
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,20 +7,17 @@ import numpy as np
 
 from midair.cli.app import app
 from midair.cli.arrays import PlayOptions, play_on_array
-from midair.cli.options import BandOptions, SolveOptions, Time
+from midair.cli.options import SolveOptions, Time
+from midair.cli.originals import felt_part
 from midair.cli.quantity import quantity
 from midair.cli.recordings import may_write
-from midair.cli.show import banner, print_figures, print_json, print_rows, stages
+from midair.cli.show import banner, print_rows, stages
 from midair.devices import load_placement
-from midair.evaluate import Comparison, compare
-from midair.flow import Settings, felt, reproduce
-from midair.model import PressureFrames, Provenance, Setting, TransducerArray
-from midair.rig.loop import run_loop
-from midair.rig.names import check_array_name
+from midair.flow import reproduce
+from midair.model import TransducerArray
 from midair.rig.playback import rerecord
-from midair.rig.report import write_report
 from midair.rig.virtual import VirtualRig
-from midair.store import load, load_calibration, load_solution, save, save_solution
+from midair.store import load_solution, save, save_solution
 
 
 @app.command(name="solve")
@@ -60,7 +55,7 @@ def solve_command(
     array = TransducerArray.autd3() if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force)
-    pressure = _felt(source, settings, start_at, duration)
+    pressure = felt_part(source, settings, start_at, duration)
     banner(pressure.provenance.simulated)
     with stages() as stage:
         made = reproduce(pressure, array, settings, progress=stage("solve"))
@@ -133,133 +128,3 @@ def play_command(
         ]
     )
     return None
-
-
-@app.command(name="loop")
-def loop_command(
-    source: Path,
-    output: Path | None = None,
-    /,
-    *,
-    device: str = "virtual",
-    options: SolveOptions | None = None,
-    start_at: Time = 0.0,
-    duration: Annotated[float | None, quantity("s")] = None,
-    corrections: int = 1,
-    seed: int = 0,
-    force: bool = False,
-    json: bool = False,
-) -> None:
-    """Take a recording through everything: solve, play, re-record, correct, play again, compare, report.
-
-    Parameters
-    ----------
-    source
-        A recording with a calibration.
-    output
-        The report, NAME.html; the source's name if not given.
-    device
-        virtual: an array and a sensor that exist only here.
-    options
-        Of every stage.
-    start_at
-        Where in the recording to begin.
-    duration
-        How much of the recording; all that is left if not given.
-    corrections
-        How often to correct the amplitude and play again.
-    seed
-        Of the virtual rig's strengths and noise.
-    force
-        Write over a file that is there.
-    json
-        Print JSON for a program.
-    """
-    check_array_name(device)
-    target = output or Path(source.name.removesuffix(source.suffix) + ".html")
-    may_write(target, force)
-    settings = (options or SolveOptions()).settings()
-    original = _felt(source, settings, start_at, duration)
-    rig = VirtualRig(seed=seed, height=settings.grid.height)
-    skin = rig.skin()
-    banner(True)
-    with stages() as stage, rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        loop = run_loop(original, array, sensor, settings, corrections=corrections, stage=stage)
-    write_report(loop, target, commands=(f"midair loop {source.name} {target.name}",))
-    figures = {f"pass {number + 1}": one.comparison.figures() for number, one in enumerate(loop.passes)}
-    if json:
-        print_json(
-            {"report": str(target), "simulated": True, "passes": [_plain(one.comparison) for one in loop.passes]}
-        )
-        return
-    print_figures("before and after correction", figures)
-    print_rows([("report", str(target))])
-
-
-@app.command(name="compare")
-def compare_command(
-    original: Path,
-    reproduced: Path,
-    /,
-    *,
-    options: BandOptions | None = None,
-    json: bool = False,
-) -> None:
-    """Compare a re-recording with its original: waveform, spectrum, level, place and delay.
-
-    Band, rate, and the part of the original that was played are those that the re-recording says it was made with.
-
-    Parameters
-    ----------
-    original
-        A recording with a calibration.
-    reproduced
-        What was re-recorded of its reproduction.
-    options
-        Of the band, where the re-recording does not say.
-    json
-        Print JSON for a program.
-    """
-    again = load(reproduced)
-    settings = _made_with(again.provenance, (options or BandOptions()).settings())
-    before = _same_part(_felt(original, settings), again.provenance)
-    comparison = compare(before, _felt(reproduced, settings))
-    if json:
-        return print_json(_plain(comparison))
-    banner(comparison.simulated)
-    print_figures(f"{reproduced.name} against {original.name}", {"": comparison.figures()})
-    return None
-
-
-def _felt(source: Path, settings: Settings, start: float = 0.0, duration: float | None = None) -> PressureFrames:
-    """What the sensor felt in a part of a recording; all of it is calibrated first: cuts leave no edge."""
-    calibration = load_calibration(source) if source.suffix in (".h5", ".hdf5") else None
-    pressure = felt(load(source), calibration, settings)
-    return pressure if start == 0 and duration is None else pressure.cut(start, duration)
-
-
-def _step(provenance: Provenance, stage: str) -> Mapping[str, Setting]:
-    """The settings of the last step of that name; none if there was none."""
-    return next((step.settings for step in reversed(provenance.steps) if step.stage == stage), {})
-
-
-def _made_with(provenance: Provenance, settings: Settings) -> Settings:
-    """The settings with the band and rate that a re-recording's drive was made with."""
-    band, rate = _step(provenance, "calibrate").get("band_hz"), _step(provenance, "play").get("rate_hz")
-    if isinstance(band, tuple) and len(band) == 2:
-        low, high = (float(edge) for edge in band if isinstance(edge, int | float))
-        settings = replace(settings, band=(low, high))
-    return replace(settings, rate=float(rate)) if isinstance(rate, int | float) else settings
-
-
-def _same_part(pressure: PressureFrames, provenance: Provenance) -> PressureFrames:
-    cut = _step(provenance, "cut")
-    start, duration = cut.get("start_s"), cut.get("duration_s")
-    if isinstance(start, int | float) and isinstance(duration, int | float):
-        return pressure.cut(float(start), float(duration))
-    return pressure
-
-
-def _plain(comparison: Comparison) -> dict[str, object]:
-    figures = {name: {"value": value, "unit": unit} for name, (value, unit) in comparison.figures().items()}
-    return {"simulated": comparison.simulated, "figures": figures}

@@ -3,6 +3,7 @@
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair.errors import InputError, RateError
 from midair.model import PressureFrames, Provenance, SensorGrid
@@ -74,3 +75,84 @@ def _modulation(kind: Stimulus) -> dict[float, float]:
     if kind == "iii":
         return {25.0: 0.6, 250.0: 0.4}
     raise InputError(f"stimulus: expected one of {', '.join(get_args(Stimulus))}, got {kind!r}")
+
+
+Probe = Literal["25+250 Hz", "noise", "bursts"]
+
+
+def probe_signal(
+    kind: str,
+    *,
+    peak: float = 20.0,
+    duration: float = 0.2,
+    rate: float = 8000.0,
+    rest: float = 0.1,
+    channel: int = 5,
+    seed: int = 0,
+    sensor: SensorGrid | None = None,
+) -> PressureFrames:
+    """A vibration of both signs on one cell, at rest before and after, with which fidelity is measured.
+
+    "25+250 Hz": the two in the ratio 3:2. "noise": normal noise from 25 to 460 Hz. "bursts": 200 Hz under Gaussians of
+    8 ms standard deviation, 50 ms apart. Each swells and fades over a fifth of `rest`, beyond the duration.
+
+    Parameters
+    ----------
+    kind : {"25+250 Hz", "noise", "bursts"}
+        Which of them.
+    peak : float
+        Largest pressure, in Pa.
+    duration : float
+        Of its full strength, in s.
+    rate : float
+        Frames per second, in Hz.
+    rest : float
+        Before it and after it, in s.
+    channel : int
+        That it acts on.
+    seed : int
+        Of the noise.
+    sensor : SensorGrid, optional
+        The cells; 4 x 4 at 11 mm by default.
+
+    Returns
+    -------
+    PressureFrames
+        Simulated, in Pa, of duration + 2 rest.
+
+    Raises
+    ------
+    InputError
+        If there is no such kind.
+    """
+    sensor = sensor or SensorGrid()
+    time = (
+        np.arange(round((positive(duration, "duration", "s") + 2 * positive(rest, "rest", "s")) * rate)) / rate - rest
+    )
+    wave = _probe(kind, time, rate, np.random.default_rng(seed))
+    outside = np.maximum(np.maximum(-time, time - duration), 0.0)
+    wave = wave * (0.5 + 0.5 * np.cos(np.pi * np.minimum(outside / (0.2 * rest), 1.0)))
+    pressure = np.zeros((len(time), sensor.count))
+    pressure[:, channel] = positive(peak, "peak", "Pa") * wave / np.abs(wave).max()
+    return PressureFrames(
+        pressure=pressure.reshape(-1, *sensor.shape),
+        rate=rate,
+        sensor=sensor,
+        provenance=Provenance(source=f"virtual:{kind}", simulated=True).then(
+            "probe", {"kind": kind, "peak_pa": float(peak), "channel": channel, "seed": seed}
+        ),
+    )
+
+
+def _probe(kind: str, time: NDArray[np.float64], rate: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    if kind == "25+250 Hz":
+        return 0.6 * np.sin(2 * np.pi * 25 * time) + 0.4 * np.sin(2 * np.pi * 250 * time)
+    if kind == "bursts":
+        after = np.mod(time + 25e-3, 50e-3) - 25e-3
+        return np.exp(-((after / 8e-3) ** 2) / 2) * np.sin(2 * np.pi * 200 * after)
+    if kind == "noise":
+        spectrum = np.fft.rfft(rng.standard_normal(len(time)))
+        frequency = np.fft.rfftfreq(len(time), 1 / rate)
+        spectrum[(frequency < 25) | (frequency > 460)] = 0
+        return np.asarray(np.fft.irfft(spectrum, len(time)), np.float64)
+    raise InputError(f"probe: expected one of {', '.join(get_args(Probe))}, got {kind!r}")

@@ -257,7 +257,7 @@ def _later_option(module, name: str) -> list:
 def _device_time(instant: int) -> DcSysTime:
     """An instant, in ns of device time, as the SDK wants it; version 36 makes one only from the present."""
     if not hasattr(DcSysTime, "now"):
-        return DcSysTime(instant)
+        return DcSysTime(instant)  # pyright: ignore[reportCallIssue]
     now = DcSysTime.now()
     return now + Duration.from_nanos(max(0, instant - now.sys_time()))
 

@@ -1,19 +1,26 @@
 """A phased array that exists only here: its sound presses on a `VirtualSkin`."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from midair.devices.frame_bytes import intensity_bytes, phase_bytes
 from midair.devices.interface import ArrayDevice, PlayReport, Progress
+from midair.devices.silencer import Silencer, SilencerChoice, choose_silencer
 from midair.devices.virtual_skin import VirtualSkin
-from midair.errors import DeviceStateError, RateError
+from midair.errors import DeviceStateError
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import (
     Directivity,
+    Moment,
+    PlaybackChain,
     TransducerDynamics,
-    envelope,
-    quantise_phase,
-    radiation_pressure,
+    Transducers,
+    radiate,
+    simulate,
     transfer_matrix,
 )
+from midair.physics.playback import Spread, steps_a_frame
 
 
 class VirtualArray(ArrayDevice):
@@ -31,15 +38,23 @@ class VirtualArray(ArrayDevice):
     medium, directivity
         Of the sound, as in `transfer_matrix`.
     dynamics : TransducerDynamics
-        How a transducer follows a change of its drive.
-    phase_bits : int
-        That the phases are rounded to.
+        How a transducer follows a change of its drive, on average.
+    phase_bits : int or None
+        That the phases are rounded to; not rounded if None.
     strength : float
         Mean strength of the transducers over the model's.
     spread : float
         Standard deviation of the strengths, as a part of the mean.
+    resonance_spread : float
+        Standard deviation of the resonances, in Hz.
+    quality_spread : float
+        Standard deviation of the quality factors, as a part of the mean.
     seed : int
-        Of the strengths.
+        Of the spreads.
+    silencer : {"off", "auto", "quarter", "half", "default"}
+        How steps are spread; see `choose_silencer`.
+    chain : PlaybackChain, optional
+        All of this instead of the settings above but for the silencer's, to make single parts ideal.
     """
 
     simulated = True
@@ -53,27 +68,45 @@ class VirtualArray(ArrayDevice):
         medium: Medium | None = None,
         directivity: Directivity = "t4010a1",
         dynamics: TransducerDynamics | None = None,
-        phase_bits: int = 8,
+        phase_bits: int | None = 8,
         strength: float = 0.9,
         spread: float = 0.05,
+        resonance_spread: float = 50.0,
+        quality_spread: float = 0.05,
         seed: int = 0,
+        silencer: SilencerChoice = "off",
+        chain: PlaybackChain | None = None,
         name: str = "virtual",
     ) -> None:
         self.name, self.array = name, array
-        self.medium, self.dynamics, self.phase_bits = medium or Medium(), dynamics or TransducerDynamics(), phase_bits
+        self.medium = medium or Medium()
+        self.silencer: SilencerChoice = silencer
+        self.chain = chain or PlaybackChain(
+            phase_bits=phase_bits,
+            transducers=Transducers.varied(
+                array.count,
+                dynamics,
+                seed=seed,
+                gain=strength,
+                gain_spread=spread,
+                resonance_spread=resonance_spread,
+                quality_spread=quality_spread,
+            ),
+        )
         self._skin = skin
-        rng = np.random.default_rng(seed)
-        self._strength = np.clip(strength * (1 + spread * rng.standard_normal(array.count)), 0, None)
         self._matrix = (
             None if skin is None else transfer_matrix(skin.points, array, medium=self.medium, directivity=directivity)
         )
+        self._spread = (
+            None if self._matrix is None else Spread.of(self._matrix, self.medium, None, self.chain.precision)
+        )
         self._open = False
-        self._now = np.zeros(array.count, complex)
+        self._now = Moment.silent(array.count)
 
     @property
     def emitting(self) -> bool:
         """Whether any sound comes out now."""
-        return bool(np.abs(self._now).max() > 0)
+        return bool(np.abs(self._now.q).max() > 0)
 
     def open(self) -> None:
         """Be ready, and silent."""
@@ -84,46 +117,45 @@ class VirtualArray(ArrayDevice):
         """Work out the pressure of every frame on the skin, some frames at a time."""
         if not self._open:
             raise DeviceStateError("virtual array: expected open before play")
-        substeps = self._substeps(drive.rate)
-        together, total = max(1, 1024 // substeps), drive.frames * repeats
-        self._rest(round(delay * drive.rate), substeps)
+        silencer = self._silencer(drive)
+        chain = self.chain if silencer is None else _spread_by(self.chain, silencer)
+        steps = 1 if self._skin is None else steps_a_frame(drive.rate, self._skin.rate)
+        if self._skin is not None and delay:
+            self._skin.press(np.zeros((round(delay * drive.rate) * steps, self._skin.points.count)))
+        total = drive.frames * repeats
         for before in range(0, total, drive.frames):
-            for start in range(0, drive.frames, together):
-                self._emit_frames(drive, slice(start, start + together), substeps)
-                if progress:
-                    progress(before + min(start + together, drive.frames), total)
-        return PlayReport(frames=total, duration=total / drive.rate)
+            self._emit_once(drive, chain, steps, before, total, progress)
+        said = "" if silencer is None else str(silencer)
+        return PlayReport(frames=total, duration=total / drive.rate, silencer=said)
 
     def silence(self) -> None:
         """Stop all sound at once."""
-        self._now = np.zeros(self.array.count, complex)
+        self._now = Moment.silent(self.array.count)
 
     def close(self) -> None:
         """Let go."""
         self._open = False
 
-    def _substeps(self, rate: float) -> int:
-        if self._skin is None:
-            return 1
-        substeps = self._skin.rate / rate
-        if substeps < 1 or abs(substeps - round(substeps)) > 1e-6:
-            raise RateError(
-                f"drive: expected a rate that {self._skin.rate:g} Hz is a whole multiple of, got {rate:g} Hz; "
-                "solve it at 1000 Hz"
-            )
-        return round(substeps)
+    def _silencer(self, drive: Drive) -> Silencer | None:
+        """What spreads the steps of this drive; None when none is on."""
+        if self.silencer == "off":
+            return None
+        return choose_silencer(self.silencer, phase_bytes(drive, 1), intensity_bytes(drive, 1), drive.rate)
 
-    def _rest(self, frames: int, substeps: int) -> None:
-        """Silence on the skin."""
-        if self._skin is not None and frames:
-            self._skin.press(np.zeros((frames * substeps, self._skin.points.count)))
+    def _emit_once(
+        self, drive: Drive, chain: PlaybackChain, steps: int, before: int, total: int, progress: Progress | None
+    ) -> None:
+        if chain.hold == "ideal" and self._skin is not None and self._matrix is not None:
+            self._skin.press(simulate(drive, self._matrix, chain=chain, rate=self._skin.rate, medium=self.medium))
+        done = 0
+        for q, now in radiate(drive, chain, steps, start=self._now):
+            self._now = now
+            done += len(q) // steps
+            if chain.hold == "step" and self._skin is not None and self._spread is not None:
+                self._skin.press(self._spread.pressure(q))
+            if progress:
+                progress(before + done, total)
 
-    def _emit_frames(self, drive: Drive, frames: slice, substeps: int) -> None:
-        level = drive.level[frames] if drive.level.ndim == 2 else drive.level[frames, None]
-        phase = quantise_phase(drive.phase[frames], bits=self.phase_bits)
-        q = np.asarray(level * np.exp(1j * phase), np.complex128)
-        moving = envelope(q, drive.rate, substeps, self.dynamics, start=self._now)
-        self._now = moving[-1]
-        if self._skin is not None and self._matrix is not None:
-            field = (moving * self._strength) @ self._matrix.T
-            self._skin.press(radiation_pressure(field, self.medium))
+
+def _spread_by(chain: PlaybackChain, silencer: Silencer) -> PlaybackChain:
+    return replace(chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)

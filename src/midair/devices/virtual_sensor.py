@@ -26,6 +26,7 @@ class VirtualSensor(SensorDevice):
 
     unit = "V"
     simulated = True
+    on_demand = True
 
     def __init__(
         self,
@@ -37,7 +38,7 @@ class VirtualSensor(SensorDevice):
         name: str = "virtual",
     ) -> None:
         self.name, self.grid, self.rate = name, skin.model.grid, rate
-        self.calibration = calibration_of(skin.model)
+        self.calibration, self.full_scale = calibration_of(skin.model), skin.model.full_scale
         self._skin, self._touch, self._seed = skin, touch, seed
         self._oversample = round(skin.rate / rate)
         self._samples = np.zeros((0, *self.grid.shape))

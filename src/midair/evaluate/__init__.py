@@ -1,18 +1,41 @@
-"""Evaluate: errors of a field, spectra, places of peaks, and original against reproduction (paper, 5.1 and 5.2)."""
+"""Evaluate: errors of a field, spectra, places of peaks, original against reproduction, what skin makes of it."""
 
 from midair.evaluate.alignment import advance, find_delay
+from midair.evaluate.budget import Budget, StageLoss, StageOutput, budget
+from midair.evaluate.card import CardFigure, PerceptualCard, perceptual_card
 from midair.evaluate.comparison import Comparison, compare
+from midair.evaluate.fidelity import Fidelity, fidelity, image_level, in_band
 from midair.evaluate.field import peak_position, printed_error, relative_error
+from midair.evaluate.leak import Leak, leak, surroundings
+from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
 
 __all__ = [
+    "Budget",
+    "CardFigure",
     "Comparison",
+    "Fidelity",
+    "Leak",
+    "PerceptualCard",
+    "SkinModel",
+    "StageLoss",
+    "StageOutput",
     "advance",
+    "budget",
     "compare",
     "dominant_frequency",
+    "fidelity",
     "find_delay",
+    "image_level",
+    "in_band",
+    "leak",
+    "pacinian_level",
     "peak_position",
+    "perceptual_card",
     "printed_error",
     "relative_error",
     "spectral_error",
+    "spqi",
+    "st_sim",
+    "surroundings",
 ]

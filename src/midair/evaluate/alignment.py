@@ -26,11 +26,11 @@ def find_delay(original: Array, later: Array, rate: float, *, longest: float = 0
         In s; 0 when either is silent.
     """
     frames = len(original)
-    length = 2 * frames
+    length = frames + max(frames, len(later))
     a = np.fft.rfft(original.reshape(frames, -1), length, axis=0)
     b = np.fft.rfft(later.reshape(len(later), -1), length, axis=0)
     correlation = np.fft.irfft((np.conj(a) * b).sum(axis=1), length)
-    reach = max(1, min(round(longest * rate), frames - 1))
+    reach = max(1, min(round(longest * rate), max(frames, len(later)) - 1))
     around = np.roll(correlation, reach)[: 2 * reach + 1]
     best = int(np.argmax(around))
     if around[best] <= 0:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate.alignment import advance, find_delay
+from midair.evaluate.fidelity import decibels
 from midair.evaluate.field import peak_position
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
 from midair.model import PressureFrames, SensorGrid
@@ -106,7 +107,7 @@ def compare(
     RateError
         If the rates differ; resample one first.
     """
-    _check_alike(original, reproduced)
+    check_alike(original, reproduced)
     frames = min(original.frames, reproduced.frames)
     x, y = original.pressure[:frames], reproduced.pressure[:frames]
     delay = find_delay(x, y, original.rate, longest=min(longest_delay, (frames - 1) / original.rate))
@@ -118,7 +119,7 @@ def compare(
         correlation=float(_correlation(x, y, axis=None)),
         gain=float(gain),
         waveform_error=_ratio(np.linalg.norm(y - x), np.linalg.norm(x)),
-        distortion_ratio=_decibels(float(gain) ** 2 * (x**2).sum(), ((y - gain * x) ** 2).sum()),
+        distortion_ratio=decibels(float(gain) ** 2 * (x**2).sum(), ((y - gain * x) ** 2).sum()),
         spectral_error=_spectral_error(x, y, original.rate, band or original.band),
         peak=_peaks(power_x, power_y, original.sensor),
         frequency=(dominant_frequency(x, original.rate), dominant_frequency(y, original.rate)),
@@ -138,7 +139,8 @@ def _peaks(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[tupl
     return (float(sensor.x[columns[nearest]]), float(sensor.y[rows[nearest]])), found
 
 
-def _check_alike(original: PressureFrames, reproduced: PressureFrames) -> None:
+def check_alike(original: PressureFrames, reproduced: PressureFrames) -> None:
+    """Refuse other cells (MismatchError) and other rates (RateError)."""
     if original.sensor.shape != reproduced.sensor.shape:
         raise MismatchError(
             f"reproduced: expected the original's {original.sensor.shape} cells, got {reproduced.sensor.shape}"
@@ -169,9 +171,3 @@ def _correlation(x: Array, y: Array, axis: int | None) -> Array:
 
 def _ratio(part: np.floating, whole: np.floating) -> float:
     return float(part / whole) if whole > 0 else (0.0 if part == 0 else float("inf"))
-
-
-def _decibels(signal: float, rest: float) -> float:
-    if signal <= 0:
-        return float("-inf")
-    return float(10 * np.log10(signal / rest)) if rest > 0 else float("inf")

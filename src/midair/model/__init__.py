@@ -4,20 +4,26 @@ from midair.model.calibration import Calibration
 from midair.model.drive import Drive, Solution, Status
 from midair.model.frames import AmplitudeFrames, PressureFrames
 from midair.model.geometry import ControlGrid, SensorGrid, TransducerArray
+from midair.model.measurement import Crosstalk, Linearity, Measurement
 from midair.model.medium import Medium
 from midair.model.provenance import Provenance, Setting, Step
 from midair.model.recording import Recording, Unit
+from midair.model.wiring import SensorWiring
 
 __all__ = [
     "AmplitudeFrames",
     "Calibration",
     "ControlGrid",
+    "Crosstalk",
     "Drive",
+    "Linearity",
+    "Measurement",
     "Medium",
     "PressureFrames",
     "Provenance",
     "Recording",
     "SensorGrid",
+    "SensorWiring",
     "Setting",
     "Solution",
     "Status",

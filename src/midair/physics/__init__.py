@@ -1,8 +1,10 @@
 """The laws: radiation pressure, directivity, propagation, transducer dynamics, sensing, exposure. Pure functions."""
 
+from midair.physics.chain import Moment, PlaybackChain, radiate
 from midair.physics.directivity import Directivity, off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
 from midair.physics.exposure import Exposure, ExposureProfile, exposure, profiles_of, sound_level
+from midair.physics.playback import check_frame_rate, playback_response, simulate
 from midair.physics.propagation import (
     focus_amplitude,
     focus_phase,
@@ -13,26 +15,34 @@ from midair.physics.propagation import (
 )
 from midair.physics.radiation import radiation_pressure, sound_amplitude
 from midair.physics.sensing import SensorModel, calibration_of, cell_weights, channel_response, sense
+from midair.physics.transducers import Transducers
 
 __all__ = [
     "Directivity",
     "Exposure",
     "ExposureProfile",
+    "Moment",
+    "PlaybackChain",
     "SensorModel",
     "TransducerDynamics",
+    "Transducers",
     "calibration_of",
     "cell_weights",
     "channel_response",
+    "check_frame_rate",
     "envelope",
     "exposure",
     "focus_amplitude",
     "focus_phase",
     "off_axis",
+    "playback_response",
     "profiles_of",
     "propagate",
     "quantise_phase",
+    "radiate",
     "radiation_pressure",
     "sense",
+    "simulate",
     "sound_level",
     "sound_amplitude",
     "transfer_matrix",

@@ -1,6 +1,5 @@
-"""Play, re-record, correct, play again, compare (paper, 5.2)."""
+"""Play, re-record, correct, play again, compare (paper, 5.2); and again, until it no longer helps."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,13 +7,12 @@ from numpy.typing import NDArray
 
 from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure
 from midair.devices import ArrayDevice, Progress, SensorDevice
-from midair.evaluate import Comparison, compare
-from midair.flow import Reproduction, Settings, at_rate, felt, reproduce
-from midair.model import Calibration, PressureFrames, Recording
-from midair.rig.playback import rerecord
-
-Stage = Callable[[str], Progress | None]
-"""Told the name of each stage as it begins; gives the progress to report to."""
+from midair.errors import InputError
+from midair.flow import Settings, felt
+from midair.model import Calibration, PressureFrames
+from midair.rig.iteration import iterated
+from midair.rig.passes import Pass, Rig, Stage, led_in, play_pass, quiet
+from midair.rig.playback import Gate, rerecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,29 +26,31 @@ class BeamTest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pass:
-    """One time through: the gain that was asked for, what was played, and what the sensor felt of it."""
-
-    gain: float
-    reproduction: Reproduction
-    rerecorded: Recording
-    felt: PressureFrames
-    comparison: Comparison
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loop:
-    """Everything that came of one loop: the settings, the original, the beam test, and the passes in their order."""
+    """Everything that came of one loop.
+
+    Attributes
+    ----------
+    settings : Settings
+        Of every stage.
+    original : PressureFrames
+        What was to be reproduced.
+    beam : BeamTest
+        The beam test.
+    passes : tuple of Pass
+        In their order; those that were taken back are not among them.
+    taken_back : int
+        Steps of the iterative correction that made it worse.
+    end : str
+        Why the iterative correction stopped; empty when there was none.
+    """
 
     settings: Settings
     original: PressureFrames
     beam: BeamTest
     passes: tuple[Pass, ...]
-
-
-def quiet(_: str) -> Progress | None:
-    """A stage reporter that says nothing."""
-    return None
+    taken_back: int = 0
+    end: str = ""
 
 
 def beam_test(
@@ -61,6 +61,7 @@ def beam_test(
     *,
     top: float = 100.0,
     levels: int = 6,
+    gate: Gate | None = None,
     progress: Progress | None = None,
 ) -> BeamTest:
     """Measure the gain of the beam: a beating focus on the channel nearest to the centre, at several levels.
@@ -77,6 +78,8 @@ def beam_test(
         Highest pressure that is commanded, in Pa.
     levels : int
         Number of levels, 5 or more, evenly spread in pressure.
+    gate : Gate, optional
+        Needed for a real array.
     progress : callable, optional
         Called with (frames played, frames in all).
     """
@@ -91,7 +94,7 @@ def beam_test(
     drive = beam_drive(
         array.array, point, drives, frequency=frequency, cycles=cycles, rate=settings.rate, medium=settings.medium
     )
-    heard = felt(rerecord(drive, array, sensor, progress=progress), calibration, settings)
+    heard = felt(rerecord(drive, array, sensor, gate=gate, progress=progress), calibration, settings)
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
     measured = beat_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
     commanded = full * drives**2 / 2
@@ -105,48 +108,50 @@ def run_loop(
     settings: Settings,
     *,
     corrections: int = 1,
+    iterate: int = 0,
+    gate: Gate | None = None,
+    lead: float = 0.0,
     stage: Stage = quiet,
 ) -> Loop:
     """Take what was felt of an object through the rest of the paper's pipeline on an open array and sensor.
 
     The first pass is corrected by the beam's gain alone; each further one multiplies the pressure by what the pass
-    before it lacked in amplitude.
+    before it lacked in amplitude. Then come passes that correct the waveform, see `rig.iteration`.
 
     Parameters
     ----------
     original : PressureFrames
         What was felt, in the settings' band and at their rate (`flow.felt`).
-    array, sensor : ArrayDevice, SensorDevice
-        Open; the sensor lies at the settings' control grid and brings its own calibration.
+    array, sensor, gate, lead
+        As in `Rig`.
     settings : Settings
         Of every stage.
     corrections : int
-        Passes after the first; the paper's loop has one.
+        Passes after the first that correct the amplitude; the paper's loop has one.
+    iterate : int
+        Largest number of passes after those that correct the waveform.
     stage : callable
         Told the name of each stage as it begins.
     """
-    beam = beam_test(array, sensor, sensor.calibration, settings, progress=stage("beam test"))
+    if corrections < 0 or iterate < 0:
+        raise InputError(f"corrections: expected 0 or more of each kind, got {corrections} and {iterate}")
+    rig = Rig(array=array, sensor=sensor, gate=gate, lead=lead)
+    beam = beam_test(array, sensor, sensor.calibration, settings, gate=gate, progress=stage("beam test"))
     gain = settings.gain * amplitude_gain(beam.line.gain)
+    asked = led_in(original, lead)
     passes: list[Pass] = []
     for number in range(corrections + 1):
         if passes:
             gain *= amplitude_gain(passes[-1].comparison.gain)
-        passes.append(_pass(original, array, sensor, replace(settings, gain=gain), number + 1, stage))
-    return Loop(settings=settings, original=original, beam=beam, passes=tuple(passes))
-
-
-def _pass(
-    original: PressureFrames, array: ArrayDevice, sensor: SensorDevice, settings: Settings, number: int, stage: Stage
-) -> Pass:
-    made = reproduce(original, array.array, settings, progress=stage(f"solve, pass {number}"))
-    rerecorded = rerecord(made.solution.drive, array, sensor, progress=stage(f"play and re-record, pass {number}"))
-    again = at_rate(felt(rerecorded, sensor.calibration, settings), original.rate)
-    return Pass(
-        gain=settings.gain,
-        reproduction=made,
-        rerecorded=rerecorded,
-        felt=again,
-        comparison=compare(original, again),
+        passes.append(play_pass(original, asked, rig, replace(settings, gain=gain), f"pass {number + 1}", stage))
+    further = iterated(original, passes[-1], rig, settings, iterate, stage=stage)
+    return Loop(
+        settings=settings,
+        original=original,
+        beam=beam,
+        passes=(*passes, *further.passes),
+        taken_back=further.taken_back,
+        end=further.end,
     )
 
 

@@ -9,11 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.evaluate import printed_error, relative_error
+from midair.errors import ShapeError
+from midair.evaluate import PerceptualCard, perceptual_card, printed_error, relative_error
 from midair.figures import (
     beam_figure,
+    card_figure,
     error_figure,
     maps_figure,
+    passes_figure,
     phase_figure,
     png,
     spectra_figure,
@@ -65,14 +68,15 @@ def render(loop: Loop, *, commands: tuple[str, ...] = ()) -> str:
     environment = Environment(
         loader=PackageLoader("midair.rig", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
-    last = loop.passes[-1]
+    last, card = loop.passes[-1], card_of_loop(loop)
     name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
     return environment.get_template("report.html.j2").render(
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=last.comparison.simulated,
         summary=_summary(loop),
-        pictures=pictures(loop),
+        pictures=[*pictures(loop), *further_pictures(loop, card)],
         figures=_figures(loop),
+        card=() if card is None else card.figures,
         passes=[f"pass {number + 1}" for number in range(len(loop.passes))],
         settings=settings_rows(loop.settings),
         steps=[(step.stage, _words(step.settings)) for step in last.felt.provenance.steps],
@@ -153,6 +157,38 @@ def pictures(loop: Loop) -> list[Picture]:
             ),
         ),
     ]
+
+
+def further_pictures(loop: Loop, card: PerceptualCard | None) -> list[Picture]:
+    """What skin makes of it, where it is long enough to tell, and the way there, where there was one."""
+    made: list[Picture] = []
+    if card is not None:
+        made.append(
+            Picture(
+                title="What skin makes of it, cell by cell",
+                caption="The figures of the perceptual card; a dash where the original hardly presses.",
+                data=png(card_figure(card)),
+            )
+        )
+    if loop.end:
+        errors = [one.comparison.waveform_error for one in loop.passes]
+        made.append(
+            Picture(
+                title="Error of the waveform, pass by pass",
+                caption="The first passes correct the amplitude, the others the waveform. "
+                f"{loop.taken_back} steps made it worse and were taken back. It ended because {loop.end}.",
+                data=png(passes_figure([("this loop", errors)], simulated=loop.passes[-1].comparison.simulated)),
+            )
+        )
+    return made
+
+
+def card_of_loop(loop: Loop) -> PerceptualCard | None:
+    """The perceptual card of the last pass; None where it is shorter than the 64 ms that its metrics need."""
+    try:
+        return perceptual_card(loop.original, loop.passes[-1].felt)
+    except ShapeError:
+        return None
 
 
 def settings_rows(settings: object, prefix: str = "") -> list[Row]:

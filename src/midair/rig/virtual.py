@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from midair.datasets import am_stimulus, stroke
+from midair.datasets import am_stimulus, stroke, taps
 from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
 from midair.errors import UnknownDeviceError
 from midair.model import Medium, PressureFrames, SensorGrid, TransducerArray
@@ -77,7 +77,7 @@ class VirtualRig:
         ----------
         thing : str
             ``brush``, ``sponge`` or ``towel``, each with ``+groove`` for the grooved surface; or ``am-i``, ``am-ii``,
-            ``am-iii``.
+            ``am-iii``; or ``taps``, on each cell in turn.
         duration : float, optional
             In s; a whole stroke, or half a second of a modulated focus, if None.
 
@@ -103,8 +103,10 @@ class VirtualRig:
                 return am_stimulus("ii", peak=self.peak, duration=duration or 0.5, rate=skin.rate, sensor=grid)
             case ("am-iii", "", ""):
                 return am_stimulus("iii", peak=self.peak, duration=duration or 0.5, rate=skin.rate, sensor=grid)
+            case ("taps", "", ""):
+                return taps(seed=self.seed, rate=skin.rate, sensor=grid)
             case _:
                 raise UnknownDeviceError(
-                    "virtual sensor: expected brush, sponge or towel (+groove or not), am-i, am-ii or am-iii, "
+                    "virtual sensor: expected brush, sponge or towel (+groove or not), am-i, am-ii, am-iii or taps, "
                     f"got {thing!r}"
                 )

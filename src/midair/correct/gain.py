@@ -1,4 +1,4 @@
-"""Corrections from what was re-recorded: the gain of the beam, and of the amplitude (paper, 5.2)."""
+"""Gain of the beam, and of the amplitude, from what was re-recorded (paper, 5.2)."""
 
 from dataclasses import dataclass
 

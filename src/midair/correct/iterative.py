@@ -1,0 +1,151 @@
+"""Iterative correction: what a re-recording lacks is added to what is asked for, frequency by frequency.
+
+    U <- proj[ U + g conj(H) / (|H|^2 + eps) (Y_target - Y) ]
+
+U is the pressure that is asked for, Y what was re-recorded of it, H the response from one to the other, proj the
+nearest pressure that can be played. In the terms of iterative learning control it is learning by an inverted model
+(Bristow, Tharayil and Alleyne, IEEE Control Systems 26(3), 2006), regularised where H is small.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.dsp import band_edges, band_window, filter_response
+from midair.errors import InputError, ShapeError
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Band = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Response:
+    """What comes back of what is asked for, the same for all cells.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (bin,)
+        Increasing, in Hz.
+    value : ndarray of complex, shape (bin,)
+        H, Pa re-recorded over Pa asked for.
+    """
+
+    frequency: Array
+    value: Complex
+
+    def at(self, frequency: Array) -> Complex:
+        """H between the bins, by linear interpolation of its real and imaginary parts; held at the ends."""
+        real, imaginary = (np.interp(frequency, self.frequency, part) for part in (self.value.real, self.value.imag))
+        return np.asarray(real + 1j * imaginary, np.complex128)
+
+
+def measured_response(asked: Array, heard: Array, rate: float, *, band: Band, resolution: float = 20.0) -> Response:
+    """H1 = S_uy / S_uu by Welch's method, the cross-spectra summed over the cells.
+
+    What nobody asked for in a bin carries no information there: bins with less than 1e-4 of the strongest one's power
+    take H of the nearest bin that has more.
+
+    Parameters
+    ----------
+    asked, heard : ndarray, shape (frame, row, column)
+        In Pa, at the same times.
+    rate : float
+        In Hz.
+    band : tuple of float
+        (low, high) outside which nothing is looked at, in Hz.
+    resolution : float
+        Spacing of the bins, in Hz: H is taken as smooth over that.
+
+    Raises
+    ------
+    ShapeError
+        If the shapes differ.
+    InputError
+        If nothing was asked for in the band.
+    """
+    from scipy.signal import csd
+    from scipy.signal import welch as scipy_welch
+
+    if asked.shape != heard.shape:
+        raise ShapeError(f"heard: expected the shape of what was asked for, {asked.shape}, got {heard.shape}")
+    segment = min(len(asked), max(8, round(rate / resolution)))
+    u, y = asked.reshape(len(asked), -1), heard.reshape(len(heard), -1)
+    frequency, power = scipy_welch(u, rate, nperseg=segment, axis=0)
+    _, cross = csd(u, y, rate, nperseg=segment, axis=0)
+    inside = (frequency >= band[0]) & (frequency <= band[1])
+    power, cross = power.sum(axis=1) * inside, cross.sum(axis=1)
+    if not power.max() > 0:
+        raise InputError(f"asked: expected pressure within {band[0]:g} to {band[1]:g} Hz, got none")
+    good = np.flatnonzero(power > 1e-4 * power.max())
+    nearest = good[np.argmin(np.abs(np.arange(len(frequency))[:, None] - good), axis=1)]
+    return Response(
+        frequency=np.asarray(frequency, np.float64),
+        value=np.asarray((cross[good] / power[good])[np.searchsorted(good, nearest)]),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IterativeCorrection:
+    """How the correction steps.
+
+    Attributes
+    ----------
+    step : float
+        g of the first step; 1 would be right at once were the chain linear and H exact.
+    regularisation : float
+        eps, over the largest ``|H|^2`` in the band.
+    shrink : float
+        What g is multiplied by after a step that made it worse and was taken back.
+    smallest : float
+        Below this g it is given up.
+    least : float
+        Part of the error by which a step must lower it to go on.
+    """
+
+    step: float = 0.8
+    regularisation: float = 0.01
+    shrink: float = 0.5
+    smallest: float = 0.1
+    least: float = 0.002
+
+    def __post_init__(self) -> None:
+        if not (0 < self.smallest <= self.step <= 2 and 0 < self.shrink < 1):
+            raise InputError(
+                f"correction: expected 0 < smallest <= step <= 2 and 0 < shrink < 1, got {self.smallest:g}, "
+                f"{self.step:g} and {self.shrink:g}"
+            )
+        if self.regularisation < 0 or not 0 <= self.least < 1:
+            raise InputError(
+                f"correction: expected regularisation >= 0 and 0 <= least < 1, got {self.regularisation:g} and "
+                f"{self.least:g}"
+            )
+
+    def change(self, lacking: Array, rate: float, response: Response, *, band: Band, step: float) -> Array:
+        """What to add to what is asked for: ``g conj(H) / (|H|^2 + eps)`` applied to what is lacking, within the band.
+
+        Parameters
+        ----------
+        lacking : ndarray, shape (frame, row, column)
+            Y_target - Y, at the same times, in Pa.
+        rate : float
+            In Hz.
+        response : Response
+            H.
+        band : tuple of float
+            (low, high), in Hz, with the band's usual soft edges.
+        step : float
+            g.
+        """
+        edges = band_edges(band, rate)
+        within = (response.frequency >= band[0]) & (response.frequency <= band[1])
+        power = np.abs(response.value) ** 2
+        floor = self.regularisation * float(power[within].max() if within.any() else power.max())
+
+        def inverse(frequency: Array) -> Complex:
+            H = response.at(frequency)
+            gain = step * band_window(frequency, band, edges=edges) * np.conj(H) / (np.abs(H) ** 2 + floor)
+            return np.asarray(gain, np.complex128).reshape(-1, 1, 1)
+
+        return filter_response(lacking, rate, inverse, reach=0.1)

@@ -1,0 +1,156 @@
+"""An error budget: what each stage of one reproduction loses, and what is left after it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from midair.evaluate.fidelity import Band, Fidelity, fidelity
+from midair.evaluate.leak import Leak
+from midair.model import PressureFrames
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StageOutput:
+    """The pressure on the cells as it would be if everything after a stage were perfect.
+
+    Attributes
+    ----------
+    name : str
+        Of the stage.
+    what : str
+        It does, in one line.
+    pressure : PressureFrames
+        After it.
+    leak : Leak or None
+        Outside the square, where there is a field to tell it from.
+    reference : PressureFrames or None
+        What to compare it with in place of the original: what a perfect stage would give.
+    tells_images : bool
+        Whether it reaches up to the images; a sensor at 1 kHz does not, at whatever rate its pressure is given.
+    """
+
+    name: str
+    what: str
+    pressure: PressureFrames
+    leak: Leak | None = None
+    reference: PressureFrames | None = None
+    tells_images: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageLoss:
+    """One line of a budget.
+
+    Attributes
+    ----------
+    name, what : str
+        Of the stage.
+    alone : Fidelity
+        Of the stage's output with its input: what this stage does.
+    so_far : Fidelity
+        Of the stage's output with the original: what has come through.
+    leak : Leak or None
+        Outside the square of control points.
+    """
+
+    name: str
+    what: str
+    alone: Fidelity
+    so_far: Fidelity
+    leak: Leak | None = None
+
+    def plain(self) -> dict[str, object]:
+        """For JSON; what cannot be told is null."""
+        return {
+            "stage": self.name,
+            "what": self.what,
+            "sdr_alone_db": finite(self.alone.distortion_ratio),
+            "sdr_so_far_db": finite(self.so_far.distortion_ratio),
+            "sdr_overall_db": finite(self.so_far.overall_ratio),
+            "images_db": finite(self.so_far.images),
+            "spatial_correlation": self.so_far.spatial_correlation,
+            "gain": self.so_far.gain,
+            "delay_s": self.so_far.delay,
+            "leak": None if self.leak is None else self.leak.peak,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budget:
+    """What became of one recording on its way to the palm.
+
+    Attributes
+    ----------
+    stages : tuple of StageLoss
+        In the order of the way.
+    kept : float or None
+        Part of the recording's power that lies in the band; None where it is not known.
+    band : tuple of float
+        (low, high) that signal and distortion are measured in, in Hz.
+    strength : float
+        Of the target.
+    simulated : bool
+        Whether any part of it was simulated.
+    """
+
+    stages: tuple[StageLoss, ...]
+    kept: float | None
+    band: Band
+    strength: float
+    simulated: bool
+
+    def stage(self, name: str) -> StageLoss:
+        """The line of this name."""
+        return next(each for each in self.stages if each.name == name)
+
+    def plain(self) -> dict[str, object]:
+        """For JSON."""
+        return {
+            "simulated": self.simulated,
+            "band_hz": list(self.band),
+            "kept_in_band": self.kept,
+            "strength": self.strength,
+            "stages": [stage.plain() for stage in self.stages],
+        }
+
+
+def budget(
+    original: PressureFrames,
+    outputs: Sequence[StageOutput],
+    *,
+    strength: float,
+    kept: float | None = None,
+    band: Band = (20.0, 470.0),
+    images: Band = (530.0, 1000.0),
+) -> Budget:
+    """Compare the output of each stage with its input, and with the original.
+
+    Parameters
+    ----------
+    original : PressureFrames
+        What was felt, in the band.
+    outputs : sequence of StageOutput
+        In the order of the way, all on the original's cells and of the same time.
+    strength : float
+        Of the target.
+    kept : float, optional
+        Part of the recording's power that lies in the band.
+    band, images : tuple of float
+        As in `fidelity`.
+    """
+    lines: list[StageLoss] = []
+    before = original
+    for output in outputs:
+        so_far = fidelity(output.reference or original, output.pressure, band=band, images=images)
+        alone = so_far if before is original else fidelity(before, output.pressure, band=band, images=images)
+        if not output.tells_images:
+            so_far, alone = replace(so_far, images=None), replace(alone, images=None)
+        lines.append(StageLoss(name=output.name, what=output.what, alone=alone, so_far=so_far, leak=output.leak))
+        before = output.pressure
+    simulated = original.provenance.simulated or any(each.pressure.provenance.simulated for each in outputs)
+    return Budget(stages=tuple(lines), kept=kept, band=band, strength=strength, simulated=simulated)
+
+
+def finite(value: float | None) -> float | None:
+    """`value`, or None where JSON has no word for it."""
+    return value if value is not None and math.isfinite(value) else None

@@ -1,0 +1,110 @@
+"""Sound that presses where nothing was asked for: outside the square of control points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.model import ControlGrid, Drive, Medium
+from midair.physics import Directivity, propagate, radiation_pressure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leak:
+    """Radiation pressure outside the controlled square, over the highest that was wanted inside.
+
+    Attributes
+    ----------
+    peak : float
+        Of the hottest spot in any frame over the highest wanted pressure of all frames.
+    typical : float
+        Median over the frames of the hottest spot, over the same.
+    place : tuple of float
+        (x, y) of the hottest spot, from the middle of the grid, in m.
+    wanted : float
+        Highest wanted pressure, in Pa.
+    """
+
+    peak: float
+    typical: float
+    place: tuple[float, float]
+    wanted: float
+
+
+def surroundings(
+    grid: ControlGrid, *, reach: float = 0.02, pitch: float = 2.5e-3
+) -> tuple[ControlGrid, NDArray[np.bool_]]:
+    """A larger grid around a control grid, and which of its points lie outside the square.
+
+    Parameters
+    ----------
+    grid : ControlGrid
+        The controlled points; its square ends half a pitch beyond the outermost.
+    reach : float
+        How far the larger grid goes beyond the square, in m.
+    pitch : float
+        Of the larger grid, in m; 2.5 mm is a third of a wavelength at 40 kHz.
+
+    Returns
+    -------
+    ControlGrid
+        The larger grid.
+    ndarray of bool, shape (point,)
+        Whether a point is outside the square.
+    """
+    half_x, half_y = grid.columns * grid.pitch / 2, grid.rows * grid.pitch / 2
+    rows, columns = (2 * int(np.ceil((half + reach) / pitch)) + 1 for half in (half_y, half_x))
+    around = ControlGrid(rows=rows, columns=columns, pitch=pitch, height=grid.height, centre=grid.centre)
+    x, y = np.meshgrid(around.x, around.y)
+    outside = (np.abs(x) > half_x + 1e-9) | (np.abs(y) > half_y + 1e-9)
+    return around, outside.ravel()
+
+
+def leak(
+    drive: Drive,
+    amplitude: Array,
+    grid: ControlGrid,
+    *,
+    medium: Medium | None = None,
+    directivity: Directivity = "t4010a1",
+    frames: int = 64,
+    reach: float = 0.02,
+) -> Leak:
+    """How strongly a drive presses outside the square that it was solved for.
+
+    Parameters
+    ----------
+    drive : Drive
+        What is played.
+    amplitude : ndarray, shape (frame, point)
+        What was wanted, peak, in Pa.
+    grid : ControlGrid
+        Where it was wanted.
+    medium, directivity
+        As in `transfer_matrix`.
+    frames : int
+        How many frames are looked at, evenly spread, and the strongest one.
+    reach : float
+        How far outside is looked, in m.
+    """
+    medium = medium or Medium()
+    wanted = radiation_pressure(amplitude, medium)
+    chosen = np.unique(np.linspace(0, drive.frames - 1, min(frames, drive.frames)).astype(int))
+    chosen = np.union1d(chosen, [int(np.argmax(wanted.max(axis=1)))])
+    around, outside = surroundings(grid, reach=reach)
+    part = Drive(phase=drive.phase[chosen], level=drive.level[chosen], rate=drive.rate, array=drive.array)
+    field = propagate(part, around, medium=medium, directivity=directivity)
+    pressure = np.where(outside, radiation_pressure(field, medium), 0.0)
+    top = float(wanted.max())
+    hottest = pressure.max(axis=1)
+    where = int(np.argmax(pressure[int(np.argmax(hottest))]))
+    row, column = divmod(where, around.columns)
+    over = hottest / top if top > 0 else np.zeros(len(hottest))
+    return Leak(
+        peak=float(over.max()),
+        typical=float(np.median(over)),
+        place=(float(around.x[column]), float(around.y[row])),
+        wanted=top,
+    )

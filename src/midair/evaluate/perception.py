@@ -1,0 +1,239 @@
+"""How alike two vibrations feel: published similarity metrics for skin, and the power that Pacinian corpuscles take up.
+
+ST-SIM is of Hassen and Steinbach (IEEE Trans. Haptics 13(1), 2020); it and SPQI are two of the metrics that Noll,
+Hofbauer, Muschter, Li and Steinbach fuse (IEEE Haptics Symposium 2022, doi 10.1109/HAPTICS52432.2022.9765599). Both are
+here in the reading of the latter's package, vibromaf 0.0.8: blocks of 512 samples at 8 kHz, an orthonormal DCT, and the
+threshold curve T below. A test holds them to vibromaf's numbers.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import ShapeError
+
+Array = NDArray[np.float64]
+
+RATE = 8000.0
+"""Samples per second that the published metrics are defined for, in Hz."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Threshold:
+    """The metrics' curve of what is just felt: T(f) = span (log10(f / slope + b) / log10 b)^2 - floor, in dB.
+
+    b = 1 - lowest / slope, so that the curve is lowest at `lowest`. From the first frequency above `lowest` where it
+    passes 0 dB it stays there.
+
+    Attributes
+    ----------
+    lowest : float
+        Where skin is most sensitive, in Hz.
+    slope : float
+        In Hz.
+    span : float
+        From the least value to that at 0 Hz, in dB.
+    floor : float
+        Least value below 0 dB, in dB.
+    """
+
+    lowest: float = 250.0
+    slope: float = 550.0
+    span: float = 62.0
+    floor: float = 77.0
+
+    def at(self, bins: int, rate: float = RATE) -> Array:
+        """The curve at the bins of a DCT of `bins` samples, shape (bin,), in dB.
+
+        vibromaf puts bin k at k rate / (2 bins - 1), half a part in a thousand above the DCT's own frequency; so does
+        this, for the same numbers.
+        """
+        frequency = np.arange(bins) * rate / (2 * bins - 1)
+        b = 1 - self.lowest / self.slope
+        curve = self.span * (np.log10(frequency / self.slope + b) / np.log10(b)) ** 2 - self.floor
+        above = int(np.argmax(curve > 0))
+        # argmax of nothing is 0: vibromaf then flattens the whole curve, which no block of its length ever meets.
+        curve[above:] = curve[above] if above else curve[above:]
+        return np.asarray(curve, np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkinModel:
+    """From pressure on a cell to what skin does, and what of it is felt.
+
+    Attributes
+    ----------
+    modulus : float
+        Of skin, in Pa (TouchSim: Saal et al., PNAS 114(28), 2017).
+    poisson : float
+        Poisson's ratio (the same).
+    radius : float
+        Of the area that a cell's pressure acts on, in m.
+    just_felt : float
+        Peak displacement that is just felt at `best` on the palm, in m. Nominal: thresholds differ between people by
+        10 dB and with the area; only levels over the threshold depend on it, no difference between two signals.
+    best : float
+        Frequency that Pacinian corpuscles feel best, in Hz (Verrillo, J. Acoust. Soc. Am. 35(12), 1963).
+    below, above : float
+        By how much the threshold rises away from `best`, in dB an octave (the same).
+    step : float
+        Just noticeable difference of the level, in dB: a Weber fraction of .20 of the amplitude, the median for
+        125 Hz on the thenar eminence (Forta, Griffin and Morioka, Somatosens. Mot. Res. 29(1), 2012).
+    """
+
+    modulus: float = 50e3
+    poisson: float = 0.4
+    radius: float = 5e-3
+    just_felt: float = 0.1e-6
+    best: float = 250.0
+    below: float = 12.0
+    above: float = 9.0
+    step: float = 1.58
+
+    def displacement(self, pressure: Array) -> Array:
+        """Of the skin in the middle of an evenly pressed disc, u = 2 (1 - nu^2) P a / E, in m; 100 Pa: 17 µm."""
+        return 2 * (1 - self.poisson**2) * self.radius / self.modulus * np.asarray(pressure, float)
+
+    def threshold(self, frequency: Array) -> Array:
+        """Pacinian threshold T_P(f), peak displacement in m, shape of `frequency` (Hz, above 0)."""
+        octaves = np.log2(np.asarray(frequency, float) / self.best)
+        rise = np.where(octaves < 0, -self.below * octaves, self.above * octaves)
+        return self.just_felt * 10 ** (rise / 20)
+
+    def metric_scale(self, block: int = 512) -> float:
+        """What to multiply a pressure in Pa by before ST-SIM and SPQI.
+
+        The metrics know no unit. With this factor a sine at `best` that is just felt has the level of their threshold
+        curve's least value.
+        """
+        level = 10 ** (-Threshold().floor / 20) / np.sqrt(block / 2)
+        return float(self.displacement(np.ones(1))[0] / self.just_felt * level)
+
+
+def blocks(signal: Array, block: int = 512) -> Array:
+    """Whole blocks of a signal (sample,), shape (block, sample); what is left over at the end is not used.
+
+    Raises
+    ------
+    ShapeError
+        If there is not one whole block.
+    """
+    if len(signal) < block:
+        raise ShapeError(
+            f"signal: expected at least {block} samples ({1e3 * block / RATE:g} ms at {RATE:g} Hz), got {len(signal)}; "
+            "take a longer part"
+        )
+    return np.asarray(signal[: len(signal) // block * block], float).reshape(-1, block)
+
+
+def perceptual_spectrum(signal: Array, *, block: int = 512) -> Array:
+    """Level over the threshold of each bin of each block: ``S = 20 log10 |DCT| - T``, shape (block, bin), in dB."""
+    from scipy.fft import dct
+
+    size = np.abs(dct(blocks(signal, block), norm="ortho", axis=1))
+    with np.errstate(divide="ignore"):
+        return 20 * np.log10(size) - Threshold().at(block)
+
+
+def st_sim(reference: Array, distorted: Array, *, eta: float = 2 / 3, block: int = 512) -> float:
+    """Spectral and temporal similarity: tau^eta s^(1 - eta).
+
+    tau compares the blocks with their means and sizes taken away, s the supports Phi(S / 12) of their perceptual
+    spectra; both by the mean over the blocks of sum(r d) / sum(r^2). Blocks in which the reference is silent say
+    nothing and are left out. vibromaf counts them as 0, and has no value where tau is negative, which is 0 here.
+
+    Parameters
+    ----------
+    reference, distorted : ndarray, shape (sample,)
+        At 8 kHz, on one scale; the longer one is cut.
+    eta : float
+        Weight of time against spectrum.
+
+    Returns
+    -------
+    float
+        1 for the same, 0 for nothing alike; slightly above 1 is possible.
+    """
+    from scipy.special import ndtr
+
+    reference, distorted = _same_length(reference, distorted)
+    if np.array_equal(reference, distorted):
+        return 1.0
+    r, d = blocks(reference, block), blocks(distorted, block)
+    heard = r.std(axis=1) > 0
+    if not heard.any():
+        return 0.0
+    temporal = _alike(_standard(r[heard]), _standard(d[heard]))
+    spectral = _alike(*(ndtr(perceptual_spectrum(x, block=block)[heard] / 12) for x in (reference, distorted)))
+    return float(max(temporal, 0.0) ** eta * spectral ** (1 - eta))
+
+
+def spqi(reference: Array, distorted: Array, *, eta: float = 0.3, threshold: float = -2.0, block: int = 512) -> float:
+    """Spectral perceptual quality index: the mean over the blocks of (1 - tanh(eta d - threshold)) / 2.
+
+    ``d = 10 log10(sum |10^(Sr/10) - 10^(Sd/10)| / sum 10^(Sr/10))`` with the perceptual spectra Sr of the reference and
+    Sd of what is compared with it: differences count by how far they are over the threshold, whatever their phase.
+    Blocks in which the reference is silent are left out.
+
+    Parameters
+    ----------
+    reference, distorted : ndarray, shape (sample,)
+        At 8 kHz, on one scale; the longer one is cut.
+
+    Returns
+    -------
+    float
+        1 for the same; .02 where the difference is as large as the reference.
+    """
+    reference, distorted = _same_length(reference, distorted)
+    if np.array_equal(reference, distorted):
+        return 1.0
+    r, d = (10 ** (perceptual_spectrum(x, block=block) / 10) for x in (reference, distorted))
+    total = r.sum(axis=1)
+    heard = total > 0
+    if not heard.any():
+        return 0.0
+    with np.errstate(divide="ignore"):
+        apart = 10 * np.log10(np.abs(r - d)[heard].sum(axis=1) / (total[heard] + np.finfo(float).eps))
+    return float(np.mean((1 - np.tanh(eta * apart - threshold)) / 2))
+
+
+def pacinian_level(pressure: Array, rate: float, skin: SkinModel | None = None) -> Array:
+    """Level of the power that Pacinian corpuscles take up, ``10 log10 sum |X|^2 / T_P^2``, in dB over the threshold.
+
+    Bensmaia and Hollins (Percept. Psychophys. 65(6), 2003) found that it orders how rough textures feel. X are the peak
+    amplitudes of the whole signal's Fourier components without its mean.
+
+    Parameters
+    ----------
+    pressure : ndarray, shape (frame, ...)
+        In Pa.
+    rate : float
+        In Hz.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        In dB; a just-felt sine at any frequency is 0 dB, silence is minus infinity.
+    """
+    skin = skin or SkinModel()
+    spectrum = np.fft.rfft(skin.displacement(pressure), axis=0)[1:] * 2 / len(pressure)
+    frequency = np.fft.rfftfreq(len(pressure), 1 / rate)[1:]
+    weight = 1 / skin.threshold(np.asarray(frequency, np.float64)) ** 2
+    with np.errstate(divide="ignore"):
+        return np.asarray(10 * np.log10(np.tensordot(weight, np.abs(spectrum) ** 2, axes=1)), np.float64)
+
+
+def _alike(reference: Array, distorted: Array) -> float:
+    power = (reference**2).sum(axis=1) + np.finfo(float).eps
+    return float(np.mean((reference * distorted).sum(axis=1) / power))
+
+
+def _standard(rows: Array) -> Array:
+    return (rows - rows.mean(axis=1, keepdims=True)) / (rows.std(axis=1, keepdims=True) + np.finfo(float).eps)
+
+
+def _same_length(reference: Array, distorted: Array) -> tuple[Array, Array]:
+    length = min(len(reference), len(distorted))
+    return np.asarray(reference[:length], float), np.asarray(distorted[:length], float)

@@ -1,0 +1,161 @@
+"""The paper's figures 3, 4 and 9, with both modes beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.dsp import welch
+from midair.figures.style import Style, new_figure, plain
+from midair.model import ControlGrid, PressureFrames, SensorGrid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FieldRow:
+    """A row of maps.
+
+    Attributes
+    ----------
+    name : str
+        Of the row.
+    fields : ndarray, shape (map, point)
+        Magnitudes.
+    grid : ControlGrid
+        That they lie on.
+    notes : tuple of str
+        Above each map.
+    """
+
+    name: str
+    fields: Array
+    grid: ControlGrid
+    notes: tuple[str, ...]
+
+
+def fields_figure(rows: Sequence[FieldRow], sensor: SensorGrid, *, quantity: str, style: Style | None = None) -> Figure:
+    """Maps in rows, all on one scale; white circles are the channels, as in the paper's Fig. 3."""
+    style = style or Style()
+    count = len(rows[0].notes)
+    figure = new_figure(1.85 * count + 1.2, 2.05 * len(rows) + 0.3, simulated=True, style=style)
+    axes = figure.subplots(len(rows), count, sharex=True, sharey=True, squeeze=False)
+    top = max(float(row.fields.max()) for row in rows)
+    x, y = (1e3 * each.ravel() for each in np.meshgrid(sensor.x, sensor.y))
+    image = None
+    for line, row in zip(axes, rows, strict=True):
+        half = 0.5e3 * row.grid.pitch
+        edges = (1e3 * row.grid.x[0] - half, 1e3 * row.grid.x[-1] + half)
+        extent = (*edges, 1e3 * row.grid.y[-1] + half, 1e3 * row.grid.y[0] - half)
+        for axis, values, note in zip(line, row.fields, row.notes, strict=True):
+            image = axis.imshow(values.reshape(row.grid.shape), cmap=style.quantity, vmin=0, vmax=top, extent=extent)
+            axis.plot(x, y, "o", markerfacecolor="none", markeredgecolor="white", markersize=4, mew=0.6)
+            axis.set_title(note, fontsize=7, loc="left", color=style.ink)
+            axis.tick_params(labelsize=7)
+        line[0].set_ylabel(f"{row.name}\ny (mm)", fontsize=8)
+    for axis in axes[-1]:
+        axis.set_xlabel("x (mm)", fontsize=8)
+    bar = figure.colorbar(image, ax=axes.ravel().tolist(), shrink=0.8, pad=0.02)  # pyright: ignore[reportArgumentType]
+    bar.set_label(quantity, fontsize=8)
+    bar.ax.tick_params(labelsize=7)
+    return figure
+
+
+def stimuli_figure(
+    stimuli: Mapping[str, Mapping[str, PressureFrames]],
+    *,
+    channels: Sequence[int] = (0, 15),
+    shown: float = 0.08,
+    style: Style | None = None,
+) -> Figure:
+    """Where and how each stimulus pressed: a column pair for each, a row for the original and for each mode.
+
+    Parameters
+    ----------
+    stimuli : mapping of str to mapping of str to PressureFrames
+        For each stimulus, the original and what was felt of each reproduction, by name.
+    channels : sequence of int
+        Drawn in black, solid and dotted; the others are grey, as in the paper's Fig. 4.
+    shown : float
+        How much of the time is drawn, in s.
+    """
+    style = style or Style()
+    rows = list(next(iter(stimuli.values())))
+    simulated = any(one.provenance.simulated for each in stimuli.values() for one in each.values())
+    figure = new_figure(4.4 * len(stimuli) + 0.4, 2.0 * len(rows) + 0.4, simulated=simulated, style=style)
+    axes = figure.subplots(len(rows), 2 * len(stimuli), squeeze=False, width_ratios=[1, 1.7] * len(stimuli))
+    for column, (stimulus, each) in enumerate(stimuli.items()):
+        top = max(float(np.sqrt((one.pressure**2).mean(axis=0)).max()) for one in each.values())
+        high = max(float(np.abs(one.pressure).max()) for one in each.values())
+        for row, name in enumerate(rows):
+            place, wave = axes[row, 2 * column], plain(axes[row, 2 * column + 1], style)
+            place.imshow(np.sqrt((each[name].pressure ** 2).mean(axis=0)), cmap=style.quantity, vmin=0, vmax=top)
+            place.set_xticks([])
+            place.set_yticks([])
+            place.set_ylabel(name if column == 0 else "", fontsize=8)
+            place.set_title(f"{stimulus}, rms 0 to {top:.0f} Pa" if row == 0 else "", fontsize=8, loc="left")
+            _traces(wave, each[name], channels, shown, style)
+            wave.set_ylim(-1.05 * high, 1.05 * high)
+            wave.set_ylabel("pressure (Pa)", fontsize=8)
+            wave.set_xlabel("time (ms)" if row == len(rows) - 1 else "", fontsize=8)
+    return figure
+
+
+def _traces(axis: Axes, frames: PressureFrames, channels: Sequence[int], shown: float, style: Style) -> None:
+    """The middle `shown` seconds of all channels."""
+    count = min(frames.frames, round(shown * frames.rate))
+    first = (frames.frames - count) // 2
+    time = 1e3 * np.arange(count) / frames.rate
+    signals = frames.pressure[first : first + count].reshape(count, -1)
+    axis.plot(time, np.delete(signals, list(channels), axis=1), color="#9aa4ae", linewidth=0.6)
+    for channel, line in zip(channels, ("-", ":"), strict=False):
+        axis.plot(time, signals[:, channel], line, color=style.ink, linewidth=1.1)
+    axis.margins(x=0)
+
+
+def objects_figure(
+    rows: Mapping[str, Mapping[str, PressureFrames]],
+    *,
+    channels: Sequence[int] = (2, 6, 10, 14),
+    style: Style | None = None,
+) -> Figure:
+    """Power spectra of objects at some channels, a row for each surface and mode, as in the paper's Fig. 9.
+
+    Parameters
+    ----------
+    rows : mapping of str to mapping of str to PressureFrames
+        For each row its objects, and what pushes, by name.
+    channels : sequence of int
+        The paper's four are those that the objects passed over.
+    """
+    style = style or Style()
+    colours = (style.before, "#009e73", style.reproduced)
+    simulated = any(one.provenance.simulated for each in rows.values() for one in each.values())
+    figure = new_figure(2.6 * len(channels), 1.85 * len(rows) + 0.5, simulated=simulated, style=style)
+    axes = figure.subplots(len(rows), len(channels), sharex=True, sharey=True, squeeze=False)
+    top = -np.inf
+    for number, (line, (row, objects)) in enumerate(zip(axes, rows.items(), strict=True)):
+        for axis, channel in zip(line, channels, strict=True):
+            plain(axis, style)
+            for (name, frames), colour in zip(objects.items(), colours, strict=False):
+                frequency, density = welch(frames.pressure.reshape(frames.frames, -1)[:, channel], frames.rate)
+                level = 10 * np.log10(np.maximum(density[1:], 1e-12))
+                top = max(top, float(level.max()))
+                axis.plot(frequency[1:], level, color=colour, linewidth=0.9, label=name)
+            axis.axvline(300, color=style.faint, linewidth=0.8)
+            axis.set_xlim(0, 500)
+            axis.set_title(f"channel {channel}" if number == 0 else "", fontsize=8, loc="left", color=style.ink)
+        line[0].set_ylabel(f"{row}\n(dB re 1 Pa²/Hz)", fontsize=7)
+    axes[0, 0].set_ylim(top - 50, top + 3)
+    figure.supxlabel("frequency (Hz)", fontsize=9)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=3, fontsize=8, frameon=False)
+    return figure

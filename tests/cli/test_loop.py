@@ -1,0 +1,72 @@
+"""The commands loop, compare and budget as a person types them."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from midair.cli import run
+
+QUICK = ["--points", "6", "--pitch", "11mm", "--method", "fast", "--start-at", "0.1s", "--duration", "0.08s"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("loop")
+
+
+@pytest.fixture(autouse=True)
+def _folder(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    if not Path("take.h5").exists():
+        assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
+
+
+def one_line_of(capsys):
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_an_iterative_loop_tells_its_passes_and_what_skin_makes_of_it(capsys):
+    assert run(["loop", "take.h5", *QUICK, "--iterate", "2", "--json", "--force"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["simulated"] is True
+    assert len(answer["passes"]) + answer["taken_back"] == 4
+    assert [one["step"] for one in answer["passes"][:2]] == [None, None]
+    errors = [one["figures"]["waveform error"]["value"] for one in answer["passes"][1:]]
+    assert errors == sorted(errors, reverse=True)
+    assert {"ST-SIM", "SPQI", "Pacinian power difference"} <= {each["name"] for each in answer["perception"]}
+    page = Path(answer["report"]).read_text(encoding="utf-8")
+    for words in ("SIMULATED", "What skin makes of it", "pass by pass", "just noticeable"):
+        assert words in page
+
+
+def test_budget_as_json_and_as_a_figure(capsys):
+    assert run(["budget", "take.h5", "budget.png", *QUICK, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["stages"][0]["stage"] == "mapping"
+    assert 0 < answer["kept_in_band"] <= 1
+    assert Path("budget.png").read_bytes().startswith(b"\x89PNG")
+    assert run(["budget", "take.h5", "budget.png", *QUICK]) == 1
+    assert "budget.png" in one_line_of(capsys)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (["--device", "virtual", "--sensor", "lsl:Skin"], "it brings its own"),
+        (["--device", "pyautd3:audit"], "--sensor"),
+        (["--iterate", "-1"], "0 or more"),
+        (["--lead", "20s"], "lead"),
+    ],
+)
+def test_what_makes_no_sense_is_one_line_and_leaves_no_report(wrong, words, capsys):
+    assert run(["loop", "take.h5", "none.html", *QUICK, *wrong]) == 1
+    assert words in one_line_of(capsys)
+    assert not Path("none.html").exists()
+
+
+def test_an_unknown_array_is_wrong_usage(capsys):
+    assert run(["loop", "take.h5", "none.html", "--device", "autd9"]) == 2
+    assert "autd9" in one_line_of(capsys)

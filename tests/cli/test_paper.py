@@ -1,0 +1,45 @@
+"""The command paper as a person types it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from midair.cli import run
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.slow
+def test_figure_9_makes_picture_table_and_json(capsys):
+    assert run(["paper", "made", "--figure", "9"]) == 0
+    said = capsys.readouterr()
+    assert "SIMULATED" in said.err
+    assert "towel" in said.out
+    assert sorted(path.name for path in Path("made").iterdir()) == ["figure9.csv", "figure9.json", "figure9.png"]
+    assert len(json.loads(Path("made/figure9.json").read_text())["rows"]) == 12
+
+
+def test_files_that_are_there_stay(capsys):
+    Path("made").mkdir()
+    Path("made/figure9.json").write_text("mine")
+    assert run(["paper", "made", "--figure", "9"]) == 1
+    assert "figure9.json" in capsys.readouterr().err
+    assert Path("made/figure9.json").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "status", "words"),
+    [
+        (["--figure", "5"], 2, "5"),
+        (["--fidelity", "--things", "carpet"], 1, "carpet"),
+        (["--duration", "2"], 2, "unit"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(wrong, status, words, capsys):
+    assert run(["paper", "made", *wrong]) == status
+    assert words in capsys.readouterr().err
+    assert not Path("made").exists()

@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+
+from midair.errors import MismatchError
+from midair.evaluate import advance, fidelity
+from midair.evaluate.fidelity import decibels, image_level, map_correlation
+from midair.model import PressureFrames, SensorGrid
+
+RATE = 4000.0
+TIME = np.arange(4000) / RATE
+
+
+def frames(signals, rate=RATE):
+    """Signals on some channels, {channel: samples}; the others are silent."""
+    count = len(next(iter(signals.values())))
+    pressure = np.zeros((count, 16))
+    for channel, signal in signals.items():
+        pressure[:, channel] = signal
+    return PressureFrames(pressure=pressure.reshape(-1, 4, 4), rate=rate)
+
+
+def sine(frequency, amplitude=1.0):
+    return amplitude * np.sin(2 * np.pi * frequency * TIME) * np.hanning(len(TIME))
+
+
+def test_distortion_by_hand():
+    """A second sine of a tenth is 20 dB of distortion, a steady push and one beyond the band are none."""
+    x = frames({5: sine(100)})
+    y = frames({5: 0.7 * (sine(100) + sine(200, 0.1)) + 3.0 + sine(600, 0.5)})
+    found = fidelity(x, y)
+    assert found.distortion_ratio == pytest.approx(20, abs=0.05)
+    assert found.overall_ratio == pytest.approx(20, abs=0.05)
+    assert found.gain == pytest.approx(0.7, abs=1e-3)
+    assert found.spatial_correlation == pytest.approx(1)
+
+
+def test_another_gain_on_each_cell_is_no_distortion_of_the_waveform_but_one_overall():
+    x = frames({0: sine(100), 15: sine(150)})
+    y = frames({0: sine(100), 15: sine(150, 0.5)})
+    found = fidelity(x, y)
+    assert found.distortion_ratio > 60
+    # gains 1 and .5: the best single one is .75, and .25 of it is missed on both
+    assert found.overall_ratio == pytest.approx(20 * np.log10(3), abs=0.05)
+
+
+def test_what_presses_beside_the_place_counts_overall():
+    found = fidelity(frames({5: sine(100)}), frames({5: sine(100), 6: sine(100, 0.1)}))
+    assert found.distortion_ratio > 60
+    assert found.overall_ratio == pytest.approx(20, abs=0.05)
+    assert found.spatial_correlation < 1
+
+
+def test_a_delay_is_found_and_taken_out():
+    x = frames({5: sine(100) + sine(317, 0.4)})
+    late = frames({5: advance(x.pressure[:, 1, 1], -0.0021, RATE)})
+    found = fidelity(x, late)
+    assert found.delay == pytest.approx(0.0021, abs=2e-5)
+    assert found.distortion_ratio > 35
+
+
+def test_images_by_hand():
+    held = frames({5: sine(100) + sine(800, 0.1)})
+    assert image_level(held) == pytest.approx(-20, abs=0.1)
+    assert image_level(frames({5: sine(100)[::4]}, rate=1000.0)) is None
+
+
+def test_steps_at_1_khz_have_images_and_steps_at_4_khz_hardly_any():
+    wave = np.sin(2 * np.pi * 400 * np.arange(8000) / 8000)
+    levels = [image_level(frames({5: np.repeat(wave[::step], step)}, rate=8000.0)) for step in (8, 2)]
+    # a hold of 1 / R turns f into R - f at sinc((R - f) / R) / sinc(f / R)
+    assert levels[0] == pytest.approx(20 * np.log10(np.sinc(0.6) / np.sinc(0.4)), abs=0.3)
+    assert levels[1] < -50
+
+
+def test_other_rates_are_brought_together():
+    x = frames({5: sine(100)[::4]}, rate=1000.0)
+    assert fidelity(x, frames({5: sine(100)})).distortion_ratio > 50
+
+
+def test_silence_gives_numbers():
+    silent = frames({5: 0 * TIME})
+    for pair in ((silent, silent), (silent, frames({5: sine(100)})), (frames({5: sine(100)}), silent)):
+        found = fidelity(*pair)
+        assert not np.isnan([found.distortion_ratio, found.overall_ratio, found.gain, found.spatial_correlation]).any()
+    assert decibels(0, 0) == -np.inf
+    assert decibels(1, 0) == np.inf
+
+
+def test_other_cells_are_refused():
+    with pytest.raises(MismatchError, match="cells"):
+        fidelity(
+            frames({5: sine(100)}),
+            PressureFrames(pressure=np.ones((4000, 2, 2)), rate=RATE, sensor=SensorGrid(rows=2, columns=2)),
+        )
+
+
+def test_maps():
+    one, other = (np.zeros((4, 4, 4)) for _ in range(2))
+    one[:, 0, 0] = 1
+    other[:, 3, 3] = 1
+    assert map_correlation(one, 5 * one) == pytest.approx(1)
+    assert map_correlation(one, other) == pytest.approx(-1 / 15)
+    assert map_correlation(one, np.ones((4, 4, 4))) == 0
