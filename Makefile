@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export OPENBLAS_NUM_THREADS ?= 1
 export MKL_NUM_THREADS ?= 1
 
-.PHONY: demo test test-slow check bench docs format clean
+.PHONY: demo test coverage test-slow check bench docs format clean
 
 $(VENV)/run: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -21,7 +21,10 @@ demo: $(VENV)/run
 	$(BIN)/midair demo
 
 test: $(VENV)/dev
-	$(BIN)/python -m pytest --numprocesses 2 --cov --cov-report=term:skip-covered
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
+
+coverage: $(VENV)/dev
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal --cov --cov-report=term:skip-covered
 
 test-slow: $(VENV)/dev
 	$(BIN)/python -m pytest -m slow
@@ -38,6 +41,8 @@ docs: $(VENV)/dev
 
 bench: $(VENV)/dev
 	$(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks.terms
+	$(BIN)/python -m benchmarks.playback
 
 format: $(VENV)/dev
 	$(BIN)/ruff check --fix

@@ -23,15 +23,18 @@ def loop():
         return run_loop(original, array, sensor, SETTINGS)
 
 
-def test_needs_nothing_from_outside(loop):
-    page = render(loop)
+@pytest.fixture(scope="module")
+def page(loop):
+    return render(loop, commands=("midair loop x.h5",))
+
+
+def test_needs_nothing_from_outside(page):
     assert not re.search(r"(src|href)=\"(?!data:)", page)
     assert not re.search(r"https?:", page)
     assert page.count("data:image/png;base64,") == 7
 
 
-def test_holds_what_a_reader_looks_for(loop):
-    page = render(loop, commands=("midair loop x.h5",))
+def test_holds_what_a_reader_looks_for(loop, page):
     for words in (
         "SIMULATED",
         "Towel, reproduced in midair",

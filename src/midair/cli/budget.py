@@ -88,13 +88,13 @@ def budget_command(
 
 
 def print_budget(title: str, budget: Budget) -> None:
-    """A line for each stage."""
+    """A line for each stage, and below it what each does."""
     low, high = budget.band
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("stage")
-    for head in ("alone (dB)", "so far (dB)", "all cells (dB)", "images (dB)", "place", "leak (%)"):
+    for head in ("alone", "so far", "all cells", "images", "place", "leak"):
         table.add_column(head, justify="right")
-    table.add_column("what it does")
+    table.add_row("", "dB", "dB", "dB", "dB", "", "%", style="dim")
     for each in budget.stages:
         so_far = each.so_far
         table.add_row(
@@ -105,8 +105,8 @@ def print_budget(title: str, budget: Budget) -> None:
             "" if so_far.images is None else f"{so_far.images:.0f}",
             f"{so_far.spatial_correlation:.3f}",
             "" if each.leak is None else f"{100 * each.leak.peak:.0f}",
-            each.what,
         )
     out().print(table)
+    print_rows([(each.name, each.what) for each in budget.stages])
     kept = "" if budget.kept is None else f"; {100 * budget.kept:.1f} % of the recording's power lies in the band"
     out().print(f"strength {budget.strength:.3f}, band {low:g} to {high:g} Hz{kept}", markup=False)

@@ -10,6 +10,7 @@ from midair.errors import BandError, UnknownFormatError
 from midair.figures import png
 from midair.figures.calibration import calibration_figure
 from midair.model import Calibration
+from midair.rig.page import render_page
 from midair.store.files import whole_file
 
 Rows = list[tuple[str, str]]
@@ -51,14 +52,10 @@ def check_page_name(path: Path) -> None:
 
 def render_calibration(calibration: Calibration) -> str:
     """The page as HTML that needs nothing from outside."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("midair.rig", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
     at = _middle(calibration)
     picture = base64.b64encode(png(calibration_figure(calibration), dpi=100)).decode()
-    return environment.get_template("calibration.html.j2").render(
+    return render_page(
+        "calibration.html.j2",
         title=f"Calibration of {calibration.sensor.name}",
         simulated=calibration.provenance.simulated,
         rows=calibration_rows(calibration),

@@ -25,6 +25,7 @@ from midair.figures import (
 from midair.flow import Settings
 from midair.physics import propagate
 from midair.rig.loop import Loop
+from midair.rig.page import render_page
 from midair.store.files import whole_file
 
 Row = tuple[str, ...]
@@ -63,14 +64,10 @@ def write_report(loop: Loop, path: Path, *, commands: tuple[str, ...] = ()) -> N
 
 def render(loop: Loop, *, commands: tuple[str, ...] = ()) -> str:
     """The report as HTML that needs nothing from outside."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("midair.rig", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
     last, card = loop.passes[-1], card_of_loop(loop)
     name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
-    return environment.get_template("report.html.j2").render(
+    return render_page(
+        "report.html.j2",
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=last.comparison.simulated,
         summary=_summary(loop),

@@ -8,6 +8,7 @@ from typing import Any
 from midair import __version__
 from midair.figures.study import confusion_figure, f_figure, rating_figure
 from midair.figures.style import png
+from midair.rig.page import render_page
 from midair.rig.report import Picture
 from midair.study.finding import Finding
 from midair.study.report import Report
@@ -25,12 +26,8 @@ def report_page(report: Report, *, title: str, within: tuple[str, ...] = ()) -> 
     within : tuple of str
         Factors of the ratings, for their figure.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("midair.rig", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    return environment.get_template("study_report.html.j2").render(
+    return render_page(
+        "study_report.html.j2",
         title=title,
         simulated=report.simulated,
         pictures=study_pictures(report, within=within),

@@ -1,0 +1,13 @@
+"""HTML pages that stand alone: one look for all of them."""
+
+from typing import Any
+
+
+def render_page(template: str, **values: Any) -> str:
+    """A page from a template in this folder, which extends page.html.j2; every value that it names must be given."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("midair.rig", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    return environment.get_template(template).render(values)
