@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.targets import binary, patterns, problem_of
+from benchmarks.targets import binary, patterns, problem_of, towel
 from midair.solve import Exact, Fast, Problem, one_blas_thread, relative_error
 from midair.solve.exact import State
 from midair.solve.mode_system import System
@@ -42,6 +42,16 @@ def least(problem: Problem) -> np.ndarray:
     return np.minimum(error, relative_error(problem, _polished(problem, theta, 150)))
 
 
+def _towel(frames: int) -> None:
+    whole = towel(1200, 0.1)
+    some = replace(whole, amplitude=whole.amplitude[np.linspace(10, 1199, frames).astype(int)])
+    with one_blas_thread():
+        usual = relative_error(some, Fast().solve(some).phase)
+        found = least(some)
+    print(f"{frames} frames of the towel stroke, strength 0.1: fast E mean {usual.mean():.4f}, worst {usual.max():.4f}")
+    print(f"least E mean {found.mean():.4f}, worst {found.max():.4f}")
+
+
 def _polished(problem: Problem, theta: np.ndarray, steps: int) -> np.ndarray:
     system, method = System.of(modes(problem.G, tolerance=1e-3), problem.level, "single"), Exact()
     ends = []
@@ -58,7 +68,13 @@ def main() -> None:
     ask = argparse.ArgumentParser(prog="python -m benchmarks.floors", description=__doc__.splitlines()[0])
     ask.add_argument("--others", type=int, default=30, help="random patterns beside the ten (default 30)")
     ask.add_argument("--seed", type=int, default=2024, help="that they are drawn with (default 2024)")
+    ask.add_argument(
+        "--towel", type=int, metavar="FRAMES", help="print that of so many frames of the towel stroke instead"
+    )
     said = ask.parse_args()
+    if said.towel is not None:
+        _towel(said.towel)
+        return
     bits, table = patterns(said.others, said.seed), {}
     with one_blas_thread():
         for strength in (0.1, 0.2):

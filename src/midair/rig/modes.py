@@ -27,8 +27,8 @@ def best_mode() -> Settings:
         precompensate=True,
         interpolate="pressure",
         decouple=True,
-        guard=Guard(margin=25e-3, pitch=6e-3),
-        smooth=0.05,
+        guard=Guard(margin=25e-3, pitch=6e-3, ceiling=0.6),
+        smooth=0.2,
     )
 
 
