@@ -47,7 +47,7 @@ class Live:
     """
 
     iterations: int = 200
-    warm_iterations: int = 5
+    warm_iterations: int = 7
     lift_iterations: int = 60
     warm_lift_iterations: int = 9
     tolerance: float = 1e-2
