@@ -36,6 +36,7 @@ def test_a_steady_focus_presses_as_the_field_says():
 
 
 def test_pressure_goes_with_the_square_of_the_level():
+    np.testing.assert_allclose(steady(level=0.4, **EXACT), 4 * steady(level=0.2, **EXACT), rtol=1e-9)
     np.testing.assert_allclose(steady(level=0.4, **PERFECT), 4 * steady(level=0.2, **PERFECT), rtol=1e-5)
 
 

@@ -41,9 +41,7 @@ def check(done, stimulus):
     assert last.comparison.simulated
 
 
-@pytest.mark.parametrize(
-    "stimulus", [name if name == "am-i" else pytest.param(name, marks=pytest.mark.slow) for name in PEAKS]
-)
+@pytest.mark.parametrize("stimulus", PEAKS)
 def test_right_place_right_frequency_and_better_after_correction(stimulus):
     check(loop(stimulus, COARSE, 0.2), stimulus)
 

@@ -78,13 +78,11 @@ def test_a_field_that_the_array_can_make_is_found():
     assert answer.iterations[0] < 50
 
 
-@pytest.mark.parametrize("count", [2, pytest.param(10, marks=pytest.mark.slow)])
-def test_patterns_no_worse_than_the_plain_form(count, transfer, patterns_to_points):
-    plain = dict(list(PLAIN.items())[:count])
-    problem = Problem(G=transfer, amplitude=0.1 * patterns_to_points(plain))
+def test_ten_patterns_no_worse_than_the_plain_form(transfer, patterns_to_points):
+    problem = Problem(G=transfer, amplitude=0.1 * patterns_to_points(PLAIN))
     error = relative_error(problem, LevenbergMarquardt(start="zero").solve(problem).phase)
-    printed = np.array(list(plain.values()))
-    assert error.mean() <= printed.mean() + 0.0005
+    printed = np.array(list(PLAIN.values()))
+    assert error.mean() <= 0.0535
     assert (error <= printed + 0.0005).all()
 
 
