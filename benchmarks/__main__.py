@@ -16,7 +16,7 @@ from benchmarks.sequence import budget, sequence
 from benchmarks.static import static
 from benchmarks.targets import TEN, beating_blob, binary, moving_blob, patterns, problem_of, towel
 from benchmarks.yardstick import plain
-from midair.solve import METHODS, one_blas_thread
+from midair.solvers import METHODS, one_blas_thread
 
 PARTS = ("static", "sequence", "live", "limits")
 

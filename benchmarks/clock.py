@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from midair.solve import Live, Problem
+from midair.solvers import Live, Problem
 
 
 def timed(work: Callable[[], object]) -> tuple:

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.targets import binary, patterns, problem_of, towel
-from midair.solve import Exact, Fast, Problem, one_blas_thread, relative_error
-from midair.solve.exact import State
-from midair.solve.mode_system import System
-from midair.solve.modes import modes
+from midair.solvers import Exact, Fast, Problem, one_blas_thread, relative_error
+from midair.solvers.exact import State
+from midair.solvers.mode_system import System
+from midair.solvers.modes import modes
 
 TABLE = Path(__file__).with_name("floors.json")
 LENSES = (0.0, 0.7, 0.85, 1.0, 1.2, -1.0)

@@ -6,10 +6,10 @@ import numpy as np
 
 from benchmarks.clock import fastest, heading, line
 from benchmarks.yardstick import Plain
-from midair.solve import Exact, LevenbergMarquardt, Live, Problem
-from midair.solve.exact import State
-from midair.solve.mode_system import System
-from midair.solve.modes import modes
+from midair.solvers import Exact, LevenbergMarquardt, Live, Problem
+from midair.solvers.exact import State
+from midair.solvers.mode_system import System
+from midair.solvers.modes import modes
 
 
 def limits(problem: Problem, name: str, reference: Plain) -> None:

@@ -17,8 +17,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.targets import AIR, ARRAY, GRID
-from midair.devices.placement import Placement
-from midair.solve import Problem
+from midair.devices.arrays.placement import Placement
+from midair.solvers import Problem
 
 Phases = Callable[[], np.ndarray]
 """Nothing -> phases of all frames, (frame, transducer), in rad."""
@@ -45,7 +45,7 @@ def _autd3(problem: Problem) -> Iterator[tuple[str, Phases]]:
     from autd3_core import Length
     from autd3_pattern import IntensityBuffer, PhaseBuffer
 
-    from midair.devices import autd3_commands
+    from midair.devices.arrays import autd3_commands
 
     geometry, units = autd3_commands.geometry(Placement.grid()), Placement.grid().units
     points = (GRID.position * 1e3).astype(np.float32)

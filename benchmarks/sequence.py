@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.clock import frame_times, heading, line, load, timed
 from benchmarks.yardstick import Plain
-from midair.solve import Live, Problem, relative_error, solver
+from midair.solvers import Live, Problem, relative_error, solver
 
 BUDGETS = ((2, 3), (3, 6), (5, 9), (7, 9), (8, 12), (10, 16), (20, 40))
 

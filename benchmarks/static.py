@@ -9,8 +9,8 @@ from benchmarks.floors import floors
 from benchmarks.peers import peers
 from benchmarks.targets import binary, problem_of
 from benchmarks.yardstick import Plain
-from midair.solve import Problem, relative_error, solver
-from midair.solve.reference import best_level
+from midair.solvers import Problem, relative_error, solver
+from midair.solvers.reference import best_level
 
 
 def static(strength: float, bits: list[int], name: str, reference: Plain, methods: list[str], others: bool) -> None:

@@ -17,10 +17,10 @@ import numpy as np
 from benchmarks.targets import AIR, ARRAY, GRID, TEN, beating_blob, binary, moving_blob, problem_of
 from midair.model import ControlGrid
 from midair.physics import quantise_phase, transfer_matrix
-from midair.solve import Cells, Fast, Guard, LevenbergMarquardt, Problem, Solver, one_blas_thread, relative_error
-from midair.solve.terms.amplitudes import doubled, halves
-from midair.solve.terms.guard import GuardField
-from midair.solve.terms.level import automatic_level
+from midair.solvers import Cells, Fast, Guard, LevenbergMarquardt, Problem, Solver, one_blas_thread, relative_error
+from midair.solvers.terms.amplitudes import doubled, halves
+from midair.solvers.terms.guard import GuardField
+from midair.solvers.terms.level import automatic_level
 
 PLANE = ControlGrid(rows=121, columns=121, pitch=2.5e-3)
 EDGE = 27.5e-3 + GRID.pitch / 2

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.solve import LevenbergMarquardt, Problem
+from midair.solvers import LevenbergMarquardt, Problem
 
 Plain = Callable[[np.ndarray, np.ndarray, int, "np.ndarray | None"], np.ndarray]
 """(G, p, iterations, first x) -> x = [theta, psi]."""

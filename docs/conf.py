@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from sphinx_gallery.scrapers import figure_rst
 
 from midair import __version__
-from midair.store.schema import HEADER, NETCDF, TABLE, as_markdown
+from midair.files.native.schema import HEADER, NETCDF, TABLE, as_markdown
 
 
 def figure_scraper(_: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:

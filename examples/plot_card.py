@@ -11,7 +11,7 @@ from dataclasses import replace
 from midair.datasets import probe_signal
 from midair.evaluate import fidelity, in_band, perceptual_card
 from midair.figures import card_figure
-from midair.prepare import MAPPINGS
+from midair.targets import MAPPINGS
 
 felt = probe_signal("noise", duration=0.3, rate=4000.0)
 

@@ -9,11 +9,11 @@ stated here, and the field that 4 x 4 cells would have felt follows.
 import numpy as np
 
 import midair
-from midair import edit
 from midair.datasets import sample
 from midair.figures import maps_figure, traces_figure
-from midair.footprint import Footprint, covered, footprint_field
 from midair.model import Recording, SensorGrid
+from midair.recordings import edit
+from midair.recordings.footprint import Footprint, covered, footprint_field
 
 # %%
 # The waveform is that of one taxel of a real finger on denim, at 1 kHz. One count is called half a pascal.

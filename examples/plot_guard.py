@@ -12,7 +12,7 @@ import numpy as np
 import midair
 from midair.figures import maps_figure
 from midair.model import ControlGrid, PressureFrames, SensorGrid, TransducerArray
-from midair.solve import Guard
+from midair.solvers import Guard
 
 # %%
 # Two opposite corners of the sensor, pressed by 4 Pa: a twentieth of the sound that a single focus of four units makes.

@@ -11,7 +11,7 @@ import numpy as np
 from midair.dsp import band_window, filter_response
 from midair.figures.style import Style, new_figure, plain
 from midair.model import PressureFrames, Provenance
-from midair.prepare import MAPPINGS, mapping_report
+from midair.targets import MAPPINGS, mapping_report
 
 RATE, DURATION = 4000.0, 4.0
 time = np.arange(int(DURATION * RATE)) / RATE

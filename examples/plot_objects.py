@@ -8,8 +8,8 @@ the brush. The synthetic strokes are made so; here they go through the virtual s
 
 import midair
 from midair.figures import spectra_figure
-from midair.rig.capture import record
-from midair.rig.virtual import VirtualRig
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.record.capture import record
 
 rig = VirtualRig(seed=1)
 felt = []

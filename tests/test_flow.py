@@ -5,7 +5,7 @@ from midair.errors import InputError, RateError
 from midair.flow import Settings, at_rate, felt, reproduce, wanted
 from midair.model import ControlGrid, PressureFrames, Provenance, Recording, TransducerArray
 from midair.physics import focus_amplitude
-from midair.prepare import Circle
+from midair.targets import Circle
 
 SMALL = TransducerArray.autd3(columns=1, rows=1)
 

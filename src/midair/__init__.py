@@ -19,26 +19,26 @@ from midair import errors, model, physics
 
 # The stages are verbs: `midair.solve` is the function. The packages of the same name are imported by it first, so
 # that no later import of theirs can take the name.
-from midair.calibrate import calibrate
+from midair.calibration import calibrate
 from midair.evaluate import compare
+from midair.files import load, load_calibration, save
 from midair.physics import propagate
-from midair.prepare import prepare
-from midair.solve import solve
-from midair.store import load, load_calibration, save
+from midair.solvers import solve
+from midair.targets import prepare
 from midair.version import __version__
 
 if TYPE_CHECKING:
-    from midair import datasets, edit, flow, footprint, study
+    from midair import datasets, flow, study
+    from midair.recordings import edit, footprint
 
 __all__ = [
     "__version__",
     "calibrate",
     "compare",
     "datasets",
-    "edit",
+    "recordings",
     "errors",
     "flow",
-    "footprint",
     "load",
     "load_calibration",
     "model",
@@ -53,6 +53,6 @@ __all__ = [
 
 def __getattr__(name: str) -> ModuleType:
     """The modules that many programs do without, imported when they are first asked for."""
-    if name in ("datasets", "edit", "flow", "footprint", "study"):
+    if name in ("datasets", "flow", "recordings", "study"):
         return import_module(f"midair.{name}")
     raise AttributeError(f"module 'midair' has no attribute {name!r}")

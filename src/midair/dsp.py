@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BandError, InputError, ShapeError
-from midair.model.arrays import positive
+from midair.validation import positive
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

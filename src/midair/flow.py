@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from midair.calibrate import calibrate
+from midair.calibration import calibrate
 from midair.dsp import resample
 from midair.errors import InputError
 from midair.model import (
@@ -20,8 +20,8 @@ from midair.model import (
     TransducerArray,
 )
 from midair.physics import Directivity, TransducerDynamics, check_frame_rate, focus_amplitude
-from midair.prepare import Circle, Interpolated, decouple, precompensate, precompensate_sound, prepare
-from midair.solve import Amplitudes, Fit, Guard, solve
+from midair.solvers import Amplitudes, Fit, Guard, solve
+from midair.targets import Circle, Interpolated, decouple, precompensate, precompensate_sound, prepare
 
 Progress = Callable[[int, int], None]
 

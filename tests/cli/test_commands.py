@@ -10,8 +10,8 @@ import pytest
 
 from midair.cli import run
 from midair.datasets import sample_path
+from midair.files import load, load_calibration, load_solution, save, save_calibration
 from midair.model import Recording, SensorGrid
-from midair.store import load, load_calibration, load_solution, save, save_calibration
 
 QUICK = ["--points", "6", "--pitch", "11mm", "--iterations", "2", "1"]
 

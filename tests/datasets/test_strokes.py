@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.calibrate import calibrate
+from midair.calibration import calibrate
 from midair.datasets import Motion, Texture, stroke
 from midair.datasets.strokes import groove_gain
 from midair.dsp import band_energy, resample, welch

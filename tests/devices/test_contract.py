@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from midair.devices import (
-    Placement,
-    VirtualArray,
-    VirtualSkin,
-    autd3_array,
-    autd3_firmware,
-    pyautd3_array,
-)
+from midair.devices import Placement, VirtualArray, VirtualSkin, autd3_array, autd3_firmware, pyautd3_array
 from midair.errors import DeviceStateError, InputError, MismatchError
 from midair.model import Drive, TransducerArray
 from midair.physics import focus_phase

@@ -5,7 +5,7 @@ import pytest
 
 from midair.evaluate import Leak, StageOutput, budget, perceptual_card
 from midair.figures import budget_figure, card_figure, passes_figure, png
-from midair.figures.paper import FieldRow, fields_figure, objects_figure, stimuli_figure
+from midair.figures.paper_figures import FieldRow, fields_figure, objects_figure, stimuli_figure
 from midair.model import ControlGrid, PressureFrames, Provenance, SensorGrid
 
 

@@ -100,7 +100,7 @@ def test_a_full_focus_of_four_units_is_far_from_linear_and_far_too_loud():
 
 
 def shipped():
-    from midair.rig.exposure_gate import load_profiles
+    from midair.devices.arrays.gate import load_profiles
 
     return load_profiles()
 

@@ -1,13 +1,6 @@
 """Correct: what was re-recorded tells what to change; gains of beam and amplitude (paper, 5.2), and iteration."""
 
-from midair.correct.gain import (
-    BeamGain,
-    amplitude_gain,
-    beam_drive,
-    beam_gain,
-    beat_amplitude,
-    commanded_pressure,
-)
+from midair.correct.gains import BeamGain, amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure
 from midair.correct.iterative import IterativeCorrection, Response, measured_response
 
 __all__ = [

@@ -6,8 +6,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from midair.errors import InputError
+from midair.files import load
 from midair.model import Recording
-from midair.store import load
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError, RateError
 from midair.model import PressureFrames, Provenance, SensorGrid
-from midair.model.arrays import positive
+from midair.validation import positive
 
 Stimulus = Literal["i", "ii", "iii"]
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from midair.dsp import fft_frequencies, resample
 from midair.errors import InputError, RateError
 from midair.model import PressureFrames, Provenance, SensorGrid
-from midair.model.arrays import positive
+from midair.validation import positive
 
 Array = NDArray[np.float64]
 Object = Literal["brush", "sponge", "towel"]

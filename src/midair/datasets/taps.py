@@ -3,7 +3,7 @@
 import numpy as np
 
 from midair.model import PressureFrames, Provenance, SensorGrid
-from midair.model.arrays import positive
+from midair.validation import positive
 
 
 def taps(

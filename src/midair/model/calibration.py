@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model.arrays import frozen_array
 from midair.model.geometry import SensorGrid
 from midair.model.measurement import Crosstalk, Linearity, Measurement
 from midair.model.provenance import Provenance
 from midair.model.recording import Unit
+from midair.validation import frozen_array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

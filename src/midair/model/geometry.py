@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model.arrays import frozen_array, positive
+from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
 

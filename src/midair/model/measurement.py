@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model.arrays import frozen_array
+from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from midair.errors import InputError
-from midair.model.arrays import positive
+from midair.validation import positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import UnitError
-from midair.model.arrays import frozen_array, positive
 from midair.model.geometry import SensorGrid
 from midair.model.provenance import Provenance
+from midair.validation import frozen_array, positive
 
 Unit = Literal["V", "count", "Pa"]
 """Unit of a recording's samples."""

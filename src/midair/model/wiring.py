@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError, UnitError
-from midair.model.arrays import positive
 from midair.model.geometry import SensorGrid
 from midair.model.recording import Unit
+from midair.validation import positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model.arrays import positive
+from midair.validation import positive
 
 Complex = NDArray[np.complex128]
 

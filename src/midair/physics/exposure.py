@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.model import Drive, Medium
-from midair.model.arrays import frozen_array
 from midair.physics.directivity import Directivity
 from midair.physics.propagation import transfer_matrix
+from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
 

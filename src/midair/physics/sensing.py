@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
 from midair.model import Calibration, ControlGrid, Crosstalk, Provenance, SensorGrid
-from midair.model.arrays import frozen_array, positive
+from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

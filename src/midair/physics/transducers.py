@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model.arrays import frozen_array
 from midair.physics.dynamics import TransducerDynamics
+from midair.validation import frozen_array
 
 Complex = NDArray[np.complex128]
 

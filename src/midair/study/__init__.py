@@ -1,9 +1,16 @@
 """Studies: design, simulated participants, and statistics. Pure: knows no file, clock, sound or device."""
 
-from midair.study.adaptive import QuestPlus, Staircase
-from midair.study.anova import rm_anova
-from midair.study.compare import Equivalence, PairedT, bayes_factor, equivalence, holm, paired_t
-from midair.study.confusion import (
+from midair.study.design.adaptive import QuestPlus, Staircase
+from midair.study.design.blocks import Analysis, Block, Design, Stimulus
+from midair.study.design.order import balanced_latin_square, constrained_shuffle
+from midair.study.design.plan import Plan, Trial, draw_plan
+from midair.study.design.question import Question
+from midair.study.design.standing import Progress, answers_table, replay
+from midair.study.findings.analysis import Report, analyse
+from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns
+from midair.study.session.participant import SimulatedParticipant
+from midair.study.statistics.anova import rm_anova
+from midair.study.statistics.confusion import (
     Confusion,
     chance_macro_f,
     confusion_matrix,
@@ -12,9 +19,7 @@ from midair.study.confusion import (
     scores,
     wilson,
 )
-from midair.study.data import StudyData, data_of_answers, data_of_columns
-from midair.study.design import Analysis, Block, Design, Stimulus
-from midair.study.detection import (
+from midair.study.statistics.detection import (
     ChoiceModel,
     Sensitivity,
     choice_model,
@@ -23,12 +28,10 @@ from midair.study.detection import (
     d_prime_yes_no,
     proportion_correct,
 )
-from midair.study.mixed import logistic_mixed, logistic_posterior
-from midair.study.order import balanced_latin_square, constrained_shuffle
-from midair.study.ordinal import ordinal_check
-from midair.study.participant import SimulatedParticipant
-from midair.study.plan import Plan, Trial, draw_plan
-from midair.study.power import (
+from midair.study.statistics.mixed import logistic_mixed, logistic_posterior
+from midair.study.statistics.ordinal import ordinal_check
+from midair.study.statistics.paired import Equivalence, PairedT, bayes_factor, equivalence, holm, paired_t
+from midair.study.statistics.power import (
     IdentificationExperiment,
     Power,
     RatingExperiment,
@@ -37,12 +40,9 @@ from midair.study.power import (
     power_paired_t,
     simulated_power,
 )
-from midair.study.progress import Progress, answers_table, replay
-from midair.study.psychometric import Psychometric, PsychometricFit, fit_psychometric
-from midair.study.question import Question
-from midair.study.report import Report, analyse
-from midair.study.resample import Chance, Interval, bootstrap, sign_flip
-from midair.study.table import Table
+from midair.study.statistics.psychometric import Psychometric, PsychometricFit, fit_psychometric
+from midair.study.statistics.resample import Chance, Interval, bootstrap, sign_flip
+from midair.study.statistics.table import Table
 
 __all__ = [
     "Analysis",

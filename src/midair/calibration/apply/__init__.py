@@ -1,0 +1,1 @@
+"""Apply a calibration: whole recordings, or block by block while they are made."""

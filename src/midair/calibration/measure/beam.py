@@ -1,0 +1,281 @@
+"""A calibration by a focused beam on every cell, for when there is no reference (paper, 5.2, generalised).
+
+The paper sets the gain "so that the focused beam to the sensor just below the AUTD center produces an expected output
+amplitude": one cell, one level. Here each cell gets the beam at five levels or more, at many frequencies at once, and
+the output is regressed on the commanded PRESSURE, with an intercept. The level of the whole rests on the array's model;
+what differs from channel to channel does not.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.calibration.measure.beam_plan import BeamPlan
+from midair.calibration.measure.delay import channel_delay, upper_half
+from midair.calibration.measure.frequency_response import widened
+from midair.calibration.measure.linearity import bend_uncertainty, fit_levels
+from midair.calibration.measure.noise import quiet_density, white_level
+from midair.errors import InputError, ShapeError
+from midair.model import Calibration, Crosstalk, Linearity, Measurement, Recording
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BeamReading:
+    """What a beam on every cell commanded, and what the sensor said.
+
+    Attributes
+    ----------
+    plan : BeamPlan
+        What was played.
+    commanded : ndarray of complex, shape (level, tone)
+        Pressure in the middle of the focus by the model, the mean of all foci, transducers' dynamics included, in Pa.
+    output : ndarray of complex, shape (cell, level, tone, channel)
+        Of the sensor, in its unit.
+    shares : ndarray, shape (cell heard, cell pressed)
+        Mean pressure on each cell for each focus over the commanded one.
+    changed_shares : ndarray, shape (cause, cell heard, cell pressed)
+        The same with each uncertain length changed by its standard uncertainty.
+    slow : ndarray, shape (tone,)
+        Relative standard uncertainty of the command, from the transducers' dynamics.
+    level : float
+        Relative standard uncertainty of all commands together.
+    timing : float
+        Standard uncertainty of the moment at which the beam began, in s.
+    """
+
+    plan: BeamPlan
+    commanded: Complex
+    output: Complex
+    shares: Array
+    changed_shares: Array
+    slow: Array
+    level: float
+    timing: float
+
+
+def tones_of(signal: Array, rate: float, plan: BeamPlan, *, lag: int = 0) -> Complex:
+    """Complex amplitude of each tone at each level, from the `window` of each stretch.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (frame, channel)
+        At `rate`, a whole multiple of the plan's.
+    rate : float
+        In Hz.
+    plan : BeamPlan
+        That was played.
+    lag : int
+        Frames of `rate` by which the signal begins late.
+
+    Returns
+    -------
+    ndarray of complex, shape (level, tone, channel)
+        Peak; 2 / N sum y e^(-j 2 pi f t), t from the beginning of the window.
+
+    Raises
+    ------
+    ShapeError
+        If the signal is shorter than the plan.
+    """
+    steps = round(rate / plan.rate)
+    window, stretch = plan.window * steps, plan.stretch * steps
+    starts = lag + stretch * np.arange(plan.levels) + round(plan.settle * plan.rate) * steps
+    if starts[-1] + window > len(signal):
+        raise ShapeError(
+            f"recording: expected {(starts[-1] + window) / rate:.3g} s of beam or more, got {len(signal) / rate:.3g} s"
+        )
+    turn = np.exp(-2j * np.pi * plan.tones[:, None] * np.arange(window) / rate)
+    heard = np.stack([signal[start : start + window] for start in starts])
+    return np.asarray(2 / window * np.einsum("fn,lnc->lfc", turn, heard), np.complex128)
+
+
+def find_lag(signal: Array, expected: Array) -> int:
+    """Whole frames of a recording before the beam begins: where it looks most like what was commanded.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (frame,)
+        Of the channel that the beam is on.
+    expected : ndarray, shape (frame,)
+        Commanded pressure at the same rate, no longer than the signal.
+    """
+    from scipy.signal import correlate
+
+    if len(expected) > len(signal):
+        raise ShapeError(f"recording: expected {len(expected)} frames of beam or more, got {len(signal)}")
+    alike = correlate(signal - signal.mean(), expected - expected.mean(), mode="valid")
+    return int(np.argmax(np.abs(alike)))
+
+
+def measure_beam(
+    reading: BeamReading, *, sensor: Recording, quiet: Recording, date: str = "", version: int = 1
+) -> Calibration:
+    """Calibration of a sensor from a beam on each of its cells.
+
+    With M_ik the slope of channel i over the pressure in a focus on cell k and B_lk the pressure that cell l then gets,
+    M = diag(H) C B, so H and the crosstalk C come from M B^-1. The uncertainty of H combines the scatter about the
+    line, the lengths that B rests on (each changed by its standard uncertainty), the array's level and dynamics.
+
+    Parameters
+    ----------
+    reading : BeamReading
+        Of every cell.
+    sensor : Recording
+        Any of the recordings, for grid, unit and life.
+    quiet : Recording
+        In which nothing plays.
+    date, version
+        As in `Calibration`.
+
+    Raises
+    ------
+    InputError
+        If a channel does not hear the beam.
+    """
+    slope, spread = _slopes(reading)
+    inverse = np.linalg.inv(reading.shares)
+    whole = slope @ inverse
+    cells = np.arange(sensor.sensor.count)
+    response = whole[:, cells, cells]
+    density, noise, noise_error = _noise(quiet, reading.plan)
+    random = np.abs(inverse[cells, cells] * spread[:, cells, cells]) / np.abs(response)
+    _check_heard(random)
+    geometry, common = _from_lengths(reading, slope, response)
+    linearity, bend = _linearity(reading, response, density, sensor.sensor.shape)
+    fixed = reading.level**2 + bend**2 + random**2 + geometry**2
+    magnitude = np.sqrt(fixed + reading.slow[:, None] ** 2)
+    # One channel may be surer than all of them on average.
+    shared = min(float(np.hypot(reading.level, common)), float(magnitude.min()))
+    turn = 2 * np.pi * reading.plan.tones[:, None] * reading.timing
+    phase = np.sqrt(random**2 + turn**2)
+    upper = upper_half(reading.plan.tones)
+    delay, delay_error = channel_delay(reading.plan.tones[upper], response[upper], random[upper])
+    shape = sensor.sensor.shape
+    told = {"levels": reading.plan.levels, "top_pa": reading.plan.top, "pressure_uncertainty": reading.level}
+    return Calibration(
+        sensor=sensor.sensor,
+        frequency=reading.plan.tones,
+        response=response.reshape(-1, *shape),
+        noise=noise.reshape(shape),
+        unit=sensor.unit,
+        date=date,
+        version=version,
+        provenance=sensor.provenance.then("measure beam", told),
+        measurement=Measurement(
+            coherence=_explained(reading).reshape(-1, *shape),
+            magnitude_uncertainty=magnitude.reshape(-1, *shape),
+            phase_uncertainty=phase.reshape(-1, *shape),
+            noise_density=density.reshape(-1, *shape),
+            noise_uncertainty=noise_error.reshape(shape),
+            delay=delay.reshape(shape),
+            delay_uncertainty=np.hypot(delay_error, reading.timing).reshape(shape),
+            reference_uncertainty=shared,
+            reference="the array's model",
+            method=f"a focused beam on each cell, {reading.plan.levels} levels, {len(reading.plan.tones)} tones",
+            takes=sensor.sensor.count,
+        ),
+        crosstalk=_crosstalk(reading, slope, spread),
+        linearity=linearity,
+    )
+
+
+def _slopes(reading: BeamReading) -> tuple[Complex, Array]:
+    """M and the standard uncertainty of each part of it, both of shape (tone, channel, cell pressed)."""
+    x = np.moveaxis(reading.commanded, 0, -1)
+    design = np.stack([x, np.ones_like(x)], axis=-1)
+    pseudo = np.linalg.pinv(design)
+    y = np.einsum("kltc->tclk", reading.output)
+    found = np.einsum("tpl,tclk->tcpk", pseudo, y)
+    rest = y - np.einsum("tlp,tcpk->tclk", design, found)
+    free = 2 * (len(reading.commanded) - 2)
+    scatter = np.sqrt((np.abs(rest) ** 2).sum(axis=2) / free)
+    error = scatter * np.sqrt((np.abs(pseudo[:, 0]) ** 2).sum(axis=-1))[:, None, None]
+    return found[:, :, 0], widened(error, free)
+
+
+def _from_lengths(reading: BeamReading, slope: Complex, response: Complex) -> tuple[Array, float]:
+    """Relative uncertainty of H from the lengths, shape (channel,), and what of it all channels share."""
+    cells = np.arange(response.shape[1])
+    changes = [
+        np.abs((slope @ np.linalg.inv(shares))[:, cells, cells] / response).mean(axis=0) - 1
+        for shares in reading.changed_shares
+    ]
+    if not changes:
+        return np.zeros(len(cells)), 0.0
+    each = np.array(changes)
+    return np.sqrt((each**2).sum(axis=0)), float(np.sqrt((each.mean(axis=1) ** 2).sum()))
+
+
+def _crosstalk(reading: BeamReading, slope: Complex, spread: Array) -> Crosstalk:
+    """C_ik from M B^-1, averaged over the tones; its uncertainty from the scatter and from the lengths."""
+    inverse = np.linalg.inv(reading.shares)
+    whole = _ratio(slope @ inverse)
+    own = np.abs(np.einsum("tcc->tc", slope @ inverse))
+    gain = np.linalg.norm(inverse, axis=0)
+    noise = np.sqrt((((spread * gain) / own[:, :, None]) ** 2).mean(axis=0) / len(slope))
+    changed = [_ratio(slope @ np.linalg.inv(shares)) - whole for shares in reading.changed_shares]
+    uncertainty = np.sqrt(noise**2 + sum(change**2 for change in changed))
+    np.fill_diagonal(uncertainty, 0)
+    return Crosstalk(matrix=whole, uncertainty=uncertainty)
+
+
+def _ratio(whole: Complex) -> Array:
+    own = np.einsum("tcc->tc", whole)
+    matrix = (whole / own[:, :, None]).real.mean(axis=0)
+    np.fill_diagonal(matrix, 1)
+    return matrix
+
+
+def _own(reading: BeamReading) -> Complex:
+    """Output of each channel to a beam on its own cell, shape (level, tone, channel)."""
+    return np.moveaxis(np.einsum("cltc->clt", reading.output), 0, -1)
+
+
+def _linearity(
+    reading: BeamReading, response: Complex, density: Array, cells: tuple[int, int]
+) -> tuple[Linearity, Array]:
+    """Output over response against pressure on each cell, all tones together; what it adds to the uncertainty."""
+    own = np.diag(reading.shares)
+    pressed = reading.commanded[..., None] * own
+    predicted = response * pressed
+    power = (np.abs(predicted) ** 2).sum(axis=1)
+    share = (predicted.conj() * _own(reading)).real.sum(axis=1) / power
+    rms = np.sqrt((np.abs(pressed) ** 2).sum(axis=1) / 2)
+    # What the beam on the neighbours' cells adds is the same part at every level.
+    share = share / share.mean(axis=0)
+    # White noise of density n gives a tone's amplitude a mean square error of 2 n^2 / (time listened to).
+    hidden = density**2 * reading.plan.spacing
+    error = np.sqrt((np.abs(predicted) ** 2 * hidden).sum(axis=1)) / power
+    shape = (len(share), *cells)
+    line = fit_levels(*(values.reshape(shape) for values in (rms, share * rms, error * rms)))
+    slopes = share - line.intercept.ravel() / rms
+    return line, bend_uncertainty(slopes / slopes.mean(axis=0), error)
+
+
+def _explained(reading: BeamReading) -> Array:
+    """Share of the output's power over the levels that a line explains, shape (tone, channel)."""
+    x = np.moveaxis(reading.commanded, 0, -1)
+    design = np.stack([x, np.ones_like(x)], axis=-1)
+    y = np.moveaxis(_own(reading), 0, -1)
+    rest = y - np.einsum("tlm,tcm->tcl", design @ np.linalg.pinv(design), y)
+    return np.clip(1 - (np.abs(rest) ** 2).sum(axis=-1) / np.maximum((np.abs(y) ** 2).sum(axis=-1), 1e-300), 0, 1)
+
+
+def _noise(quiet: Recording, plan: BeamPlan) -> tuple[Array, Array, Array]:
+    width = max(4 * plan.spacing, 16 / quiet.duration)
+    bins, power, averages = quiet_density(quiet, resolution=width / 2, width=width)
+    level, error = white_level(power, averages, 2.0)
+    return np.sqrt(np.stack([np.interp(plan.tones, bins, one) for one in power.T], axis=1)), level, error
+
+
+def _check_heard(random: Array) -> None:
+    worst = np.median(random, axis=0)
+    if not (worst < 0.5).all():
+        deaf = ", ".join(str(channel) for channel in np.flatnonzero(~(worst < 0.5)))
+        raise InputError(
+            f"beam: expected every channel to hear it, got channels {deaf} that do not; is it on the sensor?"
+        )

@@ -1,0 +1,215 @@
+"""From the sums of all takes to a calibration: every number with its uncertainty."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.calibration.crosstalk import crosstalk_of
+from midair.calibration.measure.delay import channel_delay, upper_half
+from midair.calibration.measure.frequency_response import (
+    BandSums,
+    FrequencyResponse,
+    band_sums,
+    check_resolution,
+    solve_sums,
+    widened,
+)
+from midair.calibration.measure.linearity import bend_uncertainty, fit_levels, followed_share, same_levels
+from midair.calibration.measure.noise import quiet_density, white_level
+from midair.calibration.measure.referenced_take import Take
+from midair.calibration.measure.repeatability import repeatability
+from midair.errors import BandError
+from midair.model import Calibration, Crosstalk, Linearity, Measurement, Provenance, Recording, SensorGrid, Setting
+from midair.recordings.quality import dead_channels
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasureSettings:
+    """How spectra become a calibration.
+
+    Attributes
+    ----------
+    resolution : float
+        Distance of the bins, in Hz.
+    width : float or None
+        Of the band around a bin in which the response is taken as a parabola, in Hz; twice the resolution if None.
+    coherence : float
+        Smallest coherence of a bin, 0 to 1; it counts only if every live channel reaches it.
+    order : int
+        Of the polynomials, see `midair.calibration.measure.frequency_response`.
+    """
+
+    resolution: float = 1.0
+    width: float | None = None
+    coherence: float = 0.9
+    order: int = 2
+
+    def as_settings(self) -> dict[str, Setting]:
+        """For a step of a provenance."""
+        step, width = check_resolution(self.resolution, self.width)
+        return {"resolution_hz": step, "width_hz": width, "coherence": self.coherence, "order": self.order}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Evidence:
+    """Everything that a calibration is worked out from.
+
+    Attributes
+    ----------
+    recording : Recording
+        The first one, for sensor, unit and rate.
+    parts : tuple of BandSums
+        Of all takes.
+    own : tuple of BandSums
+        Of those that the response rests on, 0 in the channels that a take does not press on.
+    settings : MeasureSettings
+        How spectra become a calibration.
+    takes : tuple of Take
+        That the parts come from; none for one recording of a pressure that differs from cell to cell.
+    alone : bool
+        Whether each cell was pressed on alone.
+    quiet : Recording or None
+        In which nothing presses.
+    reference : str
+        What measured the pressure.
+    reference_uncertainty : float
+        Its relative standard uncertainty.
+    """
+
+    recording: Recording
+    parts: tuple[BandSums, ...]
+    own: tuple[BandSums, ...]
+    settings: MeasureSettings
+    takes: tuple[Take, ...] = ()
+    alone: bool = False
+    quiet: Recording | None = None
+    reference: str = ""
+    reference_uncertainty: float = 0.0
+
+    def calibration(self, *, date: str, version: int, provenance: Provenance, method: str) -> Calibration:
+        """Everything that the takes tell."""
+        sensor, fit, alive = self.recording.sensor, solve_sums(self.own), self._alive()
+        counts = self._counting(fit, alive)
+        linearity, bend = self._linearity(fit, counts)
+        density, noise, noise_error = self._noise(fit, counts)
+        response = np.where(alive, fit.response[counts], 0)
+        repeat = repeatability(self.own, fit, counts)
+        return Calibration(
+            sensor=sensor,
+            frequency=fit.frequency[counts],
+            response=response.reshape(-1, *sensor.shape),
+            noise=noise.reshape(sensor.shape),
+            unit=self.recording.unit,
+            date=date,
+            version=version,
+            provenance=provenance,
+            measurement=Measurement(
+                **self._sureness(fit, counts, alive, (np.hypot(repeat[0], bend), repeat[1])),
+                noise_density=density.reshape(-1, *sensor.shape),
+                noise_uncertainty=noise_error.reshape(sensor.shape),
+                reference_uncertainty=self.reference_uncertainty,
+                reference=self.reference,
+                method=method,
+                takes=len(self.parts),
+            ),
+            crosstalk=self._crosstalk(counts, repeat[0]) if self.alone else None,
+            linearity=linearity,
+        )
+
+    def _sureness(
+        self, fit: FrequencyResponse, counts: NDArray[np.bool_], alive: NDArray[np.bool_], other: tuple[Array, Array]
+    ) -> dict[str, Array]:
+        """Coherence, uncertainties and delays, by their names in `Measurement`; a dead channel is all unsure.
+
+        `other` is what adds to the noise, in magnitude and in phase.
+        """
+        random = widened(np.where(alive, fit.uncertainty[counts], 1.0), 2 * fit.averages)
+        magnitude = np.sqrt(random**2 + other[0] ** 2 + self.reference_uncertainty**2)
+        frequency, response = fit.frequency[counts], np.where(alive, fit.response[counts], 0)
+        delay, delay_error = np.zeros(len(alive)), np.zeros(len(alive))
+        if len(frequency) >= 3:
+            upper = upper_half(frequency)
+            delay, delay_error = channel_delay(frequency[upper], response[upper], random[upper])
+        found = {
+            "coherence": np.where(alive, fit.coherence[counts], 0),
+            "magnitude_uncertainty": np.where(alive, magnitude, 1),
+            "phase_uncertainty": np.where(alive, np.hypot(random, other[1]), np.pi),
+            "delay": delay,
+            "delay_uncertainty": np.where(alive, delay_error, 0),
+        }
+        return {name: _on_cells(values, self.recording.sensor) for name, values in found.items()}
+
+    @property
+    def _overlap(self) -> float:
+        step, width = check_resolution(self.settings.resolution, self.settings.width)
+        return max(width / step, 1.0)
+
+    def _alive(self) -> NDArray[np.bool_]:
+        """Channels that change in one of the takes that press on them."""
+        if not self.takes:
+            return ~dead_channels(self.recording).ravel()
+        pressed = [~dead_channels(take.recording).ravel() & take.presses() for take in self.takes]
+        return np.asarray(np.any(np.array(pressed), axis=0), np.bool_)
+
+    def _counting(self, fit: FrequencyResponse, alive: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """The bins in which every live channel is coherent, pressed widely, and known to better than its own half."""
+        sure = (fit.coherence >= self.settings.coherence) & (fit.uncertainty < 0.5)
+        # What is pressed at fewer frequencies than there are terms to find is explained by anything.
+        sure &= fit.excited > self.settings.order + 2
+        counts = np.asarray(np.all(sure[:, alive], axis=1), np.bool_)
+        if not alive.any() or counts.sum() < 2:
+            found = counts.sum() if alive.any() else 0
+            raise BandError(
+                f"response: expected two bins or more with a coherence of {self.settings.coherence:g} on every live "
+                f"channel, got {found}; press harder, longer, or over a wider band"
+            )
+        return counts
+
+    def _noise(self, fit: FrequencyResponse, counts: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+        """Amplitude density in every bin, its white level, and that one's uncertainty."""
+        power, averages = fit.noise[counts], float(fit.averages.mean())
+        if self.quiet is not None:
+            step, width = check_resolution(self.settings.resolution, self.settings.width)
+            bins, quiet, averages = quiet_density(self.quiet, resolution=step, width=width)
+            power = np.stack([np.interp(fit.frequency[counts], bins, one) for one in quiet.T], axis=1)
+        level, error = white_level(power, averages, self._overlap)
+        return np.sqrt(power), level, error
+
+    def _crosstalk(self, counts: NDArray[np.bool_], repeat: Array) -> Crosstalk:
+        fits = [
+            solve_sums([part for part, take in zip(self.parts, self.takes, strict=True) if take.cell == cell])
+            for cell in range(self.recording.sensor.count)
+        ]
+        return crosstalk_of(fits, counts, repeat=repeat)
+
+    def _linearity(self, fit: FrequencyResponse, counts: NDArray[np.bool_]) -> tuple[Linearity | None, Array]:
+        """What five levels tell, if there are as many, and what it adds to the uncertainty, shape (channel,)."""
+        levels, cells = np.array([take.level for take in self.takes]), self.recording.sensor.count
+        chosen = same_levels(levels, [take.cell for take in self.takes], cells)
+        if chosen is None:
+            return None, np.zeros(cells)
+        told = [followed_share(part, fit, counts) for part in self.parts]
+        share, error = (np.array([one[n] for one in told])[chosen, np.arange(cells)] for n in (0, 1))
+        pressure, shape = levels[chosen], (len(chosen), *self.recording.sensor.shape)
+        if self.alone:
+            # On all cells each channel also hears the others: at the level of the single takes it is 1 by definition.
+            usual = np.median([take.level for take in self.takes if take.cell is not None])
+            nearest = np.abs(np.log(pressure / usual)).argmin(axis=0)
+            there = share[nearest, np.arange(cells)]
+            share, error = share / there, error / there
+        line = fit_levels(*(values.reshape(shape) for values in (pressure, share * pressure, error * pressure)))
+        return line, bend_uncertainty(share, error)
+
+
+def sums_of(x: Array, y: Array, rate: float, settings: MeasureSettings) -> BandSums:
+    """`band_sums` with the settings of a measurement."""
+    step, width = check_resolution(settings.resolution, settings.width)
+    return band_sums(x, y, rate, resolution=step, width=width, order=settings.order)
+
+
+def _on_cells(values: Array, sensor: SensorGrid) -> Array:
+    """Channels as rows and columns."""
+    return values.reshape(*values.shape[:-1], *sensor.shape)

@@ -1,0 +1,79 @@
+"""Signals that a shaker or a loudspeaker plays while a sensor is calibrated: noise and sweeps of a stated band."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.dsp import Band, check_band
+from midair.errors import InputError
+from midair.validation import positive
+
+Array = NDArray[np.float64]
+
+
+def noise_signal(
+    rms: float, duration: float, *, rate: float = 1000.0, band: Band = (5.0, 490.0), rng: np.random.Generator
+) -> Array:
+    """Gaussian noise, even within a band and nothing outside, shape (frame,).
+
+    Parameters
+    ----------
+    rms : float
+        In any unit.
+    duration : float
+        In s; 12 s or more for bins of 1 Hz, and the longer the surer.
+    rate : float
+        In Hz.
+    band : tuple of float
+        (low, high), in Hz; wider than the band that is to be calibrated.
+    rng : numpy.random.Generator
+        Makes it.
+    """
+    low, high = check_band(band, rate)
+    frames = _frames(duration, rate)
+    spectrum = np.fft.rfft(rng.standard_normal(frames))
+    frequency = np.fft.rfftfreq(frames, 1 / rate)
+    signal = np.fft.irfft(np.where((frequency >= low) & (frequency <= high), spectrum, 0), frames)
+    return positive(rms, "rms") * signal / signal.std()
+
+
+def sweep_signal(
+    rms: float, duration: float, *, rate: float = 1000.0, band: Band = (10.0, 490.0), silence: float = 0.5
+) -> Array:
+    """A sine whose frequency rises exponentially through a band, between two silences, shape (frame,).
+
+    phase = 2 pi f_1 L (e^(t / L) - 1), L = duration / ln(f_2 / f_1) (Farina, AES 108, 2000). The silence lets the
+    record's ends be told from the sensor's answer.
+
+    Parameters
+    ----------
+    rms : float
+        Of the sine, in any unit.
+    duration : float
+        Of the sweep, in s.
+    rate : float
+        In Hz.
+    band : tuple of float
+        (f_1, f_2), f_1 above 0, in Hz; the first and last twentieth in time fade in and out.
+    silence : float
+        Before and after, each, in s.
+    """
+    low, high = check_band(band, rate)
+    if low <= 0:
+        raise InputError(f"band of the sweep: expected to begin above 0 Hz, got {low:g} Hz")
+    frames = _frames(duration, rate)
+    time = np.arange(frames) / rate
+    scale = frames / rate / np.log(high / low)
+    fade = np.clip(np.minimum(np.arange(frames), np.arange(frames)[::-1]) / max(frames / 20, 1), 0, 1)
+    tone = np.sin(2 * np.pi * low * scale * np.expm1(time / scale)) * np.sin(np.pi / 2 * fade) ** 2
+    return np.pad(np.sqrt(2) * positive(rms, "rms") * tone, round(silence * rate))
+
+
+def tone_signal(rms: float, frequency: float, duration: float, *, rate: float = 1000.0) -> Array:
+    """A sine, as a pistonphone makes it, shape (frame,)."""
+    check_band((0.0, positive(frequency, "frequency", "Hz")), rate)
+    time = np.arange(_frames(duration, rate)) / rate
+    return np.sqrt(2) * positive(rms, "rms") * np.sin(2 * np.pi * frequency * time)
+
+
+def _frames(duration: float, rate: float) -> int:
+    return max(2, round(positive(duration, "duration", "s") * positive(rate, "rate", "Hz")))

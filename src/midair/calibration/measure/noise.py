@@ -1,0 +1,103 @@
+"""The noise of a sensor: its density at the output, and the pressure that it hides."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.calibration.measure.frequency_response import band_sums
+from midair.dsp import Band
+from midair.errors import BandError
+from midair.model import Calibration, Recording
+
+Array = NDArray[np.float64]
+
+
+def quiet_density(recording: Recording, *, resolution: float, width: float) -> tuple[Array, Array, float]:
+    """Noise of a recording in which nothing presses, in the bands of `band_sums`.
+
+    Parameters
+    ----------
+    recording : Recording
+        In which nothing presses.
+    resolution, width : float
+        Of the bands, in Hz.
+
+    Returns
+    -------
+    frequency : ndarray, shape (band,)
+        In Hz.
+    density : ndarray, shape (band, channel)
+        One-sided power density, in unit^2/Hz.
+    averages : float
+        Independent values in each.
+    """
+    flat = recording.samples.reshape(recording.frames, -1)
+    sums = band_sums(np.zeros((len(flat), 1)), flat, recording.rate, resolution=resolution, width=width)
+    return sums.frequency, sums.power / sums.points, float(sums.points[0])
+
+
+def white_level(density: Array, averages: float, overlap: float) -> tuple[Array, Array]:
+    """Amplitude density that half of the bands exceed, and its standard uncertainty.
+
+    The median of n independent means of m squared values has a relative standard error of sqrt(pi / (2 n m)) in power,
+    half of that in amplitude.
+
+    Parameters
+    ----------
+    density : ndarray, shape (band, channel)
+        Power density.
+    averages : float
+        Independent values in each band.
+    overlap : float
+        Width of a band over their distance.
+
+    Returns
+    -------
+    level, uncertainty : ndarray, shape (channel,)
+        The uncertainty as a part of the level.
+    """
+    level = np.sqrt(np.median(density, axis=0))
+    independent = max(len(density) / max(overlap, 1.0), 1.0) * max(averages, 1.0)
+    return level, np.full(level.shape, 0.5 * np.sqrt(np.pi / (2 * independent)))
+
+
+def noise_equivalent_pressure(calibration: Calibration, band: Band = (20.0, 470.0)) -> Array:
+    """Rms pressure in a band that would be as strong as each channel's noise.
+
+    The root of the integral of S_nn / |H|^2 over the band; with the white `noise` where no density was measured.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        Its bins reach over the band.
+    band : tuple of float
+        (low, high), in Hz.
+
+    Returns
+    -------
+    ndarray, shape (row, column)
+        In Pa; infinite for a channel that hears nothing somewhere in the band.
+
+    Raises
+    ------
+    BandError
+        If the band is not within the calibration's.
+    """
+    low, high = band
+    first, last = calibration.frequency[0], calibration.frequency[-1]
+    if not first <= low < high <= last:
+        raise BandError(f"band: expected one within {first:g} to {last:g} Hz, got {low:g} to {high:g} Hz")
+    frequency = np.linspace(low, high, 512)
+    measured = calibration.measurement
+    if measured is None:
+        density = np.broadcast_to(calibration.noise, (512, *calibration.noise.shape))
+    else:
+        density = np.stack(
+            [np.interp(frequency, calibration.frequency, one) for one in _channels(measured.noise_density)], axis=1
+        ).reshape(512, *calibration.noise.shape)
+    size = np.abs(calibration.response_at(frequency))
+    hidden = np.divide(density, size, out=np.full(size.shape, np.inf), where=size > 0)
+    return np.sqrt(np.trapezoid(hidden**2, frequency, axis=0))
+
+
+def _channels(values: Array) -> Array:
+    return values.reshape(len(values), -1).T

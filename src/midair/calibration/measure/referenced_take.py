@@ -1,0 +1,171 @@
+"""What a calibration is measured from: recordings of a pressure that a reference measured at the same time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, MismatchError, ShapeError
+from midair.model import Recording, SensorGrid
+from midair.validation import frozen_array, positive
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reference:
+    """The pressure that a force cell, a reference microphone or a pistonphone says there was.
+
+    Attributes
+    ----------
+    pressure : ndarray, shape (frame,)
+        In Pa.
+    rate : float
+        Frames per second, in Hz.
+    uncertainty : float
+        Standard uncertainty (k = 1) of its sensitivity, as a part of it: half of what a certificate with k = 2 states.
+    name : str
+        Which one it is.
+    simulated : bool
+        Whether it exists only here.
+    """
+
+    pressure: Array
+    rate: float
+    uncertainty: float = 0.0
+    name: str = "reference"
+    simulated: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pressure", frozen_array(self.pressure, "reference", ("frame",)))
+        object.__setattr__(self, "rate", positive(self.rate, "rate of the reference", "Hz"))
+        if not 0 <= self.uncertainty < 1:
+            raise InputError(
+                f"uncertainty of the reference: expected a part of 1, such as 0.01 for 1 %, got {self.uncertainty:g}"
+            )
+
+    @classmethod
+    def read(
+        cls, recording: Recording, *, sensitivity: float, channel: int = 0, uncertainty: float = 0.0, name: str = ""
+    ) -> "Reference":
+        """The pressure in one channel of a recording; `sensitivity` is in the recording's unit per Pa.
+
+        A force cell of S unit/N under a face of A m2 has a sensitivity of S A.
+        """
+        if not 0 <= channel < recording.sensor.count:
+            raise ShapeError(f"reference channel: expected 0 to {recording.sensor.count - 1}, got {channel}")
+        if not (np.isfinite(sensitivity) and sensitivity != 0):
+            raise InputError(f"sensitivity of the reference: expected a number other than 0, got {sensitivity:g}")
+        return cls(
+            pressure=recording.samples.reshape(recording.frames, -1)[:, channel] / sensitivity,
+            rate=recording.rate,
+            uncertainty=uncertainty,
+            name=name or recording.sensor.name,
+            simulated=recording.provenance.simulated,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Take:
+    """A recording of a sensor, and of the reference at the same times.
+
+    Attributes
+    ----------
+    recording : Recording
+        What the sensor said.
+    reference : Reference
+        What pressed; as many frames at the same rate.
+    cell : int or None
+        The channel whose cell it pressed on; None for the same pressure on all cells, as in a coupler.
+    """
+
+    recording: Recording
+    reference: Reference
+    cell: int | None = None
+
+    def __post_init__(self) -> None:
+        have = (len(self.reference.pressure), self.reference.rate)
+        want = (self.recording.frames, self.recording.rate)
+        if have != want:
+            raise MismatchError(
+                f"reference: expected {want[0]} frames at {want[1]:g} Hz like the recording's, got {have[0]} at "
+                f"{have[1]:g} Hz; align, cut and resample it first"
+            )
+        cells = self.recording.sensor.count
+        if self.cell is not None and not 0 <= self.cell < cells:
+            raise ShapeError(f"cell: expected 0 to {cells - 1}, or none for all of them, got {self.cell}")
+
+    @property
+    def level(self) -> float:
+        """Rms of the reference without its mean, in Pa."""
+        return float(self.reference.pressure.std())
+
+    def presses(self) -> NDArray[np.bool_]:
+        """On which channels, shape (channel,)."""
+        channels = np.arange(self.recording.sensor.count)
+        return np.full(len(channels), True) if self.cell is None else channels == self.cell
+
+
+def split_channel(
+    recording: Recording, channel: int, *, sensor: SensorGrid | None = None
+) -> tuple[Recording, Recording]:
+    """A recording without one of its channels, and that channel by itself: the reference on a spare input.
+
+    Parameters
+    ----------
+    recording : Recording
+        With one channel more than the sensor.
+    channel : int
+        The reference's, row by row from 0.
+    sensor : SensorGrid, optional
+        Of the other channels; a square if their number is one, else a row.
+
+    Returns
+    -------
+    sensor, reference : Recording
+        The reference has one row and one column.
+
+    Raises
+    ------
+    ShapeError
+        If the channel is not there, or the others are not as many as the sensor's.
+    """
+    count = recording.sensor.count - 1
+    if not 0 <= channel <= count or count < 1:
+        raise ShapeError(f"reference channel: expected 0 to {count} of two channels or more, got {channel}")
+    side = round(np.sqrt(count))
+    shape = (side, side) if side * side == count else (1, count)
+    grid = sensor or replace(recording.sensor, rows=shape[0], columns=shape[1])
+    if grid.count != count:
+        raise ShapeError(f"sensor: expected {count} cells besides the reference, got {grid.rows} x {grid.columns}")
+    flat = recording.samples.reshape(recording.frames, -1)
+    rest = np.delete(flat, channel, axis=1).reshape(-1, *grid.shape)
+    alone = SensorGrid(rows=1, columns=1, pitch=grid.pitch, name=f"channel {channel} of {recording.sensor.name}")
+    return (
+        replace(recording, samples=rest, sensor=grid),
+        replace(recording, samples=flat[:, channel].reshape(-1, 1, 1), sensor=alone),
+    )
+
+
+def check_alike(takes: Sequence[Take]) -> None:
+    """Refuse takes of different sensors, units or rates.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    MismatchError
+        If they differ.
+    """
+    if not takes:
+        raise InputError("takes: expected one recording or more, got none")
+    first = takes[0].recording
+    for take in takes[1:]:
+        other = take.recording
+        if (other.sensor, other.unit, other.rate) != (first.sensor, first.unit, first.rate):
+            raise MismatchError(
+                f"takes: expected all of sensor {first.sensor.name!r} {first.sensor.shape} in {first.unit} at "
+                f"{first.rate:g} Hz, got one of {other.sensor.name!r} {other.sensor.shape} in {other.unit} at "
+                f"{other.rate:g} Hz"
+            )

@@ -1,0 +1,216 @@
+"""The level of one tone of known pressure, as a pistonphone makes it; and a response brought to that level."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.calibration.measure.frequency_response import widened
+from midair.errors import BandError, InputError, MismatchError
+from midair.model import Calibration, Measurement, Provenance, Recording
+from midair.validation import positive
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+def measure_tone(
+    recording: Recording,
+    *,
+    frequency: float,
+    pressure: float,
+    uncertainty: float = 0.0,
+    reference: str = "pistonphone",
+    segments: int = 10,
+    date: str = "",
+    version: int = 1,
+) -> Calibration:
+    """Sensitivity of every channel at one frequency, from a tone of known level.
+
+    A sine is fitted to each of the segments (the three-parameter fit of IEEE Std 1057), at the frequency that fits the
+    whole best. The mean of the segments counts; their scatter and the tone's own uncertainty make its uncertainty.
+
+    Parameters
+    ----------
+    recording : Recording
+        While the tone acts on all of its cells.
+    frequency : float
+        That the tone is said to have, to 1 %, in Hz.
+    pressure : float
+        Rms, in Pa; 114 dB are 10.02 Pa.
+    uncertainty : float
+        Standard, of the pressure, as a part of it.
+    reference : str
+        What made the tone.
+    segments : int
+        Three or more.
+    date, version
+        As in `Calibration`.
+
+    Returns
+    -------
+    Calibration
+        With one bin; its phase is that of each channel against the mean of all, without an absolute one. Bring a whole
+        response to its level with `anchored`.
+
+    Raises
+    ------
+    BandError
+        If the recording is too short or too slow for the tone.
+    InputError
+        If there is no tone.
+    """
+    positive(pressure, "pressure of the tone", "Pa")
+    if segments < 3 or not 0 <= uncertainty < 1:
+        raise InputError(
+            f"tone: expected 3 segments or more and an uncertainty as a part of 1, got {segments}, {uncertainty:g}"
+        )
+    _check_fits(recording, frequency, segments)
+    flat = recording.samples.reshape(recording.frames, -1)
+    found = _refined(flat, recording.rate, frequency)
+    time = np.arange(recording.frames // segments * segments).reshape(segments, -1) / recording.rate
+    wave, rest = _fit(flat[: time.size].reshape(*time.shape, -1), time, found)
+    amplitude = wave.mean(axis=0)
+    size = np.abs(amplitude)
+    noise = np.sqrt(2 * rest / recording.rate)
+    heard = size > 0
+    # Half of the scatter of complex numbers is along them, the other half across.
+    random = wave.std(axis=0, ddof=1) / np.sqrt(2 * segments) / np.where(heard, size, 1)
+    if not (heard.any() and np.median(random[heard]) < 0.2):
+        raise InputError(
+            f"tone: expected one near {frequency:g} Hz, got {size.max():.3g} {recording.unit} that changes all the "
+            f"time, in a noise of {np.sqrt(rest.max()):.3g} {recording.unit} rms; is it on, and of that frequency?"
+        )
+    magnitude = np.sqrt(widened(random, 2 * (segments - 1)) ** 2 + uncertainty**2)
+    explained = 1 - rest / np.maximum(flat.var(axis=0), 1e-300)
+    turned = np.exp(-1j * np.angle(amplitude.sum()))
+    told = {"frequency_hz": frequency, "found_hz": found, "pressure_pa": pressure, "uncertainty": uncertainty}
+    cells = recording.sensor.shape
+    nothing = np.zeros(cells)
+    return Calibration(
+        sensor=recording.sensor,
+        frequency=np.array([found]),
+        response=(amplitude * turned / (np.sqrt(2) * pressure)).reshape(1, *cells),
+        noise=noise.reshape(cells),
+        unit=recording.unit,
+        date=date,
+        version=version,
+        provenance=Provenance(
+            source=f"measured with {reference}",
+            simulated=recording.provenance.simulated,
+            notes=recording.provenance.notes,
+        ).then("measure tone", told),
+        measurement=Measurement(
+            coherence=np.where(heard, np.clip(explained, 0, 1), 0).reshape(1, *cells),
+            magnitude_uncertainty=np.where(heard, magnitude, 1).reshape(1, *cells),
+            phase_uncertainty=np.full((1, *cells), np.pi),
+            noise_density=noise.reshape(1, *cells),
+            noise_uncertainty=np.full(cells, 1 / np.sqrt(2 * max(flat.shape[0] - 3 * segments, 1))),
+            delay=nothing,
+            delay_uncertainty=nothing,
+            reference_uncertainty=uncertainty,
+            reference=reference,
+            method=f"a tone of {found:.6g} Hz and {pressure:.6g} Pa rms, {segments} segments",
+        ),
+    )
+
+
+def anchored(shape: Calibration, tone: Calibration) -> Calibration:
+    """A response over frequency brought to the level of a tone, channel by channel.
+
+    The shape's own uncertainty of level falls away with its level: what all its bins share (its reference's) is
+    replaced by the uncertainty of the tone and of the shape at the tone's frequency.
+
+    Parameters
+    ----------
+    shape : Calibration
+        Of the same sensor, over the tone's frequency, such as one from a focused beam.
+    tone : Calibration
+        From `measure_tone`.
+
+    Raises
+    ------
+    MismatchError
+        If the two are of different sensors or units, or the tone is not one.
+    BandError
+        If the tone lies outside the shape's frequencies.
+    """
+    if (shape.sensor, shape.unit) != (tone.sensor, tone.unit) or len(tone.frequency) != 1:
+        raise MismatchError(
+            f"tone: expected one bin of sensor {shape.sensor.name!r} in {shape.unit}, got {len(tone.frequency)} bins "
+            f"of {tone.sensor.name!r} in {tone.unit}"
+        )
+    at = float(tone.frequency[0])
+    if not shape.frequency[0] <= at <= shape.frequency[-1]:
+        raise BandError(
+            f"tone: expected one within {shape.frequency[0]:g} to {shape.frequency[-1]:g} Hz, got {at:g} Hz"
+        )
+    was = np.abs(shape.response_at(tone.frequency)[0])
+    factor = np.divide(np.abs(tone.response[0]), was, out=np.zeros_like(was), where=was > 0)
+    settings = {"tone_hz": at, "tone": tone.identifier, "was": shape.identifier}
+    return replace(
+        shape,
+        response=shape.response * factor,
+        noise=shape.noise,
+        provenance=shape.provenance.then("anchor", settings, simulated=tone.provenance.simulated),
+        measurement=_anchored_measurement(shape, tone),
+        linearity=None,
+    )
+
+
+def _anchored_measurement(shape: Calibration, tone: Calibration) -> Measurement | None:
+    have, level = shape.measurement, tone.measurement
+    if have is None or level is None:
+        return None
+    own = np.sqrt(np.maximum(have.magnitude_uncertainty**2 - have.reference_uncertainty**2, 0))
+    there = np.stack(
+        [np.interp(tone.frequency, shape.frequency, one) for one in own.reshape(len(own), -1).T], axis=1
+    ).reshape(1, *shape.sensor.shape)
+    magnitude = np.sqrt(own**2 + there**2 + level.magnitude_uncertainty**2)
+    return replace(
+        have,
+        magnitude_uncertainty=magnitude,
+        reference_uncertainty=level.reference_uncertainty,
+        reference=f"{have.reference}; level: {level.reference}",
+    )
+
+
+def _check_fits(recording: Recording, frequency: float, segments: int) -> None:
+    """Refuse a tone above half the rate, or segments of less than four cycles."""
+    if not 0 < frequency < recording.rate / 2:
+        raise BandError(f"tone: expected below {recording.rate / 2:g} Hz, half the rate, got {frequency:g} Hz")
+    needed = 4 * segments / frequency
+    if recording.duration < needed:
+        raise BandError(
+            f"tone: expected {needed:.3g} s or more for {segments} segments of 4 cycles, got {recording.duration:.3g} s"
+        )
+
+
+def _refined(flat: Array, rate: float, frequency: float) -> float:
+    """The frequency within 1 % (or a bin) of the stated one at which a sine takes most out of all channels."""
+    from scipy.optimize import minimize_scalar
+
+    time = np.arange(len(flat)) / rate
+    centred = (flat - flat.mean(axis=0)) * np.hanning(len(flat))[:, None]
+
+    def power(f: float) -> float:
+        return float((np.abs(np.exp(-2j * np.pi * f * time) @ centred) ** 2).sum())
+
+    step = 0.5 * rate / len(flat)
+    reach = max(0.01 * frequency, 2 * step)
+    tried = np.arange(frequency - reach, frequency + reach + step / 2, step)
+    best = float(tried[np.argmax([power(f) for f in tried])])
+    found = minimize_scalar(
+        lambda f: -power(f), bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-7}
+    )
+    return float(found.x)
+
+
+def _fit(samples: Array, time: Array, frequency: float) -> tuple[Complex, Array]:
+    """Complex amplitude of a sine in each segment, shape (segment, channel), and the mean square of the rest."""
+    turn = 2 * np.pi * frequency * time
+    design = np.stack([np.cos(turn), np.sin(turn), np.ones_like(turn)], axis=-1)
+    found = np.linalg.pinv(design) @ samples
+    rest = samples - design @ found
+    free = samples.shape[0] * (samples.shape[1] - 3)
+    return found[:, 0] - 1j * found[:, 1], (rest**2).sum(axis=(0, 1)) / free

@@ -1,0 +1,112 @@
+"""The command `budget`: what each stage of a reproduction loses."""
+
+from pathlib import Path
+from typing import Annotated
+
+from rich.table import Table
+
+from midair.cli.app import app
+from midair.cli.commands.import_export import may_write
+from midair.cli.terminal.console import banner, out, print_json, print_rows, stages
+from midair.cli.terminal.options import SolveOptions, Time
+from midair.cli.terminal.originals import felt_part
+from midair.cli.terminal.quantity import quantity
+from midair.devices import SilencerChoice
+from midair.evaluate import Budget
+from midair.figures import budget_figure, png
+from midair.files import load
+from midair.files.atomic import whole_file
+from midair.rig.loop.error_budget import BudgetPlan, error_budget, kept_in_band
+from midair.rig.loop.iteration import lead_of
+from midair.rig.open.virtual_rig import VirtualRig
+
+
+@app.command(name="budget")
+def budget_command(
+    source: Path,
+    figure: Path | None = None,
+    /,
+    *,
+    options: SolveOptions | None = None,
+    start_at: Time = 0.0,
+    duration: Annotated[float | None, quantity("s")] = None,
+    silencer: SilencerChoice = "auto",
+    lead: Annotated[float | None, quantity("s")] = None,
+    seed: int = 0,
+    force: bool = False,
+    json: bool = False,
+) -> None:
+    """Tell what each stage of a reproduction on the virtual rig loses: mapping, solver, hold, transducers, sensor.
+
+    Each stage is switched on after those before it, with all after it perfect. Signal over distortion counts what lies
+    in the band, cell by cell, with a linear gain and the delay taken out.
+
+    Parameters
+    ----------
+    source
+        A recording with a calibration.
+    figure
+        PNG of the waterfall; none if not given.
+    options
+        Of every stage.
+    start_at
+        Where in the recording to begin.
+    duration
+        How much of the recording; all that is left if not given.
+    silencer
+        How the array spreads phase steps; auto is what midair sets on a real one.
+    lead
+        Silence around what is played, in which a bias can rise; 100 ms for mappings with one if not given.
+    seed
+        Of the virtual rig.
+    force
+        Write over a figure that is there.
+    json
+        Print JSON for a program.
+    """
+    settings = (options or SolveOptions()).settings()
+    if figure is not None:
+        may_write(figure, force)
+    original = felt_part(source, settings, start_at, duration)
+    plan = BudgetPlan(
+        settings=settings,
+        rig=VirtualRig(seed=seed, height=settings.grid.height),
+        silencer=silencer,
+        lead=lead_of(settings) if lead is None else lead,
+    )
+    banner(True)
+    with stages() as stage:
+        made = error_budget(original, plan, kept=kept_in_band(load(source), settings.band), stage=stage)
+    if figure is not None:
+        with whole_file(figure) as partial:
+            partial.write_bytes(png(budget_figure([(source.name, made)])))
+    if json:
+        return print_json(made.plain())
+    print_budget(f"what each stage of {source.name} loses", made)
+    print_rows([("figure", str(figure))] if figure is not None else [])
+    return None
+
+
+def print_budget(title: str, budget: Budget) -> None:
+    """A line for each stage, and below it what each does."""
+    low, high = budget.band
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table.add_column("stage")
+    for head in ("alone", "so far", "all cells", "images", "place", "leak"):
+        table.add_column(head, justify="right")
+    table.add_row("", "dB", "dB", "dB", "dB", "", "%", style="dim")
+    for each in budget.stages:
+        so_far = each.so_far
+        table.add_row(
+            each.name,
+            f"{each.alone.distortion_ratio:.1f}",
+            f"{so_far.distortion_ratio:.1f}",
+            f"{so_far.overall_ratio:.1f}",
+            "" if so_far.images is None else f"{so_far.images:.0f}",
+            f"{so_far.spatial_correlation:.3f}",
+            "" if each.leak is None else f"{100 * each.leak.peak:.0f}",
+        )
+    out().print(table)
+    print_rows([(each.name, each.what) for each in budget.stages])
+    kept = "" if budget.kept is None else f"; {100 * budget.kept:.1f} % of the recording's power lies in the band"
+    out().print(f"strength {budget.strength:.3f}, band {low:g} to {high:g} Hz{kept}", markup=False)

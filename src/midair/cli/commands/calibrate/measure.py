@@ -1,0 +1,265 @@
+"""The commands that measure a calibration: `calibrate measure`, `tone`, `beam`, and `bench` to practise without any."""
+
+import re
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from cyclopts import Parameter
+
+from midair.calibration import MeasureSettings, anchored, measure_calibration, measure_tone
+from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting
+from midair.cli.commands.calibrate.apply import app, given_calibration
+from midair.cli.terminal.calibration_output import OutputOptions
+from midair.cli.terminal.console import out, stages
+from midair.cli.terminal.nominal import stated_sensitivity
+from midair.cli.terminal.options import Frequency, Length, Time
+from midair.cli.terminal.quantity import quantity
+from midair.devices.arrays.gate import DEFAULT_PROFILE, profile_named
+from midair.errors import InputError
+from midair.files import load
+from midair.rig.bench.beam_bench import calibrate_by_beam
+from midair.rig.bench.practice import write_practice
+from midair.rig.bench.reference_files import ReferenceChoice, read_quiet, read_takes
+from midair.rig.open.array_names import array_named
+from midair.rig.open.sensor_names import sensor_named
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.play.rerecord import Gate
+
+Files = Annotated[tuple[Path, ...], Parameter(consume_multiple=True)]
+Cells = Annotated[tuple[str, ...], Parameter(consume_multiple=True)]
+"""Cells as a person counts them: a channel's number, or all."""
+
+
+@app.command(name="measure")
+def measure_command(
+    *recordings: Path,
+    reference: Files = (),
+    reference_channel: int | None = None,
+    reference_sensitivity: str | None = None,
+    reference_diameter: Annotated[float | None, quantity("m")] = None,
+    reference_uncertainty: float = 0.0,
+    reference_name: str = "",
+    cell: Cells = (),
+    quiet: Path | None = None,
+    resolution: Frequency = 1.0,
+    coherence: float = 0.9,
+    options: OutputOptions | None = None,
+) -> None:
+    """Measure a calibration against a reference: noise or sweeps on all cells at once, or on each cell alone.
+
+    Five different levels give the linearity, each cell alone the crosstalk, several takes of a kind the repeatability.
+
+    Parameters
+    ----------
+    recordings
+        Of the sensor while noise or a sweep of the whole band presses, 12 s or more each.
+    reference
+        Recordings of the reference, one for each, begun at the same moment.
+    reference_channel
+        The channel of the recordings on which the reference is, instead.
+    reference_sensitivity
+        From its certificate, such as 50mV/Pa, or 10mV/N for a force cell whose diameter is given.
+    reference_diameter
+        Of the round face with which a force cell presses, such as 8mm.
+    reference_uncertainty
+        From its certificate, with k = 2, as a part of the sensitivity: 0.02 for 2 %.
+    reference_name
+        Make, model and number.
+    cell
+        Which cell was pressed in each recording: a channel from 0, or all. The recordings' own notes if not given.
+    quiet
+        A recording in which nothing presses, for the noise.
+    resolution
+        Between the bins.
+    coherence
+        Smallest of a bin that counts.
+    options
+        Where it goes.
+    """
+    options = options or OutputOptions()
+    if not recordings:
+        raise InputError("recordings: expected one or more, got none; see midair calibrate measure --help")
+    choice = ReferenceChoice(
+        sensitivity=_sensitivity(reference_sensitivity, reference_diameter),
+        uncertainty=reference_uncertainty / 2,
+        name=reference_name,
+        channel=reference_channel,
+    )
+    takes, notes = read_takes(recordings, reference, choice, cells=_cells(cell) if cell else None)
+    sensor = takes[0].recording.sensor
+    options.path(sensor)
+    calibration = measure_calibration(
+        takes,
+        quiet=None if quiet is None else read_quiet(quiet),
+        settings=MeasureSettings(resolution=resolution, coherence=coherence),
+        date=options.day,
+        version=options.version(sensor),
+    )
+    options.write(calibration, notes)
+
+
+@app.command(name="tone")
+def tone_command(
+    recording: Path,
+    /,
+    *,
+    frequency: Frequency = 250.0,
+    pressure: str,
+    uncertainty: float = 0.0,
+    reference_name: str = "pistonphone",
+    shape: Path | None = None,
+    options: OutputOptions | None = None,
+) -> None:
+    """Measure the sensitivity of every channel with a tone of known level, as a pistonphone makes it.
+
+    Parameters
+    ----------
+    recording
+        Of the sensor while the tone acts on all cells.
+    frequency
+        Of the tone.
+    pressure
+        Rms, such as 10Pa or 114dB (re 20 µPa).
+    uncertainty
+        From its certificate, with k = 2, as a part of the pressure: 0.02 for 2 %.
+    reference_name
+        Make, model and number.
+    shape
+        A calibration of the same sensor over frequency, to be brought to the tone's level: one by a beam, say.
+    options
+        Where it goes.
+    """
+    options = options or OutputOptions()
+    said = load(recording)
+    options.path(said.sensor)
+    calibration = measure_tone(
+        said,
+        frequency=frequency,
+        pressure=_tone_pressure(pressure),
+        uncertainty=uncertainty / 2,
+        reference=reference_name,
+        date=options.day,
+        version=options.version(said.sensor),
+    )
+    options.write(calibration if shape is None else anchored(given_calibration(shape), calibration), [])
+
+
+@app.command(name="beam")
+def beam_command(
+    sensor: str = "virtual",
+    /,
+    *,
+    device: str = "virtual",
+    levels: int = 6,
+    top: Annotated[float, quantity("Pa")] = 100.0,
+    height: Length = 0.2,
+    aperture: Length = 8e-3,
+    spread: Length = 1e-3,
+    pressure_uncertainty: float = 0.3,
+    profile: str = DEFAULT_PROFILE,
+    override_exposure: str | None = None,
+    seed: int = 0,
+    options: OutputOptions | None = None,
+) -> None:
+    """Measure a calibration by a focused beam on every cell, when there is no reference (the paper's section 5.2).
+
+    What differs from channel to channel comes out well; the level of all rests on the array's model. Bring it to the
+    level of a pistonphone with midair calibrate tone --shape.
+
+    Parameters
+    ----------
+    sensor
+        virtual, or a sensor as in midair record, lying face down over the centre of the array.
+    device
+        virtual, or an array as in midair play.
+    levels
+        Of pressure on each cell, 5 or more.
+    top
+        Highest pressure in the middle of the focus.
+    height
+        Of the sensor above the array.
+    aperture
+        Side of the square over which a cell averages.
+    spread
+        Standard deviation with which the gel spreads a point.
+    pressure_uncertainty
+        Of the array's radiation pressure, with k = 2, as a part of it.
+    profile
+        Of exposure; a beam that is above it is refused: lower --top.
+    override_exposure
+        Name of the person who answers for playing it above the profile; it is logged.
+    seed
+        Of a virtual rig.
+    options
+        Where it goes.
+    """
+    options = options or OutputOptions()
+    rig = VirtualRig(seed=seed, height=height)
+    skin = rig.skin() if device == "virtual" else None
+    gate = Gate(profile=profile_named(profile), override=override_exposure, source="beam calibration")
+    setting = BeamSetting(
+        height=height, aperture=aperture, spread=spread, pressure_uncertainty=pressure_uncertainty / 2
+    )
+    source = rig.sensor(rig.skin() if skin is None else skin) if sensor == "virtual" else sensor_named(sensor, rig)
+    array = rig.array_device(skin) if device == "virtual" else array_named(device)
+    with stages() as stage, array, source:
+        options.path(source.grid)
+        calibration = calibrate_by_beam(
+            array,
+            source,
+            BeamPlan(levels=levels, top=top),
+            setting=setting,
+            gate=gate if array.gated else None,
+            date=options.day,
+            version=options.version(source.grid),
+            progress=stage("beam on each cell"),
+        )
+    options.write(calibration, [])
+
+
+@app.command(name="bench")
+def bench_command(
+    folder: Path, /, *, kind: Literal["noise", "sweep"] = "noise", duration: Time = 15.0, seed: int = 0
+) -> None:
+    """Simulate what a lab would record on a calibration bench, to practise on; everything in it is SIMULATED.
+
+    Parameters
+    ----------
+    folder
+        Gets the recordings of a sensor and of a reference, on all cells at five levels and on each cell alone, and a
+        quiet one.
+    kind
+        What presses.
+    duration
+        Of each recording.
+    seed
+        Of all that is random.
+    """
+    with stages() as stage:
+        command = write_practice(folder, kind=kind, duration=duration, seed=seed, progress=stage("simulate"))
+    out().print("now measure:", command, sep="\n", markup=False)
+
+
+def _cells(words: tuple[str, ...]) -> list[int | None]:
+    for word in words:
+        if word != "all" and not word.isdecimal():
+            raise InputError(f"--cell: expected channels from 0, or all, got {word!r}")
+    return [None if word == "all" else int(word) for word in words]
+
+
+def _sensitivity(text: str | None, diameter: float | None) -> float | None:
+    """In V/Pa; a force cell's is V/N times the area of its face."""
+    if text is None:
+        return None
+    if diameter is None:
+        return stated_sensitivity(text, "V/Pa", "--reference-sensitivity")
+    return stated_sensitivity(text, "V/N", "--reference-sensitivity") * np.pi * diameter**2 / 4
+
+
+def _tone_pressure(text: str) -> float:
+    """Rms in Pa; decibels are re 20 µPa."""
+    level = re.fullmatch(r"\s*([-+]?\d+(?:\.\d*)?)\s*dB\s*", text)
+    if level is not None:
+        return 20e-6 * 10 ** (float(level[1]) / 20)
+    return stated_sensitivity(text, "Pa", "--pressure")

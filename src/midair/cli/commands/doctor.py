@@ -1,0 +1,36 @@
+"""The command `doctor`: what is installed, what works, and one line of advice each."""
+
+from dataclasses import asdict
+
+from rich.table import Table
+
+from midair.cli.app import app
+from midair.cli.terminal.console import out, print_json
+from midair.rig.doctor.checkup import check_up
+
+
+@app.command(name="doctor")
+def doctor_command(*, device: str | None = None, json: bool = False) -> int:
+    """Look at what is installed and what works here, and say what to do about what does not.
+
+    Leaves with 1 when something that is needed is broken.
+
+    Parameters
+    ----------
+    device
+        An array to open and ask: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE. It stays silent. Or a
+        sensor to listen to for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
+    json
+        Print JSON for a program.
+    """
+    findings = check_up(device)
+    if json:
+        print_json([asdict(finding) for finding in findings])
+    else:
+        table = Table(box=None, pad_edge=False)
+        for name in ("", "state", "found", "advice"):
+            table.add_column(name, overflow="fold")
+        for finding in findings:
+            table.add_row(finding.subject, finding.state, finding.found, finding.advice)
+        out().print(table)
+    return int(any(finding.state == "broken" for finding in findings))

@@ -1,0 +1,246 @@
+"""Commands that edit recordings: cut, join, resample, trim, gain, mask."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from midair.cli.app import app
+from midair.cli.commands.import_export import may_write
+from midair.cli.commands.info import recording_rows
+from midair.cli.terminal.bringing import parse_names, parsed
+from midair.cli.terminal.keeping import STORED, keep, say
+from midair.cli.terminal.options import Frequency, Time
+from midair.cli.terminal.quantity import quantity
+from midair.errors import InputError
+from midair.files import load, load_calibration, load_pressure
+from midair.model import Calibration, Recording
+from midair.recordings import edit
+
+Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
+
+
+@app.command(name="cut")
+def cut_command(
+    source: Path,
+    output: Path,
+    /,
+    *,
+    start: Time = 0.0,
+    end: Annotated[float | None, quantity("s")] = None,
+    force: bool = False,
+    json: bool = False,
+) -> None:
+    """Keep a part of a recording.
+
+    Parameters
+    ----------
+    source
+        A recording.
+    output
+        The part, in any format that can be written.
+    start
+        Of the part.
+    end
+        Of the part; the recording's own if not given.
+    force
+        Write over a file that is there.
+    json
+        Print JSON for a program.
+    """
+    may_write(output, force)
+    _write(edit.cut(load(source), start, end), [source], output, json=json)
+
+
+@app.command(name="join")
+def join_command(*files: Path, force: bool = False, json: bool = False) -> None:
+    """Put recordings of the same sensor one behind the other.
+
+    Parameters
+    ----------
+    files
+        Two recordings or more, and last the name of the whole.
+    force
+        Write over a file that is there.
+    json
+        Print JSON for a program.
+    """
+    if len(files) < 3:
+        raise InputError(f"join: expected two recordings or more and the name of the whole, got {len(files)} names")
+    *sources, output = files
+    may_write(output, force)
+    _write(edit.join([load(source) for source in sources]), sources, output, json=json)
+
+
+@app.command(name="resample")
+def resample_command(
+    source: Path, output: Path, /, *, rate: Frequency, force: bool = False, json: bool = False
+) -> None:
+    """Bring a recording to another rate.
+
+    Parameters
+    ----------
+    source
+        A recording.
+    output
+        The same at the new rate.
+    rate
+        New frames per second.
+    force
+        Write over a file that is there.
+    json
+        Print JSON for a program.
+    """
+    may_write(output, force)
+    _write(edit.resample(load(source), rate), [source], output, json=json)
+
+
+@app.command(name="trim")
+def trim_command(
+    source: Path,
+    output: Path,
+    /,
+    *,
+    share: float = 0.05,
+    margin: Time = 0.05,
+    force: bool = False,
+    json: bool = False,
+) -> None:
+    """Take the silence away from both ends of a recording.
+
+    Parameters
+    ----------
+    source
+        A recording.
+    output
+        What is not silent.
+    share
+        Of the largest change of any channel, below which all is silent.
+    margin
+        That is kept at both ends.
+    force
+        Write over a file that is there.
+    json
+        Print JSON for a program.
+    """
+    may_write(output, force)
+    _write(edit.trim(load(source), share=share, margin=margin), [source], output, json=json)
+
+
+@app.command(name="gain")
+def gain_command(
+    source: Path,
+    output: Path,
+    /,
+    *,
+    by: Annotated[str, Parameter(allow_leading_hyphen=True)],
+    channels: Names = (),
+    force: bool = False,
+    json: bool = False,
+) -> None:
+    """Make a recording stronger or weaker.
+
+    Parameters
+    ----------
+    source
+        A recording.
+    output
+        The same, times the gain.
+    by
+        A factor, such as 2 or 0.5, or decibels, such as 6dB.
+    channels
+        Only these, by number from 0, with commas.
+    force
+        Write over a file that is there.
+    json
+        Print JSON for a program.
+    """
+    may_write(output, force)
+    recording = load(source)
+    factor = _factor(by)
+    factors = np.ones(recording.sensor.count)
+    factors[list(_numbers(channels, recording)) or slice(None)] = factor
+    made = edit.gain(recording, factors.reshape(recording.sensor.shape) if channels else factor)
+    _write(made, [source], output, json=json)
+
+
+@app.command(name="mask")
+def mask_command(
+    source: Path,
+    output: Path,
+    /,
+    *,
+    channels: Names,
+    fill: edit.Fill = "zero",
+    force: bool = False,
+    json: bool = False,
+) -> None:
+    """Silence some channels of a recording, or replace them by their neighbours.
+
+    Parameters
+    ----------
+    source
+        A recording.
+    output
+        The same without these channels.
+    channels
+        By number from 0, row by row, with commas.
+    fill
+        zero, or the mean of the neighbours that are not masked.
+    force
+        Write over a file that is there.
+    json
+        Print JSON for a program.
+    """
+    may_write(output, force)
+    recording = load(source)
+    _write(edit.mask(recording, _numbers(channels, recording), fill=fill), [source], output, json=json)
+
+
+def _write(recording: Recording, sources: list[Path], output: Path, *, json: bool) -> None:
+    """Write what was made, with the calibration that all its sources share."""
+    stored = [source for source in sources if source.suffix.lower() in STORED]
+    calibrations = [load_calibration(source) for source in stored]
+    calibration = calibrations[0] if len(stored) == len(sources) and _same(calibrations) else None
+    notes: list[str] = []
+    if calibration is None and any(calibrations):
+        notes.append("The calibration was left out: the recordings do not share one.")
+    if any(load_pressure(source) is not None for source in stored):
+        notes.append("The calibrated pressure was left out: it belongs to the whole; run midair calibrate again.")
+    lost = keep(recording, output, calibration=calibration)
+    rows = [("recording", str(output)), *recording_rows(recording)]
+    say(rows, notes, lost, simulated=recording.provenance.simulated, json=json)
+
+
+def _same(calibrations: list[Calibration | None]) -> bool:
+    """Whether all are there and answer alike."""
+    first = calibrations[0]
+    return first is not None and all(
+        other is not None
+        and np.array_equal(other.frequency, first.frequency)
+        and np.array_equal(other.response, first.response)
+        and other.unit == first.unit
+        for other in calibrations
+    )
+
+
+def _numbers(names: tuple[str, ...], recording: Recording) -> tuple[int, ...]:
+    count = recording.sensor.count
+    wrong = [name for name in names if not name.isdecimal() or int(name) >= count]
+    if wrong:
+        raise InputError(f"channels: expected numbers of 0 to {count - 1} with commas, got {', '.join(wrong)}")
+    return tuple(int(name) for name in names)
+
+
+def _factor(text: str) -> float:
+    """The factor that a number, or a number of decibels, means."""
+    number, decibels = (text[:-2], True) if text.lower().endswith("db") else (text, False)
+    try:
+        value = float(number)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or (decibels and abs(value) > 200):
+        raise InputError(f"--by: expected a factor such as 2 or decibels such as 6dB, got {text!r}")
+    return 10 ** (value / 20) if decibels else value

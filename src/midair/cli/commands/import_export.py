@@ -1,0 +1,125 @@
+"""Commands that make and change recordings: import, export, repair."""
+
+from pathlib import Path
+from typing import Annotated
+
+from midair.cli.app import app
+from midair.cli.commands.info import calibrated_by, recording_rows
+from midair.cli.terminal.bringing import FileOptions, bring
+from midair.cli.terminal.console import out, print_rows
+from midair.cli.terminal.keeping import STORED, as_recording, keep, say
+from midair.cli.terminal.nominal import nominal_calibration
+from midair.cli.terminal.quantity import quantity
+from midair.datasets import sample_path
+from midair.errors import InputError
+from midair.files import load, load_calibration, load_pressure, repair
+from midair.files.formats import format_of
+
+Pressure = Annotated[float | None, quantity("Pa")]
+
+
+@app.command(name="import")
+def import_command(
+    source: str,
+    output: Path | None = None,
+    /,
+    *,
+    options: FileOptions | None = None,
+    sensitivity: str | None = None,
+    peak: Pressure = None,
+    force: bool = False,
+    json: bool = False,
+) -> None:
+    """Bring a file of any program into a recording, and say what was assumed.
+
+    CSV, WAV (also Wave64 and RF64), NPZ, MAT, NetCDF and HDF5 of midair, XDF, TDMS, MCAP. Without a calibration nobody
+    knows the pressure: state the scale, the sensitivity, or the peak that the recording is to have. A recording of one
+    channel becomes a field by --footprint circle:20mm --speed 50mm/s.
+
+    Parameters
+    ----------
+    source
+        The file; or sample:denim, a recording of a fabric that comes with midair.
+    output
+        The recording; the source's name with .h5 in this folder if not given.
+    options
+        What the file does not say.
+    sensitivity
+        Output of every channel per pressure, such as 20mV/Pa or 2count/Pa.
+    peak
+        The largest change of any channel is to mean this pressure, such as 30Pa.
+    force
+        Write over a file that is there.
+    json
+        Print JSON for a program.
+    """
+    options = options or FileOptions()
+    file = sample_path(source.removeprefix("sample:")) if source.startswith("sample:") else Path(source)
+    target = output or Path(file.with_suffix(".h5").name)
+    may_write(target, force)
+    imported = bring(file, options)
+    stored = file.suffix.lower() in STORED and options.footprint is None
+    calibration = load_calibration(file) if stored else None
+    stated = nominal_calibration(imported.recording, sensitivity, peak)
+    pressure = load_pressure(file) if stored and stated is None and not options.changes else None
+    lost = keep(imported.recording, target, calibration=stated or calibration, pressure=pressure)
+    rows = [("recording", str(target)), *recording_rows(imported.recording)]
+    if imported.recording.unit != "Pa" or stated or calibration:
+        rows.append(("calibration", calibrated_by(stated or calibration)))
+    say(rows, imported.report, lost, simulated=imported.recording.provenance.simulated, json=json)
+
+
+@app.command(name="export")
+def export_command(
+    source: Path, output: Path, /, *, pressure: bool = False, force: bool = False, json: bool = False
+) -> None:
+    """Write a recording to the format that the output's name says, and say what that format cannot hold.
+
+    Parameters
+    ----------
+    source
+        A recording.
+    output
+        NAME.csv, .wav, .npz, .mat, .nc (NetCDF), .hjif (MPEG haptics), .ahap (Apple) or .h5.
+    pressure
+        Write the calibrated pressure instead of what the sensor said.
+    force
+        Write over a file that is there.
+    json
+        Print JSON for a program.
+    """
+    may_write(output, force)
+    recording = load(source)
+    stored = source.suffix.lower() in STORED
+    calibration = load_calibration(source) if stored else None
+    made = load_pressure(source) if stored else None
+    if pressure:
+        if made is None:
+            raise InputError(f"{source}: expected calibrated pressure in it, got none; run midair calibrate first")
+        recording, calibration, made = as_recording(made), None, None
+    lost = keep(recording, output, calibration=calibration, pressure=made)
+    rows = [("written", str(output)), ("format", format_of(output).name)]
+    say(rows, (), lost, simulated=recording.provenance.simulated, json=json)
+
+
+@app.command(name="repair")
+def repair_command(source: Path, /) -> None:
+    """Close a recording whose program was killed, so that any program can open it.
+
+    Do not use it on a recording that still runs.
+
+    Parameters
+    ----------
+    source
+        NAME.h5; it is replaced in one piece.
+    """
+    found = repair(source)
+    print_rows([("recording", str(source)), ("state", "was closed in order" if not found else "repaired")])
+    for sentence in found:
+        out().print(f"note: {sentence}", markup=False)
+
+
+def may_write(path: Path, force: bool) -> None:
+    """Refuse to write over a file unless told to."""
+    if path.exists() and not force:
+        raise InputError(f"{path}: is there already; give another name, or --force to write over it")

@@ -1,0 +1,115 @@
+"""The command `info`, and what other commands say of a file that they made."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from midair.calibration import dead_channels
+from midair.cli.app import app
+from midair.cli.terminal.console import banner, print_json, print_rows
+from midair.cli.terminal.quantity import spell
+from midair.files import contents, load, load_calibration, load_pressure, load_solution
+from midair.model import Calibration, Provenance, Recording, Setting
+from midair.rig.bench.calibration_page import calibration_rows, uncertainty_of
+
+
+@app.command(name="info")
+def info_command(source: Path, /, *, json: bool = False) -> None:
+    """Say what a recording, a drive or a calibration holds, where it came from, and what was done to it.
+
+    Parameters
+    ----------
+    source
+        NAME.h5, NAME.drive.h5, NAME.calibration.h5, or any recording that can be imported.
+    json
+        Print JSON for a program.
+    """
+    rows, provenance = _rows_of_file(source)
+    if json:
+        steps = [{"stage": step.stage, **step.settings} for step in provenance.steps]
+        return print_json({**dict(rows), "simulated": provenance.simulated, "steps": steps})
+    banner(provenance.simulated)
+    print_rows([*rows, *((f"step: {step.stage}", _settings(step.settings)) for step in provenance.steps)])
+    return None
+
+
+def recording_rows(recording: Recording) -> list[tuple[str, str]]:
+    """What a recording holds, as names and values."""
+    rows, columns = recording.sensor.shape
+    dead = np.flatnonzero(dead_channels(recording))
+    return [
+        ("frames", f"{recording.frames} at {recording.rate:.6g} Hz, {recording.duration:.3f} s"),
+        ("sensor", f"{recording.sensor.name}, {rows} x {columns}, pitch {spell(recording.sensor.pitch, 'm')}"),
+        ("unit", recording.unit),
+        ("range", f"{recording.samples.min():.4g} to {recording.samples.max():.4g} {recording.unit}"),
+        ("dead channels", ", ".join(str(channel) for channel in dead) or "none"),
+    ]
+
+
+def _rows_of_file(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
+    """What a file of any kind holds, and its life."""
+    if source.suffix not in (".h5", ".hdf5"):
+        return _stored_rows(source, stored=False)
+    held = contents(source)
+    readers = {"drive": _drive_rows, "calibration": _calibration_rows}
+    rows, provenance = readers.get(held.kind, _stored_rows)(source)
+    rows.append(
+        ("written", f"{held.created} by {held.created_by}" + ("" if held.finished else ", not closed in order"))
+    )
+    return rows, provenance
+
+
+def _calibration_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
+    calibration = load_calibration(source)
+    if calibration is None:
+        return [("calibration", "none")], Provenance()
+    rows = calibration_rows(calibration)
+    return rows, calibration.provenance
+
+
+def _stored_rows(source: Path, *, stored: bool = True) -> tuple[list[tuple[str, str]], Provenance]:
+    recording = load(source)
+    calibration = load_calibration(source) if stored else None
+    pressure = load_pressure(source) if stored else None
+    rows = [("recording", str(source)), ("source", recording.provenance.source), *recording_rows(recording)]
+    rows.append(("calibration", calibrated_by(calibration)))
+    if calibration is not None:
+        rows.append(("calibration id", f"{calibration.identifier}, version {calibration.version}"))
+        rows.append(("calibration date", calibration.date or "not written down"))
+        rows.append(("uncertainty", uncertainty_of(calibration)))
+    if pressure is not None:
+        rows.append(("largest pressure", f"{np.abs(pressure.pressure).max():.3g} Pa"))
+    rows += [(f"note: {name}", text) for name, text in recording.provenance.notes.items()]
+    return rows, recording.provenance
+
+
+def _drive_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
+    solution = load_solution(source)
+    drive = solution.drive
+    plays = np.array([status != "silent" for status in solution.status])
+    error = 100 * solution.error[plays]
+    rows = [
+        ("drive", str(source)),
+        ("source", drive.provenance.source),
+        (
+            "frames",
+            f"{drive.frames} at {drive.rate:g} Hz, {drive.frames / drive.rate:.3f} s, {int((~plays).sum())} silent",
+        ),
+        ("array", f"{drive.array.name}, {drive.array.count} transducers"),
+        ("level", f"{drive.level.min():g} to {drive.level.max():g}"),
+        ("E", f"mean {error.mean():.1f} %, worst {error.max():.1f} %" if plays.any() else "nothing plays"),
+        *((f"note: {name}", text) for name, text in drive.provenance.notes.items()),
+    ]
+    return rows, drive.provenance
+
+
+def calibrated_by(calibration: Calibration | None) -> str:
+    """Where a calibration comes from, or what to do without one."""
+    if calibration is None:
+        return "none; state one with midair calibrate --sensitivity or --peak"
+    return " ".join(part for part in (calibration.provenance.source, calibration.date) if part)
+
+
+def _settings(settings: Mapping[str, Setting]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in settings.items())

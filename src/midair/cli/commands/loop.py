@@ -1,0 +1,180 @@
+"""The command `loop`: solve, play, re-record, correct, play again, compare, report."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from midair.cli.app import app
+from midair.cli.commands.compare import plain, print_card
+from midair.cli.commands.import_export import may_write
+from midair.cli.terminal.console import banner, print_figures, print_json, print_rows, stages
+from midair.cli.terminal.options import SolveOptions, Time
+from midair.cli.terminal.originals import felt_part
+from midair.cli.terminal.quantity import quantity
+from midair.devices import ArrayDevice, SensorDevice, SilencerChoice, load_placement
+from midair.devices.arrays.gate import DEFAULT_PROFILE, profile_named
+from midair.errors import InputError
+from midair.files import load_calibration
+from midair.flow import Settings
+from midair.rig.loop.correction_loop import Loop, run_loop
+from midair.rig.loop.iteration import lead_of
+from midair.rig.loop.loop_report import card_of_loop, write_report
+from midair.rig.open.array_names import array_named
+from midair.rig.open.sensor_names import sensor_named
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.play.rerecord import Gate
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigOptions:
+    """What the loop plays on and listens with.
+
+    Parameters
+    ----------
+    device
+        virtual: an array and a sensor that exist only here. Others as in midair play, with a sensor.
+    sensor
+        That hears a real array: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
+    calibration
+        Of that sensor: a file of midair calibrate.
+    silencer
+        How the array spreads phase steps; off on the virtual array unless given.
+    placement
+        TOML file with position and rotation of the units; two by two side by side if not given.
+    profile
+        Of exposure, which every drive must keep that is played on a real array.
+    profiles
+        TOML file of exposure profiles; those that come with midair if not given.
+    attenuate
+        Weaken drives until they keep the profile.
+    override_exposure
+        Name of the person who answers for playing above the profile; it is logged.
+    seed
+        Of the virtual rig's strengths and noise.
+    """
+
+    device: str = "virtual"
+    sensor: str | None = None
+    calibration: Path | None = None
+    silencer: SilencerChoice | None = None
+    placement: Path | None = None
+    profile: str = DEFAULT_PROFILE
+    profiles: Path | None = None
+    attenuate: bool = False
+    override_exposure: str | None = None
+    seed: int = 0
+
+    def devices(self, settings: Settings) -> tuple[ArrayDevice, SensorDevice, Gate | None]:
+        """The array, the sensor, neither open yet, and the gate between them where it is a duty."""
+        rig = VirtualRig(seed=self.seed, height=settings.grid.height)
+        if self.device == "virtual":
+            if self.sensor or self.calibration or self.placement:
+                raise InputError("virtual array: expected no sensor, calibration or placement; it brings its own")
+            skin = rig.skin()
+            array = rig.array_device(skin)
+            array.silencer = self.silencer or "off"
+            return array, rig.sensor(skin), None
+        placement = None if self.placement is None else load_placement(self.placement)
+        array = array_named(self.device, placement, silencer=self.silencer or "auto")
+        if self.sensor is None or self.calibration is None:
+            raise InputError(
+                f"loop on {self.device}: expected --sensor and its --calibration, which must hear the array; got "
+                f"{self.sensor or 'no sensor'} and {self.calibration or 'no calibration'}"
+            )
+        sensor = sensor_named(self.sensor, rig)
+        sensor.calibration = load_calibration(self.calibration)
+        gate = Gate(
+            profile=profile_named(self.profile, self.profiles),
+            attenuate=self.attenuate,
+            override=self.override_exposure,
+        )
+        return array, sensor, gate
+
+
+@app.command(name="loop")
+def loop_command(
+    source: Path,
+    output: Path | None = None,
+    /,
+    *,
+    rig: RigOptions | None = None,
+    options: SolveOptions | None = None,
+    start_at: Time = 0.0,
+    duration: Annotated[float | None, quantity("s")] = None,
+    corrections: int = 1,
+    iterate: int = 0,
+    lead: Annotated[float | None, quantity("s")] = None,
+    force: bool = False,
+    json: bool = False,
+) -> None:
+    """Take a recording through everything: solve, play, re-record, correct, play again, compare, report.
+
+    Parameters
+    ----------
+    source
+        A recording with a calibration.
+    output
+        The report, NAME.html; the source's name if not given.
+    rig
+        Array and sensor.
+    options
+        Of every stage.
+    start_at
+        Where in the recording to begin.
+    duration
+        How much of the recording; all that is left if not given.
+    corrections
+        How often to correct the amplitude and play again, as the paper does once.
+    iterate
+        How often at most to correct the waveform and play again after that; it ends earlier when nothing helps.
+    lead
+        Silence around what is played, in which a bias can rise; 100 ms for mappings with one if not given.
+    force
+        Write over a file that is there.
+    json
+        Print JSON for a program.
+    """
+    target = output or Path(source.name.removesuffix(source.suffix) + ".html")
+    settings = (options or SolveOptions()).settings()
+    array, sensor, gate = (rig or RigOptions()).devices(settings)
+    may_write(target, force)
+    original = felt_part(source, settings, start_at, duration)
+    banner(array.simulated or original.provenance.simulated)
+    with stages() as stage, ExitStack() as stack:
+        stack.enter_context(array)
+        stack.enter_context(sensor)
+        loop = run_loop(
+            original,
+            array,
+            sensor,
+            settings,
+            corrections=corrections,
+            iterate=iterate,
+            gate=gate,
+            lead=lead_of(settings) if lead is None else lead,
+            stage=stage,
+        )
+    again = f" --iterate {iterate}" if iterate else ""
+    write_report(loop, target, commands=(f"midair loop {source.name} {target.name}{again}",))
+    _print(loop, target, json)
+
+
+def _print(loop: Loop, target: Path, json: bool) -> None:
+    card = card_of_loop(loop)
+    if json:
+        passes = [plain(one.comparison) | {"step": one.step} for one in loop.passes]
+        made = {"passes": passes, "taken_back": loop.taken_back, "end": loop.end}
+        perception = None if card is None else card.plain()["figures"]
+        simulated = loop.passes[-1].comparison.simulated
+        return print_json({"report": str(target), "simulated": simulated, **made, "perception": perception})
+    figures = {f"pass {number + 1}": one.comparison.figures() for number, one in enumerate(loop.passes)}
+    print_figures("before and after correction", figures)
+    if card is not None:
+        print_card(card)
+    ended = [("iteration", f"{loop.end}; {loop.taken_back} steps taken back")] if loop.end else []
+    print_rows([*ended, ("report", str(target))])
+    return None

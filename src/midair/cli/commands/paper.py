@@ -1,0 +1,110 @@
+"""The command `paper`: its figures and numbers made again, in its own mode and in the best one."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from midair.cli.app import app
+from midair.cli.commands.import_export import may_write
+from midair.cli.terminal.console import banner, out, print_json, print_rows, stages
+from midair.cli.terminal.quantity import quantity
+from midair.paper.fidelity_table import FidelityPlan, fidelity_table
+from midair.paper.figure3 import figure_3
+from midair.paper.figure4 import StimuliPlan, figure_4
+from midair.paper.figure9 import figure_9
+from midair.paper.result import PaperResult
+from midair.rig.open.virtual_rig import VirtualRig
+
+Number = Literal[3, 4, 9]
+
+
+@app.command(name="paper")
+def paper_command(
+    folder: Path = Path("paper"),
+    /,
+    *,
+    figure: Annotated[tuple[Number, ...], Parameter(consume_multiple=True)] = (),
+    fidelity: bool = False,
+    things: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = FidelityPlan().things,
+    strength: float = 0.15,
+    duration: Annotated[float, quantity("s")] = 0.12,
+    iterate: int = 6,
+    seed: int = 0,
+    force: bool = False,
+    json: bool = False,
+) -> None:
+    """Make the paper's figures again on a virtual rig, in the paper's mode and in the best one, with their numbers.
+
+    Each gives PNG, CSV and JSON. Everything is simulated and says so. docs/paper.md puts the numbers beside those that
+    the paper printed. Figures 3 and 9 take seconds; figure 4 and the fidelity take minutes, most of them to solve
+    4000 frames a second.
+
+    Parameters
+    ----------
+    folder
+        Where the files go.
+    figure
+        3: patterns and their fields. 4: stimuli i to iii, original and re-recorded. 9: spectra of the objects.
+        All three and the fidelity if neither is given.
+    fidelity
+        Error budgets of test signals and objects in both modes at one strength, and iterative correction in both.
+    things
+        Of the fidelity: 25+250 Hz, noise, bursts, brush, sponge, towel.
+    strength
+        Of the targets of figure 3 and of the fidelity: their peak over a single focus of the whole array.
+    duration
+        Of each signal of figure 4, where it is to be a multiple of 40 ms, and of the fidelity.
+    iterate
+        Passes at most of the iterative correction in the fidelity; the best mode of figure 4 makes one, if any.
+    seed
+        Of the virtual rig.
+    force
+        Write over files that are there.
+    json
+        Print JSON for a program.
+    """
+    everything = not figure and not fidelity
+    chosen = {3, 4, 9} if everything else set(figure)
+    rig = VirtualRig(seed=seed)
+    banner(True)
+    results: list[PaperResult] = []
+    with stages() as stage:
+        if 3 in chosen:
+            _check(folder, "figure3", force)
+            results.append(figure_3(strength=strength))
+        if 9 in chosen:
+            _check(folder, "figure9", force)
+            results.append(figure_9())
+        if 4 in chosen:
+            _check(folder, "figure4", force)
+            results.append(figure_4(StimuliPlan(duration=duration, iterate=min(iterate, 1), rig=rig), stage=stage))
+        if fidelity or everything:
+            _check(folder, "fidelity", force)
+            plan = FidelityPlan(things=things, strength=strength, duration=duration, passes=iterate, rig=rig)
+            results.append(fidelity_table(plan, stage=stage))
+    for result in results:
+        written = result.write(folder)
+        if not json:
+            _print(result, written)
+    if json:
+        print_json({result.name: result.plain() for result in results})
+
+
+def _check(folder: Path, name: str, force: bool) -> None:
+    """Refuse before the work begins."""
+    may_write(folder / f"{name}.json", force)
+
+
+def _print(result: PaperResult, written: list[Path]) -> None:
+    out().print(f"\n{result.title}", style="bold", markup=False)
+    names = list(result.rows[0])
+    lines = [names, *([_word(row[name]) for name in names] for row in result.rows)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(names))]
+    for line in lines:
+        out().print("  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)), markup=False)
+    print_rows([("about", str(dict(result.about))), ("files", ", ".join(str(path) for path in written))])
+
+
+def _word(value: object) -> str:
+    return "-" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,279 @@
+"""The command `record`: takes of a sensor, with meters, keys, a trigger, repeats, and names that make themselves."""
+
+import sys
+import time
+from collections.abc import Generator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from midair.cli.app import app
+from midair.cli.terminal.console import banner, print_json, print_rows
+from midair.cli.terminal.keys import Keys, signals_noted
+from midair.cli.terminal.meter_screen import MeterScreen
+from midair.cli.terminal.quantity import parse_quantity, quantity, spell
+from midair.devices import SensorDevice
+from midair.devices.sensors.paced import PacedSensor
+from midair.errors import DeviceError, InputError
+from midair.files.toml.sensors import load_sensor
+from midair.rig.open.sensor_names import sensor_named
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.record.take import record_take
+from midair.rig.record.take_names import Subject, remember, remembered, take_path
+from midair.rig.record.take_plan import Take, TakePlan
+from midair.rig.record.told import problems
+
+Time = Annotated[float | None, quantity("s")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SubjectOptions:
+    """What is recorded.
+
+    Parameters
+    ----------
+    object_name
+        What is touched, such as towel; asked for at a terminal.
+    surface
+        Such as flat or grooved.
+    speed
+        Of the stroke, such as 50mm/s.
+    operator
+        Who records.
+    """
+
+    object_name: Annotated[str | None, Parameter(name="--object")] = None
+    surface: str | None = None
+    speed: Annotated[float | None, quantity("m/s")] = None
+    operator: str | None = None
+
+    @property
+    def subject(self) -> Subject:
+        """What was stated."""
+        speed = "" if self.speed is None else f"{self.speed * 1e3:.6g}mm/s"
+        return Subject(
+            object=self.object_name or "", surface=self.surface or "", speed=speed, operator=self.operator or ""
+        )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TakeOptions:
+    """When a take begins and ends, and how many there are.
+
+    Parameters
+    ----------
+    duration
+        Of a take, from its start on.
+    trigger
+        Begin when any channel is this far from its resting value, with its unit, such as 50mV or 300count.
+    pre_roll
+        Kept from before the start, with --trigger or a key.
+    post_roll
+        With --trigger: a take ends when nothing passed the level for so long.
+    repeats
+        Number of takes; the paper made five strokes of each object and surface.
+    pause
+        Between takes that begin by themselves.
+    """
+
+    duration: Time = None
+    trigger: str | None = None
+    pre_roll: Annotated[float, quantity("s")] = 0.2
+    post_roll: Annotated[float, quantity("s")] = 0.5
+    repeats: int = 1
+    pause: Time = None
+
+
+@app.command(name="record")
+def record_command(
+    sensor: str,
+    output: Path | None = None,
+    /,
+    *,
+    subject: SubjectOptions | None = None,
+    options: TakeOptions | None = None,
+    sensor_file: Annotated[Path | None, Parameter(name="--sensor")] = None,
+    real_time: bool = False,
+    quiet: bool = False,
+    json: bool = False,
+    seed: int = 0,
+) -> int:
+    """Record a sensor into a file, which is written as the frames come.
+
+    At a terminal, space or Enter starts and stops a take, unless a duration or a trigger does, and q ends. Frames that
+    are lost are held, told, and noted in the file; the status is 1 only when nothing was recorded, or not to its end.
+
+    Parameters
+    ----------
+    sensor
+        virtual:towel (or brush, sponge; +groove for the grooved surface), virtual:am-i, am-ii, am-iii (the modulated
+        foci of the paper's section 5.2), replay:FILE, or a real one: midair doctor says which there are.
+    output
+        The recording, NAME.h5, or a folder; names are OBJECT-SURFACE-01.h5 and so on if it is not given. Nothing is
+        written over.
+    subject, options
+        What is recorded, and when.
+    sensor_file
+        NAME.toml, which says what channel is which cell, and what the numbers mean.
+    real_time
+        Let a virtual or replayed sensor take its time.
+    quiet
+        Say only what goes wrong, and what was recorded.
+    json
+        Print JSON for a program.
+    seed
+        Of a virtual sensor's noise and texture.
+    """
+    options = options or TakeOptions()
+    if options.repeats < 1:
+        raise InputError(f"--repeats: expected 1 or more, got {options.repeats}")
+    wiring = None if sensor_file is None else load_sensor(sensor_file)
+    device = sensor_named(sensor, VirtualRig(seed=seed), duration=options.duration, wiring=wiring)
+    ask = not (quiet or json) and (real_time or not device.on_demand)
+    about = _about(sensor, (subject or SubjectOptions()).subject, ask=ask)
+    take_path(output, about, repeats=options.repeats)
+    if sensor.startswith("virtual:") and options.duration is None:
+        options = replace(options, duration=0.5 if "am-" in sensor else 1.28)
+    ends = options.duration is not None or device.on_demand
+    device = PacedSensor(device) if real_time and device.on_demand else device
+    banner(device.simulated)
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    with signals_noted() as signals, Keys() as keys, device:
+        screen = MeterScreen(device, console, keys, signals, quiet=quiet)
+        takes: list[Take] = []
+        try:
+            for take in _takes(device, screen, _start(options, keys, ends=ends), options, output, about):
+                takes.append(take)
+                if take.frames and not json:
+                    print_rows(_rows(take, device))
+        finally:
+            if json:
+                print_json([_plain(take, device) for take in takes if take.frames])
+    return _status(takes, device)
+
+
+def _start(options: TakeOptions, keys: Keys, *, ends: bool) -> Literal["at once", "key", "touch"]:
+    """What a take waits for."""
+    if options.trigger is not None:
+        return "touch"
+    by_itself = ends and (options.repeats == 1 or options.pause is not None)
+    return "key" if keys.active and not by_itself else "at once"
+
+
+def _takes(
+    device: SensorDevice,
+    screen: MeterScreen,
+    start: Literal["at once", "key", "touch"],
+    options: TakeOptions,
+    output: Path | None,
+    about: Subject,
+) -> Generator[Take]:
+    """The takes, each when it is over; the last one tells what ended them."""
+    plan = TakePlan(
+        path=Path(),
+        start=start,
+        duration=options.duration,
+        level=None if options.trigger is None else _level(options.trigger, device),
+        pre_roll=0.0 if start == "at once" else options.pre_roll,
+        post_roll=options.post_roll if start == "touch" and options.duration is None else None,
+        notes=about.notes,
+    )
+    for number in range(1, options.repeats + 1):
+        path = take_path(output, about, repeats=options.repeats)
+        title = f"{path.name}, take {number} of {options.repeats}" if options.repeats > 1 else path.name
+        with screen.take(title):
+            settings = {"take": number, "takes": options.repeats} if options.repeats > 1 else {}
+            take = record_take(device, replace(plan, path=path, settings=settings), screen)
+        yield take
+        if take.end in ("quit", "kill", "failure"):
+            return
+        if start == "at once" and number < options.repeats and not _paused(options, device, screen):
+            return
+
+
+def _paused(options: TakeOptions, device: SensorDevice, screen: MeterScreen) -> bool:
+    """Let the pause pass; False when somebody ended it all."""
+    pause = options.pause if options.pause is not None else 0.0 if device.on_demand else 2.0
+    end = time.monotonic() + pause
+    while (left := end - time.monotonic()) > 0:
+        if screen.order() in ("quit", "kill"):
+            return False
+        time.sleep(min(0.05, left))
+    return True
+
+
+def _level(text: str, device: SensorDevice) -> float:
+    """The level of a trigger in the sensor's unit."""
+    try:
+        return parse_quantity(text, device.unit)
+    except ValueError as wrong:
+        raise InputError(f"--trigger: {wrong}; {device.name} gives {device.unit}") from None
+
+
+def _about(sensor: str, stated: Subject, *, ask: bool) -> Subject:
+    """What is recorded: as stated, as a virtual sensor's name says, or as somebody at the terminal answers."""
+    kind, _, rest = sensor.partition(":")
+    if kind == "virtual" and not stated.object:
+        name, _, surface = rest.partition("+")
+        return replace(stated, object=name, surface=stated.surface or surface)
+    console = Console(stderr=True, highlight=False)
+    if not (ask and console.is_terminal and sys.stdin.isatty()):
+        return stated
+    before = remembered().notes
+    said = {name: value or _answer(console, name, before.get(name, "")) for name, value in asdict(stated).items()}
+    about = Subject(**said)
+    remember(about)
+    return about
+
+
+def _answer(console: Console, name: str, default: str) -> str:
+    """What somebody says, or said last time."""
+    offered = f" [{default}]" if default else ""
+    return console.input(f"{name}{offered}: ", markup=False).strip() or default
+
+
+def _status(takes: list[Take], device: SensorDevice) -> int:
+    """0 when all was recorded; else what was in the way."""
+    last = takes[-1]
+    if last.end == "kill":
+        kept = f"{last.frames} frames are in {last.path}" if last.frames else "nothing of this take was recorded"
+        Console(stderr=True, highlight=False, soft_wrap=True).print(f"midair: stopped; {kept}", markup=False)
+        return 130
+    if last.end == "failure":
+        raise DeviceError(f"{last.problem}; the {last.frames} frames before it are in {last.path}")
+    if not any(take.frames for take in takes):
+        raise DeviceError(f"{device.name}: nothing was recorded, it ended before a take began")
+    return 0
+
+
+def _rows(take: Take, device: SensorDevice) -> list[tuple[str, str]]:
+    rows, columns = device.grid.shape
+    return [
+        ("recording", str(take.path)),
+        ("frames", f"{take.frames} at {device.rate:.6g} Hz, {take.frames / device.rate:.3f} s"),
+        ("sensor", f"{device.grid.name}, {rows} x {columns}, pitch {spell(device.grid.pitch, 'm')}"),
+        ("range", f"{take.lowest:.4g} to {take.highest:.4g} {device.unit}"),
+        *problems(take, device.rate),
+    ]
+
+
+def _plain(take: Take, device: SensorDevice) -> dict[str, object]:
+    levels = take.levels
+    return {
+        "recording": str(take.path),
+        "frames": take.frames,
+        "rate_hz": device.rate,
+        "lost_frames": take.lost,
+        "end": take.end,
+        "range": [take.lowest, take.highest],
+        "clipped_channels": levels.clipped.nonzero()[0].tolist(),
+        "dead_channels": levels.dead.nonzero()[0].tolist(),
+        "stuck_channels": levels.stuck.nonzero()[0].tolist(),
+        "rate_ppm": None if take.rate is None else take.rate.ppm,
+        "clock_ppm": None if take.clock is None else take.clock.ppm,
+    }

@@ -1,0 +1,130 @@
+"""Commands that make a reproduction and play it: solve, play."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from midair.cli.app import app
+from midair.cli.commands.import_export import may_write
+from midair.cli.terminal.console import banner, print_rows, stages
+from midair.cli.terminal.options import SolveOptions, Time
+from midair.cli.terminal.originals import felt_part
+from midair.cli.terminal.play_options import PlayOptions, play_on_array
+from midair.cli.terminal.quantity import quantity
+from midair.devices import load_placement
+from midair.files import load_solution, save, save_solution
+from midair.flow import reproduce
+from midair.model import TransducerArray
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.play.rerecord import rerecord
+
+
+@app.command(name="solve")
+def solve_command(
+    source: Path,
+    output: Path | None = None,
+    /,
+    *,
+    options: SolveOptions | None = None,
+    start_at: Time = 0.0,
+    duration: Annotated[float | None, quantity("s")] = None,
+    placement: Path | None = None,
+    force: bool = False,
+) -> None:
+    """Work out the drive with which the array presses as the sensor felt, frame by frame.
+
+    Parameters
+    ----------
+    source
+        A recording with a calibration.
+    output
+        NAME.drive.h5; the source's name if not given.
+    options
+        Of every stage.
+    start_at
+        Where in the recording to begin.
+    duration
+        How much of the recording; all that is left if not given.
+    placement
+        TOML file with position and rotation of the array's units; two by two side by side if not given.
+    force
+        Write over a file that is there.
+    """
+    settings = (options or SolveOptions()).settings()
+    array = TransducerArray.autd3() if placement is None else load_placement(placement).array()
+    target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
+    may_write(target, force)
+    pressure = felt_part(source, settings, start_at, duration)
+    banner(pressure.provenance.simulated)
+    with stages() as stage:
+        made = reproduce(pressure, array, settings, progress=stage("solve"))
+    save_solution(made.solution, target, target=made.target)
+    solution = made.solution
+    plays = np.array([status != "silent" for status in solution.status])
+    error = 100 * solution.error[plays] if plays.any() else np.zeros(1)
+    print_rows(
+        [
+            ("drive", f"{target} for {array.name}, {array.count} transducers"),
+            ("frames", f"{made.target.frames} at {settings.rate:g} Hz, {int((~plays).sum())} silent"),
+            ("strength", f"{made.strength(settings):.3f} of a single full focus"),
+            ("E", f"mean {error.mean():.1f} %, worst {error.max():.1f} %"),
+            ("solver", f"{settings.method}, {solution.iterations[plays].mean():.1f} iterations a frame"),
+        ]
+    )
+
+
+@app.command(name="play")
+def play_command(
+    source: Path,
+    /,
+    *,
+    device: str = "virtual",
+    output: Path | None = None,
+    seed: int = 0,
+    force: bool = False,
+    options: PlayOptions | None = None,
+) -> None:
+    """Play a drive, and re-record what it presses when the device is virtual.
+
+    Nothing is played on an array or on its emulator that exceeds the exposure profile, unless someone answers for it.
+    Ctrl-C stops, and so does midair stop in another terminal.
+
+    Parameters
+    ----------
+    source
+        NAME.drive.h5.
+    device
+        virtual: an array and a sensor that exist only here. autd3, autd3:INTERFACE: units over Ethernet.
+        autd3:emulator: their emulator. pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit,
+        pyautd3:nop: no units.
+    output
+        The re-recording of a virtual device; NAME.rerecorded.h5 if not given.
+    seed
+        Of the virtual rig's strengths and noise.
+    force
+        Write over a file that is there.
+    options
+        Of exposure and of arrays.
+    """
+    options = options or PlayOptions()
+    if device != "virtual":
+        return play_on_array(source, device, options)
+    target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
+    may_write(target, force)
+    admission = options.admit(load_solution(source).drive, gated=False)
+    drive = admission.drive
+    rig = VirtualRig(array=drive.array, seed=seed)
+    skin = rig.skin()
+    banner(True)
+    with stages() as stage, rig.array_device(skin) as array, rig.sensor(skin) as sensor:
+        recording = rerecord(drive, array, sensor, progress=stage("play and re-record"))
+    save(recording, target, calibration=sensor.calibration)
+    print_rows(
+        [
+            ("played", f"{drive.frames} frames at {drive.rate:g} Hz on {device}"),
+            ("re-recorded", f"{target}, {recording.frames} frames at {recording.rate:g} Hz"),
+            ("exposure", f"on a real array: {admission.exposure.verdict()}"),
+        ]
+    )
+    return None

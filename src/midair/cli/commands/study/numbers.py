@@ -1,0 +1,97 @@
+"""Commands for the numbers around a study: power, and what the paper printed."""
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from rich.console import Console
+
+from midair.figures.style import png
+from midair.study.statistics.power import (
+    IdentificationExperiment,
+    RatingExperiment,
+    participants_for_paired_t,
+    power_curve,
+    power_paired_t,
+)
+from midair.study.statistics.published import chance_of_published, derive
+from midair.study.statistics.table import Table
+from midair.study.study_figures import chance_figure, power_figure
+
+
+def power_command(
+    test: Literal["paired", "identification", "rating"],
+    /,
+    *,
+    effect: float,
+    objects: int = 3,
+    trials: int = 12,
+    power: float = 0.8,
+    runs: int = 500,
+    seed: int = 0,
+) -> None:
+    """How many participants a planned test needs.
+
+    Parameters
+    ----------
+    test
+        "paired": paired t, by formula; "identification": objects told apart better than chance; "rating": a factor
+        of two levels in an analysis of variance; both by simulation.
+    effect
+        d_z, mean d', or difference in rating steps.
+    objects
+        Alternatives of the choice.
+    trials
+        Of each participant.
+    power
+        Wanted.
+    runs
+        Simulated studies for each number of participants.
+    seed
+        Of the simulation.
+    """
+    if test == "paired":
+        say(f"{participants_for_paired_t(d_z=effect, power=power)} pairs for power {power:g} at d_z = {effect:g}.")
+        return
+    experiment = (
+        IdentificationExperiment(objects=objects, trials=trials, d_prime=effect)
+        if test == "identification"
+        else RatingExperiment(means=(0.0, effect))
+    )
+    curve = power_curve(experiment, [3, 5, 8, 10, 12, 16, 20, 30, 40], rng=np.random.default_rng(seed), runs=runs)
+    for row in curve.rows:
+        say(f"{row['participants']:>4} participants: power {row['power']:.2f} ({row['low']:.2f} to {row['high']:.2f})")
+    enough = [row["participants"] for row in curve.rows if row["power"] >= power]
+    say(f"Enough for {power:g}: {enough[0]}." if enough else f"More than 40 are needed for {power:g}.")
+
+
+def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
+    """Make the paper's published statistics again, and draw what chance and power make of them.
+
+    Parameters
+    ----------
+    output
+        Folder for the two figures; none are drawn if not given.
+    seed
+        Of the chance distribution.
+    """
+    for row in derive().rows:
+        limits = "" if np.isnan(row["low"]) else f" ({row['low']:.3f} to {row['high']:.3f})"
+        say(f"{row['quantity']}: {row['value']:.4f}{limits}")
+    chance = chance_of_published(rng=np.random.default_rng(seed))
+    low, high = chance.range95
+    say(f"macro F by chance: mean {chance.mean:.3f}, middle 95 % {low:.3f} to {high:.3f}")
+    if output is None:
+        return
+    output.mkdir(parents=True, exist_ok=True)
+    pairs = range(3, 61)
+    power = {d_z: np.array([power_paired_t(n, d_z=d_z) for n in pairs]) for d_z in (0.3, 0.5, 0.8)}
+    curves = [(f"d_z = {d_z:g}", Table({"participants": np.array(pairs), "power": p})) for d_z, p in power.items()]
+    (output / "paper-chance.png").write_bytes(png(chance_figure(chance, simulated=True)))
+    (output / "paper-power.png").write_bytes(png(power_figure(curves)))
+    say(f"{output}: paper-chance.png, paper-power.png")
+
+
+def say(line: str) -> None:
+    """A line of results."""
+    Console(highlight=False, soft_wrap=True).print(line, markup=False)

@@ -1,0 +1,254 @@
+"""Commands for studies on people: new, run, analyse, export, power."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+from rich.console import Console
+
+from midair.cli.commands.study.numbers import paper_command, power_command, say
+from midair.errors import InputError, MissingFileError
+from midair.study.design.adaptive_block import thresholds_of
+from midair.study.design.plan import Plan, block_order
+from midair.study.design.standing import Policy, answers_table
+from midair.study.findings.analysis import Report, analyse
+from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns
+from midair.study.folder import StudyFolder, paper_design_text, read_design
+from midair.study.report_page import report_json, report_page, report_text
+from midair.study.session.participant import SimulatedParticipant
+from midair.study.session.presenters import ArrayPresenter, NoPresenter
+from midair.study.session.simulated_screen import SimulatedScreen
+from midair.study.session.trials import Session, run
+from midair.study.statistics.table import Table
+from midair.study.tables import read_bids, read_csv, write_bids, write_csv
+from midair.study.terminal_screen import TerminalScreen, presenter_named, stops_on_signals
+
+app = App(name="study", help="Plan a study on people, run it one participant at a time, and analyse it.")
+app.command(power_command, name="power")
+app.command(paper_command, name="paper")
+
+
+@app.command(name="new")
+def new_command(
+    name: str,
+    /,
+    *,
+    source: Path | None = None,
+    participants: int = 0,
+    seed: int | None = None,
+) -> None:
+    """Draw the plan of a new study into the folder NAME.
+
+    Parameters
+    ----------
+    name
+        Of the folder; its last part, letters and digits only, is the name of the study.
+    source
+        TOML that describes the study; the paper's experiment (section 5.3) if not given.
+    participants
+        For how many people trials are drawn; what the TOML says if not given.
+    seed
+        Of all shuffles; what the TOML says if not given.
+    """
+    if source is not None and not source.is_file():
+        raise MissingFileError(f"{source}: expected the TOML of a study, got no such file")
+    text = paper_design_text() if source is None else source.read_text(encoding="utf-8")
+    path = Path(name)
+    kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum())
+    design = read_design(text, name=kept, participants=participants, seed=seed)
+    plan = StudyFolder.create(path, text, design).plan()
+    say(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
+    for number in range(1, design.participants + 1):
+        order = dict.fromkeys(block.group for block in block_order(design, number))
+        say(f"  participant {number}: {', '.join(order)}")
+    say(f"Next: midair study run {path} --participant 1, or try it with --simulate.")
+
+
+@app.command(name="run")
+def run_command(
+    study: Path,
+    /,
+    *,
+    participant: int = 0,
+    policy: Policy = "resume",
+    simulate: bool = False,
+    d_prime: float = 1.2,
+    array: str = "none",
+    attenuate: bool = False,
+    override_exposure: str | None = None,
+) -> int:
+    """Run one participant in this terminal, or go on with one who was interrupted. Ctrl-C stops at once.
+
+    Parameters
+    ----------
+    study
+        Folder of the study.
+    participant
+        Number, from 1 on; everybody who is not done if not given with --simulate.
+    policy
+        How an interrupted session goes on: with the unfinished trial, from the start, or from the start of the block.
+    simulate
+        A simulated participant answers; everything made from it is marked SIMULATED.
+    d_prime
+        Sensitivity of the simulated participant to reproduced objects.
+    array
+        What plays drives, as in midair play --device: virtual, autd3, pyautd3 and so on; "none" does for a plan of real
+        objects only. What the experimenter is to take up goes to the error stream: send it to another screen than the
+        participant's.
+    attenuate
+        Weaken drives that exceed the exposure profile until they keep it.
+    override_exposure
+        Name of the person who answers for playing above the exposure profile; it is logged.
+    """
+    folder = StudyFolder(study)
+    plan = folder.plan()
+    if simulate:
+        return _run_simulated(folder, plan, participant, policy, d_prime)
+    if participant < 1:
+        raise InputError("participant: expected --participant N, from 1 on; or --simulate for simulated ones")
+    screen = TerminalScreen(Console())
+    with (
+        stops_on_signals(),
+        presenter_named(array, folder, plan, attenuate=attenuate, override=override_exposure) as presenter,
+    ):
+        simulated = isinstance(presenter, ArrayPresenter) and presenter.array.simulated
+        log = folder.log(participant)
+        try:
+            with Session(plan, participant, log, presenter, policy=policy, simulated=simulated) as session:
+                step = run(session, screen)
+        except EOFError as closed:
+            raise InputError(
+                "terminal: expected answers, got the end of input; the answers so far are stored"
+            ) from closed
+    say("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
+    return 0 if step.kind == "done" else 1
+
+
+@app.command(name="analyse")
+def analyse_command(
+    source: Path,
+    /,
+    *,
+    output: Path | None = None,
+    seed: int = 0,
+    draws: int = 10_000,
+    json: bool = False,
+    participant: str = "participant",
+    presented: str = "",
+    answered: str = "",
+    condition: str = "",
+    rating: str = "",
+    within: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    margin: float = 0.1,
+) -> None:
+    """Analyse a study, a CSV table, or a BIDS dataset; write an HTML report with a plain word beside each number.
+
+    Parameters
+    ----------
+    source
+        Folder of a study; or a CSV or TSV file, or a BIDS folder, with the columns named below.
+    output
+        The HTML file; report.html in the folder of the study, or beside the table, if not given.
+    seed
+        Of permutations and bootstrap.
+    draws
+        Number of permutations.
+    json
+        Print the findings for a program.
+    participant
+        Column of who answered.
+    presented
+        Column of the object that was presented.
+    answered
+        Column of the object that was answered.
+    condition
+        Column of a condition that divides the trials.
+    rating
+        Column of ratings.
+    within
+        Columns of the factors of the ratings.
+    margin
+        Difference of macro F between conditions that does not matter.
+    """
+    if (source / "plan.json").exists():
+        folder = StudyFolder(source)
+        plan = folder.plan()
+        sessions = folder.sessions()
+        thresholds = thresholds_of(plan, sessions)
+        data = data_of_answers(answers_table(plan, sessions), plan.design.analysis, thresholds=thresholds)
+        title, target = plan.design.title or plan.design.name, output or source / "report.html"
+    else:
+        table = _old_table(source)
+        data = data_of_columns(
+            table,
+            participant=participant,
+            presented=presented,
+            answered=answered,
+            condition=condition,
+            rating=rating,
+            within=within,
+            margin=margin,
+            simulated="simulated" in table and bool((table["simulated"].astype(str) == "True").any()),
+        )
+        title, target = source.name, output or source.with_name(f"{source.stem}-report.html")
+    report = analyse(data, seed=seed, draws=draws)
+    target.write_text(report_page(report, title=title, within=data.within), encoding="utf-8")
+    _print_report(report, data, target, json=json)
+
+
+@app.command(name="export")
+def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv"] = "bids") -> None:
+    """Write the answers of a study as a BIDS dataset or as one CSV table.
+
+    Parameters
+    ----------
+    study
+        Folder of the study.
+    output
+        New folder, or new CSV file.
+    format
+        Of the output.
+    """
+    folder = StudyFolder(study)
+    plan = folder.plan()
+    answers = answers_table(plan, folder.sessions())
+    if format == "bids":
+        written = write_bids(answers, plan.design, output)
+        say(f"{output}: {len(written)} files, {answers.height} answers.")
+    else:
+        if not answers.height:
+            raise InputError("export: expected answers, got none; run a participant first")
+        write_csv(answers, output)
+        say(f"{output}: {answers.height} answers.")
+    _warn_simulated(bool(answers["simulated"].any()))
+
+
+def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Policy, d_prime: float) -> int:
+    numbers = [participant] if participant else range(1, plan.design.participants + 1)
+    model = SimulatedParticipant(d_prime=d_prime, seed=plan.design.seed)
+    for number in numbers:
+        presenter, log = NoPresenter(), folder.log(number)
+        screen = SimulatedScreen(plan=plan, participant=model, presenter=presenter)
+        with Session(plan, number, log, presenter, policy=policy, simulated=True) as session:
+            run(session, screen)
+        say(f"participant {number}: done")
+    _warn_simulated(True)
+    return 0
+
+
+def _old_table(source: Path) -> Table:
+    return read_bids(source) if source.is_dir() else read_csv(source)
+
+
+def _print_report(report: Report, data: StudyData, target: Path, *, json: bool) -> None:
+    if json:
+        Console(highlight=False, soft_wrap=True).print(report_json(report), markup=False)
+        return
+    say(report_text(report))
+    say(f"\n{target}")
+    _warn_simulated(data.simulated)
+
+
+def _warn_simulated(simulated: bool) -> None:
+    if simulated:
+        Console(stderr=True).print("SIMULATED: no person was asked", style="bold red")

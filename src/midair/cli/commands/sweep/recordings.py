@@ -1,0 +1,141 @@
+"""`midair sweep recordings`: recordings and settings on many processes."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, CycloptsError, Parameter
+from rich.table import Table as Shown
+
+from midair.cli.commands.sweep.patterns import app, swept
+from midair.cli.terminal.console import banner, out
+from midair.cli.terminal.options import SolveOptions, Time
+from midair.cli.terminal.quantity import quantity
+from midair.errors import InputError
+from midair.files import load, load_calibration
+from midair.flow import felt
+from midair.sweep.recording_sweep import RecordingSweep, Trial
+from midair.sweep.store import load_sweep
+from midair.sweep.trial_report import TrialReport, trial_report
+
+Choice = tuple[str, Any]
+
+
+@app.command(name="recordings")
+def recordings_command(
+    output: Path,
+    /,
+    *sources: Path,
+    vary: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    options: SolveOptions | None = None,
+    start_at: Time = 0.0,
+    duration: Annotated[float | None, quantity("s")] = None,
+    bits: int = 8,
+    scheduler: str | None = None,
+    workers: int | None = None,
+) -> int:
+    """Solve recordings under many settings; go on where it was interrupted.
+
+    Every recording is solved under every combination of what is varied, and E of every frame is stored. Stopped or
+    killed, the same command goes on without doing anything twice.
+
+    Parameters
+    ----------
+    output
+        NAME.zarr, new or of the same sweep.
+    sources
+        Recordings with a calibration.
+    vary
+        What to vary, as OPTION=VALUE,VALUE with any option of midair solve: method=fast,exact height=150mm,200mm
+        band="20Hz 470Hz,20Hz 200Hz".
+    options
+        Of every stage, where they are not varied.
+    start_at
+        Where in each recording to begin.
+    duration
+        How much of each recording; all that is left if not given.
+    bits
+        To which phases are rounded for the second E.
+    scheduler
+        Address of a Dask scheduler, such as tcp://host:8786; processes on this machine if not given.
+    workers
+        Processes on this machine; one a core if not given.
+    """
+    if not sources:
+        raise InputError("sweep: expected recordings after the name of the sweep, got none")
+    variants = _variants(options or SolveOptions(), vary)
+    trials = [_trial(source, name, chosen, start_at, duration) for name, chosen in variants for source in sources]
+    status = swept(RecordingSweep(trials=tuple(trials), bits=bits), output, scheduler=scheduler, workers=workers)
+    if status == 0:
+        show_trials(trial_report(load_sweep(output)))
+        out().print(f"Next: midair sweep report {output}", markup=False)
+    return status
+
+
+def show_trials(report: TrialReport) -> None:
+    """A table of trials."""
+    banner(True)
+    table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
+    for name in ("recording", "variant"):
+        table.add_column(name, no_wrap=True)
+    for name in ("frames", "strength", "mean", "95 %", "worst", "rounded", "worst"):
+        table.add_column(name, justify="right")
+    shares = ("mean", "p95", "worst", "mean_rounded", "worst_rounded")
+    for row in report.rows:
+        figures = (f"{row['frames']}", f"{row['strength']:.3f}", *(f"{100 * row[name]:.2f}" for name in shares))
+        table.add_row(row["recording"], row["variant"], *figures)
+    console = out()
+    console.print(table, width=max(console.width, 120), crop=False)
+    out().print(report.words, markup=False)
+
+
+def _trial(source: Path, variant: str, options: SolveOptions, start: float, duration: float | None) -> Trial:
+    settings = options.settings()
+    calibration = load_calibration(source) if source.suffix in (".h5", ".hdf5") else None
+    pressure = felt(load(source), calibration, settings)
+    whole = start == 0 and duration is None
+    return Trial(
+        recording=source.name,
+        variant=variant,
+        pressure=pressure if whole else pressure.cut(start, duration),
+        settings=settings,
+    )
+
+
+def _variants(options: SolveOptions, vary: Sequence[str]) -> list[tuple[str, SolveOptions]]:
+    """Every combination: its name, and the options with it."""
+    axes = [_axis(text) for text in vary]
+    names = [name for axis in axes for name in {field for _, (field, _) in axis}]
+    if len(set(names)) < len(names):
+        raise InputError(f"--vary: expected each option once, got {' '.join(vary)}")
+    return [
+        (" ".join(spelt for spelt, _ in chosen), replace(options, **dict(choice for _, choice in chosen)))
+        for chosen in itertools.product(*axes)
+    ]
+
+
+def _axis(text: str) -> list[tuple[str, Choice]]:
+    """The values of OPTION=VALUE,VALUE: as they were written, and as the option of `midair solve` reads them."""
+    name, equals, values = text.partition("=")
+    if not equals or not all(value.strip() for value in values.split(",")):
+        raise InputError(f"--vary: expected OPTION=VALUE,VALUE such as height=150mm,200mm, got {text!r}")
+    field = name.strip().replace("-", "_")
+    return [
+        (f"{name}={value.strip()}", (field, _read(name.strip(), field, value.split()))) for value in values.split(",")
+    ]
+
+
+def _read(name: str, field: str, tokens: Sequence[str]) -> Any:
+    reader = App(result_action="return_value")
+
+    @reader.default
+    def read(*, options: SolveOptions | None = None) -> SolveOptions:  # pyright: ignore[reportUnusedFunction]
+        return options or SolveOptions()
+
+    try:
+        found = reader([f"--{name}", *tokens], exit_on_error=False, print_error=False)
+        return getattr(found, field)
+    except CycloptsError as wrong:
+        raise InputError(f"--vary {name}: {' '.join(str(wrong).split())}") from None

@@ -1,0 +1,1 @@
+"""What commands share: options, quantities, what is printed, keys and meters."""

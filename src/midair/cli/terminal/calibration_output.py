@@ -1,0 +1,100 @@
+"""Where a calibration that was measured goes, and how far it is from the one whose place it takes."""
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from cyclopts import Parameter
+
+from midair.cli.commands.calibrate.apply import finish, given_calibration, prepare_page
+from midair.cli.commands.import_export import may_write
+from midair.errors import MismatchError
+from midair.files.native.calibration_file import SUFFIX
+from midair.model import Calibration, SensorGrid
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputOptions:
+    """Where a calibration goes.
+
+    Parameters
+    ----------
+    output
+        NAME.calibration.h5; the sensor's name and the date if not given.
+    date
+        When it was measured, ISO 8601; today if not given.
+    supersedes
+        An older calibration of the same sensor: the new one gets the next version, and is compared with it.
+    figure
+        A page that shows it, NAME.png or NAME.html.
+    force
+        Write over files that are there.
+    json
+        Print JSON for a program.
+    """
+
+    output: Path | None = None
+    date: str | None = None
+    supersedes: Path | None = None
+    figure: Path | None = None
+    force: bool = False
+    json: bool = False
+
+    @property
+    def day(self) -> str:
+        """When it was measured."""
+        return self.date or datetime.now(UTC).date().isoformat()
+
+    def path(self, sensor: SensorGrid) -> Path:
+        """Where it is written, after checking that it may be."""
+        name = re.sub(r"[^\w.-]+", "-", sensor.name).strip("-") or "sensor"
+        target = self.output or Path(f"{name}-{self.day}{SUFFIX}")
+        may_write(target, self.force)
+        prepare_page(self.figure, self.force)
+        return target
+
+    def version(self, sensor: SensorGrid) -> int:
+        """One more than that of the calibration whose place is taken."""
+        if self.supersedes is None:
+            return 1
+        old = given_calibration(self.supersedes)
+        if old.sensor != sensor:
+            raise MismatchError(
+                f"{self.supersedes}: expected a calibration of {sensor.name!r}, got one of {old.sensor.name!r}"
+            )
+        return old.version + 1
+
+    def write(self, calibration: Calibration, notes: list[str]) -> None:
+        """Write it, its page, and how it differs from the one whose place it takes."""
+        target = self.path(calibration.sensor)
+        if self.supersedes is not None:
+            notes = [*notes, drift(given_calibration(self.supersedes), calibration)]
+        finish(calibration, target, page=self.figure, json=self.json, notes=notes)
+
+
+def drift(old: Calibration, new: Calibration) -> str:
+    """How far two calibrations of a sensor are apart, and whether their uncertainties explain it.
+
+    E_n = |difference| / the root of the sum of both expanded uncertainties squared (ISO 13528, 9.7): above 1 the sensor
+    has changed, or one of the uncertainties is too small.
+    """
+    low, high = max(old.frequency[0], new.frequency[0]), min(old.frequency[-1], new.frequency[-1])
+    if low > high:
+        return "it shares no frequency with the calibration that it supersedes"
+    frequency = np.linspace(low, high, 64)
+    was, now = np.abs(old.response_at(frequency)), np.abs(new.response_at(frequency))
+    heard = (was > 0) & (now > 0)
+    change = np.divide(now, was, out=np.ones_like(was), where=heard) - 1
+    worst = np.unravel_index(int(np.argmax(np.abs(change))), change.shape)
+    channel = int(worst[1]) * old.sensor.columns + int(worst[2])
+    told = f"since {old.identifier} (version {old.version}, {old.date}) the response has changed by "
+    told += f"{100 * np.median(change):.2g} % (median), at most {100 * change[worst]:.2g} % (channel {channel}"
+    told += f", {frequency[worst[0]]:.0f} Hz)"
+    before, after = old.uncertainty_at(frequency), new.uncertainty_at(frequency)
+    if before is None or after is None:
+        return told
+    score = np.abs(change) / np.maximum(2 * np.hypot(before, after), 1e-12)
+    return f"{told}; E_n {np.median(score[heard]):.2g} (median), {100 * (score[heard] > 1).mean():.1f} % above 1"

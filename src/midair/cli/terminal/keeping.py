@@ -1,0 +1,51 @@
+"""Writing a recording with what belongs to it, and saying what was noticed and what was lost."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from midair.cli.terminal.console import banner, out, print_json, print_rows
+from midair.files import Loss, save, save_pressure
+from midair.model import Calibration, PressureFrames, Recording
+
+STORED = (".h5", ".hdf5", ".nc")
+"""Endings of midair's own files, which may hold a calibration and pressure."""
+
+
+def keep(
+    recording: Recording, path: Path, *, calibration: Calibration | None, pressure: PressureFrames | None = None
+) -> tuple[Loss, ...]:
+    """Write a recording with its calibration and pressure, and return what its format cannot hold."""
+    lost = save(recording, path, calibration=calibration)
+    if pressure is None:
+        return lost
+    if path.suffix.lower() in (".h5", ".hdf5"):
+        save_pressure(pressure, path)
+        return lost
+    return (*lost, Loss(what="pressure", text="The calibrated pressure was left out; --pressure exports it instead."))
+
+
+def as_recording(pressure: PressureFrames) -> Recording:
+    """Calibrated pressure as a recording in Pa."""
+    return Recording(
+        samples=pressure.pressure,
+        rate=pressure.rate,
+        sensor=pressure.sensor,
+        unit="Pa",
+        provenance=pressure.provenance,
+    )
+
+
+def say(
+    rows: list[tuple[str, str]], notes: Iterable[str], lost: Iterable[Loss], *, simulated: bool, json: bool
+) -> None:
+    """Print rows, notes and losses for a person, or for a program."""
+    if json:
+        losses = [{"what": loss.what, "text": loss.text} for loss in lost]
+        return print_json({**dict(rows), "simulated": simulated, "notes": list(notes), "lost": losses})
+    banner(simulated)
+    print_rows(rows)
+    for note in notes:
+        out().print(f"note: {note}", markup=False)
+    for loss in lost:
+        out().print(f"lost: {loss}", markup=False)
+    return None

@@ -1,0 +1,39 @@
+"""What commands that compare need to know of a recording's past: band, rate, and the part that was played."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from midair.files import load, load_calibration
+from midair.flow import Settings, felt
+from midair.model import PressureFrames, Provenance, Setting
+
+
+def felt_part(source: Path, settings: Settings, start: float = 0.0, duration: float | None = None) -> PressureFrames:
+    """What the sensor felt in a part of a recording; all of it is calibrated first: cuts leave no edge."""
+    calibration = load_calibration(source) if source.suffix in (".h5", ".hdf5") else None
+    pressure = felt(load(source), calibration, settings)
+    return pressure if start == 0 and duration is None else pressure.cut(start, duration)
+
+
+def made_with(provenance: Provenance, settings: Settings) -> Settings:
+    """The settings with the band and rate that a re-recording's drive was made with."""
+    band, rate = _step(provenance, "calibrate").get("band_hz"), _step(provenance, "play").get("rate_hz")
+    if isinstance(band, tuple) and len(band) == 2:
+        low, high = (float(edge) for edge in band if isinstance(edge, int | float))
+        settings = replace(settings, band=(low, high))
+    return replace(settings, rate=float(rate)) if isinstance(rate, int | float) else settings
+
+
+def same_part(pressure: PressureFrames, provenance: Provenance) -> PressureFrames:
+    """The part of an original that a re-recording says it is of."""
+    cut = _step(provenance, "cut")
+    start, duration = cut.get("start_s"), cut.get("duration_s")
+    if isinstance(start, int | float) and isinstance(duration, int | float):
+        return pressure.cut(float(start), float(duration))
+    return pressure
+
+
+def _step(provenance: Provenance, stage: str) -> Mapping[str, Setting]:
+    """The settings of the last step of that name; none if there was none."""
+    return next((step.settings for step in reversed(provenance.steps) if step.stage == stage), {})

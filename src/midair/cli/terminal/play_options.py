@@ -1,0 +1,93 @@
+"""Playing on arrays other than the virtual one: options, order, report."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from cyclopts import Parameter
+
+from midair.cli.terminal.console import banner, print_rows, stages
+from midair.cli.terminal.options import Time
+from midair.devices import PlayReport, SilencerChoice, load_placement
+from midair.devices.arrays.gate import DEFAULT_PROFILE, Admission, admit, profile_named
+from midair.files import load_solution
+from midair.model import Drive
+from midair.rig.open.array_names import array_named
+from midair.rig.play.admitted import play_admitted
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlayOptions:
+    """How a drive is played, and what it may expose people to.
+
+    Parameters
+    ----------
+    repeats
+        How often, one time after the other without a gap.
+    delay
+        Before the first frame.
+    silencer
+        How the array spreads phase steps: auto chooses from the drive's steps; off, quarter and half of a frame;
+        default is the firmware's own 1 ms.
+    placement
+        TOML file with position and rotation of the units; two by two side by side if not given.
+    profile
+        Of exposure.
+    profiles
+        TOML file of exposure profiles; those that come with midair if not given.
+    attenuate
+        Weaken the whole drive until it keeps the profile.
+    override_exposure
+        Name of the person who answers for playing above the profile; it is logged.
+    """
+
+    repeats: int = 1
+    delay: Time = 0.0
+    silencer: SilencerChoice = "auto"
+    placement: Path | None = None
+    profile: str = DEFAULT_PROFILE
+    profiles: Path | None = None
+    attenuate: bool = False
+    override_exposure: str | None = None
+
+    def admit(self, drive: Drive, *, gated: bool) -> Admission:
+        """The drive, once its exposure is checked."""
+        return admit(
+            drive,
+            profile_named(self.profile, self.profiles),
+            repeats=self.repeats,
+            gated=gated,
+            attenuate=self.attenuate,
+            override=self.override_exposure,
+        )
+
+
+def play_on_array(source: Path, device: str, options: PlayOptions) -> None:
+    """Play a drive's file on a device that is not virtual, and print how it went."""
+    placement = None if options.placement is None else load_placement(options.placement)
+    array = array_named(device, placement, silencer=options.silencer)
+    drive = load_solution(source).drive
+    array.check_fits(drive)
+    admission = options.admit(drive, gated=array.gated)
+    banner(array.simulated)
+    print_rows([("exposure", f"{admission.outcome}: {admission.exposure.verdict()}")])
+    with stages() as stage, array:
+        report = play_admitted(
+            admission,
+            array,
+            source=str(source),
+            repeats=options.repeats,
+            delay=options.delay,
+            progress=stage("play"),
+        )
+    print_rows(_rows(report, drive, device))
+
+
+def _rows(report: PlayReport, drive: Drive, device: str) -> list[tuple[str, str]]:
+    start = "unknown" if report.start is None else f"{report.start} ns of device time"
+    return [
+        ("played", f"{report.frames} frames at {drive.rate:g} Hz on {device}, {report.duration:g} s"),
+        ("first frame", start),
+        ("timing", f"{report.late} late, {report.repeated} repeated, {1e3 * report.gap:g} ms of gaps"),
+        ("silencer", report.silencer),
+    ]

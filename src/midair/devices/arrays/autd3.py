@@ -1,0 +1,76 @@
+"""AUTD3 arrays by SDK: what to install, and the device that plays. The SDKs are imported only when a device opens."""
+
+import importlib
+from typing import Any
+
+from midair.devices.arrays.banked_array import BankedArray
+from midair.devices.arrays.banks import Banks
+from midair.devices.arrays.placement import Placement
+from midair.devices.arrays.silencer import SilencerChoice
+from midair.errors import MissingExtraError
+
+
+def autd3_array(
+    where: str = "auto", placement: Placement | None = None, *, silencer: SilencerChoice = "auto"
+) -> BankedArray:
+    """Units with firmware series 0.12, over Ethernet.
+
+    Parameters
+    ----------
+    where : str
+        A network interface, ``auto`` to search all of them, ``emulator`` for the SDK's emulator over loopback, or the
+        address of one that runs elsewhere, such as ``[::1]:50000``.
+    placement : Placement, optional
+        Two by two units if None.
+    silencer : {"auto", "off", "quarter", "half", "default"}
+        As in `choose_silencer`.
+    """
+
+    def connect(placement: Placement) -> Banks:
+        return _module("midair.devices.arrays.autd3_udp", "autd3").Autd3Udp(placement, where)
+
+    name = "autd3" if where == "auto" else f"autd3:{where}"
+    emulated = where == "emulator" or "]:" in where
+    return BankedArray(connect, placement or Placement.grid(), name=name, silencer=silencer, simulated=emulated)
+
+
+def autd3_firmware(placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
+    """The firmware's emulator in virtual time; ``.banks.put_out()`` reads back what the transducers put out."""
+
+    def connect(placement: Placement) -> Banks:
+        return _module("midair.devices.arrays.autd3_firmware", "autd3-emulator").Autd3Firmware(placement)
+
+    return BankedArray(connect, placement or Placement.grid(), name="autd3:firmware", silencer=silencer, simulated=True)
+
+
+def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
+    """Units with older firmware, over EtherCAT.
+
+    Parameters
+    ----------
+    link : str
+        ``ethercrab`` to search, ``ethercrab:INTERFACE``, ``twincat``, ``remote:ADDRESS:PORT``, or ``audit`` and
+        ``nop``, which have no hardware behind them. Version 38 of the SDK, for Python 3.12 and later, has no ethercrab.
+    placement, silencer
+        As for `autd3_array`.
+    """
+
+    def connect(placement: Placement) -> Banks:
+        return _module("midair.devices.arrays.pyautd3_banks", "pyautd3").PyAutd3Banks(placement, link)
+
+    return BankedArray(
+        connect,
+        placement or Placement.grid(),
+        name=f"pyautd3:{link}",
+        silencer=silencer,
+        simulated=link in ("audit", "nop"),
+    )
+
+
+def _module(name: str, extra: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as wrong:
+        raise MissingExtraError(
+            f'{extra}: expected the package {wrong.name}, it is not installed; pip install "midair[{extra}]"'
+        ) from wrong

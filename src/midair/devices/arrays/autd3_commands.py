@@ -1,0 +1,90 @@
+"""The commands of AUTD3's firmware series 0.12 that playing needs. Imports the extra `autd3`."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from autd3.commands import (
+    ActivatePatternBank,
+    ConfigPattern,
+    FixedCompletionTime,
+    FixedUpdateRate,
+    Pattern,
+    PhaseDepth,
+    SetSilencer,
+    WritePatternBuffer,
+    WritePatternPhase,
+)
+from autd3.geometry import Autd3, Geometry
+from autd3.params import BUFFER_SIZE_MIN, EMISSION_MAX_INDICES
+from autd3.value import LoopBehavior, PatternBank, SamplingConfig, SysTime, TransitionMode
+from autd3_core import Duration
+from autd3_pattern import IntensityBuffer, PhaseBuffer
+
+from midair.devices.arrays.frame_bytes import Bytes
+from midair.devices.arrays.placement import UNIT, Placement
+from midair.devices.arrays.silencer import Silencer
+
+Command = WritePatternPhase | WritePatternBuffer | ConfigPattern | ActivatePatternBank | Pattern | SetSilencer
+
+FRAMES_MAX, FRAMES_MIN = EMISSION_MAX_INDICES, BUFFER_SIZE_MIN
+TOGETHER = 5
+"""Patterns of 8-bit phases that fit into one datagram."""
+
+_BANKS = PatternBank.B0, PatternBank.B1
+
+
+def geometry(placement: Placement) -> Geometry:
+    """The units as the SDK describes them, in mm."""
+    places = zip(placement.origin * 1e3, placement.quaternion, strict=True)
+    return Geometry(
+        [Autd3(origin=origin.astype(np.float32), rotation=turn.astype(np.float32)) for origin, turn in places]
+    )
+
+
+def silencer(chosen: Silencer) -> SetSilencer:
+    """Steps spread as chosen. "Off" is a limit of a whole turn a tick, which the firmware never reaches."""
+    if chosen.phase == 0:
+        return SetSilencer(FixedUpdateRate(65535, 65535))
+    spread = FixedCompletionTime(_duration(chosen.intensity), _duration(chosen.phase), strict_mode=False)
+    return SetSilencer(spread)
+
+
+def load(bank: int, phases: Bytes, intensity: Bytes, divider: int) -> list[Command]:
+    """Patterns and a silent one after them, played once."""
+    units, count = phases.shape[1], len(phases)
+    write = _alike(bank, phases, intensity) if intensity.ndim == 1 else _each(bank, phases, intensity)
+    quiet = PhaseBuffer.from_array(np.zeros((units, UNIT), np.uint8))
+    end = WritePatternPhase(_BANKS[bank], count, PhaseDepth.Bits8, 0, [quiet])
+    config = ConfigPattern(_BANKS[bank], SamplingConfig(divider), count + 1, LoopBehavior.Once)
+    return [*write, end, config]
+
+
+def switch(bank: int, instant: int) -> ActivatePatternBank:
+    """Play a bank from an instant of device time on."""
+    return ActivatePatternBank(_BANKS[bank], TransitionMode.SysTime(SysTime.from_nanos(instant)))
+
+
+def silence(units: int) -> Pattern:
+    """One pattern of no sound at once. It also cancels every switch that is still to come."""
+    return Pattern(PhaseBuffer.from_array(np.zeros((units, UNIT), np.uint8)), 0)
+
+
+def _alike(bank: int, phases: Bytes, intensity: Bytes) -> Iterator[Command]:
+    """One intensity a frame: as many patterns to a datagram as share it."""
+    edges = np.flatnonzero(np.diff(intensity)) + 1
+    for run in np.split(np.arange(len(phases)), edges):
+        for first in range(int(run[0]), int(run[-1]) + 1, TOGETHER):
+            last = min(first + TOGETHER, int(run[-1]) + 1)
+            patterns = [PhaseBuffer.from_array(frame) for frame in phases[first:last]]
+            yield WritePatternPhase(_BANKS[bank], first, PhaseDepth.Bits8, int(intensity[first]), patterns)
+
+
+def _each(bank: int, phases: Bytes, intensity: Bytes) -> Iterator[Command]:
+    for index, (phase, strength) in enumerate(zip(phases, intensity, strict=True)):
+        yield WritePatternBuffer(
+            _BANKS[bank], index, PhaseBuffer.from_array(phase), IntensityBuffer.from_array(strength)
+        )
+
+
+def _duration(seconds: float) -> Duration:
+    return Duration.from_nanos(round(seconds * 1e9))

@@ -1,0 +1,221 @@
+"""AUTD3 units of firmware series 0.12 over Ethernet, or their emulator over loopback. Imports the extra `autd3`.
+
+The SDK sends a heartbeat every 10 ms for as long as the link is open, playing or not, from a thread of its own. When
+the process dies the heartbeats end, and the device's failsafe silences it after half a second.
+"""
+
+import asyncio
+import contextlib
+import threading
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from typing import TypeVar
+
+from autd3 import Autd3Error, Client, ClientConfig, Duration, Interface, UdpEmulator, UdpOption
+from autd3.commands import CpuConfig, SetCpuConfig
+
+from midair.devices.arrays import autd3_commands as commands
+from midair.devices.arrays.banks import TooLateError
+from midair.devices.arrays.frame_bytes import Bytes
+from midair.devices.arrays.placement import Placement
+from midair.devices.arrays.silencer import Silencer
+from midair.errors import DeviceError, DeviceStateError, LinkLostError
+
+T = TypeVar("T")
+
+FAILSAFE = 0.5
+"""After how long without traffic the device silences itself, in s."""
+
+
+def loopback_option(address: str) -> UdpOption:
+    """How to speak to an emulator at an address such as ``[::1]:50000``."""
+    return UdpOption(
+        iface=Interface.Addr(address),
+        enumeration_timeout=Duration.from_secs(1),
+        sync_timeout=Duration.from_secs(5),
+        reply_timeout=Duration.from_millis(50),
+    )
+
+
+class Autd3Udp:
+    """Both pattern banks of all units over UDP.
+
+    Parameters
+    ----------
+    placement : Placement
+        One entry a unit, in the order of the wiring.
+    where : str
+        A network interface, ``auto`` to search all of them, an address with a port, or ``emulator``.
+
+    Raises
+    ------
+    DeviceError
+        If the units do not answer.
+    """
+
+    frames_max = commands.FRAMES_MAX
+    margin = 15_000_000
+    """The firmware refuses switches less than 10 ms ahead."""
+
+    def __init__(self, placement: Placement, where: str = "auto") -> None:
+        self._units = placement.units
+        self._emulator = UdpEmulator(placement.units) if where == "emulator" else None
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="autd3", daemon=True)
+        self._thread.start()
+        try:
+            client: Client = self._do(lambda: self._connect(placement, self._option(where)), 60)
+            self._client: Client | None = client
+            self._state = client.state_checker()
+            config = CpuConfig(failsafe_timeout=Duration.from_secs_f64(FAILSAFE))
+            self._do(lambda: client.send(SetCpuConfig(config)), 5)
+            self.silence()
+        except BaseException:
+            self._client = None
+            self._end_loop()
+            raise
+
+    def set_silencer(self, silencer: Silencer) -> None:
+        """Over how long steps are spread."""
+        self._send([commands.silencer(silencer)])
+
+    def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
+        """Write patterns and then a silent one into a bank that does not play."""
+        self._send(commands.load(bank, phases, intensity, divider))
+
+    def switch(self, bank: int, instant: int) -> None:
+        """Play a bank once, from an instant on."""
+        try:
+            self._do(lambda: self._open.send(commands.switch(bank, instant)), 2)
+        except DeviceError as wrong:
+            if "too close to now" in str(wrong):
+                raise TooLateError(str(wrong)) from None
+            raise
+
+    def now(self) -> int:
+        """Device time, in ns."""
+        return self._open.device_time_now().sys_time
+
+    def wait_until(self, instant: int) -> None:
+        """Return at an instant, or raise as soon as a unit is lost."""
+        while (left := instant - self.now()) > 0:
+            self._check()
+            time.sleep(min(left * 1e-9, 0.02))
+        self._check()
+
+    def silence(self) -> None:
+        """All transducers to intensity 0 at once."""
+        self._do(lambda: self._open.send(commands.silence(self._units)), 2)
+
+    def emitting(self) -> bool:
+        """Whether a unit says that patterns play."""
+        states = self._do(self._open.read_fpga_state, 2)
+        return any(
+            state.is_stm_mode() and not state.is_pattern_stopped() and not state.is_failsafe_active()
+            for state in states
+        )
+
+    def describe(self) -> dict[str, str]:
+        """What the units say of themselves: firmware, link, failsafe."""
+        client = self._open
+        versions = self._do(client.read_firmware_version, 5)
+        telemetry, bus = self._do(client.read_telemetry, 5), client.bus_stats()
+        worst, heat = bus.worst_ack_latency_ns(), self._do(client.read_fpga_state, 5)
+        series = ".".join(str(part) for part in versions[0].SUPPORTED_SERIES)
+        return {
+            "units": f"{len(versions)} answer",
+            "firmware": ", ".join(sorted({f"{one.cpu}/{one.fpga}" for one in versions}))
+            + (" (emulator)" if versions[0].is_emulator() else "")
+            + ("" if all(one.is_supported() for one in versions) else f", but the SDK supports {series}"),
+            "link": f"{bus.frames()} frames, worst answer {worst * 1e-6:.2f} ms, "
+            f"{bus.missed_heartbeat_replies()} heartbeats missed",
+            "buffers": f"2 x {self.frames_max} patterns",
+            "failsafe": f"after {FAILSAFE:g} s without traffic; "
+            f"it acted {max(one.failsafe for one in telemetry)} times since the link was opened",
+            "temperature": "too hot" if any(one.is_thermal_asserted() for one in heat) else "fine",
+        }
+
+    def close(self) -> None:
+        """Silence the units, as the SDK does on closing, and let go."""
+        client, self._client = self._client, None
+        if client is None:
+            return
+        try:
+            with contextlib.suppress(DeviceError):  # a lost unit cannot be told: its own failsafe silences it
+                self._do(client.close, 5)
+        finally:
+            self._end_loop()
+            self._emulator = None
+
+    @property
+    def _open(self) -> Client:
+        if self._client is None:
+            raise DeviceStateError("autd3: expected open before use")
+        return self._client
+
+    def _option(self, where: str) -> UdpOption:
+        if self._emulator is not None:
+            return self._emulator.option()
+        if "]:" in where:
+            return loopback_option(where)
+        return UdpOption(iface=Interface.Auto if where == "auto" else Interface.Name(where))
+
+    async def _connect(self, placement: Placement, option: UdpOption) -> Client:
+        # A unit that was lost stays silent until someone opens it again: no recovery behind one's back.
+        config = ClientConfig(
+            ack_timeout=Duration.from_millis(50), resynchronize_on_recovery=None, release_failsafe_on_recovery=None
+        )
+        return await Client.open(commands.geometry(placement), option, config)
+
+    def _send(self, many: Sequence[commands.Command]) -> None:
+        self._do(lambda: self._open.send(many), 10)
+
+    def _check(self) -> None:
+        status = self._state.check()
+        if status.any_lost:
+            lost = [number for number, state in enumerate(status.devices) if str(state).endswith("Lost")]
+            raise LinkLostError(
+                f"autd3: expected {self._units} units to answer, lost {lost or 'some'}; they silence themselves within "
+                f"{FAILSAFE:g} s; check cables and power (up to 50 W a unit), then play again"
+            )
+
+    def _do(self, begin: Callable[[], Awaitable[T]], timeout: float) -> T:
+        """Begin something of the SDK on its loop, from any thread, and wait for it."""
+
+        async def wait() -> T:
+            return await begin()
+
+        future = asyncio.run_coroutine_threadsafe(wait(), self._loop)
+        try:
+            return future.result(timeout)
+        except Autd3Error as wrong:
+            kind = LinkLostError if wrong.code in (Autd3Error.NETWORK, Autd3Error.TIMEOUT) else DeviceError
+            raise kind(f"autd3: {wrong}; {_advice(wrong)}") from wrong
+        except TimeoutError:
+            future.cancel()
+            raise LinkLostError(f"autd3: no answer within {timeout:g} s; midair doctor says what to look at") from None
+        except BaseException:
+            future.cancel()
+            raise
+
+    def _end_loop(self) -> None:
+        async def end() -> None:
+            for task in asyncio.all_tasks() - {asyncio.current_task()}:
+                task.cancel()
+            self._loop.call_soon(self._loop.stop)
+
+        asyncio.run_coroutine_threadsafe(end(), self._loop)
+        self._thread.join(2)
+        if not self._thread.is_alive():
+            self._loop.close()
+
+
+def _advice(wrong: Autd3Error) -> str:
+    """What to do about an error of the SDK, by its code."""
+    match wrong.code:
+        case Autd3Error.NETWORK | Autd3Error.TIMEOUT:
+            return "check power, cables and the name of the interface, and that no other program holds the units"
+        case Autd3Error.UNSUPPORTED_FIRMWARE:
+            return "play with pyautd3 for older firmware, or update the units"
+        case _:
+            return "midair doctor says what to look at"

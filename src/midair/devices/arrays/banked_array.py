@@ -1,0 +1,105 @@
+"""A real array, or its emulator, that plays from two memories."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+
+from midair.devices.arrays.banks import Banks
+from midair.devices.arrays.frame_bytes import divider, intensity_bytes, phase_bytes
+from midair.devices.arrays.placement import Placement
+from midair.devices.arrays.silencer import SilencerChoice, choose_silencer
+from midair.devices.arrays.streaming import Stream, play_stream
+from midair.devices.interface import ArrayDevice, PlayReport, Progress
+from midair.errors import DeviceError, DeviceStateError
+from midair.model import Drive
+
+
+class BankedArray(ArrayDevice):
+    """Streams drives through two memories, and is silent at all other times.
+
+    Parameters
+    ----------
+    connect : callable
+        Opens the device and gives its banks.
+    placement : Placement
+        Of the units.
+    name : str
+        What it was opened by.
+    silencer : {"auto", "off", "quarter", "half", "default"}
+        As in `choose_silencer`.
+    block : float
+        Longest piece that is handed over at once, in s.
+    simulated : bool
+        Whether it is an emulator.
+    """
+
+    def __init__(
+        self,
+        connect: Callable[[Placement], Banks],
+        placement: Placement,
+        *,
+        name: str,
+        silencer: SilencerChoice = "auto",
+        block: float = 0.25,
+        simulated: bool = False,
+    ) -> None:
+        self.name, self.placement, self.array, self.simulated = name, placement, placement.array(), simulated
+        self.silencer: SilencerChoice = silencer
+        self.block = block
+        self._connect = connect
+        self._banks: Banks | None = None
+        self._lock = threading.RLock()
+        self._silenced = 0
+
+    @property
+    def banks(self) -> Banks:
+        """The open device; DeviceStateError when it is not."""
+        if self._banks is None:
+            raise DeviceStateError(f"{self.name}: expected open before play")
+        return self._banks
+
+    @property
+    def emitting(self) -> bool:
+        """Whether the device says that it plays."""
+        return self._banks is not None and self._banks.emitting()
+
+    def open(self) -> None:
+        """Take hold of the device; it is silent."""
+        if self._banks is None:
+            self._banks = self._connect(self.placement)
+
+    def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
+        """Stream every frame."""
+        banks, ticks = self.banks, divider(drive.rate)
+        phases = phase_bytes(drive, self.placement.units)
+        intensity = intensity_bytes(drive, self.placement.units)
+        silencer = choose_silencer(self.silencer, phases, intensity, drive.rate)
+        banks.silence()
+        banks.set_silencer(silencer)
+        ordered = self._silenced
+
+        def switch(bank: int, instant: int) -> None:
+            with self._lock:
+                if self._silenced != ordered:
+                    raise DeviceError(f"{self.name}: silenced from elsewhere while it played")
+                banks.switch(bank, instant)
+
+        stream = Stream(
+            phases=phases, intensity=intensity, divider=ticks, repeats=repeats, delay=delay, block=self.block
+        )
+        report = play_stream(stream, banks, progress=progress, switch=switch)
+        return replace(report, silencer=str(silencer))
+
+    def silence(self) -> None:
+        """Stop all sound at once, from any thread; what plays then ends with an error."""
+        if self._banks is None:
+            return
+        with self._lock:
+            self._silenced += 1
+            self._banks.silence()
+
+    def close(self) -> None:
+        """Let go of the device."""
+        banks, self._banks = self._banks, None
+        if banks is not None:
+            banks.close()

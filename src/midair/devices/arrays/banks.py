@@ -1,0 +1,73 @@
+"""The two pattern memories of an array: what streaming needs of an SDK, and no more."""
+
+from typing import Protocol
+
+from midair.devices.arrays.frame_bytes import Bytes
+from midair.devices.arrays.silencer import Silencer
+
+
+class TooLateError(Exception):
+    """The device will not switch at an instant so near."""
+
+
+class Banks(Protocol):
+    """An open array with two memories, 0 and 1, of which one plays while the other is written.
+
+    Instants are device time in ns, and the same on all units.
+    """
+
+    @property
+    def frames_max(self) -> int:
+        """How many patterns a memory holds."""
+        ...
+
+    @property
+    def margin(self) -> int:
+        """How long before its instant a switch must arrive, in ns."""
+        ...
+
+    def set_silencer(self, silencer: Silencer) -> None:
+        """Over how long steps are spread."""
+        ...
+
+    def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
+        """Write patterns and then a silent one into a memory that does not play; played once, it ends silent.
+
+        Parameters
+        ----------
+        bank : int
+            0 or 1.
+        phases : ndarray of uint8, shape (frame, unit, transducer of the unit)
+        intensity : ndarray of uint8, shape (frame,) or (frame, unit, transducer of the unit)
+        divider : int
+            Ultrasound periods in a frame.
+        """
+        ...
+
+    def switch(self, bank: int, instant: int) -> None:
+        """Play a memory from its first pattern on, once, from an instant on; `TooLateError` when it is too near."""
+        ...
+
+    def now(self) -> int:
+        """Device time, in ns."""
+        ...
+
+    def wait_until(self, instant: int) -> None:
+        """Return at an instant, or raise DeviceError as soon as the link to a unit is lost."""
+        ...
+
+    def silence(self) -> None:
+        """All transducers to intensity 0 at once, whatever was to come; callable from any thread."""
+        ...
+
+    def emitting(self) -> bool:
+        """Whether the device says that patterns play."""
+        ...
+
+    def describe(self) -> dict[str, str]:
+        """What the device says of itself: units, firmware, link, buffers, failsafe."""
+        ...
+
+    def close(self) -> None:
+        """Let go."""
+        ...

@@ -1,0 +1,147 @@
+"""Where the units of an AUTD3 array stand: a few lines of TOML, or the paper's two by two.
+
+::
+
+    name = "my array"
+
+    [[unit]]
+    position_mm = [0, 0, 0]        # of the unit's first transducer
+    rotation_deg = [0, 0, 0]       # about the fixed x, then y, then z axis; may be left out
+
+Units come in the order in which they are wired. The whole is shifted so that its centre, the mean of all transducers,
+is the origin.
+"""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import BrokenFileError, InputError, MissingFileError
+from midair.model import TransducerArray
+from midair.validation import frozen_array
+
+Array = NDArray[np.float64]
+
+UNIT = TransducerArray.autd3(columns=1, rows=1).count
+"""Transducers of one unit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Placement:
+    """Position and rotation of each unit.
+
+    Attributes
+    ----------
+    position : ndarray, shape (unit, 3)
+        Of each unit's first transducer, in m.
+    rotation : ndarray, shape (unit, 3)
+        About the fixed x, then y, then z axis, in rad.
+    name : str
+        What to call the array.
+    """
+
+    position: Array
+    rotation: Array
+    name: str = "AUTD3"
+
+    def __post_init__(self) -> None:
+        position = frozen_array(self.position, "unit position", ("unit", 3))
+        object.__setattr__(self, "position", position)
+        object.__setattr__(self, "rotation", frozen_array(self.rotation, "unit rotation", (len(position), 3)))
+
+    @classmethod
+    def grid(cls, *, columns: int = 2, rows: int = 2) -> "Placement":
+        """Units side by side in one plane, 192.0 x 151.4 mm apart, row by row."""
+        if columns < 1 or rows < 1:
+            raise InputError(f"units: expected at least 1 x 1, got {columns} x {rows}")
+        corners = np.array([(i * 192.0e-3, j * 151.4e-3, 0.0) for j in range(rows) for i in range(columns)])
+        return cls(position=corners, rotation=np.zeros_like(corners), name=f"AUTD3 {columns} x {rows}")
+
+    @property
+    def units(self) -> int:
+        """Number of units."""
+        return len(self.position)
+
+    @property
+    def quaternion(self) -> Array:
+        """Of each unit's rotation as both SDKs want it, (w, x, y, z), shape (unit, 4)."""
+        from scipy.spatial.transform import Rotation
+
+        return np.roll(np.asarray(Rotation.from_euler("xyz", self.rotation).as_quat(), np.float64), 1, axis=1)
+
+    @property
+    def origin(self) -> Array:
+        """Of each unit's first transducer once the whole is centred, shape (unit, 3), in m."""
+        return self.position - self._transducers().mean(axis=(0, 1))
+
+    def array(self) -> TransducerArray:
+        """The transducers, unit by unit, in the order of the firmware."""
+        position = self._transducers()
+        normal = self._turned(np.array([[0.0, 0.0, 1.0]]))
+        return TransducerArray(
+            position=(position - position.mean(axis=(0, 1))).reshape(-1, 3),
+            normal=np.repeat(normal, position.shape[1], axis=0).reshape(-1, 3),
+            unit=np.repeat(np.arange(self.units), position.shape[1]),
+            name=self.name,
+        )
+
+    def _transducers(self) -> Array:
+        one = TransducerArray.autd3(columns=1, rows=1).position
+        return self._turned(one - one[0]) + self.position[:, None]
+
+    def _turned(self, points: Array) -> Array:
+        from scipy.spatial.transform import Rotation
+
+        return np.stack([turn.apply(points) for turn in Rotation.from_euler("xyz", self.rotation)])
+
+
+def load_placement(path: str | os.PathLike[str]) -> Placement:
+    """The placement that a TOML file describes.
+
+    Raises
+    ------
+    MissingFileError
+        If the file is not there.
+    BrokenFileError
+        If it is no TOML, or its keys or numbers are not the ones above.
+    """
+    try:
+        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise MissingFileError(
+            f"{path}: expected a TOML file with the placement of the units; it is not there"
+        ) from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as wrong:
+        raise BrokenFileError(f"{path}: expected a TOML file, got {wrong}") from wrong
+    name, units = content.pop("name", Path(path).stem), content.pop("unit", None)
+    if content or not isinstance(units, list) or not units:
+        raise BrokenFileError(
+            f"{path}: expected name and one [[unit]] or more, got {', '.join(content) or 'no unit'}; "
+            "write position_mm for each unit in the order of the wiring"
+        )
+    places = [_unit(unit, number, Path(path)) for number, unit in enumerate(units)]
+    return Placement(
+        position=np.array([place for place, _ in places]) * 1e-3,
+        rotation=np.radians([turn for _, turn in places]),
+        name=str(name),
+    )
+
+
+def _unit(unit: Mapping[str, Any], number: int, path: Path) -> tuple[list[float], list[float]]:
+    place, turn = unit.get("position_mm"), unit.get("rotation_deg", [0, 0, 0])
+    unknown = set(unit) - {"position_mm", "rotation_deg"}
+    if unknown or not _three(place) or not _three(turn):
+        raise BrokenFileError(
+            f"{path}: unit {number}: expected position_mm and perhaps rotation_deg, three numbers each, got {unit}"
+        )
+    return place, turn  # pyright: ignore[reportReturnType]  # _three has looked
+
+
+def _three(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(type(each) in (int, float) for each in value)

@@ -1,0 +1,265 @@
+"""AUTD3 units with firmware before series 0.12, over EtherCAT. Imports the extra `pyautd3`, version 36 or 38.
+
+Version 36 is for firmware v10 and later and reaches the bus by itself (ethercrab); version 38 needs Python 3.12, is for
+firmware v12.1, and goes through TwinCAT or a server on another machine.
+
+The SDK asks for each transducer's drive by a callback, and one in Python takes 200 ms a frame. A compiled one that
+reads a table takes .1 ms. It goes through `gain_custom` of the SDK's C interface, which the SDK does not promise to
+keep: hence the narrow versions in the extra.
+"""
+
+# The SDK hands out no types that a strict checker could follow.
+# pyright: basic
+
+import contextlib
+import ctypes
+import importlib
+import time
+from threading import RLock
+
+import numpy as np
+from numba import cfunc, types
+from pyautd3 import (
+    AUTD3,
+    Controller,
+    DcSysTime,
+    Duration,
+    FixedCompletionTime,
+    FixedUpdateRate,
+    GainSTM,
+    GainSTMOption,
+    Null,
+    ReadsFPGAState,
+    SamplingConfig,
+    Segment,
+    SenderOption,
+    SwapSegmentGainSTM,
+    WithFiniteLoop,
+    WithSegment,
+    transition_mode,
+)
+from pyautd3 import (
+    Silencer as SetSilencer,
+)
+from pyautd3.autd_error import AUTDError
+from pyautd3.driver.datagram.gain import Gain
+from pyautd3.link import remote
+from pyautd3.link.audit import Audit
+from pyautd3.link.nop import Nop
+from pyautd3.link.twincat import TwinCAT
+from pyautd3.native_methods.autd3capi import NativeMethods
+
+from midair.devices.arrays.banks import TooLateError
+from midair.devices.arrays.frame_bytes import Bytes
+from midair.devices.arrays.placement import UNIT, Placement
+from midair.devices.arrays.silencer import Silencer
+from midair.errors import DeviceError, DeviceStateError, LinkLostError, UnknownDeviceError
+
+SEGMENTS = Segment.S0, Segment.S1
+
+YEAR_2000 = 946_684_800_000_000_000
+"""Where the time of EtherCAT's distributed clocks begins, in ns of Unix time."""
+
+
+@cfunc(types.void(types.CPointer(types.uint8), types.voidptr, types.uint16, types.uint8, types.CPointer(types.uint8)))
+def _look_up(table, _, unit, transducer, drive):
+    """One transducer's phase and intensity out of a table, shape (unit, transducer, 2)."""
+    at = (np.intp(unit) * 249 + np.intp(transducer)) * 2
+    drive[0] = table[at]
+    drive[1] = table[at + 1]
+
+
+class _TableGain(Gain):
+    """One frame."""
+
+    def __init__(self, phases: Bytes, intensity: Bytes) -> None:
+        super().__init__()
+        self._table = np.ascontiguousarray(np.stack([phases, np.broadcast_to(intensity, phases.shape)], axis=-1))
+
+    def _gain_ptr(self, geometry):
+        context = ctypes.c_void_p(self._table.ctypes.data)
+        return NativeMethods().gain_custom(ctypes.c_void_p(_look_up.address), context, geometry._geometry_ptr)
+
+
+class PyAutd3Banks:
+    """Both segments of all units.
+
+    Parameters
+    ----------
+    placement : Placement
+        One entry a unit, in the order of the wiring.
+    link : str
+        ``audit``, ``nop``, ``twincat``, ``remote:ADDRESS:PORT``, or, with version 36, ``ethercrab`` or
+        ``ethercrab:INTERFACE``.
+    interval : float, optional
+        Between datagrams, in s; one carries one pattern. If None, the SDK's 1 ms on a real bus, at which 1000 patterns
+        a second do not get through, and half of that where there is no bus.
+
+    Raises
+    ------
+    UnknownDeviceError
+        If there is no such link, or not in the version that is installed.
+    DeviceError
+        If the units do not answer.
+    """
+
+    frames_max = 1024
+    margin = 30_000_000
+
+    def __init__(self, placement: Placement, link: str, *, interval: float | None = None) -> None:
+        self._lock, self._lost, self._ordered = RLock(), "", False
+        self._units = placement.units
+        units = [AUTD3(pos=at, rot=turn) for at, turn in zip(placement.origin * 1e3, placement.quaternion, strict=True)]
+        self.link = self._link(link)
+        try:
+            self._controller: Controller | None = Controller.open(units, self.link)
+            between = Duration.from_nanos(round(1e9 * (interval or (0.5e-3 if link in ("audit", "nop") else 1e-3))))
+            self._controller.default_sender_option = SenderOption(send_interval=between, receive_interval=between)
+            self._send(ReadsFPGAState(lambda _: True))
+            self.silence()
+        except AUTDError as wrong:
+            raise DeviceError(f"pyautd3: {wrong}; {_ADVICE}") from wrong
+
+    def set_silencer(self, silencer: Silencer) -> None:
+        """Over how long steps are spread."""
+        if silencer.phase == 0:
+            return self._send(SetSilencer(FixedUpdateRate(intensity=65535, phase=65535)))
+        intensity, phase = (Duration.from_nanos(round(each * 1e9)) for each in (silencer.intensity, silencer.phase))
+        return self._send(SetSilencer(FixedCompletionTime(intensity=intensity, phase=phase, strict=False)))
+
+    def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
+        """Write patterns and then a silent one into a segment that does not play."""
+        gains = [_TableGain(phase, strength) for phase, strength in zip(phases, intensity, strict=True)]
+        gains.append(_TableGain(np.zeros((self._units, UNIT), np.uint8), np.zeros(1, np.uint8)))
+        sequence = GainSTM(gains, SamplingConfig(divider), GainSTMOption())
+        self._send(WithFiniteLoop(sequence, SEGMENTS[bank], transition_mode.Later(), 1))
+
+    def switch(self, bank: int, instant: int) -> None:
+        """Play a segment once, from an instant on."""
+        try:
+            self._send(SwapSegmentGainSTM(SEGMENTS[bank], transition_mode.SysTime(_device_time(instant))))
+        except DeviceError as wrong:
+            if "transition" in str(wrong).lower():
+                raise TooLateError(str(wrong)) from None
+            raise
+        self._ordered = True
+
+    def now(self) -> int:
+        """Device time, in ns."""
+        return time.time_ns() - YEAR_2000
+
+    def wait_until(self, instant: int) -> None:
+        """Return at an instant, or raise as soon as a unit is lost."""
+        while (left := instant - self.now()) > 0:
+            self._check()
+            time.sleep(min(left * 1e-9, 0.02))
+        self._check()
+
+    def silence(self) -> None:
+        """All transducers to intensity 0 at once."""
+        self._send(WithSegment(Null(), Segment.S0, transition_mode.Immediate()))
+        self._ordered = False
+
+    def emitting(self) -> bool:
+        """Whether a unit says that a sequence plays.
+
+        The clock of version 38's own audit and nop stands still, so that their units never get to the instant of a
+        switch: there, whether a switch was ordered and no silence since.
+        """
+        if self._controller is None:
+            return False
+        if isinstance(self.link, Audit | Nop) and not hasattr(DcSysTime, "now"):
+            return self._ordered
+        with self._lock:
+            states = self._controller.fpga_state()
+        return any(state is not None and state.is_stm_mode() for state in states)
+
+    def held(self, unit: int, bank: int, frame: int) -> tuple[Bytes, Bytes]:
+        """Phases and intensities that a segment holds, shape (transducer,) each; only ``audit`` can read them back."""
+        if not isinstance(self.link, Audit):
+            raise DeviceStateError("pyautd3: expected the link audit, whose memory can be read")
+        intensity, phase = self.link.drives_at(unit, SEGMENTS[bank], frame)
+        return phase.astype(np.uint8), intensity.astype(np.uint8)
+
+    def describe(self) -> dict[str, str]:
+        """What the units say of themselves."""
+        with self._lock:
+            versions = self._open.firmware_version()
+        return {
+            "units": f"{len(versions)} answer",
+            "firmware": ", ".join(sorted({str(one) for one in versions})),
+            "buffers": f"2 x {self.frames_max} patterns",
+            "failsafe": "none that this SDK can ask about",
+        }
+
+    def close(self) -> None:
+        """Silence the units, as the SDK does on closing, and let go."""
+        controller, self._controller = self._controller, None
+        if controller is not None:
+            with contextlib.suppress(AUTDError):  # a lost unit cannot be told
+                controller.close()
+
+    @property
+    def _open(self) -> Controller:
+        if self._controller is None:
+            raise DeviceStateError("pyautd3: expected open before use")
+        return self._controller
+
+    def _link(self, name: str):
+        kind, _, address = name.partition(":")
+        match kind:
+            case "audit":
+                return Audit()
+            case "nop":
+                return Nop()
+            case "twincat":
+                return TwinCAT()
+            case "remote" if address:
+                return remote.Remote(address, *_later_option(remote, "RemoteOption"))
+            case "ethercrab":
+                return self._ethercrab(address)
+            case _:
+                raise UnknownDeviceError(
+                    "pyautd3: expected the link audit, nop, twincat, remote:ADDRESS:PORT or ethercrab[:INTERFACE], "
+                    f"got {name!r}"
+                )
+
+    def _ethercrab(self, interface: str):
+        try:
+            ethercrab = importlib.import_module("pyautd3.link.ethercrab")
+        except ImportError:
+            raise UnknownDeviceError(
+                "pyautd3: expected version 36 for the link ethercrab, got a later one without it; "
+                "use twincat or remote:ADDRESS:PORT, or Python 3.11 and pip install 'pyautd3==36.0.2'"
+            ) from None
+        return ethercrab.EtherCrab(self._lose, ethercrab.EtherCrabOption(ifname=interface or None))
+
+    def _lose(self, unit: int, status: object) -> None:
+        self._lost = f"unit {unit}: {status}"
+
+    def _check(self) -> None:
+        if self._lost:
+            raise LinkLostError(f"pyautd3: {self._lost}; {_ADVICE}, then play again")
+
+    def _send(self, datagram) -> None:
+        with self._lock:
+            try:
+                self._open.send(datagram)
+            except AUTDError as wrong:
+                raise DeviceError(f"pyautd3: {wrong}; {_ADVICE}") from wrong
+
+
+def _later_option(module, name: str) -> list:
+    """The default of an option that version 38 wants and version 36 does not know."""
+    return [getattr(module, name)()] if hasattr(module, name) else []
+
+
+def _device_time(instant: int) -> DcSysTime:
+    """An instant, in ns of device time, as the SDK wants it; version 36 makes one only from the present."""
+    if not hasattr(DcSysTime, "now"):
+        return DcSysTime(instant)  # pyright: ignore[reportCallIssue]
+    now = DcSysTime.now()
+    return now + Duration.from_nanos(max(0, instant - now.sys_time()))
+
+
+_ADVICE = "check cables and power (up to 50 W a unit), the interface's name, and the right to open raw sockets"

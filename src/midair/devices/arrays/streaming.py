@@ -1,0 +1,139 @@
+"""A drive of any length through two memories: one plays while the other is written, and they swap on exact instants.
+
+Every block ends with a silent pattern that is never reached as long as the next block comes in time. A computer that
+hangs, or a network that stalls, therefore leaves silence and no sound that stands still.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from midair.devices.arrays.banks import Banks, TooLateError
+from midair.devices.arrays.frame_bytes import TICK, Bytes
+from midair.devices.interface import PlayReport, Progress
+from midair.errors import DeviceError
+
+MS = 1_000_000
+
+Switch = Callable[[int, int], None]
+"""Called with (bank, instant)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stream:
+    """What is to be played.
+
+    Attributes
+    ----------
+    phases : ndarray of uint8, shape (frame, unit, transducer of the unit)
+    intensity : ndarray of uint8, shape (frame,) or (frame, unit, transducer of the unit)
+    divider : int
+        Ultrasound periods in a frame.
+    repeats : int
+        How often all frames are played, one time after the other without a gap.
+    delay : float
+        From the order to the first frame, in s.
+    block : float
+        Longest piece that is handed over at once, in s; what a hanging computer can leave behind is at most two.
+    """
+
+    phases: Bytes
+    intensity: Bytes
+    divider: int
+    repeats: int = 1
+    delay: float = 0.0
+    block: float = 0.25
+
+    @property
+    def total(self) -> int:
+        """Frames with all repeats."""
+        return len(self.phases) * self.repeats
+
+    @property
+    def period(self) -> int:
+        """Of a frame, in ns."""
+        return self.divider * TICK
+
+    def frames_in_block(self, frames_max: int) -> int:
+        """How many frames are handed over at once; one place stays for the silent pattern."""
+        return max(1, min(frames_max - 1, int(self.block * 1e9 / self.period)))
+
+    def part(self, first: int, count: int) -> tuple[Bytes, Bytes]:
+        """Phases and intensities of `count` frames from `first` on, repeats counted through."""
+        which = np.arange(first, min(first + count, self.total)) % len(self.phases)
+        return self.phases[which], self.intensity[which]
+
+
+def play_stream(
+    stream: Stream, banks: Banks, *, progress: Progress | None = None, switch: Switch | None = None
+) -> PlayReport:
+    """Play a stream to its end on banks of which 0 is active and silent.
+
+    Parameters
+    ----------
+    stream : Stream
+        What to play.
+    banks : Banks
+        Open.
+    progress : callable, optional
+        Called with (frames begun, frames in all) at the start of each block, and at the end.
+    switch : callable, optional
+        Orders a switch as `Banks.switch` does, which is taken if None; raises when there must be no more sound.
+
+    Returns
+    -------
+    PlayReport
+        ``start`` is the device time of the first frame; ``late`` the frames of blocks that came too late, after
+        ``gap`` s of silence in all.
+
+    Raises
+    ------
+    DeviceError
+        If the link is lost, or the device refuses a switch twice.
+    """
+    size, bank, done = stream.frames_in_block(banks.frames_max), 1, 0
+    begin = banks.now()
+    planned = first = 0
+    late = gap = 0
+    while done < stream.total:
+        phases, intensity = stream.part(done, size)
+        banks.load(bank, phases, intensity, stream.divider)
+        if done == 0:
+            planned = first = _aligned(max(begin + round(stream.delay * 1e9), _soon(banks)), stream.period)
+        start = _order(banks, switch or banks.switch, bank, planned, stream.period)
+        if start > planned:
+            late, gap = late + len(phases), gap + start - planned
+        banks.wait_until(start + stream.period // 2)
+        if progress:
+            progress(done, stream.total)
+        bank, done, planned = 1 - bank, done + len(phases), start + len(phases) * stream.period
+    banks.wait_until(planned)
+    if progress:
+        progress(stream.total, stream.total)
+    duration = (planned - first - gap) / 1e9
+    return PlayReport(frames=stream.total, duration=duration, late=late, start=first, gap=gap / 1e9)
+
+
+def _order(banks: Banks, switch: Switch, bank: int, planned: int, period: int) -> int:
+    """Order a switch at its planned instant, or as soon as the device can when that has gone by; the instant."""
+    for _ in range(3):
+        start = planned if planned >= banks.now() + banks.margin else _aligned(_soon(banks), period)
+        try:
+            switch(bank, start)
+        except TooLateError:
+            continue
+        return start
+    raise DeviceError(
+        f"array: expected a switch {banks.margin / MS:g} ms ahead to be in time, it was not, three times; "
+        "close other programs, or use a wired network without other traffic"
+    )
+
+
+def _soon(banks: Banks) -> int:
+    return banks.now() + 2 * banks.margin
+
+
+def _aligned(instant: int, period: int) -> int:
+    """The first whole multiple of the frame's period from an instant on."""
+    return -(-instant // period) * period

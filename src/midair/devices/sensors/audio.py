@@ -1,0 +1,230 @@
+"""Sound cards and audio interfaces through PortAudio. Imports the extra `audio`, which needs the library PortAudio.
+
+The samples are shares of full scale, -1 to 1. PortAudio says that it lost samples, but not how many: that follows from
+the converter's clock.
+"""
+
+import atexit
+import contextlib
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sounddevice
+
+from midair.devices.sensors.sources import Chunk, Samples, Stream
+from midair.errors import DeviceError, DeviceStateError, UnknownDeviceError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Piece:
+    """What PortAudio handed over at once.
+
+    `taken` is when by its own clock, `arrived` when by this computer's, `age` how old its first frame was then, in s.
+    """
+
+    samples: Samples
+    taken: float
+    arrived: float
+    age: float
+    overflow: bool
+
+
+class _PortAudio:
+    """The library's state, of which a process has one."""
+
+    def __init__(self) -> None:
+        self._alone = False
+
+    def leave_alone(self) -> None:
+        """A JACK server is gone: PortAudio would now hang or abort the process when it ends."""
+        self._alone = True
+        atexit.unregister(sounddevice._exit_handler)  # pyright: ignore[reportPrivateUsage]
+
+    def look_again(self) -> None:
+        """PortAudio lists what was there when it began: begin anew."""
+        if not self._alone:
+            with contextlib.suppress(sounddevice.PortAudioError):
+                sounddevice._terminate()  # pyright: ignore[reportPrivateUsage]
+            sounddevice._initialize()  # pyright: ignore[reportPrivateUsage]
+
+
+_PORTAUDIO = _PortAudio()
+
+
+class AudioSource:
+    """The inputs of one device.
+
+    Parameters
+    ----------
+    device : str
+        A part of its name as `midair doctor` lists it, its number there, or nothing for the default input.
+    channels : int, optional
+        How many; all that it has if None.
+    rate : float, optional
+        Of its converter, in Hz; its default if None.
+    piece : float
+        How much PortAudio hands over at a time, in s.
+    """
+
+    def __init__(
+        self, device: str = "", *, channels: int | None = None, rate: float | None = None, piece: float = 0.02
+    ) -> None:
+        self._device, self._channels, self._rate_wanted, self._piece = device, channels, rate, piece
+        self._pieces: queue.SimpleQueue[_Piece] = queue.SimpleQueue()
+        self._last: _Piece | None = None
+        self._stream: sounddevice.RawInputStream | None = None
+        self._rate, self._frames, self._overflows = 1.0, 0, 0
+        self._described: dict[str, str] = {}
+
+    def open(self) -> Stream:
+        """Find the device and open its inputs."""
+        found = _find(self._device)
+        channels = self._channels or int(found["max_input_channels"])
+        self._rate = self._rate_wanted or float(found["default_samplerate"])
+        try:
+            self._stream = sounddevice.RawInputStream(
+                samplerate=self._rate,
+                blocksize=max(1, round(self._piece * self._rate)),
+                device=int(found["index"]),
+                channels=channels,
+                dtype="float32",
+                callback=self._take,
+            )
+        except (sounddevice.PortAudioError, ValueError) as wrong:
+            raise DeviceError(
+                f"audio: expected {channels} channels at {self._rate:g} Hz from {found['name']!r} (it has "
+                f"{found['max_input_channels']}, usually at {found['default_samplerate']:g} Hz), got: {wrong}; "
+                "state ?channels= and ?native="
+            ) from wrong
+        self._described = {"device": str(found["name"]), "driver": _host(found)}
+        return Stream(channels=channels, rate=self._rate, full_scale=1.0)
+
+    def start(self) -> None:
+        """Begin to listen."""
+        stream = self._opened()
+        self._frames, self._pieces, self._last, self._overflows = 0, queue.SimpleQueue(), None, 0
+        try:
+            stream.start()
+        except sounddevice.PortAudioError as wrong:
+            raise DeviceError(
+                f"audio: {self._described['device']!r} did not start: {wrong}; plug it in again"
+            ) from wrong
+
+    def pull(self, wait: float) -> Chunk | None:
+        """The next piece that PortAudio handed over."""
+        try:
+            piece = self._pieces.get(timeout=wait)
+        except queue.Empty:
+            piece = None
+        if piece is None:
+            if self._opened().active:
+                return None
+            if self._on_jack:
+                _PORTAUDIO.leave_alone()
+            raise DeviceError(f"audio: lost {self._described['device']!r}; plug it in and start again")
+        self._frames += self._missing(piece)
+        first, self._frames = self._frames, self._frames + len(piece.samples)
+        self._last = piece
+        return Chunk(
+            samples=piece.samples, first=first, device_time=first / self._rate, host_time=piece.arrived - piece.age
+        )
+
+    def stop(self) -> None:
+        """End listening."""
+        if self._stream is not None and self._stream.active:
+            self._within_limit(self._stream.abort)
+
+    def close(self) -> None:
+        """Let go of the device."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            self._within_limit(stream.close)
+
+    def describe(self) -> dict[str, str]:
+        """Which device, and through which driver."""
+        return {**self._described, "losses told by the driver": str(self._overflows)}
+
+    @property
+    def _on_jack(self) -> bool:
+        return self._described["driver"].startswith("JACK")
+
+    def _take(self, data: Any, frames: int, times: Any, status: Any) -> None:
+        """Called by PortAudio in a thread of its own; nothing here may wait."""
+        samples = np.frombuffer(data, np.float32).reshape(frames, -1).copy()
+        taken, age = float(times.inputBufferAdcTime), float(times.currentTime) - float(times.inputBufferAdcTime)
+        if not 0 < age < 10:  # some drivers do not tell
+            age = frames / self._rate
+        self._pieces.put(
+            _Piece(
+                samples=samples, taken=taken, arrived=time.monotonic(), age=age, overflow=bool(status.input_overflow)
+            )
+        )
+
+    def _missing(self, piece: "_Piece") -> int:
+        """Frames between the last piece and this one, by the converter's clock, if PortAudio says that some are lost.
+
+        JACK says so of every time it was late, and its clock counts frames: there it may be none.
+        """
+        if self._last is None or not piece.overflow:
+            return 0
+        self._overflows += 1
+        since = piece.taken - self._last.taken - len(self._last.samples) / self._rate
+        return max(0 if self._on_jack else 1, round(since * self._rate))
+
+    def _opened(self) -> "sounddevice.RawInputStream":
+        if self._stream is None:
+            raise DeviceStateError("audio: expected open first")
+        return self._stream
+
+    def _within_limit(self, call: Callable[[], Any], limit: float = 2.0) -> None:
+        """PortAudio waits for ever for a JACK server that is gone."""
+
+        def quietly() -> None:
+            with contextlib.suppress(sounddevice.PortAudioError):
+                call()
+
+        thread = threading.Thread(target=quietly, daemon=True)
+        thread.start()
+        thread.join(limit)
+        if thread.is_alive():
+            _PORTAUDIO.leave_alone()
+
+
+def inputs() -> list[dict[str, Any]]:
+    """Devices that have inputs, as sounddevice describes them."""
+    return [dict(each) for each in sounddevice.query_devices() if each["max_input_channels"] > 0]
+
+
+def _find(wanted: str) -> dict[str, Any]:
+    """The one device that a part of a name, a number, or nothing means."""
+    found = _matching(wanted)
+    if not found:
+        _PORTAUDIO.look_again()
+        found = _matching(wanted)
+    if len(found) == 1:
+        return found[0]
+    names = ", ".join(f"{each['index']} {each['name']} ({each['max_input_channels']} channels)" for each in inputs())
+    raise UnknownDeviceError(
+        f"audio: expected one device with inputs for {wanted or 'the default'!r}, found {len(found)}; name one of: "
+        f"{names or 'none here'}"
+    )
+
+
+def _matching(wanted: str) -> list[dict[str, Any]]:
+    if not wanted:
+        index = sounddevice.default.device[0]
+        return [each for each in inputs() if each["index"] == index]
+    if wanted.isdecimal():
+        return [each for each in inputs() if each["index"] == int(wanted)]
+    named = [each for each in inputs() if each["name"] == wanted]
+    return named or [each for each in inputs() if wanted.lower() in each["name"].lower()]
+
+
+def _host(device: dict[str, Any]) -> str:
+    api: Any = sounddevice.query_hostapis(device["hostapi"])
+    return str(api["name"])

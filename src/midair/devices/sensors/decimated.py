@@ -1,0 +1,100 @@
+"""Any source at a lower rate, filtered so that nothing above half of it folds down."""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import replace
+
+from midair.devices.sensors.decimator import CENTRE, Decimator, Polyphase
+from midair.devices.sensors.sources import Chunk, Source, Stream
+from midair.errors import DeviceStateError
+
+
+class Decimated:
+    """A source behind an anti-aliasing filter of linear phase (`Polyphase`).
+
+    The filter's delay is taken out of both times of a chunk: they are those of the middle of the filter, when the frame
+    happened. A frame comes `delay` later than without the filter: 64 ms at 1 kHz. Frame 0 is the first one for which
+    the filter is full. Where the source lost frames the filter is filled anew, so a gap in it becomes one of at least
+    128 frames: no frame is made of anything but what was measured. A source that has the wanted rate is passed on.
+
+    Parameters
+    ----------
+    source : Source
+        At the higher rate.
+    rate : float
+        Wanted, in Hz.
+    """
+
+    def __init__(self, source: Source, rate: float) -> None:
+        self._source, self._rate = source, rate
+        self._filter: Polyphase | None = None
+        self._stream: Stream | None = None
+        self._decimator: Decimator | None = None
+        self._expected, self._begin, self._given = 0, 0, 0
+        self._waiting: deque[Chunk] = deque()
+
+    def open(self) -> Stream:
+        """Open the source and make the filter."""
+        self._stream = self._source.open()
+        if self._stream.rate != self._rate:
+            self._filter = Polyphase.between(self._stream.rate, self._rate)
+        return replace(self._stream, rate=self._rate)
+
+    def start(self) -> None:
+        """Begin with an empty filter."""
+        self._decimator = None
+        self._waiting.clear()
+        self._source.start()
+
+    def pull(self, wait: float) -> Chunk | None:
+        """What the filter gives for what came."""
+        if not self._waiting:
+            chunk = self._source.pull(wait)
+            if chunk is not None:
+                self._waiting.extend(self._filtered(chunk))
+        return self._waiting.popleft() if self._waiting else None
+
+    def stop(self) -> None:
+        """Stop the source."""
+        self._source.stop()
+
+    def close(self) -> None:
+        """Let go of the source."""
+        self._source.close()
+
+    def describe(self) -> dict[str, str]:
+        """The source, and the filter between."""
+        said = self._source.describe()
+        if self._stream is not None and self._filter is not None:
+            said |= {"native rate": f"{self._stream.rate:g} Hz", "filter delay": f"{1e3 * self._filter.delay:g} ms"}
+        return said
+
+    def _filtered(self, chunk: Chunk) -> Iterator[Chunk]:
+        if self._stream is None:
+            raise DeviceStateError("decimated source: expected open first")
+        if self._filter is None:
+            yield chunk
+            return
+        rate = self._stream.rate
+        for part in chunk.finite_parts(rate):
+            decimator = self._continued(part, self._filter)
+            out = decimator.push(part.samples[max(0, self._begin - part.first) :])
+            if len(out):
+                # In frames of the source, from the part's first frame to the middle of the filter.
+                later = (self._given + CENTRE) * self._filter.length / self._filter.count - part.first
+                yield Chunk(
+                    samples=out,
+                    first=self._given,
+                    device_time=part.device_time + later / rate,
+                    host_time=part.host_time + later / rate,
+                )
+                self._given += len(out)
+
+    def _continued(self, part: Chunk, polyphase: Polyphase) -> Decimator:
+        """The filter as it stands, or an empty one that begins with the next whole run, after a gap."""
+        if self._decimator is None or part.first != self._expected:
+            self._decimator = Decimator(polyphase, part.samples.shape[1])
+            runs = -(-part.first // polyphase.length)
+            self._begin, self._given = runs * polyphase.length, runs * polyphase.count
+        self._expected = part.first + len(part)
+        return self._decimator

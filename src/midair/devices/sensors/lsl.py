@@ -1,0 +1,188 @@
+"""Streams of the Lab Streaming Layer. Imports the extra `lsl`.
+
+LSL sends over TCP: between sender and receiver nothing is lost without the link being lost, and that is an error here.
+What a sender itself left out can only be seen when it sends a channel that counts frames (option `counter`); without
+one it shows as drift of the sender's clock.
+"""
+
+import os
+import time
+from collections import deque
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pylsl
+from numpy.typing import NDArray
+from pylsl.util import LostError, TimeoutError
+
+from midair.devices.sensors.sources import Chunk, Samples, Stream
+from midair.errors import DeviceError, DeviceStateError, InputError, RateError
+from midair.model import Unit
+
+UNITS: dict[str, tuple[Unit, float]] = {
+    "v": ("V", 1.0),
+    "volt": ("V", 1.0),
+    "volts": ("V", 1.0),
+    "mv": ("V", 1e-3),
+    "millivolts": ("V", 1e-3),
+    "uv": ("V", 1e-6),
+    "microvolts": ("V", 1e-6),
+    "pa": ("Pa", 1.0),
+    "pascal": ("Pa", 1.0),
+    "pascals": ("Pa", 1.0),
+    "count": ("count", 1.0),
+    "counts": ("count", 1.0),
+}
+"""What senders write into the field "unit" of a channel, in small letters."""
+
+
+class LslSource:
+    """The stream of a name on this network.
+
+    Parameters
+    ----------
+    name : str
+        Of the stream.
+    source_id : str, optional
+        Which one, where several have the name.
+    counter : int, optional
+        The channel that counts frames, from 0; it is taken out of the data.
+    search : float
+        How long to look for the stream, in s.
+    """
+
+    def __init__(
+        self, name: str, *, source_id: str | None = None, counter: int | None = None, search: float = 5.0
+    ) -> None:
+        self._name, self._source_id, self._counter, self._search = name, source_id, counter, search
+        self._inlet: pylsl.StreamInlet | None = None
+        self._rate, self._frames, self._base = 1.0, 0, 0
+        self._waiting: deque[Chunk] = deque()
+        self._host_name = ""
+
+    def open(self) -> Stream:
+        """Find the stream and connect to its sender."""
+        _keep_quiet()
+        found = self._find()
+        # Recovery would go on with another run of the sender as if nothing had happened.
+        self._inlet = pylsl.StreamInlet(
+            found, max_buflen=60, recover=False, processing_flags=pylsl.proc_ALL, as_numpy=True
+        )
+        try:
+            info = self._inlet.info(timeout=5.0)
+        except (LostError, TimeoutError) as wrong:
+            raise self._lost() from wrong
+        return self._understood(info)
+
+    def start(self) -> None:
+        """Subscribe, or throw away what has come since."""
+        try:
+            self._opened().open_stream(timeout=5.0)
+        except (LostError, TimeoutError) as wrong:
+            raise self._lost() from wrong
+        self._opened().flush()
+        self._frames = 0
+        self._waiting.clear()
+
+    def pull(self, wait: float) -> Chunk | None:
+        """What has come; host times are the sender's stamps, put on this computer's clock and smoothed by liblsl."""
+        if self._waiting:
+            return self._waiting.popleft()
+        try:
+            samples, stamps = self._opened().pull_chunk(timeout=wait, max_samples=4096, min_samples=1)
+        except LostError as wrong:
+            raise self._lost() from wrong
+        if len(stamps):
+            self._waiting.extend(self._runs(np.array(samples), stamps))
+        return self._waiting.popleft() if self._waiting else None
+
+    def stop(self) -> None:
+        """Unsubscribe."""
+        if self._inlet is not None:
+            self._inlet.close_stream()
+
+    def close(self) -> None:
+        """Let go of the sender."""
+        self._inlet = None
+
+    def describe(self) -> dict[str, str]:
+        """Who sends, and through which library."""
+        return {"sender": self._host_name, "liblsl": str(pylsl.library_version())}
+
+    def _find(self) -> pylsl.StreamInfo:
+        found = pylsl.resolve_byprop("name", self._name, 1, self._search)
+        if self._source_id is not None:
+            found = [each for each in found if each.source_id() == self._source_id]
+        if not found:
+            others = sorted({each.name() for each in pylsl.resolve_streams(1.0)}) or ["none at all"]
+            raise DeviceError(
+                f"lsl: expected a stream called {self._name!r}, found none in {self._search:g} s; start its sender "
+                f"in the same network. Streams here: {', '.join(others)}"
+            )
+        if len(found) > 1:
+            names = ", ".join(sorted(each.source_id() or "none" for each in found))
+            raise DeviceError(
+                f"lsl: expected one stream called {self._name!r}, found {len(found)}; name one by ?source_id=: {names}"
+            )
+        return found[0]
+
+    def _understood(self, info: Any) -> Stream:
+        if info.channel_format() == pylsl.cf_string:
+            raise DeviceError(f"lsl: expected numbers from {self._name!r}, it sends text; name the stream of samples")
+        self._rate, channels = float(info.nominal_srate()), int(info.channel_count())
+        if self._rate <= 0:
+            raise RateError(f"lsl: expected a steady rate of {self._name!r}, it states none; a stream of events?")
+        if self._counter is not None:
+            if not 0 <= self._counter < channels:
+                raise InputError(f"lsl: expected a counter among channels 0 to {channels - 1}, got {self._counter}")
+            channels -= 1
+        self._host_name = str(info.hostname())
+        unit, scale = _unit(info.get_channel_units(), self._counter)
+        return Stream(channels=channels, rate=self._rate, unit=unit, scale=scale)
+
+    def _runs(self, samples: Samples, stamps: NDArray[np.float64]) -> Iterator[Chunk]:
+        """The frames in runs without a gap, numbered from the first one since start."""
+        if self._counter is None:
+            number = np.arange(self._frames, self._frames + len(samples))
+        else:
+            number = np.rint(samples[:, self._counter]).astype(np.int64)
+            samples = np.delete(samples, self._counter, axis=1)
+            self._base = int(number[0]) if self._frames == 0 else self._base
+            number -= self._base
+        if number[0] < self._frames or (np.diff(number) < 1).any():
+            raise DeviceError(f"lsl: expected a counter that grows from {self._name!r}; it went back: sender restarted")
+        self._frames = int(number[-1]) + 1
+        offset = time.monotonic() - pylsl.local_clock()
+        starts = [0, *(np.flatnonzero(np.diff(number) > 1) + 1), len(number)]
+        for begin, end in pairwise(starts):
+            first = int(number[begin])
+            yield Chunk(
+                samples=samples[begin:end],
+                first=first,
+                device_time=first / self._rate,
+                host_time=float(stamps[begin]) + offset,
+            )
+
+    def _opened(self) -> pylsl.StreamInlet:
+        if self._inlet is None:
+            raise DeviceStateError("lsl: expected open first")
+        return self._inlet
+
+    def _lost(self) -> DeviceError:
+        return DeviceError(f"lsl: lost the sender of {self._name!r}; see that it runs, then start again")
+
+
+def _keep_quiet() -> None:
+    """Let liblsl write errors only, unless somebody configured it: its notes would run through the meters."""
+    files = (Path("lsl_api.cfg"), Path.home() / "lsl_api" / "lsl_api.cfg", Path("/etc/lsl_api/lsl_api.cfg"))
+    if "LSLAPICFG" not in os.environ and not any(file.exists() for file in files):
+        pylsl.lib.lib.lsl_set_config_content(b"[log]\nlevel = -2\n")
+
+
+def _unit(stated: list[str | None] | None, counter: int | None) -> tuple[Unit | None, float]:
+    """The one unit of all channels, if they state one that is known."""
+    names = {(name or "").lower() for at, name in enumerate(stated or []) if at != counter}
+    return UNITS.get(names.pop(), (None, 1.0)) if len(names) == 1 else (None, 1.0)

@@ -1,0 +1,190 @@
+"""Converters of National Instruments. Imports the extra `ni`, which needs the vendor's driver NI-DAQmx.
+
+The driver runs on Windows and some Linux distributions; nobody has run this file against a real one yet.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, Protocol
+
+import nidaqmx
+import numpy as np
+from nidaqmx.constants import AcquisitionType, TerminalConfiguration
+from nidaqmx.errors import DaqNotFoundError
+from nidaqmx.errors import Error as DaqmxError
+from nidaqmx.system import System
+
+from midair.devices.sensors.sources import Chunk, Stream
+from midair.errors import DeviceError, DeviceStateError
+
+Wires = Literal["default", "rse", "nrse", "differential"]
+
+_WIRES = {
+    "default": TerminalConfiguration.DEFAULT,
+    "rse": TerminalConfiguration.RSE,
+    "nrse": TerminalConfiguration.NRSE,
+    "differential": TerminalConfiguration.DIFF,
+}
+
+
+class Task(Protocol):
+    """What is used of `nidaqmx.Task`."""
+
+    @property
+    def ai_channels(self) -> Any:
+        """The inputs."""
+        ...
+
+    @property
+    def timing(self) -> Any:
+        """The sample clock."""
+        ...
+
+    @property
+    def in_stream(self) -> Any:
+        """The buffer."""
+        ...
+
+    @property
+    def channel_names(self) -> Sequence[str]:
+        """Of the inputs."""
+        ...
+
+    def start(self) -> None:
+        """Begin to sample."""
+        ...
+
+    def stop(self) -> None:
+        """End sampling."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the device."""
+        ...
+
+    def read(self, number_of_samples_per_channel: int, timeout: float) -> Any:
+        """So many frames as a list of samples by channel, or a list of samples where there is one channel."""
+        ...
+
+
+class NiSource:
+    """Voltage inputs, sampled together.
+
+    Parameters
+    ----------
+    channels : str
+        In the driver's words, such as ``Dev1/ai0:15``.
+    rate : float
+        Of the frames, in Hz.
+    limit : float
+        Largest voltage of the range, either way, in V.
+    wires : {"default", "rse", "nrse", "differential"}
+        Against what the voltage is measured.
+    make_task : callable, optional
+        Makes the driver's task; for tests.
+    """
+
+    def __init__(
+        self,
+        channels: str,
+        *,
+        rate: float = 1000.0,
+        limit: float = 10.0,
+        wires: Wires = "default",
+        make_task: Callable[[], Task] | None = None,
+    ) -> None:
+        self._name, self._rate, self._limit, self._wires = channels, rate, limit, wires
+        self._make = make_task or _real_task
+        self._task: Task | None = None
+        self._frames = 0
+
+    def open(self) -> Stream:
+        """Reserve the inputs."""
+        try:
+            self._task = self._make()
+            self._task.ai_channels.add_ai_voltage_chan(
+                self._name, terminal_config=_WIRES[self._wires], min_val=-self._limit, max_val=self._limit
+            )
+            self._task.timing.cfg_samp_clk_timing(
+                self._rate, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=max(1000, round(10 * self._rate))
+            )
+            channels, rate = len(self._task.channel_names), float(self._task.timing.samp_clk_rate)
+        except DaqNotFoundError as wrong:
+            raise DeviceError(
+                "ni: expected the driver NI-DAQmx, it is not installed; get it from the vendor (Debian has no package)"
+            ) from wrong
+        except DaqmxError as wrong:
+            raise self._failed(wrong) from wrong
+        self._rate = rate
+        return Stream(channels=channels, rate=rate, unit="V", full_scale=self._limit)
+
+    def start(self) -> None:
+        """Begin to sample."""
+        self._frames = 0
+        try:
+            self._opened().start()
+        except DaqmxError as wrong:
+            raise self._failed(wrong) from wrong
+
+    def pull(self, wait: float) -> Chunk | None:
+        """All frames that the driver holds."""
+        task, end = self._opened(), time.monotonic() + wait
+        try:
+            while not (ready := int(task.in_stream.avail_samp_per_chan)):
+                if time.monotonic() > end:
+                    return None
+                time.sleep(0.002)
+            samples = np.atleast_2d(np.asarray(task.read(ready, wait), np.float64)).T
+        except DaqmxError as wrong:
+            raise self._failed(wrong) from wrong
+        first, self._frames = self._frames, self._frames + len(samples)
+        return Chunk(
+            samples=samples,
+            first=first,
+            device_time=first / self._rate,
+            host_time=time.monotonic() - len(samples) / self._rate,
+        )
+
+    def stop(self) -> None:
+        """End sampling."""
+        if self._task is not None:
+            self._quietly(self._task.stop)
+
+    def close(self) -> None:
+        """Let go of the inputs."""
+        task, self._task = self._task, None
+        if task is not None:
+            self._quietly(task.close)
+
+    def describe(self) -> dict[str, str]:
+        """Which inputs, and their range."""
+        return {"inputs": self._name, "range": f"{self._limit:g} V either way"}
+
+    def _quietly(self, call: Callable[[], None]) -> None:
+        """A device that was pulled out complains about everything; the first complaint was told already."""
+        try:
+            call()
+        except DaqmxError:
+            return
+
+    def _opened(self) -> Task:
+        if self._task is None:
+            raise DeviceStateError("ni: expected open first")
+        return self._task
+
+    def _failed(self, wrong: Exception) -> DeviceError:
+        said = str(wrong).strip().splitlines() or [type(wrong).__name__]
+        return DeviceError(f"ni: {self._name}: {said[0]}; check the name in NI MAX, the cable, and the rate")
+
+
+def _real_task() -> Task:
+    task: Any = nidaqmx.Task()
+    return task
+
+
+def devices() -> list[str]:
+    """Names of the devices that the driver sees."""
+    try:
+        return [str(device.name) for device in System.local().devices]
+    except DaqNotFoundError as wrong:
+        raise DeviceError("ni: expected the driver NI-DAQmx, it is not installed; get it from the vendor") from wrong

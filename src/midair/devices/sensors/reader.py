@@ -1,0 +1,81 @@
+"""A thread that takes what a source gives at once, so that nothing is lost while a disk is slow."""
+
+import threading
+from collections import deque
+
+from midair.devices.sensors.sources import Chunk, Source
+from midair.errors import MidairError
+
+
+class Reader:
+    """Keeps chunks until somebody takes them, up to a limit; beyond it the newest are dropped.
+
+    Parameters
+    ----------
+    source : Source
+        Started; `pull` is called from the reader's thread only.
+    rate : float
+        Of the source, in Hz.
+    limit : float
+        Of the samples that wait, in bytes.
+    """
+
+    def __init__(self, source: Source, rate: float, *, limit: float) -> None:
+        self.dropped = 0
+        self._source, self._rate, self._limit = source, rate, limit
+        self._waiting: deque[Chunk] = deque()
+        self._held = 0
+        self._failure: Exception | None = None
+        self._ends = threading.Event()
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name="midair source", daemon=True)
+        self._thread.start()
+
+    def take(self, wait: float) -> Chunk | None:
+        """The oldest chunk, or the first that comes within `wait` seconds, or None.
+
+        Raises
+        ------
+        MidairError
+            Of the source, once everything that came before it was taken.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._waiting or self._failure, wait)
+            if self._waiting:
+                chunk = self._waiting.popleft()
+                self._held -= chunk.samples.nbytes
+                return chunk
+            if self._failure is not None:
+                raise self._failure
+            return None
+
+    def stop(self) -> None:
+        """End the thread; what waits is forgotten."""
+        self._ends.set()
+        self._thread.join(5.0)
+
+    def _run(self) -> None:
+        try:
+            while not self._ends.is_set():
+                chunk = self._source.pull(0.1)
+                if chunk is not None:
+                    for part in chunk.finite_parts(self._rate):
+                        self._put(part)
+        except MidairError as wrong:
+            self._fail(wrong)
+        except Exception as wrong:  # noqa: BLE001  # a thread has nobody above it: whoever reads next is told
+            self._fail(wrong)
+
+    def _put(self, chunk: Chunk) -> None:
+        with self._changed:
+            if self._held + chunk.samples.nbytes > self._limit:
+                self.dropped += len(chunk)
+                return
+            self._waiting.append(chunk)
+            self._held += chunk.samples.nbytes
+            self._changed.notify_all()
+
+    def _fail(self, failure: Exception) -> None:
+        with self._changed:
+            self._failure = failure
+            self._changed.notify_all()

@@ -1,0 +1,193 @@
+"""A sensor whose channels come as a stream: from the network, a sound card, a serial port, a converter."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from midair.devices.interface import Block, SensorDevice
+from midair.devices.sensors.reader import Reader
+from midair.devices.sensors.sources import Chunk, Source, Stream
+from midair.errors import DeviceError, DeviceStateError, InputError, MismatchError
+from midair.model import Calibration, SensorWiring
+
+
+class StreamedSensor(SensorDevice):
+    """Gives the frames of a source as blocks of cells, whatever the source's own pieces are.
+
+    A thread takes everything from the source at once, so a reader may be late by as much as `memory` holds: 64 MB are
+    20 s of 16 channels at 48 kHz in float32, and 17 minutes at 1 kHz.
+
+    Parameters
+    ----------
+    source : Source
+        Where the channels come from.
+    name : str
+        What it was opened by.
+    wire : callable, optional
+        Says of an opened stream which channel is which cell and what the numbers mean; if None, cells in the order of
+        the channels, and the unit that the source states, or counts.
+    timeout : float
+        After how long without a frame the source counts as lost, in s.
+    memory : float
+        For frames that nobody has read yet, in bytes; what does not fit is lost, and counted.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        *,
+        name: str,
+        wire: Callable[[Stream], SensorWiring] | None = None,
+        timeout: float = 2.0,
+        memory: float = 64e6,
+    ) -> None:
+        self.name, self.source, self.timeout = name, source, timeout
+        self._wire, self._memory = wire or self._in_order, memory
+        self._stream: Stream | None = None
+        self._reader: Reader | None = None
+        self._rest: Chunk | None = None
+        self._next = 0
+        self._scale = 1.0
+        self._lost = 0
+
+    def __getattr__(self, attribute: str) -> Any:
+        """Only for what is not there: a source says what it is when it is opened."""
+        if attribute in ("rate", "grid", "unit"):
+            raise DeviceStateError(f"{self.name}: expected open before asking for its {attribute}")
+        raise AttributeError(attribute)
+
+    def open(self) -> None:
+        """Take hold of the source, and learn its channels and rate."""
+        if self._stream is not None:
+            return
+        try:
+            stream = self.source.open()
+            self._agree(stream)
+        except BaseException:
+            self.source.close()
+            raise
+        self._stream = stream
+
+    def start(self) -> None:
+        """Begin to sample; a second start begins again at frame 0."""
+        stream = self._opened()
+        self.stop()
+        self._rest, self._next, self._lost = None, 0, 0
+        self.source.start()
+        self._reader = Reader(self.source, stream.rate, limit=self._memory)
+
+    def read(self, frames: int) -> Block:
+        """The next frames: `frames` of them, or those up to a gap or to the loss of the source."""
+        if self._reader is None:
+            raise DeviceStateError(f"{self.name}: expected start before read")
+        if frames < 1:
+            raise InputError(f"{self.name}: expected to read 1 frame or more, got {frames}")
+        parts = self._parts(self._reader, frames)
+        first, lost = parts[0], parts[0].first - self._next
+        self._next = parts[-1].first + len(parts[-1])
+        self._lost += lost
+        samples = np.concatenate([part.samples for part in parts]).astype(np.float64) * self._scale
+        return Block(
+            samples=self._wired.arrange(samples),
+            first=first.first,
+            device_time=first.device_time,
+            host_time=first.host_time,
+            overflow=lost > 0,
+        )
+
+    def stop(self) -> None:
+        """End sampling."""
+        reader, self._reader = self._reader, None
+        if reader is not None:
+            reader.stop()
+            self.source.stop()
+
+    def close(self) -> None:
+        """Stop, and let go of the source."""
+        self.stop()
+        if self._stream is not None:
+            self._stream = None
+            self.source.close()
+
+    def describe(self) -> dict[str, str]:
+        """What the source says of itself, and what was lost since start."""
+        said = self.source.describe()
+        if self._stream is not None:
+            said |= {"channels": str(self._stream.channels), "rate": f"{self._stream.rate:g} Hz"}
+        return {**said, "lost frames": str(self._lost)}
+
+    def _opened(self) -> Stream:
+        if self._stream is None:
+            raise DeviceStateError(f"{self.name}: expected open before start")
+        return self._stream
+
+    @property
+    def _wired(self) -> SensorWiring:
+        if self.wiring is None:
+            raise DeviceStateError(f"{self.name}: expected open before read")
+        return self.wiring
+
+    def _parts(self, reader: Reader, frames: int) -> list[Chunk]:
+        """Chunks that follow each other, one at least."""
+        parts: list[Chunk] = []
+        while frames > 0:
+            try:
+                chunk = reader.take(self.timeout) if self._rest is None else self._rest
+            except Exception:
+                if parts:
+                    return parts
+                raise
+            self._rest = None
+            if chunk is None and not parts:
+                raise DeviceError(
+                    f"{self.name}: expected frames, got none for {self.timeout:g} s; is it connected, switched on and "
+                    "sending?"
+                )
+            if chunk is None or (parts and chunk.first != parts[-1].first + len(parts[-1])):
+                self._rest = chunk
+                return parts
+            if len(chunk) > frames:
+                self._rest = chunk.part(frames, len(chunk), self.rate)
+                chunk = chunk.part(0, frames, self.rate)
+            parts.append(chunk)
+            frames -= len(chunk)
+        return parts
+
+    def _in_order(self, stream: Stream) -> SensorWiring:
+        return SensorWiring.for_channels(stream.channels, name=self.name, unit=stream.unit or "count")
+
+    def _agree(self, stream: Stream) -> None:
+        """Settle wiring, unit and scale between what the source says and what was stated."""
+        wiring = self._wire(stream)
+        if wiring.channels > stream.channels:
+            raise MismatchError(
+                f"{self.name}: expected {wiring.channels} channels for {wiring.grid.rows} x {wiring.grid.columns} "
+                f"cells, got {stream.channels}; correct rows, columns and order in the sensor file"
+            )
+        scale = _scale(self.name, stream, wiring)
+        clips = None if stream.full_scale is None else stream.full_scale * scale
+        self.wiring = replace(wiring, full_scale=wiring.full_scale or clips)
+        self.grid, self.rate, self.unit, self._scale = wiring.grid, stream.rate, wiring.unit, scale
+        self.full_scale = self.wiring.full_scale
+        if wiring.sensitivity is not None:
+            self.calibration = Calibration.flat(wiring.grid, sensitivity=wiring.sensitivity, unit=wiring.unit)
+
+
+def _scale(name: str, stream: Stream, wiring: SensorWiring) -> float:
+    """Of the sensor's unit in one of the source's numbers."""
+    if stream.unit is not None:
+        if stream.unit != wiring.unit:
+            raise MismatchError(
+                f"{name}: expected samples in {wiring.unit}, the source says {stream.unit}; state unit={stream.unit}"
+            )
+        return stream.scale
+    if stream.full_scale is None or wiring.unit == "count":
+        return 1.0
+    if wiring.full_scale is None:
+        raise InputError(
+            f"{name}: expected full_scale for a unit of {wiring.unit}, because the source only knows shares of it; "
+            f"state how many {wiring.unit} its full scale is, or unit=count"
+        )
+    return wiring.full_scale / stream.full_scale

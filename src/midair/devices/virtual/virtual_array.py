@@ -1,0 +1,161 @@
+"""A phased array that exists only here: its sound presses on a `VirtualSkin`."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from midair.devices.arrays.frame_bytes import intensity_bytes, phase_bytes
+from midair.devices.arrays.silencer import Silencer, SilencerChoice, choose_silencer
+from midair.devices.interface import ArrayDevice, PlayReport, Progress
+from midair.devices.virtual.virtual_skin import VirtualSkin
+from midair.errors import DeviceStateError
+from midair.model import Drive, Medium, TransducerArray
+from midair.physics import (
+    Directivity,
+    Moment,
+    PlaybackChain,
+    TransducerDynamics,
+    Transducers,
+    radiate,
+    simulate,
+    transfer_matrix,
+)
+from midair.physics.playback import Spread, steps_a_frame
+
+
+class VirtualArray(ArrayDevice):
+    """Plays frame after frame on transducers that need time, hold 8-bit phases, and are not as strong as assumed.
+
+    That its transducers differ from the model which the solver uses is meant: without it, there would be nothing to
+    measure and to correct.
+
+    Parameters
+    ----------
+    array : TransducerArray
+        Where the transducers are.
+    skin : VirtualSkin, optional
+        What the sound presses on; none by default.
+    medium, directivity
+        Of the sound, as in `transfer_matrix`.
+    dynamics : TransducerDynamics
+        How a transducer follows a change of its drive, on average.
+    phase_bits : int or None
+        That the phases are rounded to; not rounded if None.
+    strength : float
+        Mean strength of the transducers over the model's.
+    spread : float
+        Standard deviation of the strengths, as a part of the mean.
+    resonance_spread : float
+        Standard deviation of the resonances, in Hz.
+    quality_spread : float
+        Standard deviation of the quality factors, as a part of the mean.
+    seed : int
+        Of the spreads.
+    silencer : {"off", "auto", "quarter", "half", "default"}
+        How steps are spread; see `choose_silencer`.
+    chain : PlaybackChain, optional
+        All of this instead of the settings above but for the silencer's, to make single parts ideal.
+    """
+
+    simulated = True
+    gated = False
+
+    def __init__(
+        self,
+        array: TransducerArray,
+        skin: VirtualSkin | None = None,
+        *,
+        medium: Medium | None = None,
+        directivity: Directivity = "t4010a1",
+        dynamics: TransducerDynamics | None = None,
+        phase_bits: int | None = 8,
+        strength: float = 0.9,
+        spread: float = 0.05,
+        resonance_spread: float = 50.0,
+        quality_spread: float = 0.05,
+        seed: int = 0,
+        silencer: SilencerChoice = "off",
+        chain: PlaybackChain | None = None,
+        name: str = "virtual",
+    ) -> None:
+        self.name, self.array = name, array
+        self.medium = medium or Medium()
+        self.silencer: SilencerChoice = silencer
+        self.chain = chain or PlaybackChain(
+            phase_bits=phase_bits,
+            transducers=Transducers.varied(
+                array.count,
+                dynamics,
+                seed=seed,
+                gain=strength,
+                gain_spread=spread,
+                resonance_spread=resonance_spread,
+                quality_spread=quality_spread,
+            ),
+        )
+        self._skin = skin
+        self._matrix = (
+            None if skin is None else transfer_matrix(skin.points, array, medium=self.medium, directivity=directivity)
+        )
+        self._spread = (
+            None if self._matrix is None else Spread.of(self._matrix, self.medium, None, self.chain.precision)
+        )
+        self._open = False
+        self._now = Moment.silent(array.count)
+
+    @property
+    def emitting(self) -> bool:
+        """Whether any sound comes out now."""
+        return bool(np.abs(self._now.q).max() > 0)
+
+    def open(self) -> None:
+        """Be ready, and silent."""
+        self._open = True
+        self.silence()
+
+    def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
+        """Work out the pressure of every frame on the skin, some frames at a time."""
+        if not self._open:
+            raise DeviceStateError("virtual array: expected open before play")
+        silencer = self._silencer(drive)
+        chain = self.chain if silencer is None else _spread_by(self.chain, silencer)
+        steps = 1 if self._skin is None else steps_a_frame(drive.rate, self._skin.rate)
+        if self._skin is not None and delay:
+            self._skin.press(np.zeros((round(delay * drive.rate) * steps, self._skin.points.count)))
+        total = drive.frames * repeats
+        for before in range(0, total, drive.frames):
+            self._emit_once(drive, chain, steps, before, total, progress)
+        said = "" if silencer is None else str(silencer)
+        return PlayReport(frames=total, duration=total / drive.rate, silencer=said)
+
+    def silence(self) -> None:
+        """Stop all sound at once."""
+        self._now = Moment.silent(self.array.count)
+
+    def close(self) -> None:
+        """Let go."""
+        self._open = False
+
+    def _silencer(self, drive: Drive) -> Silencer | None:
+        """What spreads the steps of this drive; None when none is on."""
+        if self.silencer == "off":
+            return None
+        return choose_silencer(self.silencer, phase_bytes(drive, 1), intensity_bytes(drive, 1), drive.rate)
+
+    def _emit_once(
+        self, drive: Drive, chain: PlaybackChain, steps: int, before: int, total: int, progress: Progress | None
+    ) -> None:
+        if chain.hold == "ideal" and self._skin is not None and self._matrix is not None:
+            self._skin.press(simulate(drive, self._matrix, chain=chain, rate=self._skin.rate, medium=self.medium))
+        done = 0
+        for q, now in radiate(drive, chain, steps, start=self._now):
+            self._now = now
+            done += len(q) // steps
+            if chain.hold == "step" and self._skin is not None and self._spread is not None:
+                self._skin.press(self._spread.pressure(q))
+            if progress:
+                progress(before + done, total)
+
+
+def _spread_by(chain: PlaybackChain, silencer: Silencer) -> PlaybackChain:
+    return replace(chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)

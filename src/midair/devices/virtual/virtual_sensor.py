@@ -1,0 +1,80 @@
+"""A microphone sensor that exists only here: the forward model of physics/sensing behind the sensor interface."""
+
+import numpy as np
+
+from midair.devices.interface import Block, SensorDevice
+from midair.devices.virtual.virtual_skin import VirtualSkin
+from midair.errors import DeviceStateError
+from midair.model import PressureFrames
+from midair.physics.sensing import calibration_of, sense
+
+
+class VirtualSensor(SensorDevice):
+    """Senses what presses on a `VirtualSkin`. Its clock runs when it is read, as fast as the computer can.
+
+    Parameters
+    ----------
+    skin : VirtualSkin
+        Where the sensor lies; its model is the sensor's.
+    touch : PressureFrames, optional
+        An object that presses on the skin from start on, at the skin's rate.
+    rate : float
+        Frames per second, in Hz; the skin's rate over it must be whole.
+    seed : int
+        Of the noise.
+    """
+
+    unit = "V"
+    simulated = True
+    on_demand = True
+
+    def __init__(
+        self,
+        skin: VirtualSkin,
+        *,
+        touch: PressureFrames | None = None,
+        rate: float = 1000.0,
+        seed: int = 0,
+        name: str = "virtual",
+    ) -> None:
+        self.name, self.grid, self.rate = name, skin.model.grid, rate
+        self.calibration, self.full_scale = calibration_of(skin.model), skin.model.full_scale
+        self._skin, self._touch, self._seed = skin, touch, seed
+        self._oversample = round(skin.rate / rate)
+        self._samples = np.zeros((0, *self.grid.shape))
+        self._taken = 0
+        self._sampling = False
+
+    def open(self) -> None:
+        """Nothing to take hold of."""
+
+    def start(self) -> None:
+        """Clear the skin, let the object touch it if there is one, and begin."""
+        self._skin.clear()
+        if self._touch is not None:
+            self._skin.touch(self._touch)
+        self._samples = np.zeros((0, *self.grid.shape))
+        self._taken, self._sampling = 0, True
+
+    def read(self, frames: int) -> Block:
+        """The next frames. What presses on the skin must have done so before the first read."""
+        if not self._sampling:
+            raise DeviceStateError("virtual sensor: expected start before read")
+        first, self._taken = self._taken, self._taken + frames
+        if len(self._samples) < self._taken:
+            self._samples = self._sense(self._taken)
+        now = first / self.rate
+        return Block(samples=self._samples[first : self._taken], first=first, device_time=now, host_time=now)
+
+    def stop(self) -> None:
+        """End sampling."""
+        self._sampling = False
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+    def _sense(self, frames: int) -> np.ndarray:
+        pressure = self._skin.pressure(frames * self._oversample)
+        whole = len(pressure) // self._oversample * self._oversample
+        rng = np.random.default_rng(self._seed)
+        return sense(self._skin.model, pressure[:whole], self.rate, rng=rng, oversample=self._oversample)

@@ -1,0 +1,136 @@
+"""AHAP, Apple's haptic patterns: one actuator, so one intensity and one sharpness over time.
+
+Format: "Representing haptic patterns in AHAP files" (Apple, Core Haptics). A continuous event of up to 30 s runs at
+full intensity and medium sharpness; curves of intensity (a factor, 0 to 1) and of sharpness (added, -1 to 1) shape it.
+Two things are midair's choice, as Apple states neither: curves are cut at 16 points, the most that Core Haptics is said
+to play of one; and sharpness is the centre of the spectrum on a straight line from 80 Hz (0) to 230 Hz (1).
+"""
+
+import json
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.files.atomic import whole_file
+from midair.files.loss import Loss, calibration_lost
+from midair.model import Calibration, Recording
+
+Array = NDArray[np.float64]
+
+STEP = 0.025
+"""Between two points of a curve, in s."""
+
+LONGEST = 30.0
+"""Of one continuous event, in s."""
+
+POINTS = 16
+"""Of one curve."""
+
+SHARPNESS = (80.0, 230.0)
+"""Frequencies of sharpness 0 and 1, in Hz."""
+
+
+def write_ahap(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
+    """Write intensity and sharpness of the cells together.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    time, intensity, frequency = envelope(recording)
+    low, high = SHARPNESS
+    sharpness = np.clip((frequency - low) / (high - low), 0, 1)
+    pattern = [
+        *(_event(start, min(LONGEST, recording.duration - start)) for start in _starts(recording.duration)),
+        *_curves("HapticIntensityControl", time, intensity),
+        *_curves("HapticSharpnessControl", time, sharpness - 0.5),
+    ]
+    with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
+        json.dump({"Version": 1.0, "Pattern": pattern}, file, allow_nan=False, indent=1)
+    return (*_losses(recording), *calibration_lost(calibration, "AHAP"))
+
+
+def envelope(recording: Recording) -> tuple[Array, Array, Array]:
+    """What one actuator can be told of a field, every `STEP`.
+
+    Returns
+    -------
+    time : ndarray, shape (point,)
+        In s, from 0 to the end.
+    intensity : ndarray, shape (point,)
+        Root mean square over all cells of the change from their medians, in a Hann window of two steps, over the
+        largest; 0 to 1.
+    frequency : ndarray, shape (point,)
+        Centre of the power spectrum of the same windows over all cells, in Hz; 0 where there is nothing.
+    """
+    change = recording.samples.reshape(recording.frames, -1)
+    change = change - np.median(change, axis=0)
+    count = max(2, int(np.ceil(recording.duration / STEP)) + 1)
+    time = np.linspace(0, recording.duration, count)
+    half = max(2, round(STEP * recording.rate))
+    window = np.hanning(2 * half + 1)[:, None]
+    padded = np.concatenate([np.zeros((half, change.shape[1])), change, np.zeros((half + 1, change.shape[1]))])
+    bins = np.fft.rfftfreq(2 * half + 1, 1 / recording.rate)
+    power, frequency = np.zeros(count), np.zeros(count)
+    for i, centre in enumerate(np.round(time * recording.rate).astype(int)):
+        spectrum = (np.abs(np.fft.rfft(padded[centre : centre + 2 * half + 1] * window, axis=0)) ** 2).sum(axis=1)
+        power[i] = spectrum.sum()
+        frequency[i] = spectrum @ bins / power[i] if power[i] else 0.0
+    rms = np.sqrt(power)
+    return time, rms / (rms.max() or 1.0), frequency
+
+
+def _starts(duration: float) -> Array:
+    return np.arange(0.0, duration, LONGEST)
+
+
+def _event(start: float, duration: float) -> dict[str, Any]:
+    parameters = [
+        {"ParameterID": "HapticIntensity", "ParameterValue": 1.0},
+        {"ParameterID": "HapticSharpness", "ParameterValue": 0.5},
+    ]
+    event = {
+        "Time": round(float(start), 6),
+        "EventType": "HapticContinuous",
+        "EventDuration": round(float(duration), 6),
+        "EventParameters": parameters,
+    }
+    return {"Event": event}
+
+
+def _curves(name: str, time: Array, values: Array) -> list[dict[str, Any]]:
+    """Curves of up to `POINTS` points; each begins with the last point of the one before."""
+    edges = [*range(0, len(time) - 1, POINTS - 1), len(time) - 1]
+    curves: list[dict[str, Any]] = []
+    for first, last in pairwise(edges):
+        points = [
+            {"Time": round(float(time[i] - time[first]), 6), "ParameterValue": round(float(values[i]), 4)}
+            for i in range(first, last + 1)
+        ]
+        curve = {"ParameterID": name, "Time": round(float(time[first]), 6), "ParameterCurveControlPoints": points}
+        curves.append({"ParameterCurve": curve})
+    return curves
+
+
+def _losses(recording: Recording) -> tuple[Loss, ...]:
+    low, high = SHARPNESS
+    rows, columns = recording.sensor.shape
+    found = [
+        Loss(what="channels", text=f"{rows} x {columns} cells became one actuator: where something pressed is lost."),
+        Loss(what="waveform", text=f"The waveform became an intensity and a sharpness every {STEP * 1e3:g} ms."),
+        Loss(what="band", text=f"Sharpness stands for {low:g} to {high:g} Hz; what is outside is moved to its ends."),
+        Loss(what="scale", text="Intensity is a part of the recording's largest: how strong it was is lost."),
+        Loss(what="provenance", text="Sensor and provenance were left out."),
+    ]
+    if recording.provenance.simulated:
+        found.append(Loss(what="provenance", text="The file cannot say that this recording is SIMULATED."))
+    if recording.duration > LONGEST:
+        parts = len(_starts(recording.duration))
+        found.append(
+            Loss(what="length", text=f"{recording.duration:g} s became {parts} events of up to {LONGEST:g} s.")
+        )
+    return tuple(found)

@@ -1,0 +1,45 @@
+"""NumPy archives: `samples`, `rate`, `unit` and midair's header, or one array of another program."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from midair.files.atomic import whole_file
+from midair.files.foreign.header import header_of
+from midair.files.foreign.named_arrays import from_arrays
+from midair.files.imported import Given, Imported
+from midair.files.loss import Loss, calibration_lost
+from midair.model import Calibration, Recording
+
+
+def write_npz(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
+    """Write the samples, shape (frame, row, column), their rate in Hz and unit, and the header."""
+    with whole_file(path) as partial, partial.open("wb") as file:
+        np.savez(
+            file,
+            samples=recording.samples,
+            rate=np.float64(recording.rate),
+            unit=np.array(recording.unit),
+            midair=np.array(header_of(recording)),
+        )
+    return calibration_lost(calibration, "NPZ")
+
+
+def read_npz(path: Path, given: Given) -> Imported:
+    """The recording in an archive of midair, or in the one array of frames of another program.
+
+    Objects are not loaded: they could run programs.
+
+    Raises
+    ------
+    BrokenFileError
+        If the archive is damaged or does not hold exactly one array that can be frames.
+    InputError
+        Its leaf, if the file does not say enough or a number cannot be used.
+    """
+    arrays: dict[str, Any] = {}
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        for name in archive.files:
+            arrays[name] = archive[name]
+    return from_arrays(arrays, "NPZ", path, given)

@@ -1,0 +1,107 @@
+"""WAV, and its 64-bit forms RF64 and Wave64: one audio channel a cell, full scale 1.
+
+midair keeps its header in a chunk that other programs skip.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from midair.errors import BrokenFileError, FileError, UnitError
+from midair.files.atomic import whole_file
+from midair.files.foreign.header import header_of, parse_header, recording_from
+from midair.files.foreign.riff import CHUNK, append_chunk, chunks, content
+from midair.files.imported import Foreign, Given, Imported
+from midair.files.loss import Loss, calibration_lost
+from midair.model import Calibration, Recording, Unit
+
+_FORMATS = ("WAV", "WAVEX", "W64", "RF64")
+_BITS = {"PCM_U8": 8, "PCM_16": 16, "PCM_24": 24, "PCM_32": 32}
+_READABLE = (*_BITS, "FLOAT", "DOUBLE", "ULAW")
+
+
+def write_wav(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
+    """Write float64 below full scale: the samples over the power of two above their peak, so that none is rounded.
+
+    Raises
+    ------
+    FileError
+        If the sensor has more cells than a WAV has channels (1024), or there are more than 4 GB of samples.
+    """
+    import soundfile
+
+    cells = recording.sensor.count
+    if cells > 1024:
+        raise FileError(f"{path}: a WAV holds up to 1024 channels, got a sensor of {cells}; save to .h5")
+    if recording.samples.nbytes > 2**32 - 2**20:
+        raise FileError(f"{path}: a WAV holds less than 4 GB, got {recording.samples.nbytes} bytes; save to .h5")
+    rate = max(1, round(recording.rate))
+    exponent = int(np.frexp(np.abs(recording.samples).max())[1])
+    samples = np.ldexp(recording.samples, -exponent).reshape(recording.frames, cells)
+    with whole_file(path) as partial:
+        soundfile.write(partial, samples, rate, subtype="DOUBLE", format="WAV")
+        append_chunk(partial, header_of(recording, scale_exponent=exponent).encode("ascii"))
+    return (*_losses(recording, rate, exponent), *calibration_lost(calibration, "WAV"))
+
+
+def read_wav(path: Path, given: Given) -> Imported:
+    """The recording in a WAV of midair, or of another program, also as RF64 or Wave64.
+
+    PCM of 8, 16, 24 or 32 bits, float32, float64 and µ-law are read.
+
+    Full scale of another program's file is 1 of the given unit; with unit "count", PCM samples are its whole numbers.
+
+    Raises
+    ------
+    BrokenFileError
+        If the header is wrong or samples are missing.
+    InputError
+        Its leaf, if the file does not say enough or a number cannot be used.
+    """
+    import soundfile
+
+    held = chunks(path)
+    header = next((content(path, chunk) for chunk in held if chunk.letters == CHUNK), None)
+    with soundfile.SoundFile(path) as file:
+        subtype, rate = file.subtype, file.samplerate
+        if file.format not in _FORMATS or subtype not in _READABLE:
+            raise BrokenFileError(f"{path}: expected PCM, float or µ-law in a WAV, got {file.format} with {subtype}")
+        samples = file.read(dtype="float64", always_2d=True)
+    if header is None:
+        return _foreign(samples, subtype, float(rate), given, path).settle(given, path)
+    parsed = parse_header(header.decode("ascii"), path)
+    recording = recording_from(parsed, np.ldexp(samples, parsed["scale_exponent"]), path)
+    given.check(recording, path)
+    return Imported(recording=recording)
+
+
+def _foreign(samples: np.ndarray, subtype: str, rate: float, given: Given, path: Path) -> Foreign:
+    """The rate given may be the exact one of which a WAV holds the nearest whole number."""
+    exact = given.rate if given.rate is not None and round(given.rate) == rate else rate
+    full = f"1 {given.unit}" if given.scale is None else f"{given.scale:g} Pa"
+    scale, remark = 1.0, f"Full scale of the WAV ({subtype}) was taken as {full}."
+    if given.unit == "count" and given.scale is None:
+        scale, remark = _counts(subtype, path)
+    return Foreign(
+        samples=samples * scale, form="WAV", rate=exact, settings={"subtype": subtype, "scale": scale}, report=(remark,)
+    )
+
+
+def _counts(subtype: str, path: Path) -> tuple[float, str]:
+    if subtype in _BITS:
+        return 2.0 ** (_BITS[subtype] - 1), f"Samples are the whole numbers of {subtype}."
+    if subtype == "ULAW":
+        unit: Unit = "V"
+        raise UnitError(
+            f'{path}: µ-law holds no counts; give the unit that full scale stands for, such as unit="{unit}"'
+        )
+    return 1.0, f"Samples are taken from {subtype} as they are."
+
+
+def _losses(recording: Recording, rate: int, exponent: int) -> tuple[Loss, ...]:
+    text = f"Full scale is 2^{exponent} {recording.unit}: only midair reads that, and the sensor and the provenance."
+    scale = Loss(what="scale", text=text)
+    if rate == recording.rate:
+        return (scale,)
+    text = f"WAV holds whole rates: others than midair read {rate} Hz for {recording.rate:.9g} Hz."
+    return (Loss(what="rate", text=text), scale)

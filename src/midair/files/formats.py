@@ -1,0 +1,200 @@
+"""Which format a file name means, and the two doors of the store: `load` and `save`."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from midair.errors import UnknownFormatError
+from midair.files.atomic import existing_file, refusing
+from midair.files.foreign.ahap_file import write_ahap
+from midair.files.foreign.csv_file import read_csv, write_csv
+from midair.files.foreign.hjif_file import write_hjif
+from midair.files.foreign.mat_file import read_mat, write_mat
+from midair.files.foreign.mcap_file import read_mcap
+from midair.files.foreign.npz_file import read_npz, write_npz
+from midair.files.foreign.tdms_file import read_tdms
+from midair.files.foreign.wav_file import read_wav, write_wav
+from midair.files.foreign.xdf_file import read_xdf
+from midair.files.imported import Given, Imported
+from midair.files.loss import Loss
+from midair.files.native import calibration_file, drive_file
+from midair.files.native.netcdf_file import write_netcdf
+from midair.files.native.recording_file import read_recording, write_recording
+from midair.model import Calibration, Recording, SensorGrid, Unit
+from midair.recordings.suspicion import suspicious
+
+Reader = Callable[[Path, Given], Imported]
+Writer = Callable[[Recording, Path, Calibration | None], tuple[Loss, ...]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """One way to store a recording.
+
+    Attributes
+    ----------
+    name : str
+        What to call it.
+    read, write : callable or None
+        The doors in and out; None where there is none.
+    """
+
+    name: str
+    read: Reader | None = None
+    write: Writer | None = None
+
+
+HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
+
+FORMATS: Mapping[str, Format] = {
+    ".h5": HDF5,
+    ".hdf5": HDF5,
+    ".csv": Format(name="CSV", read=read_csv, write=write_csv),
+    ".wav": Format(name="WAV", read=read_wav, write=write_wav),
+    ".npz": Format(name="NPZ", read=read_npz, write=write_npz),
+    ".mat": Format(name="MAT", read=read_mat, write=write_mat),
+    ".nc": Format(name="NetCDF of midair", read=read_recording, write=write_netcdf),
+    ".w64": Format(name="Wave64", read=read_wav),
+    ".rf64": Format(name="RF64", read=read_wav),
+    ".xdf": Format(name="XDF", read=read_xdf),
+    ".tdms": Format(name="TDMS", read=read_tdms),
+    ".mcap": Format(name="MCAP", read=read_mcap),
+    ".hjif": Format(name="MPEG haptics", write=write_hjif),
+    ".ahap": Format(name="AHAP", write=write_ahap),
+}
+"""By the end of a file's name, in small letters."""
+
+OTHERS: Mapping[str, str] = {
+    drive_file.SUFFIX: "a drive: load_solution() and save_solution()",
+    calibration_file.SUFFIX: "a calibration: load_calibration() and save_calibration()",
+}
+"""Names that end like a recording's and mean something else."""
+
+
+def load(
+    path: str | os.PathLike[str],
+    *,
+    rate: float | None = None,
+    unit: Unit | None = None,
+    sensor: SensorGrid | None = None,
+    scale: float | None = None,
+    channels: Sequence[str] | None = None,
+    stream: str | None = None,
+) -> Recording:
+    """The recording in a file of any format that midair knows.
+
+    The options state what a file of another program does not say; what contradicts the file is refused. `read` also
+    returns what was assumed and what looks wrong.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        Its ending tells the format: .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .mat, .nc, .xdf, .tdms or .mcap.
+    rate : float, optional
+        Frames per second, in Hz.
+    unit : {"V", "count", "Pa"}, optional
+        Of the samples.
+    sensor : SensorGrid, optional
+        How the channels are laid out.
+    scale : float, optional
+        Pressure that 1 of the file's numbers means, in Pa: of full scale, of a volt, of 1 m/s2.
+    channels : sequence of str, optional
+        The ones to take, in this order, by name or by number from 0.
+    stream : str, optional
+        Which one to take of a file that holds several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of
+        NPZ or MAT.
+
+    Returns
+    -------
+    Recording
+        With its provenance, or with the file's name as its source if the file has none.
+
+    Raises
+    ------
+    MissingFileError, BrokenFileError, UnknownFormatError
+        If the file is not there, is damaged or of another kind, or its format is unknown.
+    InputError
+        Its leaf that says what is missing or cannot be used.
+    """
+    return read(path, rate=rate, unit=unit, sensor=sensor, scale=scale, channels=channels, stream=stream).recording
+
+
+def read(
+    path: str | os.PathLike[str],
+    *,
+    rate: float | None = None,
+    unit: Unit | None = None,
+    sensor: SensorGrid | None = None,
+    scale: float | None = None,
+    channels: Sequence[str] | None = None,
+    stream: str | None = None,
+) -> Imported:
+    """`load`, with a report: one sentence for each thing that was assumed, changed, left out or looks wrong."""
+    form = format_of(path)
+    if form.read is None:
+        known = ", ".join(ending for ending, each in FORMATS.items() if each.read)
+        raise UnknownFormatError(f"{path}: {form.name} holds effects, not a recording; what can be read is {known}")
+    file = existing_file(path)
+    # Damaged numbers may overflow on the way; the recording refuses what is not finite.
+    with refusing(file, f"a {form.name} file"), np.errstate(all="ignore"):
+        chosen = None if channels is None else tuple(channels)
+        given = Given(rate=rate, unit=unit, sensor=sensor, scale=scale, channels=chosen, stream=stream)
+        imported = form.read(file, given)
+    return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
+
+
+def save(
+    recording: Recording, path: str | os.PathLike[str], *, calibration: Calibration | None = None
+) -> tuple[Loss, ...]:
+    """Write a recording in the format that the ending of `path` tells, whole or not at all.
+
+    Parameters
+    ----------
+    recording : Recording
+        To write.
+    path : str or PathLike
+        Ends in .h5, .hdf5, .csv, .wav, .npz, .mat, .nc, .hjif or .ahap; replaced in one piece if it is there.
+    calibration : Calibration, optional
+        Of its sensor, to keep in the same file.
+
+    Returns
+    -------
+    tuple of Loss
+        One for each thing that the format cannot hold; empty when nothing is lost.
+
+    Raises
+    ------
+    UnknownFormatError
+        If the ending is unknown.
+    FileError
+        If the file cannot be written.
+    """
+    form = format_of(path)
+    if form.write is None:
+        known = ", ".join(ending for ending, each in FORMATS.items() if each.write)
+        raise UnknownFormatError(f"{path}: {form.name} is read, not written; what can be written is {known}")
+    return form.write(recording, Path(path), calibration)
+
+
+def format_of(path: str | os.PathLike[str]) -> Format:
+    """The format that the ending of a file's name tells.
+
+    Raises
+    ------
+    UnknownFormatError
+        If it tells none, or something else than a recording.
+    """
+    name = os.fspath(path).lower()
+    for ending, other in OTHERS.items():
+        if name.endswith(ending):
+            raise UnknownFormatError(f"{path}: expected a recording; names that end in {ending} are for {other}")
+    form = FORMATS.get(Path(name).suffix)
+    if form is None:
+        known = ", ".join(FORMATS)
+        raise UnknownFormatError(
+            f"{path}: expected a name that ends in {known}, got {Path(name).suffix or 'no ending'!r}"
+        )
+    return form

@@ -1,0 +1,235 @@
+"""What comes out of a file, what was noticed on the way, and what the reader was told beforehand."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
+from midair.files.stamps import held
+from midair.model import Provenance, Recording, SensorGrid, Setting, Unit
+
+ONE = SensorGrid(rows=1, columns=1)
+"""What a file of one channel is taken for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imported:
+    """A recording that was read from a file.
+
+    Attributes
+    ----------
+    recording : Recording
+        What the file holds.
+    report : tuple of str
+        One sentence for each thing that was assumed, changed, left out or looks wrong; empty when there is nothing.
+    """
+
+    recording: Recording
+    report: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Given:
+    """What a person says about a file that does not say it itself; None where they say nothing.
+
+    Attributes
+    ----------
+    rate : float or None
+        Frames per second, in Hz.
+    unit : {"V", "count", "Pa"} or None
+        Of the samples.
+    sensor : SensorGrid or None
+        How the channels are laid out.
+    scale : float or None
+        Pressure that 1 of the file's numbers means, in Pa.
+    channels : tuple of str or None
+        The ones to take, in this order, by name or by number from 0.
+    stream : str or None
+        Which one to take of a file that holds several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of
+        NPZ or MAT.
+    """
+
+    rate: float | None = None
+    unit: Unit | None = None
+    sensor: SensorGrid | None = None
+    scale: float | None = None
+    channels: tuple[str, ...] | None = None
+    stream: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.scale is not None and not (np.isfinite(self.scale) and self.scale != 0):
+            raise InputError(f"scale: expected a number other than 0 Pa, got {self.scale:g}")
+        if self.scale is not None and self.unit not in (None, "Pa"):
+            raise MismatchError(f"scale: it makes pressure of the numbers, got unit={self.unit!r}; leave unit out")
+
+    def check(self, recording: Recording, path: Path) -> None:
+        """Raise if anything given contradicts a file that says everything itself.
+
+        Raises
+        ------
+        MismatchError
+            If it does.
+        """
+        pairs = (
+            ("rate", self.rate, recording.rate),
+            ("unit", self.unit, recording.unit),
+            ("sensor", self.sensor, recording.sensor),
+        )
+        for name in ("scale", "channels", "stream"):
+            if getattr(self, name) is not None:
+                raise MismatchError(f"{path}: the file is midair's own and says everything; leave {name} out")
+        for name, given, stated in pairs:
+            if given is not None and given != stated:
+                raise MismatchError(f"{path}: the file says {name} {stated}, got {name} {given}; leave {name} out")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Foreign:
+    """What a file of another program says.
+
+    Attributes
+    ----------
+    samples : ndarray, shape (frame, channel) or (frame, row, column)
+        As in the file.
+    form : str
+        What to call the format in messages and in the provenance.
+    rate, unit, sensor
+        None where the file does not say.
+    names : tuple of str
+        Of the channels; () where they have none.
+    units : tuple of {"V", "count", "Pa", None}
+        Of each channel, where the file says that instead of `unit`.
+    notes : mapping of str to str
+        What the file or its name says about the experiment.
+    settings : mapping
+        What was done while reading, for the provenance.
+    report : tuple of str
+        What was noticed so far.
+    """
+
+    samples: NDArray[np.float64]
+    form: str
+    rate: float | None = None
+    unit: Unit | None = None
+    sensor: SensorGrid | None = None
+    names: tuple[str, ...] = ()
+    units: tuple[Unit | None, ...] = ()
+    notes: Mapping[str, str] = field(default_factory=dict[str, str])
+    settings: Mapping[str, Setting] = field(default_factory=dict[str, Setting])
+    report: tuple[str, ...] = ()
+
+    def settle(self, given: Given, path: Path) -> Imported:
+        """The recording, once every gap of the file is filled by what was given or by a stated assumption.
+
+        Raises
+        ------
+        RateError, UnitError, ShapeError
+            If the file does not say something, nobody gave it, and there is no sound assumption.
+        MismatchError
+            If what was given contradicts the file.
+        """
+        if given.channels is not None:
+            return self._chosen(given.channels, path).settle(replace(given, channels=None), path)
+        rate = self._rate(given, path)
+        unit = self._unit(given, path)
+        sensor, assumed = self._sensor(given, path)
+        report = (*self.report, assumed) if assumed else self.report
+        settings = {"format": self.form, "sha256": _sha256(path), **self.settings}
+        if given.scale is not None:
+            settings["scale_pa"] = given.scale
+        provenance = Provenance(source=path.name, notes=self.notes).then("import", {**settings, "report": report})
+        samples = self.samples.reshape(len(self.samples), *sensor.shape) * (given.scale or 1.0)
+        recording = Recording(samples=samples, rate=rate, sensor=sensor, unit=unit, provenance=provenance)
+        return Imported(recording=recording, report=report)
+
+    def _rate(self, given: Given, path: Path) -> float:
+        rate = given.rate if self.rate is None else self.rate
+        if rate is None:
+            raise RateError(f"{path}: the file does not say its frame rate; give it, such as rate=1000 (Hz)")
+        if given.rate not in (None, rate):
+            raise MismatchError(f"{path}: the file says {rate:g} Hz, got rate={given.rate:g}; leave rate out")
+        return rate
+
+    def _unit(self, given: Given, path: Path) -> Unit:
+        stated = self.unit
+        if self.units and len(set(self.units)) == 1:
+            stated = self.units[0]
+        if given.scale is not None:
+            if stated == "Pa":
+                raise MismatchError(f"{path}: the file says Pa, got scale={given.scale:g}; leave scale out")
+            return "Pa"
+        unit = stated or given.unit
+        if unit is None:
+            raise UnitError(
+                f'{path}: the file does not say the unit of its samples; give unit="V", "count" or "Pa", or for '
+                "another quantity the pressure that 1 of its unit means, such as scale=2 (Pa)"
+            )
+        if given.unit not in (None, unit):
+            raise MismatchError(f"{path}: the file says {unit}, got unit={given.unit!r}; leave unit out")
+        return unit
+
+    def _sensor(self, given: Given, path: Path) -> tuple[SensorGrid, str]:
+        channels = int(np.prod(self.samples.shape[1:]))
+        if given.sensor is not None:
+            rows_differ = self.samples.ndim == 3 and self.samples.shape[1:] != given.sensor.shape
+            if given.sensor.count != channels or rows_differ:
+                have = " x ".join(map(str, self.samples.shape[1:]))
+                want = f"{given.sensor.rows} x {given.sensor.columns}"
+                raise MismatchError(f"{path}: the file has {have} channels, got a sensor of {want}; give one that fits")
+            return given.sensor, ""
+        if self.sensor is not None:
+            return self.sensor, ""
+        return self._assumed_sensor(channels, path)
+
+    def _assumed_sensor(self, channels: int, path: Path) -> tuple[SensorGrid, str]:
+        pitch = SensorGrid().pitch
+        if self.samples.ndim == 3:
+            sensor = SensorGrid(rows=self.samples.shape[1], columns=self.samples.shape[2])
+            return sensor, f"The file does not say the pitch of the sensor: {pitch * 1e3:g} mm was assumed."
+        if channels == 1:
+            return ONE, ""
+        if channels == SensorGrid().count:
+            lie = f"4 x 4, row by row, {pitch * 1e3:g} mm apart"
+            return SensorGrid(), f"The file does not say how its 16 channels lie: {lie} was assumed."
+        named = f" ({', '.join(self.names[:20])})" if self.names else ""
+        raise ShapeError(
+            f"{path}: the file has {channels} channels{named} and does not say how they lie; "
+            "give sensor=SensorGrid(rows=..., columns=..., pitch=...), or choose some with channels=(...)"
+        )
+
+    def _chosen(self, channels: tuple[str, ...], path: Path) -> "Foreign":
+        """Only these channels, of which nobody says any more how they lie."""
+        flat = self.samples.reshape(len(self.samples), -1)
+        places = [self._place(channel, flat.shape[1], path) for channel in channels]
+        if not places or len(set(places)) != len(places):
+            raise ShapeError(f"{path}: expected channels that are there once each, got {', '.join(channels) or 'none'}")
+        names = tuple(self.names[i] for i in places) if self.names else tuple(str(i) for i in places)
+        samples = flat[:, places]
+        fine = len(np.unique(samples, axis=0)) > len(samples) / 2  # coarse numbers repeat by themselves
+        repeats = tuple(sentence for sentence in held(samples) if fine and sentence not in self.report)
+        return replace(
+            self,
+            samples=samples,
+            report=(*self.report, *repeats),
+            sensor=None,
+            names=names,
+            units=tuple(self.units[i] for i in places) if self.units else (),
+            settings={**self.settings, "channels": names},
+        )
+
+    def _place(self, channel: str, count: int, path: Path) -> int:
+        if channel in self.names:
+            return self.names.index(channel)
+        if channel.isdecimal() and int(channel) < count:
+            return int(channel)
+        known = ", ".join(self.names[:40]) or "no names"
+        raise ShapeError(f"{path}: expected a channel by name ({known}) or number 0 to {count - 1}, got {channel!r}")
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,143 @@
+"""Calibrations: a file of their own, `name.calibration.h5`, or a group of the recording that they belong to."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from midair.errors import BrokenFileError, UnknownFormatError
+from midair.files.native.axes import sensor_from, sensor_values
+from midair.files.native.hdf5 import kind_of, new_file, open_file, read_group, signature, stored_group, write_group
+from midair.files.native.provenance_json import from_json
+from midair.model import Calibration, Crosstalk, Linearity, Measurement
+
+if TYPE_CHECKING:
+    import h5py
+
+SUFFIX = ".calibration.h5"
+"""Of a calibration's file."""
+
+MEASUREMENT: Mapping[str, str] = {field.name: field.name for field in fields(Measurement)}
+CROSSTALK: Mapping[str, str] = {"crosstalk": "matrix", "crosstalk_uncertainty": "uncertainty"}
+LINEARITY: Mapping[str, str] = {
+    {"pressure": "level_pressure", "output": "level_output"}.get(field.name, field.name): field.name
+    for field in fields(Linearity)
+}
+"""Names in the file: attributes of the parts."""
+
+Part = TypeVar("Part", Measurement, Crosstalk, Linearity)
+
+
+def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> None:
+    """Write a calibration to a file of its own.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        To write.
+    path : str or PathLike
+        Ends in ``.calibration.h5``; replaced in one piece if it is there.
+
+    Raises
+    ------
+    UnknownFormatError
+        If the name ends differently.
+    FileError
+        If the file cannot be written.
+    """
+    if not os.fspath(path).lower().endswith(SUFFIX):
+        raise UnknownFormatError(f"{path}: expected a name that ends in {SUFFIX} for a calibration")
+    with new_file(path) as file:
+        write_calibration(file, calibration)
+
+
+def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
+    """The calibration of a file of its own, or the one that a recording carries.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        A calibration's or a recording's HDF5 file.
+
+    Returns
+    -------
+    Calibration or None
+        None when a recording carries none.
+
+    Raises
+    ------
+    MissingFileError, BrokenFileError, UnknownFormatError
+        If the file is not there, is damaged or of another kind, or is newer than this midair.
+    """
+    with open_file(path) as file:
+        if kind_of(file) == "midair calibration":
+            return read_calibration(file, Path(path))
+        if kind_of(file) == "midair recording":
+            return read_calibration(stored_group(file, "calibration"), Path(path)) if "calibration" in file else None
+        found = kind_of(file) or "an HDF5 file of another program"
+        raise BrokenFileError(f"{path}: expected a midair calibration or recording, got {found}")
+
+
+def write_calibration(group: "h5py.Group", calibration: Calibration) -> None:
+    """Write a calibration into a group."""
+    write_group(group, "calibration", _values(calibration))
+
+
+def read_calibration(group: "h5py.Group", path: Path) -> Calibration:
+    """The calibration in a group of the file `path`."""
+    values = read_group(group, "calibration", path)
+    return Calibration(
+        sensor=sensor_from(values),
+        frequency=values["frequency"],
+        response=values["response_real"] + 1j * values["response_imag"],
+        noise=values["noise"],
+        unit=values["unit"],
+        date=values["date"],
+        provenance=from_json(values["provenance"]),
+        version=values.get("version", 1),
+        measurement=_part(Measurement, MEASUREMENT, values, path),
+        crosstalk=_part(Crosstalk, CROSSTALK, values, path),
+        linearity=_part(Linearity, LINEARITY, values, path),
+    )
+
+
+def _part(part: type[Part], names: Mapping[str, str], values: Mapping[str, Any], path: Path) -> Part | None:
+    """A part of a calibration if the file has it; all of it or nothing."""
+    present = [name for name in names if name in values]
+    if not present:
+        return None
+    if len(present) < len(names):
+        missing = ", ".join(name for name in names if name not in values)
+        raise BrokenFileError(f"{path}: expected {missing} beside {present[0]}, found none; the file is damaged")
+    return part(**{attribute: values[name] for name, attribute in names.items()})
+
+
+def _values(calibration: Calibration) -> dict[str, Any]:
+    return {
+        **signature("calibration", calibration.provenance),
+        **sensor_values(calibration.sensor),
+        "unit": calibration.unit,
+        "date": calibration.date,
+        "frequency": calibration.frequency,
+        "response_real": calibration.response.real,
+        "response_imag": calibration.response.imag,
+        "noise": calibration.noise,
+        "version": calibration.version,
+        **_stored(calibration.measurement, MEASUREMENT),
+        **_stored(calibration.crosstalk, CROSSTALK),
+        **_axis("channel", "pressed", count=calibration.sensor.count if calibration.crosstalk else 0),
+        **_stored(calibration.linearity, LINEARITY),
+        **_axis("level", count=calibration.linearity.levels if calibration.linearity else 0),
+    }
+
+
+def _stored(part: object, names: Mapping[str, str]) -> dict[str, Any]:
+    """What is stored of a part of a calibration; nothing if there is none."""
+    return {} if part is None else {name: getattr(part, attribute) for name, attribute in names.items()}
+
+
+def _axis(*names: str, count: int) -> dict[str, Any]:
+    return {name: np.arange(count) for name in names} if count else {}

@@ -1,0 +1,211 @@
+"""Drives, `name.drive.h5`: what the array is told, how well it was solved for, and what was wanted.
+
+Phases are kept as float64, exactly as they were solved: 5000 frames of 996 transducers take 40 MB, and no reader has to
+wonder what was rounded.
+"""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
+from midair.files.native.axes import check_time, time_values
+from midair.files.native.hdf5 import fixed_text, new_file, open_file, plain_text, read_group, signature, write_group
+from midair.files.native.provenance_json import from_json, to_json
+from midair.model import AmplitudeFrames, ControlGrid, Drive, Solution, Status, TransducerArray
+
+SUFFIX = ".drive.h5"
+"""Of a drive's file."""
+
+
+def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: AmplitudeFrames | None = None) -> None:
+    """Write a drive with its errors and, if given, the target that it was solved for.
+
+    Parameters
+    ----------
+    solution : Solution
+        To write, with the whole geometry of its array.
+    path : str or PathLike
+        Ends in ``.drive.h5``; replaced in one piece if it is there.
+    target : AmplitudeFrames, optional
+        What was wanted, frame by frame.
+
+    Raises
+    ------
+    UnknownFormatError
+        If the name ends differently.
+    MismatchError
+        If the target has other frames or another rate than the drive.
+    FileError
+        If the file cannot be written.
+    """
+    if not os.fspath(path).lower().endswith(SUFFIX):
+        raise UnknownFormatError(f"{path}: expected a name that ends in {SUFFIX} for a drive")
+    values = {**_drive_values(solution.drive), **_solution_values(solution)}
+    if target is not None:
+        _check_target(target, solution.drive)
+        values |= _target_values(target)
+    with new_file(path) as file:
+        write_group(file, "drive", values)
+        file["status"].attrs["flag_values"] = np.arange(len(get_args(Status)), dtype="i1")
+        file["status"].attrs["flag_meanings"] = fixed_text(" ".join(get_args(Status)))
+
+
+def load_solution(path: str | os.PathLike[str]) -> Solution:
+    """The drive of a file, with its errors.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        A ``.drive.h5`` of midair.
+
+    Returns
+    -------
+    Solution
+        As it was saved, to the last bit.
+
+    Raises
+    ------
+    MissingFileError, BrokenFileError, UnknownFormatError
+        If the file is not there, is damaged or of another kind, or is newer than this midair.
+    InputError
+        Its leaf that says what of the numbers cannot be used.
+    """
+    with open_file(path) as file:
+        values = read_group(file, "drive", Path(path))
+        check_time(values, Path(path))
+        return Solution(
+            drive=_drive_from(values, Path(path)),
+            error=values["error"],
+            iterations=values["iterations"],
+            status=_status_from(values["status"], plain_text(file["status"].attrs.get("flag_meanings")), Path(path)),
+        )
+
+
+def load_target(path: str | os.PathLike[str]) -> AmplitudeFrames | None:
+    """The target that a drive was solved for; None when its file has none.
+
+    Raises
+    ------
+    MissingFileError, BrokenFileError, UnknownFormatError
+        If the file is not there, is damaged or of another kind, or is newer than this midair.
+    """
+    with open_file(path) as file:
+        values = read_group(file, "drive", Path(path))
+        if "target" not in values:
+            return None
+        missing = [name for name in _TARGET if name not in values]
+        if missing:
+            raise BrokenFileError(f"{path}: expected {', '.join(missing)} beside the target; the file is damaged")
+        check_time(values, Path(path))
+        return AmplitudeFrames(
+            amplitude=values["target"],
+            rate=values["rate_hz"],
+            grid=_grid_from(values),
+            provenance=from_json(values["target_provenance"]),
+        )
+
+
+_TARGET = (
+    "grid_rows",
+    "grid_columns",
+    "grid_pitch_m",
+    "grid_height_m",
+    "grid_centre_x_m",
+    "grid_centre_y_m",
+    "target_provenance",
+)
+
+
+def _check_target(target: AmplitudeFrames, drive: Drive) -> None:
+    if target.frames != drive.frames or target.rate != drive.rate:
+        raise MismatchError(
+            f"target: expected {drive.frames} frames at {drive.rate:g} Hz as in the drive, "
+            f"got {target.frames} at {target.rate:g} Hz; save the target that was solved"
+        )
+
+
+def _drive_values(drive: Drive) -> dict[str, Any]:
+    array = drive.array
+    return {
+        **signature("drive", drive.provenance),
+        **time_values(drive.frames, drive.rate),
+        "array_name": array.name,
+        "array_pressure_pa_m": array.pressure,
+        "array_frequency_hz": array.frequency,
+        "transducer": np.arange(array.count),
+        "axis": np.arange(3),
+        "transducer_position": array.position,
+        "transducer_normal": array.normal,
+        "transducer_unit": array.unit,
+        "phase": drive.phase,
+        "level" if drive.level.ndim == 1 else "transducer_level": drive.level,
+    }
+
+
+def _solution_values(solution: Solution) -> dict[str, Any]:
+    names = get_args(Status)
+    return {
+        "error": solution.error,
+        "iterations": solution.iterations,
+        "status": np.array([names.index(status) for status in solution.status], "i1"),
+    }
+
+
+def _target_values(target: AmplitudeFrames) -> dict[str, Any]:
+    grid = target.grid
+    return {
+        "grid_rows": grid.rows,
+        "grid_columns": grid.columns,
+        "grid_pitch_m": grid.pitch,
+        "grid_height_m": grid.height,
+        "grid_centre_x_m": grid.centre[0],
+        "grid_centre_y_m": grid.centre[1],
+        "target_provenance": to_json(target.provenance),
+        "point": np.arange(grid.count),
+        "target": target.amplitude,
+    }
+
+
+def _drive_from(values: Mapping[str, Any], path: Path) -> Drive:
+    level = values.get("level", values.get("transducer_level"))
+    if level is None or ("level" in values and "transducer_level" in values):
+        raise BrokenFileError(f"{path}: expected either level or transducer_level; the file is damaged")
+    array = TransducerArray(
+        position=values["transducer_position"],
+        normal=values["transducer_normal"],
+        unit=values["transducer_unit"],
+        pressure=values["array_pressure_pa_m"],
+        frequency=values["array_frequency_hz"],
+        name=values["array_name"],
+    )
+    return Drive(
+        phase=values["phase"],
+        level=level,
+        rate=values["rate_hz"],
+        array=array,
+        provenance=from_json(values["provenance"]),
+    )
+
+
+def _grid_from(values: Mapping[str, Any]) -> ControlGrid:
+    return ControlGrid(
+        rows=values["grid_rows"],
+        columns=values["grid_columns"],
+        pitch=values["grid_pitch_m"],
+        height=values["grid_height_m"],
+        centre=(values["grid_centre_x_m"], values["grid_centre_y_m"]),
+    )
+
+
+def _status_from(codes: np.ndarray, meanings: str, path: Path) -> tuple[Status, ...]:
+    names = meanings.split()
+    if not names or any(name not in get_args(Status) for name in names):
+        raise BrokenFileError(f"{path}: expected {' '.join(get_args(Status))} as meanings of status, got {meanings!r}")
+    if codes.min() < 0 or codes.max() >= len(names):
+        raise BrokenFileError(f"{path}: expected status 0 to {len(names) - 1}, got {codes.min()} to {codes.max()}")
+    known: tuple[Status, ...] = get_args(Status)
+    return tuple(known[known.index(names[code])] for code in codes)

@@ -1,0 +1,193 @@
+"""Recordings in midair's own file, `name.h5`: samples, sensor, calibration, provenance, and what was made of it."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from midair.errors import BrokenFileError, MismatchError
+from midair.files.imported import Given, Imported
+from midair.files.loss import Loss
+from midair.files.native.axes import check_time, sensor_from, sensor_values, time_values
+from midair.files.native.calibration_file import load_calibration, write_calibration
+from midair.files.native.events import events_from, with_events
+from midair.files.native.hdf5 import (
+    check_kind,
+    new_file,
+    open_file,
+    read_group,
+    signature,
+    stored_dataset,
+    stored_group,
+    write_group,
+)
+from midair.files.native.provenance_json import from_json
+from midair.files.native.unclosed import is_unclosed
+from midair.model import Calibration, PressureFrames, Recording
+
+if TYPE_CHECKING:
+    import h5py
+
+
+def write_recording(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
+    """Write a recording, whole or not at all; nothing of it is lost."""
+    _write(recording, path, calibration, None)
+    return ()
+
+
+def read_recording(path: Path, given: Given) -> Imported:
+    """The recording of a file, also of one that is being written or whose writer was killed.
+
+    A file that is being written may be caught between two of its blocks: it is read again, up to twice.
+
+    Raises
+    ------
+    MissingFileError, BrokenFileError, UnknownFormatError
+        If the file is not there, is damaged or of another kind, or is newer than this midair.
+    """
+    for _ in range(2):
+        try:
+            return _read_once(path, given)
+        except BrokenFileError:
+            if not is_unclosed(path):
+                raise
+    return _read_once(path, given)
+
+
+def _read_once(path: Path, given: Given) -> Imported:
+    with open_file(path) as file:
+        check_kind(file, "recording", path)
+        live = not stored_dataset(file, "finished")[()]
+        values = read_group(file, "recording", path, live=live)
+        report = ()
+        if live:
+            values, report = _whole_frames(values, path)
+        check_time(values, path)
+        recording = Recording(
+            samples=values["samples"],
+            rate=values["rate_hz"],
+            sensor=sensor_from(values),
+            unit=values["unit"],
+            provenance=with_events(from_json(values["provenance"]), events_from(values), len(values["time"])),
+        )
+        given.check(recording, path)
+        return Imported(recording=recording, report=report)
+
+
+def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> None:
+    """Add what was made of a recording to its file, in place of an earlier one.
+
+    Parameters
+    ----------
+    pressure : PressureFrames
+        Calibrated pressure, of the same sensor.
+    path : str or PathLike
+        The recording's HDF5 file; it is written anew and replaced in one piece.
+
+    Raises
+    ------
+    MismatchError
+        If the pressure is of a sensor of another shape.
+    MissingFileError, BrokenFileError, FileError
+        If the file cannot be read or written.
+    """
+    recording = read_recording(Path(path), Given()).recording
+    if pressure.sensor.shape != recording.sensor.shape:
+        raise MismatchError(
+            f"{path}: expected pressure of {recording.sensor.shape} cells, got {pressure.sensor.shape}; "
+            "save what was made of this recording"
+        )
+    _write(recording, Path(path), load_calibration(path), pressure)
+
+
+def load_pressure(path: str | os.PathLike[str]) -> PressureFrames | None:
+    """The calibrated pressure in a recording's file; None when it has none.
+
+    Raises
+    ------
+    MissingFileError, BrokenFileError, UnknownFormatError
+        If the file is not there, is damaged or of another kind, or is newer than this midair.
+    """
+    with open_file(path) as file:
+        check_kind(file, "recording", Path(path))
+        if "pressure" not in file:
+            return None
+        values = read_group(stored_group(file, "pressure"), "pressure", Path(path))
+        check_time(values, Path(path))
+        band = (values.get("band_low_hz"), values.get("band_high_hz"))
+        return PressureFrames(
+            pressure=values["pressure"],
+            rate=values["rate_hz"],
+            sensor=sensor_from(values),
+            band=None if band[0] is None or band[1] is None else (band[0], band[1]),
+            provenance=from_json(values["provenance"]),
+        )
+
+
+def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """Close a recording whose writer was killed, so that any program can open it; not one that still runs.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        The recording's HDF5 file; it is written anew and replaced in one piece.
+
+    Returns
+    -------
+    tuple of str
+        What could be read of it; empty when it was closed in order.
+
+    Raises
+    ------
+    MissingFileError, BrokenFileError, UnknownFormatError, FileError
+        If not even its first frame can be read, or it cannot be written.
+    """
+    imported = read_recording(Path(path), Given())
+    _write(imported.recording, Path(path), load_calibration(path), load_pressure(path))
+    return imported.report
+
+
+def recording_values(recording: Recording) -> dict[str, Any]:
+    """What is stored of a recording."""
+    return {
+        **signature("recording", recording.provenance),
+        **time_values(recording.frames, recording.rate),
+        **sensor_values(recording.sensor),
+        "unit": recording.unit,
+        "samples": recording.samples,
+        "finished": 1,
+    }
+
+
+def _write(recording: Recording, path: Path, calibration: Calibration | None, pressure: PressureFrames | None) -> None:
+    with new_file(path) as file:
+        write_group(file, "recording", recording_values(recording))
+        if calibration is not None:
+            write_calibration(file.create_group("calibration"), calibration)
+        if pressure is not None:
+            _write_pressure(file.create_group("pressure"), pressure)
+
+
+def _write_pressure(group: "h5py.Group", pressure: PressureFrames) -> None:
+    band = {} if pressure.band is None else {"band_low_hz": pressure.band[0], "band_high_hz": pressure.band[1]}
+    values = {
+        **signature("pressure", pressure.provenance),
+        **time_values(pressure.frames, pressure.rate),
+        **sensor_values(pressure.sensor),
+        **band,
+        "pressure": pressure.pressure,
+    }
+    write_group(group, "pressure", values)
+
+
+def _whole_frames(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The frames of a recording without its end that were written whole, and a sentence that says so."""
+    samples = values["samples"]
+    written = ~np.isnan(samples).all(axis=(1, 2))
+    frames = len(samples) - int(np.argmax(written[::-1])) if written.any() else 0
+    if frames == 0:
+        raise BrokenFileError(f"{path}: the recording stopped before its first frame was written; record it again")
+    seconds = frames / values["rate_hz"]
+    text = f"The recording was not closed: it still runs or was killed. {frames} frames, {seconds:g} s, could be read."
+    return {**values, "samples": samples[:frames], "time": values["time"][:frames]}, (text,)

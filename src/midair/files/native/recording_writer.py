@@ -1,0 +1,292 @@
+"""Recordings while they are made: what was said a quarter of a second ago survives the death of the program."""
+
+import importlib
+import os
+import secrets
+import shutil
+import threading
+import time
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from midair.errors import FileError
+from midair.files.atomic import reason, writable_path
+from midair.files.native.axes import sensor_values
+from midair.files.native.calibration_file import write_calibration
+from midair.files.native.events import KINDS, Event, event_values
+from midair.files.native.hdf5 import LAYOUT, fixed_text, signature, stored_dataset, write_group
+from midair.model import Calibration, Provenance, Recording, SensorGrid, Unit
+from midair.validation import frozen_array, positive
+
+if TYPE_CHECKING:
+    import h5py
+
+
+class RecordingWriter:
+    """A recording's file that grows while the sensor speaks, and that others may read meanwhile (SWMR).
+
+    Leaving the context closes the file in order, also on an error; killing the program loses at most what came in the
+    last `interval`. It stands up to the death of the program, not of the computer: the bytes are with the operating
+    system, which writes them to the disk in its own time.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        To make; a file that is there is left alone.
+    rate : float
+        Frames per second, in Hz.
+    sensor : SensorGrid
+        The cells.
+    unit : {"V", "count", "Pa"}
+        Of the samples.
+    provenance : Provenance
+        Where the samples come from.
+    calibration : Calibration, optional
+        Of the sensor, kept in the same file.
+    interval : float
+        Longest time that a frame waits in memory, in s, and how many frames of it may wait there.
+    reserve : int
+        Bytes that stay free on the disk: a recording ends in order before the disk is full.
+
+    Examples
+    --------
+    >>> with RecordingWriter("towel.h5", rate=1000, sensor=sensor, unit="V", provenance=provenance) as writer:
+    ...     writer.append(block)
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        rate: float,
+        sensor: SensorGrid,
+        unit: Unit,
+        provenance: Provenance,
+        calibration: Calibration | None = None,
+        interval: float = 0.25,
+        reserve: int = 2**24,
+    ) -> None:
+        self.path = writable_path(path)
+        self.rate = positive(rate, "rate", "Hz")
+        self.sensor = sensor
+        self.unit: Unit = unit
+        self.provenance = provenance
+        self.calibration = calibration
+        self.interval = positive(interval, "interval", "s")
+        self.reserve = reserve
+        self._frames = self._events = self._safe = self._told = 0
+        self._file: h5py.File | None = None
+        self._lock = threading.RLock()
+        self._timer: threading.Timer | None = None
+        self._flushed = 0.0
+        self._failure: Exception | None = None
+        # A recording of one silent frame meets the unit and the sensor as every later block will.
+        Recording(samples=np.zeros((1, *sensor.shape)), rate=self.rate, sensor=sensor, unit=unit)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames so far."""
+        return self._frames
+
+    def __enter__(self) -> Self:
+        import h5py
+
+        with _new_name(self.path) as partial, h5py.File(partial, "w", libver=LAYOUT) as file:
+            write_group(file, "recording", self._start(), live=True)
+            stored_dataset(file, "event_kind").attrs["flag_values"] = np.arange(len(KINDS), dtype="i1")
+            stored_dataset(file, "event_kind").attrs["flag_meanings"] = fixed_text(" ".join(KINDS))
+            if self.calibration is not None:
+                write_calibration(file.create_group("calibration"), self.calibration)
+        try:
+            self._file = h5py.File(self.path, "r+", libver=LAYOUT)
+            self._file.swmr_mode = True
+        except OSError as wrong:
+            raise FileError(f"{self.path}: cannot be written: {reason(wrong)}") from wrong
+        self._flush()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, wrong: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @staticmethod
+    def warm_up() -> None:
+        """Load what writing needs, so that the first frame does not wait for it."""
+        importlib.import_module("h5py")
+
+    def append(self, block: ArrayLike) -> None:
+        """Add frames at the end.
+
+        Parameters
+        ----------
+        block : array_like, shape (frame, row, column)
+            In the unit of the recording.
+
+        Raises
+        ------
+        ShapeError, NonFiniteError
+            If the block does not fit; nothing of it is written.
+        FileError
+            If the file is closed, or the disk is full or refuses.
+        """
+        samples = frozen_array(block, "block", ("frame", *self.sensor.shape))
+        with self._lock:
+            file = self._opened()
+            self._check_room()
+            start, stop = self._frames, self._frames + len(samples)
+            try:
+                self._extend(stored_dataset(file, "time"), start, np.arange(start, stop) / self.rate)
+                self._extend(stored_dataset(file, "samples"), start, samples)
+            except (OSError, RuntimeError) as wrong:
+                raise FileError(f"{self.path}: cannot be written: {reason(wrong)}") from wrong
+            self._frames = stop
+            self._flush_in_time()
+
+    def note(self, events: Iterable[Event]) -> None:
+        """Write down what happened; it is flushed with the next frames, before them.
+
+        Parameters
+        ----------
+        events : iterable of Event
+            Their frames may be ones that are still to come.
+
+        Raises
+        ------
+        FileError
+            If the file is closed or cannot be written.
+        """
+        rows = tuple(events)
+        with self._lock:
+            file = self._opened()
+            values = event_values(rows) | {"event": np.arange(self._events, self._events + len(rows))}
+            try:
+                for name in values if rows else ():
+                    self._extend(stored_dataset(file, name), self._events, values[name])
+            except (OSError, RuntimeError) as wrong:
+                raise FileError(f"{self.path}: cannot be written: {reason(wrong)}") from wrong
+            self._events += len(rows)
+
+    def close(self) -> None:
+        """Write what is left, mark the recording as finished, and close it; once is enough, twice does no harm."""
+        with self._lock:
+            if self._timer is not None:
+                self._timer.cancel()
+            if self._file is None:
+                return
+            file, self._file = self._file, None
+            try:
+                self._cut(file)
+                stored_dataset(file, "finished")[()] = 1
+                file.close()
+            except (OSError, RuntimeError) as wrong:
+                raise FileError(f"{self.path}: cannot be closed in order: {reason(wrong)}") from wrong
+
+    def _start(self) -> dict[str, Any]:
+        return {
+            **signature("recording", self.provenance),
+            **sensor_values(self.sensor),
+            "rate_hz": self.rate,
+            "unit": self.unit,
+            "time": np.zeros(0),
+            "samples": np.zeros((0, *self.sensor.shape)),
+            "finished": 0,
+            **event_values(()),
+        }
+
+    def _opened(self) -> "h5py.File":
+        if self._failure is not None:
+            raise FileError(f"{self.path}: cannot be written: {reason(self._failure)}") from self._failure
+        if self._file is None:
+            raise FileError(f"{self.path}: the recording is not open; use it in a with block")
+        return self._file
+
+    def _check_room(self) -> None:
+        free = shutil.disk_usage(self.path.parent).free
+        if free < self.reserve:
+            raise FileError(
+                f"{self.path}: expected {self.reserve / 1e6:.4g} MB free on the disk, got {free / 1e6:.4g} MB; "
+                f"the {self._frames} frames so far are safe, make room and record on under another name"
+            )
+
+    def _extend(self, dataset: "h5py.Dataset", start: int, values: np.ndarray) -> None:
+        dataset.resize(start + len(values), axis=0)
+        dataset[start:] = values
+
+    def _cut(self, file: "h5py.File") -> None:
+        """Drop what an interrupted append or note left behind, so that all that lies along an axis is equally long."""
+        lengths = dict.fromkeys(("time", "samples"), self._frames) | dict.fromkeys(event_values(()), self._events)
+        for name, length in lengths.items():
+            if len(stored_dataset(file, name)) != length:
+                stored_dataset(file, name).resize(length, axis=0)
+
+    def _flush_in_time(self) -> None:
+        """Flush now if the last time is long ago, else leave it to a timer: the next block may be late.
+
+        Frames count, too, as a source that was held up gives many at once.
+        """
+        waited = time.monotonic() - self._flushed
+        if waited >= self.interval or self._frames - self._safe >= self.interval * self.rate:
+            self._flush()
+        elif self._timer is None:
+            self._timer = threading.Timer(self.interval - waited, self._flush_later)
+            self._timer.daemon = True
+            self._timer.start()
+
+    def _flush_later(self) -> None:
+        with self._lock:
+            try:
+                self._flush()
+            except (OSError, RuntimeError) as wrong:
+                self._failure = wrong  # the next append says it
+
+    def _flush(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        self._flushed, self._safe = time.monotonic(), self._frames
+        if self._file is not None:
+            if self._events > self._told:
+                for name in event_values(()):
+                    stored_dataset(self._file, name).flush()
+                self._told = self._events
+            # Times first: netCDF pads a variable that is shorter than its axis, and knows no longer ones.
+            stored_dataset(self._file, "time").flush()
+            stored_dataset(self._file, "samples").flush()
+
+
+@contextmanager
+def _new_name(path: Path) -> Generator[Path]:
+    """A name beside `path` to write to, which becomes `path` when the block ends well, unless somebody has that name.
+
+    So a file with the recording's name is one that opens, however early the program is killed.
+    """
+    partial = path.with_name(f".midair-{secrets.token_hex(4)}.part")
+    try:
+        if path.exists():
+            raise FileExistsError
+        yield partial
+        _take_name(partial, path)
+    except FileExistsError as wrong:
+        raise FileError(f"{path}: a file is there already; record under another name") from wrong
+    except OSError as wrong:
+        raise FileError(f"{path}: cannot be written: {reason(wrong)}") from wrong
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _take_name(partial: Path, path: Path) -> None:
+    """Give a file its name; a link fails where the name is taken, which a change of name does not."""
+    try:
+        os.link(partial, path)
+    except FileExistsError:
+        raise
+    except OSError:  # a disk without links: claim the name, then replace what claims it
+        path.touch(exist_ok=False)
+        os.replace(partial, path)

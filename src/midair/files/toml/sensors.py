@@ -1,0 +1,120 @@
+"""A sensor in a few lines of TOML that people write and `midair identify` corrects.
+
+::
+
+    name = "palm sensor 3"
+    rows = 4
+    columns = 4
+    pitch_mm = 11.0
+    unit = "V"                    # of the samples: V, count or Pa
+    full_scale = 1.25             # where the source clips, in that unit; may be left out
+    sensitivity = 0.02            # unit per Pa, nominal; may be left out
+    order = [                     # channel of the source for each cell, row by row; 0, 1, 2, ... if left out
+      0, 1, 2, 3,
+      4, 5, 6, 7,
+      8, 9, 10, 11,
+      12, 13, 14, 15,
+    ]
+"""
+
+import json
+import os
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from midair.errors import BrokenFileError, InputError, MissingFileError
+from midair.files.atomic import whole_file
+from midair.model import SensorGrid
+from midair.model.wiring import SensorWiring
+
+_NUMBERS = {"rows", "columns", "pitch_mm", "full_scale", "sensitivity"}
+_KEYS = {"name", "unit", "order", *_NUMBERS}
+
+
+def load_sensor(path: str | os.PathLike[str]) -> SensorWiring:
+    """The sensor that a TOML file describes; what it leaves out is 4 x 4 cells 11 mm apart, in counts.
+
+    Raises
+    ------
+    MissingFileError
+        If the file is not there.
+    BrokenFileError
+        If it is no TOML, or its keys or values are not the ones above.
+    """
+    try:
+        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise MissingFileError(f"{path}: expected a TOML file that describes a sensor; it is not there") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as wrong:
+        raise BrokenFileError(f"{path}: expected a TOML file that describes a sensor, got {wrong}") from wrong
+    _check_keys(content, path)
+    try:
+        return _wiring(content, Path(path).stem)
+    except InputError as wrong:
+        raise BrokenFileError(f"{path}: {wrong}") from wrong
+
+
+def save_sensor(sensor: SensorWiring, path: str | os.PathLike[str]) -> None:
+    """Write a sensor file, in one piece; one that is there is replaced.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    with whole_file(Path(path)) as partial:
+        Path(partial).write_text(sensor_text(sensor), encoding="utf-8")
+
+
+def sensor_text(sensor: SensorWiring) -> str:
+    """The sensor file's text."""
+    columns = sensor.grid.columns
+    rows = [sensor.order[first : first + columns] for first in range(0, len(sensor.order), columns)]
+    lines = [
+        f"name = {_quoted(sensor.grid.name)}",
+        f"rows = {sensor.grid.rows}",
+        f"columns = {columns}",
+        f"pitch_mm = {sensor.grid.pitch * 1e3:.12g}",
+        f'unit = "{sensor.unit}"',
+        *([] if sensor.full_scale is None else [f"full_scale = {sensor.full_scale!r}"]),
+        *([] if sensor.sensitivity is None else [f"sensitivity = {sensor.sensitivity!r}"]),
+        "# Channel of the source for each cell, row by row.",
+        "order = [",
+        *("  " + ", ".join(map(str, row)) + "," for row in rows),
+        "]",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    """As a TOML basic string: JSON's escapes are TOML's, but for DEL."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _check_keys(content: dict[str, Any], path: str | os.PathLike[str]) -> None:
+    unknown = sorted(set(content) - _KEYS)
+    if unknown:
+        raise BrokenFileError(f"{path}: expected the keys {', '.join(sorted(_KEYS))}, got {', '.join(unknown)}")
+    for key, value in content.items():
+        order = isinstance(value, list) and all(type(each) is int for each in value)
+        fits = order if key == "order" else type(value) in ((int, float) if key in _NUMBERS else (str,))
+        if not fits:
+            kind = "whole numbers in brackets" if key == "order" else "a number" if key in _NUMBERS else "text"
+            raise BrokenFileError(f"{path}: {key}: expected {kind}, got {value!r}")
+
+
+def _wiring(content: dict[str, Any], name: str) -> SensorWiring:
+    grid = SensorGrid(
+        rows=content.get("rows", 4),
+        columns=content.get("columns", 4),
+        pitch=content.get("pitch_mm", 11.0) * 1e-3,
+        name=content.get("name", name),
+    )
+    return SensorWiring(
+        grid=grid,
+        order=tuple(content.get("order", ())),
+        unit=content.get("unit", "count"),
+        full_scale=content.get("full_scale"),
+        sensitivity=content.get("sensitivity"),
+    )

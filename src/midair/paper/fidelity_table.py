@@ -1,0 +1,163 @@
+"""Both modes side by side on test signals and objects: what a palm gets of what the sensor felt."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from midair.datasets import probe_signal
+from midair.errors import InputError
+from midair.evaluate import Budget
+from midair.figures import budget_figure, passes_figure, png
+from midair.flow import Settings, felt, wanted
+from midair.model import PressureFrames
+from midair.modes import best_mode, coarser, paper_mode
+from midair.paper.result import PaperResult, Row
+from midair.physics import focus_amplitude
+from midair.rig.loop.correction_loop import Loop, run_loop
+from midair.rig.loop.error_budget import BudgetPlan, error_budget
+from midair.rig.loop.iteration import lead_of
+from midair.rig.loop.passes import Stage, led_in, quiet
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.record.capture import record
+
+SIGNALS = ("25+250 Hz", "noise", "bursts")
+OBJECTS = ("brush", "sponge", "towel")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FidelityPlan:
+    """What is compared.
+
+    Attributes
+    ----------
+    things : tuple of str
+        Test signals and objects.
+    paper, best : Settings
+        The two modes.
+    strength : float
+        Of the target in both modes.
+    duration : float
+        Of each test signal, and of the part of each stroke, in s.
+    passes : int
+        Of the iterative correction, which is shown on the noise alone; 0 for none.
+    points : int
+        Rows and columns of the control points in that, over the same square.
+    rig : VirtualRig
+        With transducers that each have their own resonance, quality and strength.
+    """
+
+    things: tuple[str, ...] = (*SIGNALS, *OBJECTS)
+    paper: Settings = field(default_factory=paper_mode)
+    best: Settings = field(default_factory=best_mode)
+    strength: float = 0.15
+    duration: float = 0.12
+    passes: int = 6
+    points: int = 11
+    rig: VirtualRig = field(default_factory=VirtualRig)
+
+    def __post_init__(self) -> None:
+        unknown = [thing for thing in self.things if thing not in (*SIGNALS, *OBJECTS)]
+        if unknown or not self.things:
+            raise InputError(f"things: expected some of {', '.join((*SIGNALS, *OBJECTS))}, got {', '.join(unknown)}")
+
+    @property
+    def modes(self) -> Mapping[str, Settings]:
+        """The two modes by their names."""
+        return {"paper": self.paper, "best": self.best}
+
+
+def fidelity_table(plan: FidelityPlan | None = None, *, stage: Stage = quiet) -> PaperResult:
+    """An error budget of everything in both modes at the same strength, and an iterative correction in both.
+
+    Parameters
+    ----------
+    plan : FidelityPlan, optional
+        Its defaults if None.
+    stage : callable
+        Told the name of each stage as it begins.
+    """
+    plan = plan or FidelityPlan()
+    rows: list[Row] = []
+    pictures: dict[str, bytes] = {}
+    for thing in plan.things:
+        made: list[tuple[str, Budget]] = []
+        for mode, settings in plan.modes.items():
+            original = original_of(thing, plan, settings)
+            alike = at_strength(original, settings, plan)
+            lead = lead_of(alike)
+            at = BudgetPlan(settings=alike, rig=plan.rig, lead=lead)
+            budget = error_budget(original, at, stage=lambda what, m=mode, t=thing: stage(f"{t}, {m}: {what}"))
+            made.append((f"{thing}, {mode} mode", budget))
+            rows.append(_row(thing, mode, budget))
+        name = "".join(letter if letter.isalnum() else "-" for letter in thing).lower()
+        pictures[f"budget-{name}.png"] = png(budget_figure(made))
+    about: dict[str, object] = {"strength": plan.strength, "duration_s": plan.duration}
+    if plan.passes:
+        loops = {mode: iterated_loop(plan, settings, stage) for mode, settings in plan.modes.items()}
+        errors = {mode: [one.comparison.waveform_error for one in loop.passes[1:]] for mode, loop in loops.items()}
+        series = [(f"noise, {mode} mode", each) for mode, each in errors.items()]
+        pictures["passes.png"] = png(passes_figure(series, simulated=True))
+        about["iterative_correction_of_noise"] = {
+            mode: {"waveform_error": errors[mode], "taken_back": loop.taken_back, "end": loop.end}
+            for mode, loop in loops.items()
+        }
+    return PaperResult(
+        name="fidelity",
+        title="What a palm gets of what the sensor felt, in both modes",
+        rows=tuple(rows),
+        pictures=pictures,
+        about=about,
+    )
+
+
+def original_of(thing: str, plan: FidelityPlan, settings: Settings) -> PressureFrames:
+    """What the virtual sensor feels of a test signal, or of the middle of a stroke, at the rate of a mode."""
+    rig, skin = plan.rig, plan.rig.skin()
+    if thing in OBJECTS:
+        with rig.touched_by(thing) as sensor:
+            pressure = felt(record(sensor, 1.26), sensor.calibration, settings)
+        return pressure.cut(0.55, plan.duration)
+    touch = probe_signal(thing, duration=plan.duration, rate=skin.rate, sensor=skin.model.grid, seed=rig.seed)
+    with rig.sensor(skin, touch=touch, name=f"virtual:{thing}") as sensor:
+        pressure = felt(record(sensor, plan.duration + 0.2), sensor.calibration, settings)
+    return pressure.cut(0.1, plan.duration)
+
+
+def at_strength(original: PressureFrames, settings: Settings, plan: FidelityPlan) -> Settings:
+    """The settings with the gain at which the target has the plan's strength."""
+    asked = led_in(original, lead_of(settings))
+    strength = target_strength(asked, settings, plan.rig)
+    return replace(settings, gain=settings.gain * (plan.strength / strength) ** 2)
+
+
+def target_strength(asked: PressureFrames, settings: Settings, rig: VirtualRig) -> float:
+    """Strength of the target that is made of a pressure."""
+    target = wanted(asked, settings)
+    focus = focus_amplitude(settings.grid, rig.array, medium=settings.medium, directivity=settings.directivity)
+    return float(target.amplitude.max() / focus)
+
+
+def iterated_loop(plan: FidelityPlan, settings: Settings, stage: Stage = quiet) -> Loop:
+    """A loop on the noise with iterative correction, on fewer points and without a guard."""
+    settings = coarser(replace(settings, guard=None, smooth=0.0), plan.points)
+    original = original_of("noise", plan, settings)
+    skin = plan.rig.skin()
+    with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:
+        return run_loop(
+            original, array, sensor, settings, corrections=1, iterate=plan.passes, lead=lead_of(settings), stage=stage
+        )
+
+
+def _row(thing: str, mode: str, budget: Budget) -> Row:
+    skin, sensor, solved = budget.stage("silencer").so_far, budget.stage("sensor").so_far, budget.stage("solver")
+    return {
+        "signal": thing,
+        "mode": mode,
+        "strength": budget.strength,
+        "sdr_on_skin_db": skin.distortion_ratio,
+        "sdr_rerecorded_db": sensor.distortion_ratio,
+        "sdr_all_cells_db": skin.overall_ratio,
+        "images_db": skin.images,
+        "spatial_correlation": skin.spatial_correlation,
+        "leak": None if solved.leak is None else solved.leak.peak,
+        "leak_typical": None if solved.leak is None else solved.leak.typical,
+    }

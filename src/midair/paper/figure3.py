@@ -1,0 +1,112 @@
+"""The paper's Fig. 3 again: binary patterns and the fields that were found for them (5.1)."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.datasets.patterns import channel_amplitudes
+from midair.evaluate import Leak, leak, printed_error, relative_error
+from midair.figures import png
+from midair.figures.paper_figures import FieldRow, fields_figure
+from midair.flow import Settings
+from midair.model import AmplitudeFrames, Drive, Medium, Provenance, SensorGrid, TransducerArray
+from midair.modes import best_mode, paper_mode
+from midair.paper.result import PaperResult, Row
+from midair.physics import focus_amplitude, propagate
+from midair.solvers import solve
+from midair.targets import interpolation_matrix
+
+Array = NDArray[np.float64]
+
+PATTERNS: Mapping[str, int] = MappingProxyType(
+    {
+        "one corner": 0b0000_0000_0000_0001,
+        "two corners": 0b1000_0000_0000_0001,
+        "diagonal": 0b1000_0100_0010_0001,
+        "middle": 0b0000_0110_0110_0000,
+        "ring": 0b1111_1001_1001_1111,
+        "chequered": 0b1010_0101_1010_0101,
+    }
+)
+"""Bit k says whether channel k is loud."""
+
+
+def figure_3(*, strength: float = 0.15, paper: Settings | None = None, best: Settings | None = None) -> PaperResult:
+    """Solve patterns in both modes, from a cold start and for point sources without attenuation as in the paper.
+
+    Parameters
+    ----------
+    strength : float
+        Target over the peak of a single focus of the whole array. The paper does not say.
+    paper, best : Settings, optional
+        The two modes; their grid, solver and terms count here.
+    """
+    array, sensor, medium = TransducerArray.autd3(), SensorGrid(), Medium(attenuation=0.0)
+    modes = {
+        "paper": replace(paper or replace(paper_mode(), method="lm", iterations=(50, 50)), start="zero"),
+        "best": replace(best or best_mode(), smooth=0.0),
+    }
+    rows: list[Row] = []
+    shown: list[FieldRow] = []
+    for mode, settings in modes.items():
+        focus = focus_amplitude(settings.grid, array, medium=medium, directivity="point")
+        cells = channel_amplitudes(np.array(list(PATTERNS.values())), sensor)
+        amplitude = strength * focus * cells @ interpolation_matrix(sensor, settings.grid).T
+        target = AmplitudeFrames(
+            amplitude=amplitude, rate=1.0, grid=settings.grid, provenance=Provenance(source="patterns", simulated=True)
+        )
+        drive = _solved(target, array, settings, medium)
+        field = propagate(drive, settings.grid, medium=medium, directivity="point")
+        error, printed = relative_error(field, amplitude), printed_error(field, amplitude)
+        if not shown:
+            shown.append(FieldRow(name="target", fields=amplitude / focus, grid=settings.grid, notes=tuple(PATTERNS)))
+        notes: list[str] = []
+        for number, name in enumerate(PATTERNS):
+            outside = _leak(drive, amplitude, number, settings, medium)
+            notes.append(f"E {100 * error[number]:.1f} %, leak {100 * outside.peak:.0f} %")
+            rows.append(
+                {
+                    "pattern": name,
+                    "mode": mode,
+                    "strength": strength,
+                    "error": float(error[number]),
+                    "error_as_printed": float(printed[number]),
+                    "leak": outside.peak,
+                }
+            )
+        shown.append(
+            FieldRow(name=f"{mode} mode", fields=np.abs(field) / focus, grid=settings.grid, notes=tuple(notes))
+        )
+    return PaperResult(
+        name="figure3",
+        title="Binary patterns and their fields, as in the paper's Fig. 3",
+        rows=tuple(rows),
+        pictures={"figure3.png": png(fields_figure(shown, sensor, quantity="sound pressure over a full focus"))},
+        about={"strength": strength, "height_m": 0.2, "array": array.name, "sources": "points, no attenuation"},
+    )
+
+
+def _solved(target: AmplitudeFrames, array: TransducerArray, settings: Settings, medium: Medium) -> Drive:
+    return solve(
+        target,
+        array,
+        method=settings.method,
+        medium=medium,
+        directivity="point",
+        iterations=settings.iterations,
+        start=settings.start,
+        level=settings.level,
+        amplitudes=settings.amplitudes,
+        guard=settings.guard,
+        fit=settings.fit,
+        backend=settings.backend,
+    ).drive
+
+
+def _leak(drive: Drive, amplitude: Array, number: int, settings: Settings, medium: Medium) -> Leak:
+    part = slice(number, number + 1)
+    one = replace(drive, phase=drive.phase[part], level=drive.level[part])
+    return leak(one, amplitude[part], settings.grid, medium=medium, directivity="point")

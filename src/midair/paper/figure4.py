@@ -1,0 +1,126 @@
+"""The paper's experiment 5.2 again: modulated foci, recorded, reproduced and recorded again, as in its Fig. 4."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+from midair.evaluate import perceptual_card
+from midair.figures import png
+from midair.figures.paper_figures import stimuli_figure
+from midair.flow import Settings, felt
+from midair.model import PressureFrames
+from midair.modes import best_mode, paper_mode
+from midair.paper.result import PaperResult, Row
+from midair.rig.loop.correction_loop import Loop, run_loop
+from midair.rig.loop.iteration import lead_of
+from midair.rig.loop.passes import Stage, quiet
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.record.capture import record
+
+STIMULI: Mapping[str, str] = MappingProxyType(
+    {"i: 100 Hz": "am-i", "ii: two points": "am-ii", "iii: 25 + 250 Hz": "am-iii"}
+)
+"""What the virtual rig calls the paper's three stimuli."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StimuliPlan:
+    """How experiment 5.2 is made again.
+
+    Attributes
+    ----------
+    paper, best : Settings
+        The two modes.
+    duration : float
+        Of each stimulus, in s; a multiple of 40 ms.
+    corrections : int
+        Of the amplitude, in both modes; the paper has one.
+    iterate : int
+        Of the waveform, in the best mode alone.
+    rig : VirtualRig
+        What records and plays.
+    """
+
+    paper: Settings = field(default_factory=paper_mode)
+    best: Settings = field(default_factory=best_mode)
+    duration: float = 0.12
+    corrections: int = 1
+    iterate: int = 1
+    rig: VirtualRig = field(default_factory=VirtualRig)
+
+
+def figure_4(plan: StimuliPlan | None = None, *, stage: Stage = quiet) -> PaperResult:
+    """Record, reproduce and re-record stimuli i to iii in both modes.
+
+    Parameters
+    ----------
+    plan : StimuliPlan, optional
+        Its defaults if None.
+    stage : callable
+        Told the name of each stage as it begins.
+    """
+    plan = plan or StimuliPlan()
+    rows: list[Row] = []
+    shown: dict[str, dict[str, PressureFrames]] = {}
+    for name, thing in STIMULI.items():
+        modes = {"paper mode": (plan.paper, 0), "best mode": (plan.best, plan.iterate)}
+        for mode, (settings, iterate) in modes.items():
+            original = recorded(plan.rig, thing, settings, plan.duration)
+            loop = reproduced(
+                original, plan, settings, iterate, lambda what, m=mode, n=name: stage(f"{n[:3]} {m}: {what}")
+            )
+            shown.setdefault(name, {"original": original})[mode] = loop.passes[-1].felt
+            rows.append(_row(thing, mode, loop))
+    return PaperResult(
+        name="figure4",
+        title="Modulated foci, original and re-recorded, as in the paper's Fig. 4",
+        rows=tuple(rows),
+        pictures={"figure4.png": png(stimuli_figure(shown))},
+        about={"duration_s": plan.duration, "amplitude_corrections": plan.corrections, "best_iterations": plan.iterate},
+    )
+
+
+def recorded(rig: VirtualRig, thing: str, settings: Settings, duration: float) -> PressureFrames:
+    """What the virtual sensor feels of something, without the first 80 ms in which the sensor settles."""
+    settle = 0.08
+    with rig.touched_by(thing, duration=duration + settle) as sensor:
+        pressure = felt(record(sensor, duration + settle), sensor.calibration, settings)
+    return pressure.cut(settle, duration)
+
+
+def reproduced(original: PressureFrames, plan: StimuliPlan, settings: Settings, iterate: int, stage: Stage) -> Loop:
+    """The loop of one stimulus in one mode."""
+    skin = plan.rig.skin()
+    with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:
+        return run_loop(
+            original,
+            array,
+            sensor,
+            settings,
+            corrections=plan.corrections,
+            iterate=iterate,
+            lead=lead_of(settings),
+            stage=stage,
+        )
+
+
+def _row(thing: str, mode: str, loop: Loop) -> Row:
+    last = loop.passes[-1]
+    comparison, card = last.comparison, perceptual_card(loop.original, last.felt)
+    return {
+        "stimulus": thing,
+        "mode": mode,
+        "passes": len(loop.passes),
+        "strength": last.reproduction.strength(replace(loop.settings, gain=last.gain)),
+        "solver_error": float(last.reproduction.solution.error.mean()),
+        "correlation": comparison.correlation,
+        "gain": comparison.gain,
+        "waveform_error": comparison.waveform_error,
+        "sdr_db": comparison.distortion_ratio,
+        "peak_distance_mm": 1e3 * comparison.peak_distance,
+        "frequency_original_hz": comparison.frequency[0],
+        "frequency_reproduced_hz": comparison.frequency[1],
+        "st_sim": card.figure("ST-SIM").overall,
+        "spqi": card.figure("SPQI").overall,
+        "pacinian_difference_db": card.figure("Pacinian power difference").overall,
+    }

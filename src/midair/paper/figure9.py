@@ -1,0 +1,74 @@
+"""The paper's Fig. 9 again for the synthetic objects: spectra of what is to push, on both surfaces (5.3)."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import product
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.datasets import Object
+from midair.dsp import band_energy
+from midair.figures import png
+from midair.figures.paper_figures import objects_figure
+from midair.flow import Settings, felt
+from midair.model import PressureFrames
+from midair.modes import best_mode, paper_mode
+from midair.paper.result import PaperResult, Row
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.record.capture import record
+from midair.targets import MAPPINGS
+
+CHANNELS = (2, 6, 10, 14)
+"""Those that the paper's objects passed over, and that its Fig. 9 shows."""
+
+BANDS: Mapping[str, tuple[float, float]] = {"20_300_hz": (20.0, 300.0), "300_470_hz": (300.0, 470.0)}
+
+
+def figure_9(*, takes: int = 5, paper: Settings | None = None, best: Settings | None = None) -> PaperResult:
+    """Record strokes of the three objects and show the spectra of what each mode is to push.
+
+    Parameters
+    ----------
+    takes : int
+        Strokes of each object and surface, with seeds 0, 1, ...; the paper has five. The first is drawn, the numbers
+        are means of the power over all.
+    paper, best : Settings, optional
+        The two modes; their mappings count here.
+    """
+    modes = {"paper": paper or paper_mode(), "best": best or best_mode()}
+    rows: list[Row] = []
+    shown: dict[str, dict[str, PressureFrames]] = {}
+    for surface, name in product(("plain", "groove"), get_args(Object)):
+        strokes = [_stroke(name, surface, modes["paper"], seed) for seed in range(takes)]
+        for mode, settings in modes.items():
+            pushed = [_pushed(stroke, settings.mapping) for stroke in strokes]
+            shown.setdefault(f"{surface}, {settings.mapping}", {})[name] = pushed[0]
+            levels = {
+                f"level_{band}_db": float(10 * np.log10(np.mean([_power(each, BANDS[band]) for each in pushed])))
+                for band in BANDS
+            }
+            rows.append({"object": name, "surface": surface, "mode": mode, "mapping": settings.mapping} | levels)
+    return PaperResult(
+        name="figure9",
+        title="Spectra of the synthetic objects, as in the paper's Fig. 9",
+        rows=tuple(rows),
+        pictures={"figure9.png": png(objects_figure(shown, channels=CHANNELS))},
+        about={"takes": takes, "channels": list(CHANNELS), "unit": "dB re 1 Pa^2, mean over takes and channels"},
+    )
+
+
+def _stroke(name: str, surface: str, settings: Settings, seed: int) -> PressureFrames:
+    rig = VirtualRig(seed=seed)
+    with rig.touched_by(name + ("+groove" if surface == "groove" else "")) as sensor:
+        return felt(record(sensor, 1.26), sensor.calibration, settings)
+
+
+def _pushed(stroke: PressureFrames, mapping: str) -> PressureFrames:
+    return replace(stroke, pressure=MAPPINGS[mapping](stroke.pressure, stroke.rate))
+
+
+def _power(pushed: PressureFrames, band: tuple[float, float]) -> float:
+    signals: NDArray[np.float64] = pushed.pressure.reshape(pushed.frames, -1)[:, list(CHANNELS)]
+    return float(band_energy(signals, pushed.rate, band).mean())

@@ -1,0 +1,1 @@
+"""Recordings: edit them, spread one channel over a patch of contact, judge their channels."""

@@ -1,0 +1,254 @@
+"""Cut, join, resample, trim, scale and mask recordings; each leaves a step in the provenance."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from midair import dsp
+from midair.errors import InputError, MismatchError, ShapeError
+from midair.model import Provenance, Recording, Setting, Step
+from midair.validation import frozen_array, positive
+
+Array = NDArray[np.float64]
+
+Fill = Literal["zero", "neighbours"]
+"""What takes the place of a masked channel: nothing, or the mean of the cells beside, above and below it."""
+
+
+def cut(recording: Recording, start: float = 0.0, end: float | None = None) -> Recording:
+    """The frames from `start` to `end`; time begins again at 0.
+
+    Both ends are rounded to whole frames and the frame at `end` is not included, so that ``cut(r, 0, t)`` and
+    ``cut(r, t)`` share no frame and lose none.
+
+    Parameters
+    ----------
+    recording : Recording
+        To cut.
+    start, end : float
+        From the first frame, in s; `end` None means the end of the recording.
+
+    Raises
+    ------
+    InputError
+        If no frame is left, or the part reaches beyond the recording by more than half a frame.
+    """
+    stop = recording.duration if end is None else end
+    first, last = (round(time * recording.rate) if np.isfinite(time) else -1 for time in (start, stop))
+    if not 0 <= first < last <= recording.frames:
+        wanted = f"{start:g} s on" if end is None else f"{start:g} to {end:g} s"
+        raise InputError(f"cut: expected a part of 0 to {recording.duration:g} s, got {wanted}")
+    return _part(recording, "cut", first, last)
+
+
+def join(recordings: Sequence[Recording]) -> Recording:
+    """One recording after another, without a gap or a fade between them.
+
+    Steps that all parts share from the first on stay steps; what differs is kept in the setting ``parts`` of the step
+    "join": each part's source, its frames and its own steps. Notes stay where they agree.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        At least one; of the same sensor, rate and unit.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    MismatchError
+        If two differ in sensor, rate or unit.
+    """
+    if not recordings:
+        raise InputError("join: expected at least one recording, got none")
+    first = recordings[0]
+    for number, other in enumerate(recordings[1:], start=2):
+        for name in ("sensor", "rate", "unit"):
+            have, want = getattr(other, name), getattr(first, name)
+            if have != want:
+                advice = "; resample it first" if name == "rate" else ""
+                raise MismatchError(
+                    f"join: expected {name} {want} as in the first, got {have} in number {number}{advice}"
+                )
+    samples = np.concatenate([recording.samples for recording in recordings])
+    return replace(first, samples=samples, provenance=_joined(recordings))
+
+
+def resample(recording: Recording, rate: float) -> Recording:
+    """The same band-limited signal at another rate (`midair.dsp.resample`); frame 0 stays at time 0.
+
+    Flat to 0.1 % up to 94 % of half the lower rate. The ratio of the rates is taken as the nearest fraction with a
+    denominator up to 1000; where that is off by more than a millionth, the rate of the result is the fraction's.
+
+    Parameters
+    ----------
+    recording : Recording
+        To resample.
+    rate : float
+        New frames per second, in Hz.
+
+    Raises
+    ------
+    InputError
+        If the rate is not above 0.
+    """
+    rate = positive(rate, "rate", "Hz")
+    exact = _rate_of(recording.rate, rate)
+    settings: dict[str, Setting] = {"from_hz": recording.rate, "to_hz": exact}
+    samples = dsp.resample(recording.samples, recording.rate, rate)
+    return replace(recording, samples=samples, rate=exact, provenance=recording.provenance.then("resample", settings))
+
+
+def _rate_of(rate: float, wanted: float) -> float:
+    """The rate that `midair.dsp.resample` gives, in Hz: `wanted` where it is within a millionth of it."""
+    from fractions import Fraction
+
+    slow, fast = sorted((rate, wanted))
+    ratio = Fraction(fast / slow).limit_denominator(1000)
+    exact = rate * float(ratio) if wanted > rate else rate / float(ratio)
+    return wanted if abs(exact / wanted - 1) < 1e-6 else exact
+
+
+def trim(recording: Recording, *, share: float = 0.05, level: float | None = None, margin: float = 0.05) -> Recording:
+    """Without the silence at both ends.
+
+    A frame is silent while no channel is further from its median than `level`. Silence inside stays.
+
+    Parameters
+    ----------
+    recording : Recording
+        To trim.
+    share : float
+        The level as a part of the largest distance of any channel from its median, 0 to 1.
+    level : float, optional
+        The level itself, in the unit of the samples, instead of a share.
+    margin : float
+        That is kept before the first and after the last frame that is not silent, in s.
+
+    Raises
+    ------
+    InputError
+        If all of it is silent, or a setting makes no sense.
+    """
+    if not 0 <= share < 1:
+        raise InputError(f"trim: expected a share of 0 to below 1, got {share:g}")
+    if not 0 <= margin < np.inf:
+        raise InputError(f"trim: expected a margin of 0 s or more, got {margin:g} s")
+    change = np.abs(recording.samples - np.median(recording.samples, axis=0)).max(axis=(1, 2))
+    limit = float(share * change.max()) if level is None else float(level)
+    loud = np.flatnonzero(change > limit)
+    if not len(loud):
+        raise InputError(
+            f"trim: expected something above {limit:g} {recording.unit}, got at most {change.max():g}; lower the level"
+        )
+    spare = round(margin * recording.rate)
+    first, last = max(0, int(loud[0]) - spare), min(recording.frames, int(loud[-1]) + 1 + spare)
+    return _part(recording, "trim", first, last, level=limit, margin_s=float(margin))
+
+
+def gain(recording: Recording, factor: ArrayLike) -> Recording:
+    """The samples times a factor.
+
+    A calibration of the sensor stays what it is: the pressure that it gives grows by the same factor.
+
+    Parameters
+    ----------
+    recording : Recording
+        To scale.
+    factor : float or array_like, shape (row, column)
+        One for all channels, or one each.
+
+    Raises
+    ------
+    ShapeError, NonFiniteError
+        If the factors do not fit the sensor, or one is not finite.
+    """
+    shape = np.shape(factor)
+    if shape not in ((), recording.sensor.shape):
+        raise ShapeError(f"gain: expected one factor or {recording.sensor.shape}, got shape {shape}")
+    factors = frozen_array(factor, "gain", shape)
+    setting: Setting = tuple(map(tuple, factors.tolist())) if shape else float(factors)
+    samples = recording.samples * factors
+    return replace(recording, samples=samples, provenance=recording.provenance.then("gain", {"factor": setting}))
+
+
+def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") -> Recording:
+    """Without some channels: they become 0, or the mean of their neighbours that are not masked.
+
+    Parameters
+    ----------
+    recording : Recording
+        To mask.
+    channels : iterable of int
+        Numbers of channels, row by row from 0.
+    fill : {"zero", "neighbours"}
+        What takes their place.
+
+    Raises
+    ------
+    ShapeError
+        If a channel is not there.
+    InputError
+        If the fill is unknown, or a masked channel has no neighbour left.
+    """
+    if fill not in get_args(Fill):
+        raise InputError(f"mask: expected fill to be one of {', '.join(get_args(Fill))}, got {fill!r}")
+    masked = sorted(set(channels))
+    for channel in masked:
+        recording.sensor.channel_position(channel)
+    samples = recording.samples.reshape(recording.frames, -1).copy()
+    samples[:, masked] = 0
+    if fill == "neighbours":
+        for channel in masked:
+            samples[:, channel] = samples[:, _neighbours(recording, channel, masked)].mean(axis=1)
+    settings: dict[str, Setting] = {"channels": tuple(masked), "fill": fill}
+    provenance = recording.provenance.then("mask", settings)
+    return replace(recording, samples=samples.reshape(recording.samples.shape), provenance=provenance)
+
+
+def _part(recording: Recording, stage: str, first: int, last: int, **settings: Setting) -> Recording:
+    span: dict[str, Setting] = {"start_s": first / recording.rate, "end_s": last / recording.rate}
+    provenance = recording.provenance.then(stage, {**span, **settings})
+    return replace(recording, samples=recording.samples[first:last], provenance=provenance)
+
+
+def _neighbours(recording: Recording, channel: int, masked: list[int]) -> list[int]:
+    rows, columns = recording.sensor.shape
+    row, column = divmod(channel, columns)
+    around = ((row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1))
+    found = [r * columns + c for r, c in around if 0 <= r < rows and 0 <= c < columns]
+    left = [other for other in found if other not in masked]
+    if not left:
+        raise InputError(
+            f"mask: expected a neighbour of channel {channel} that is not masked, got none; fill with zero"
+        )
+    return left
+
+
+def _joined(recordings: Sequence[Recording]) -> Provenance:
+    lives = [recording.provenance for recording in recordings]
+    first = lives[0]
+    shared = 0
+    same_source = all(life.source == first.source for life in lives)
+    while same_source and all(len(life.steps) > shared and life.steps[shared] == first.steps[shared] for life in lives):
+        shared += 1
+    sources = list(dict.fromkeys(life.source for life in lives))
+    parts = tuple(
+        (life.source, recording.frames, tuple(_plain(step) for step in life.steps[shared:]))
+        for life, recording in zip(lives, recordings, strict=True)
+    )
+    notes = {name: text for name, text in first.notes.items() if all(life.notes.get(name) == text for life in lives)}
+    joined = Provenance(
+        source=" + ".join(sources),
+        simulated=any(life.simulated for life in lives),
+        notes=notes,
+        steps=first.steps[:shared],
+    )
+    return joined.then("join", {"parts": parts})
+
+
+def _plain(step: Step) -> Setting:
+    return (step.stage, tuple((name, value) for name, value in step.settings.items()))

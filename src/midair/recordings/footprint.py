@@ -1,0 +1,229 @@
+"""A recording of one channel becomes a field: the waveform of a patch of contact that moves over the sensor.
+
+Most libraries of touch hold one waveform a surface. What is missing, where the contact was and how large, is stated
+here, never guessed: a footprint of a stated shape and size moves over the cells at a stated speed along a stated path,
+and presses everywhere inside it with the waveform as it is. A cell feels the mean over its own square,
+
+    p_cell(t) = w(t) A(footprint at t, cell) / A(cell),
+
+with the overlap A exact (closed forms below), so that the force over all cells is w(t) times the part of the footprint
+that is on the sensor. Speed moves the footprint; it never stretches the waveform: a recording made at another speed has
+another spectrum, and only a new recording gives that.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, ShapeError
+from midair.model import Recording, SensorGrid, Setting
+from midair.validation import positive
+
+Array = NDArray[np.float64]
+
+Shape = Literal["circle", "square", "line"]
+"""A disc of diameter `size`; a square of side `size`, parallel to the cells; a bar of width `size` across the path,
+longer than the sensor."""
+
+Path = Literal["x", "y", "diagonal"]
+"""Along the columns, along the rows, or along both at 45 degrees; through the middle of the sensor."""
+
+Turn = Literal["stop", "back", "again"]
+"""When the footprint has left the sensor: it is gone; it comes back; it starts again from the first side."""
+
+_DIRECTION = {"x": (1.0, 0.0), "y": (0.0, 1.0), "diagonal": (np.sqrt(0.5), np.sqrt(0.5))}
+_BLOCK = 1 << 16  # frames at once, to bound the memory of long recordings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Footprint:
+    """What touches the sensor, and how it moves.
+
+    Attributes
+    ----------
+    shape : {"circle", "square", "line"}
+        Of the patch.
+    size : float
+        Diameter, side or width, in m.
+    speed : float
+        In m/s; negative from the other side; 0 for a patch that stays over the middle of the sensor.
+    path : {"x", "y", "diagonal"}
+        Along which it moves.
+    turn : {"stop", "back", "again"}
+        What it does when it has left the sensor.
+    """
+
+    shape: Shape = "circle"
+    size: float = 20e-3
+    speed: float = 50e-3
+    path: Path = "x"
+    turn: Turn = "stop"
+
+    def __post_init__(self) -> None:
+        for name, known in (("shape", Shape), ("path", Path), ("turn", Turn)):
+            if getattr(self, name) not in get_args(known):
+                raise InputError(
+                    f"footprint, {name}: expected one of {', '.join(get_args(known))}, got {getattr(self, name)!r}"
+                )
+        positive(self.size, "size of the footprint", "m")
+        if not np.isfinite(self.speed):
+            raise InputError(f"speed of the footprint: expected a finite number in m/s, got {self.speed:g}")
+
+    def reach(self, sensor: SensorGrid) -> float:
+        """Distance from the middle of the sensor at which the footprint no longer touches it, in m."""
+        across, along = sensor.columns * sensor.pitch / 2, sensor.rows * sensor.pitch / 2
+        half = self.size / 2
+        if self.path == "x":
+            return across + half
+        if self.path == "y":
+            return along + half
+        if self.shape == "line":
+            return float(np.sqrt(0.5) * (across + along)) + half
+        if self.shape == "square":
+            return float(np.sqrt(2)) * (min(across, along) + half)
+        return _circle_leaves(across, along, half)
+
+    def crossing(self, sensor: SensorGrid) -> float:
+        """Time from the first touch to the last, in s; infinite at speed 0."""
+        return 2 * self.reach(sensor) / abs(self.speed) if self.speed else np.inf
+
+    def centre(self, time: Array, sensor: SensorGrid) -> Array:
+        """Where its middle is, shape (time, 2): x and y from the middle of the sensor, in m."""
+        reach, way = self.reach(sensor), abs(self.speed) * np.asarray(time, float)
+        if self.turn == "again":
+            way = way % (2 * reach)
+        elif self.turn == "back":
+            way = 2 * reach - np.abs(way % (4 * reach) - 2 * reach)
+        along = (way - reach) * np.sign(self.speed) if self.speed else np.zeros_like(way)
+        return np.multiply.outer(along, _DIRECTION[self.path])
+
+
+def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGrid | None = None) -> Recording:
+    """The field that a footprint presses into a sensor with a waveform of one channel.
+
+    The result counts as simulated: its places were never measured. Its unit is the waveform's: a pressure (Pa), or what
+    a sensor of that shape would have put out.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of one channel.
+    footprint : Footprint
+        What touches, and how it moves; at time 0 it is about to touch the first side.
+    sensor : SensorGrid, optional
+        The cells; the paper's 4 x 4 at 11 mm if None.
+
+    Returns
+    -------
+    Recording
+        Shape (frame, row, column), at the rate of the waveform.
+
+    Raises
+    ------
+    ShapeError
+        If the recording has more than one channel.
+    """
+    sensor = sensor or SensorGrid()
+    if recording.sensor.count != 1:
+        raise ShapeError(
+            f"footprint: expected a recording of one channel, got {recording.sensor.count}; choose one (channels=)"
+        )
+    share = covered(footprint, sensor, recording.time)
+    settings: dict[str, Setting] = {
+        "field": "synthetic: one waveform times the share of each cell that the footprint covers",
+        "shape": footprint.shape,
+        "size_m": footprint.size,
+        "speed_m_per_s": footprint.speed,
+        "path": footprint.path,
+        "turn": footprint.turn,
+        "rows": sensor.rows,
+        "columns": sensor.columns,
+        "pitch_m": sensor.pitch,
+    }
+    provenance = recording.provenance.then("footprint", settings, simulated=True)
+    return replace(recording, samples=recording.samples * share, sensor=sensor, provenance=provenance)
+
+
+def covered(footprint: Footprint, sensor: SensorGrid, time: Array) -> Array:
+    """Share of each cell that the footprint covers at each time (s), shape (time, row, column), 0 to 1."""
+    share = np.empty((len(time), *sensor.shape))
+    for first in range(0, len(time), _BLOCK):
+        part = slice(first, first + _BLOCK)
+        share[part] = _area(footprint, sensor, footprint.centre(time[part], sensor)) / sensor.pitch**2
+    return np.clip(np.where(share < 1e-12, 0.0, share), 0.0, 1.0)
+
+
+def _area(footprint: Footprint, sensor: SensorGrid, centre: Array) -> Array:
+    """Of each cell under the footprint, broadcasts to (time, row, column), in m2."""
+    half = sensor.pitch / 2
+    x = sensor.x[None, None, :] - centre[:, 0, None, None]
+    y = sensor.y[None, :, None] - centre[:, 1, None, None]
+    if footprint.shape == "square":
+        return _overlap(x, half, footprint.size / 2) * _overlap(y, half, footprint.size / 2)
+    if footprint.shape == "circle":
+        return disc_in_rectangle(x - half, x + half, y - half, y + half, footprint.size / 2)
+    along = x * _DIRECTION[footprint.path][0] + y * _DIRECTION[footprint.path][1]
+    return _strip_in_square(along, sensor.pitch, footprint.size / 2, diagonal=footprint.path == "diagonal")
+
+
+def disc_in_rectangle(left: Array, right: Array, low: Array, high: Array, radius: float) -> Array:
+    """Area of the disc of `radius` around 0 that lies in a rectangle, any shape that broadcasts, in m2.
+
+    Inclusion and exclusion of the four corners, each with the area of the disc left of and below it.
+    """
+    corner = [_disc_below(x / radius, y / radius) for x in (left, right) for y in (low, high)]
+    return radius**2 * (corner[3] - corner[2] - corner[1] + corner[0])
+
+
+def _disc_below(x: Array, y: Array) -> Array:
+    """Area of the unit disc with X <= x and Y <= y.
+
+    The integral over t from -1 to x of the part of the chord from -s to s, s = sqrt(1 - t^2), below y: y + s where
+    |t| < c = sqrt(1 - y^2), and outside of that all of it (2 s) for y above 0 or nothing.
+    """
+    x, y = np.broadcast_arrays(np.clip(x, -1, 1), np.clip(y, -1, 1))
+    c = np.sqrt(1 - y * y)
+    inner = np.clip(x, -c, c)
+    inside = _half_chord(inner) - _half_chord(-c)
+    return y * (inner + c) + inside + np.where(y > 0, 2 * (_half_chord(x) - _half_chord(-1.0) - inside), 0.0)
+
+
+def _half_chord(t: Array | float) -> Array:
+    """Integral of sqrt(1 - t^2)."""
+    return (t * np.sqrt(1 - np.square(t)) + np.arcsin(t)) / 2
+
+
+def _overlap(distance: Array, half: float, other: float) -> Array:
+    """Length that two intervals of half lengths `half` and `other` share, their middles `distance` apart."""
+    return np.clip(half + other - np.abs(distance), 0.0, 2 * min(half, other))
+
+
+def _strip_in_square(along: Array, pitch: float, half: float, *, diagonal: bool) -> Array:
+    """Area of a square of side `pitch` within `half` of a line, its middle `along` from that line.
+
+    Parallel to a side: an interval's overlap times the side. At 45 degrees: the area of the square below a line is
+    quadratic within pitch / sqrt(2) of its middle.
+    """
+    if not diagonal:
+        return _overlap(along, pitch / 2, half) * pitch
+    return _square_below(half - along, pitch) - _square_below(-half - along, pitch)
+
+
+def _square_below(reach: Array, pitch: float) -> Array:
+    """Area of a square of side `pitch` around 0 below a line at 45 degrees, `reach` from its middle."""
+    corner = pitch * np.sqrt(0.5)
+    d = np.clip(reach, -corner, corner)
+    return np.where(d < 0, (corner + d) ** 2, pitch**2 - (corner - d) ** 2)
+
+
+def _circle_leaves(across: float, along: float, radius: float) -> float:
+    """Where a disc that moves at 45 degrees through the middle of a rectangle touches it last, from the middle."""
+    # The corner is the last that it touches when the rectangle is about square, else a side.
+    root = np.sqrt(0.5)
+    short, long = sorted((across, along))
+    if (short + radius) <= long:
+        return float((short + radius) / root)
+    middle, off = (short + long) * root, (long - short) * root
+    return float(middle + np.sqrt(radius**2 - off**2))

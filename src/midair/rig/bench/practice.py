@@ -1,0 +1,169 @@
+"""A calibration bench that exists only here: a coupler, a probe, and a reference that is nearly right."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.calibration import Reference, Take
+from midair.calibration.measure.excitation import noise_signal, sweep_signal
+from midair.devices import Progress
+from midair.errors import FileError
+from midair.files import save
+from midair.model import Provenance, Recording, SensorGrid
+from midair.physics.sensing import SensorModel, sense
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CalibrationBench:
+    """What presses on a virtual sensor in a known way.
+
+    Attributes
+    ----------
+    model : SensorModel
+        The sensor; whoever analyses the takes is not told.
+    rate : float
+        Of sensor and reference, in Hz.
+    reference_sensitivity : float
+        That the reference's certificate states, in V/Pa.
+    reference_error : float
+        By how much of it the certificate is wrong.
+    reference_uncertainty : float
+        That the certificate states, standard (k = 1).
+    reference_noise : float
+        One-sided density, in Pa/sqrt(Hz).
+    seating : float
+        Standard deviation of the pressure's level from take to take that the reference does not see.
+    seed : int
+        Of all that is random.
+    """
+
+    model: SensorModel = field(default_factory=SensorModel)
+    rate: float = 1000.0
+    reference_sensitivity: float = 50e-3
+    reference_error: float = 0.0
+    reference_uncertainty: float = 0.0
+    reference_noise: float = 2e-5
+    seating: float = 0.0
+    seed: int = 0
+
+    def take(self, pressure: Array, *, cell: int | None = None, number: int = 0) -> Take:
+        """A take in which `pressure`, shape (frame,), in Pa, acts on all cells or on one.
+
+        `number` tells takes of the same kind apart: each has its own noise and seating.
+        """
+        recording, said = self.recordings(pressure, cell=cell, number=number)
+        reference = Reference.read(
+            said, sensitivity=self.reference_sensitivity, uncertainty=self.reference_uncertainty, name=said.sensor.name
+        )
+        return Take(recording=recording, reference=reference, cell=cell)
+
+    def recordings(self, pressure: Array, *, cell: int | None = None, number: int = 0) -> tuple[Recording, Recording]:
+        """What the sensor and the reference say while `pressure` acts, both in V."""
+        rng = np.random.default_rng((self.seed, number, 0 if cell is None else cell + 1))
+        grid = self.model.grid
+        acting = np.zeros((len(pressure), grid.count))
+        acting[:, slice(None) if cell is None else cell] = pressure[:, None] if cell is None else pressure
+        acting *= 1 + self.seating * rng.standard_normal()
+        volts = sense(self.model, acting.reshape(-1, *grid.shape), self.rate, rng=rng)
+        heard = pressure + self.reference_noise * np.sqrt(self.rate / 2) * rng.standard_normal(len(pressure))
+        said = heard * self.reference_sensitivity * (1 + self.reference_error)
+        where = "all cells" if cell is None else f"cell {cell}"
+        life = Provenance(source=f"virtual bench: {where}, take {number}", simulated=True, notes={"pressed": where})
+        alone = SensorGrid(rows=1, columns=1, name="virtual reference")
+        return (
+            Recording(samples=volts, rate=self.rate, sensor=grid, provenance=life),
+            Recording(samples=said.reshape(-1, 1, 1), rate=self.rate, sensor=alone, provenance=life),
+        )
+
+    def quiet(self, duration: float) -> Recording:
+        """A recording in which nothing presses."""
+        return self.recordings(np.zeros(round(duration * self.rate)), number=10**6)[0]
+
+
+def practice_bench(seed: int = 0) -> CalibrationBench:
+    """A bench whose sensor has all that a calibration is to find: spread, delays, crosstalk; and a reference to 1 %."""
+    rng = np.random.default_rng((seed, 7))
+    grid = SensorGrid(name=f"practice sensor {seed}")
+    away = np.array([[abs(i // 4 - k // 4) + abs(i % 4 - k % 4) for k in range(16)] for i in range(16)])
+    crosstalk = np.eye(16) + 0.03 * (away == 1) * (1 + 0.2 * rng.standard_normal((16, 16))) + 0.004 * (away == 2)
+    model = SensorModel(grid=grid, delay=rng.uniform(0, 3e-4, grid.shape), crosstalk=crosstalk, saturation=6.0)
+    error = 0.005 * float(rng.standard_normal())
+    return CalibrationBench(
+        model=model.with_spread(seed=seed),
+        reference_uncertainty=0.005,
+        reference_error=error,
+        seating=0.002,
+        seed=seed,
+    )
+
+
+def write_practice(
+    folder: Path,
+    *,
+    kind: Literal["noise", "sweep"] = "noise",
+    duration: float = 15.0,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> str:
+    """Write the recordings that a lab would make on a bench: on all cells at five levels, on each cell alone, quiet.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is not there; files of the same names are refused.
+    kind : {"noise", "sweep"}
+        What presses.
+    duration : float
+        Of each recording, in s.
+    seed : int
+        Of all that is random.
+    progress : callable, optional
+        Called with (recordings done, recordings in all).
+
+    Returns
+    -------
+    str
+        The command that makes a calibration of them.
+
+    Raises
+    ------
+    FileError
+        If one of the files is there already.
+    """
+    bench = practice_bench(seed)
+    folder.mkdir(parents=True, exist_ok=True)
+    plan: list[tuple[str, int | None, float]] = [(f"all-{level}Pa", None, float(level)) for level in (1, 2, 5, 10, 15)]
+    plan += [(f"cell-{cell:02}", cell, 10.0) for cell in range(bench.model.grid.count)]
+    names = [name for name, _, _ in plan]
+    for path in [folder / f"{name}{end}.h5" for name in names for end in ("", "-reference")]:
+        if path.exists():
+            raise FileError(f"{path}: is there already; give another folder")
+    for number, ((name, cell, level), signal) in enumerate(
+        zip(plan, _signals(len(plan), kind, duration, seed), strict=True)
+    ):
+        recording, reference = bench.recordings(signal * level, cell=cell, number=number)
+        save(recording, folder / f"{name}.h5")
+        save(reference, folder / f"{name}-reference.h5")
+        if progress:
+            progress(number + 1, len(plan) + 1)
+    save(bench.quiet(duration), folder / "quiet.h5")
+    if progress:
+        progress(len(plan) + 1, len(plan) + 1)
+    return (
+        f"midair calibrate measure {folder}/all-*Pa.h5 {folder}/cell-??.h5 "
+        f"--reference {folder}/all-*-reference.h5 {folder}/cell-*-reference.h5 --reference-sensitivity 50mV/Pa "
+        f"--reference-uncertainty 0.01 --quiet {folder}/quiet.h5 --figure {folder}/calibration.html"
+    )
+
+
+def _signals(count: int, kind: Literal["noise", "sweep"], duration: float, seed: int) -> Iterator[Array]:
+    """One signal of 1 Pa rms for each recording."""
+    rng = np.random.default_rng((seed, 11))
+    for _ in range(count):
+        yield sweep_signal(1.0, duration - 1) if kind == "sweep" else noise_signal(1.0, duration, rng=rng)

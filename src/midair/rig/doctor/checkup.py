@@ -1,0 +1,113 @@
+"""What is installed, what works, and what to do about what does not."""
+
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from midair.files import load, save
+from midair.model import AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
+from midair.physics import focus_phase, quantise_phase, transfer_matrix
+from midair.rig.doctor.array_checkup import array_findings
+from midair.rig.doctor.check_result import Finding
+from midair.rig.doctor.sensor_checkup import is_live_sensor, live_sensor_findings, sensor_findings
+from midair.solvers import solve
+
+
+def check_up(device: str | None = None) -> list[Finding]:
+    """Everything that can be looked at without hardware, and an array or a live sensor if one is named.
+
+    Parameters
+    ----------
+    device : str, optional
+        An array as in `array_named`: it is opened, asked, and closed, and stays silent. Or a live sensor as in
+        `sensor_named`: it is listened to for half a second.
+    """
+    return [
+        _python(),
+        *(_library(name) for name in ("numpy", "scipy", "h5py", "soundfile", "matplotlib")),
+        *(_extra(name, extra, use) for name, extra, use in (("xarray", "analysis", "opens recordings for analysis"),)),
+        _folder(),
+        _field(),
+        _solver(),
+        _threads(),
+        *sensor_findings(),
+        *(live_sensor_findings(device) if device is not None and is_live_sensor(device) else []),
+        *array_findings(None if device is not None and is_live_sensor(device) else device),
+    ]
+
+
+def _python() -> Finding:
+    found = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
+    return Finding(subject="Python", state="ok", found=found)
+
+
+def _library(name: str) -> Finding:
+    try:
+        return Finding(subject=name, state="ok", found=importlib.metadata.version(name))
+    except importlib.metadata.PackageNotFoundError:
+        return Finding(subject=name, state="broken", found="not installed", advice=f"pip install {name}")
+
+
+def _extra(name: str, extra: str, use: str) -> Finding:
+    if importlib.util.find_spec(name) is None:
+        return Finding(
+            subject=name, state="missing", found=f"not installed; {use}", advice=f'pip install "midair[{extra}]"'
+        )
+    return Finding(subject=name, state="ok", found=f"{importlib.metadata.version(name)}; {use}")
+
+
+def _folder() -> Finding:
+    """Whether a recording can be written where we are and read back."""
+    recording = Recording(samples=np.arange(32.0).reshape(2, 4, 4), rate=1000.0)
+    try:
+        with tempfile.TemporaryDirectory(dir=".") as folder:
+            save(recording, Path(folder) / "check.h5")
+            same = np.array_equal(load(Path(folder) / "check.h5").samples, recording.samples)
+    except OSError as wrong:
+        reason = wrong.strerror or str(wrong)
+        return Finding(
+            subject="this folder", state="broken", found=reason, advice="change to a folder you can write to"
+        )
+    if not same:
+        return Finding(
+            subject="this folder", state="broken", found="a recording came back changed", advice="check the disk"
+        )
+    return Finding(subject="this folder", state="ok", found="a recording was written and read back")
+
+
+def _field() -> Finding:
+    """The field of four units at their focus against the figure of AUTD3's own emulator."""
+    array, medium, point = TransducerArray.autd3(), Medium(attenuation=0), np.array([[0, 0, 0.2]])
+    matrix = transfer_matrix(point, array, medium=medium, directivity="point")
+    q = np.exp(1j * quantise_phase(focus_phase(array, point[0], medium=medium)))
+    rms = float(np.abs(matrix @ q)[0] / np.sqrt(2))
+    found = f"{rms:.2f} Pa rms at the focus; AUTD3's emulator says 12875.04"
+    if abs(rms - 12875.038) > 0.1:
+        return Finding(subject="field model", state="broken", found=found, advice="reinstall NumPy")
+    return Finding(subject="field model", state="ok", found=found)
+
+
+def _solver() -> Finding:
+    """One focus, solved."""
+    grid, array = ControlGrid(), TransducerArray.autd3()
+    amplitude = np.zeros((1, grid.count))
+    amplitude[0, grid.count // 2 + grid.columns // 2] = 1000.0
+    target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid)
+    solve(target, array, iterations=1)
+    begin = time.perf_counter()
+    solution = solve(target, array, iterations=20)
+    took = (time.perf_counter() - begin) / max(1, int(solution.iterations[0]))
+    return Finding(subject="solver", state="ok", found=f"{1e3 * took:.1f} ms for an iteration of 996 x 256")
+
+
+def _threads() -> Finding:
+    from threadpoolctl import threadpool_info
+
+    pools = ", ".join(f"{pool['internal_api']} {pool['num_threads']}" for pool in threadpool_info()) or "none loaded"
+    return Finding(subject="threads", state="ok", found=f"{os.cpu_count()} cores; {pools}; solvers use one BLAS thread")

@@ -1,0 +1,100 @@
+"""What live sensors need, which are there, and what to do about what is not."""
+
+import importlib.metadata
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from midair.errors import DeviceError, MidairError, MissingExtraError
+from midair.model import SensorWiring
+from midair.rig.doctor.check_result import Finding
+from midair.rig.open.source_names import KINDS, source_module, source_sensor
+
+_PACKAGES = {"lsl": "pylsl", "audio": "sounddevice", "serial": "pyserial", "ni": "nidaqmx"}
+
+
+def sensor_findings() -> list[Finding]:
+    """The virtual sensor, and each kind of live ones: its package, the library that it needs, what is plugged in."""
+    return [
+        Finding(subject="virtual sensor", state="ok", found="always there; so is replay:FILE"),
+        *(_kind(kind, said) for kind, said in _SEEN.items()),
+    ]
+
+
+def is_live_sensor(name: str) -> bool:
+    """Whether a name means a live sensor rather than an array."""
+    return name.partition(":")[0] in KINDS
+
+
+def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[Finding]:
+    """Open a live sensor, listen for half a second, and say what came."""
+    plain = name.partition("?")[0]
+    try:
+        with source_sensor(name, wiring=wiring) as sensor:
+            sensor.start()
+            block = sensor.read(max(2, round(0.5 * sensor.rate)))
+            said = sensor.describe()
+            unit, full_scale = sensor.unit, sensor.full_scale
+    except MidairError as wrong:
+        found, _, advice = str(wrong).partition("; ")
+        return [Finding(subject=plain, state="broken", found=found, advice=advice or "see docs, build a sensor")]
+    low, high = block.samples.min(axis=0), block.samples.max(axis=0)
+    still = [str(channel) for channel in np.flatnonzero(low.ravel() == high.ravel())]
+    return [
+        *(Finding(subject=f"{plain}: {subject}", state="ok", found=found) for subject, found in said.items()),
+        _counted(plain, "cells that never change", still, "look at their wires and their supply"),
+        _counted(plain, "cells that clip", _clipping(low, high, full_scale), "lower the gain"),
+        Finding(subject=f"{plain}: samples", state="ok", found=f"{low.min():.4g} to {high.max():.4g} {unit}"),
+    ]
+
+
+def _clipping(low: Any, high: Any, full_scale: float | None) -> list[str]:
+    if full_scale is None:
+        return []
+    largest = np.maximum(np.abs(low), np.abs(high)).ravel()
+    return [str(channel) for channel in np.flatnonzero(largest >= full_scale * (1 - 1e-4))]
+
+
+def _counted(name: str, subject: str, cells: list[str], advice: str) -> Finding:
+    if not cells:
+        return Finding(subject=f"{name}: {subject}", state="ok", found="none")
+    return Finding(subject=f"{name}: {subject}", state="broken", found=", ".join(cells), advice=advice)
+
+
+def _kind(kind: str, seen: Callable[[Any], str]) -> Finding:
+    package = _PACKAGES[kind]
+    try:
+        found = seen(source_module(kind))
+    except MissingExtraError:
+        advice = f'pip install "midair[{kind}]" if you have such a sensor'
+        return Finding(subject=f"{kind}: sensors", state="missing", found=f"{package} is not installed", advice=advice)
+    except DeviceError as wrong:
+        return Finding(
+            subject=f"{kind}: sensors",
+            state="missing",
+            found=str(wrong),
+            advice="only needed if you have such a sensor",
+        )
+    version = importlib.metadata.version(package)
+    return Finding(subject=f"{kind}: sensors", state="ok", found=f"{package} {version}; {found}")
+
+
+def _lsl(module: Any) -> str:
+    return f"liblsl {module.pylsl.library_version()}; streams are looked for when one is opened"
+
+
+def _audio(module: Any) -> str:
+    inputs = [f"{each['index']} {each['name']} ({each['max_input_channels']} channels)" for each in module.inputs()]
+    return f"inputs: {', '.join(inputs) or 'none'}"
+
+
+def _serial(module: Any) -> str:
+    return f"ports: {', '.join(module.ports()) or 'none'}"
+
+
+def _ni(module: Any) -> str:
+    return f"devices: {', '.join(module.devices()) or 'none'}"
+
+
+_SEEN: dict[str, Callable[[Any], str]] = {"lsl": _lsl, "audio": _audio, "serial": _serial, "ni": _ni}

@@ -1,0 +1,1 @@
+"""The loop: play, re-record, correct, play again, compare; its report, and where each loss comes from."""

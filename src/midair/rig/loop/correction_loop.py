@@ -1,0 +1,162 @@
+"""Play, re-record, correct, play again, compare (paper, 5.2); and again, until it no longer helps."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure
+from midair.devices import ArrayDevice, Progress, SensorDevice
+from midair.errors import InputError
+from midair.flow import Settings, felt
+from midair.model import Calibration, PressureFrames
+from midair.rig.loop.iteration import iterated
+from midair.rig.loop.passes import Pass, Rig, Stage, led_in, play_pass, quiet
+from midair.rig.play.rerecord import Gate, rerecord
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BeamTest:
+    """A focus played at several levels on one channel: what was commanded, what was read, and the line through it."""
+
+    channel: int
+    commanded: NDArray[np.float64]
+    measured: NDArray[np.float64]
+    line: BeamGain
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loop:
+    """Everything that came of one loop.
+
+    Attributes
+    ----------
+    settings : Settings
+        Of every stage.
+    original : PressureFrames
+        What was to be reproduced.
+    beam : BeamTest
+        The beam test.
+    passes : tuple of Pass
+        In their order; those that were taken back are not among them.
+    taken_back : int
+        Steps of the iterative correction that made it worse.
+    end : str
+        Why the iterative correction stopped; empty when there was none.
+    """
+
+    settings: Settings
+    original: PressureFrames
+    beam: BeamTest
+    passes: tuple[Pass, ...]
+    taken_back: int = 0
+    end: str = ""
+
+
+def beam_test(
+    array: ArrayDevice,
+    sensor: SensorDevice,
+    calibration: Calibration | None,
+    settings: Settings,
+    *,
+    top: float = 100.0,
+    levels: int = 6,
+    gate: Gate | None = None,
+    progress: Progress | None = None,
+) -> BeamTest:
+    """Measure the gain of the beam: a beating focus on the channel nearest to the centre, at several levels.
+
+    Parameters
+    ----------
+    array, sensor : ArrayDevice, SensorDevice
+        Open.
+    calibration : Calibration, optional
+        Of the sensor.
+    settings : Settings
+        Its band decides the beat, its grid's height the place; its medium and directivity what is commanded.
+    top : float
+        Highest pressure that is commanded, in Pa.
+    levels : int
+        Number of levels, 5 or more, evenly spread in pressure.
+    gate : Gate, optional
+        Needed for a real array.
+    progress : callable, optional
+        Called with (frames played, frames in all).
+    """
+    frequency, cycles = _beat(settings)
+    channel = (sensor.grid.rows - 1) // 2 * sensor.grid.columns + (sensor.grid.columns - 1) // 2
+    point = np.array([*sensor.grid.channel_position(channel), settings.grid.height])
+    point[:2] += settings.grid.centre
+    full = float(
+        commanded_pressure(array.array, point, np.ones(1), medium=settings.medium, directivity=settings.directivity)[0]
+    )
+    drives = np.sqrt(np.linspace(1 / levels, 1, levels) * min(top / full, 1.0))
+    drive = beam_drive(
+        array.array, point, drives, frequency=frequency, cycles=cycles, rate=settings.rate, medium=settings.medium
+    )
+    heard = felt(rerecord(drive, array, sensor, gate=gate, progress=progress), calibration, settings)
+    signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
+    measured = beat_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
+    commanded = full * drives**2 / 2
+    return BeamTest(channel=channel, commanded=commanded, measured=measured, line=beam_gain(commanded, measured))
+
+
+def run_loop(
+    original: PressureFrames,
+    array: ArrayDevice,
+    sensor: SensorDevice,
+    settings: Settings,
+    *,
+    corrections: int = 1,
+    iterate: int = 0,
+    gate: Gate | None = None,
+    lead: float = 0.0,
+    stage: Stage = quiet,
+) -> Loop:
+    """Take what was felt of an object through the rest of the paper's pipeline on an open array and sensor.
+
+    The first pass is corrected by the beam's gain alone; each further one multiplies the pressure by what the pass
+    before it lacked in amplitude. Then come passes that correct the waveform, see `rig.iteration`.
+
+    Parameters
+    ----------
+    original : PressureFrames
+        What was felt, in the settings' band and at their rate (`flow.felt`).
+    array, sensor, gate, lead
+        As in `Rig`.
+    settings : Settings
+        Of every stage.
+    corrections : int
+        Passes after the first that correct the amplitude; the paper's loop has one.
+    iterate : int
+        Largest number of passes after those that correct the waveform.
+    stage : callable
+        Told the name of each stage as it begins.
+    """
+    if corrections < 0 or iterate < 0:
+        raise InputError(f"corrections: expected 0 or more of each kind, got {corrections} and {iterate}")
+    rig = Rig(array=array, sensor=sensor, gate=gate, lead=lead)
+    beam = beam_test(array, sensor, sensor.calibration, settings, gate=gate, progress=stage("beam test"))
+    gain = settings.gain * amplitude_gain(beam.line.gain)
+    asked = led_in(original, lead)
+    passes: list[Pass] = []
+    for number in range(corrections + 1):
+        if passes:
+            gain *= amplitude_gain(passes[-1].comparison.gain)
+        passes.append(play_pass(original, asked, rig, replace(settings, gain=gain), f"pass {number + 1}", stage))
+    further = iterated(original, passes[-1], rig, settings, iterate, stage=stage)
+    return Loop(
+        settings=settings,
+        original=original,
+        beam=beam,
+        passes=(*passes, *further.passes),
+        taken_back=further.taken_back,
+        end=further.end,
+    )
+
+
+def _beat(settings: Settings) -> tuple[float, int]:
+    """Frequency of the beat in Hz, in the middle of the band on a logarithmic scale, and its cycles at each level."""
+    middle = float(np.sqrt(settings.band[0] * settings.band[1]))
+    frequency = settings.rate / max(4, round(settings.rate / middle))
+    return frequency, max(4, round(0.2 * frequency))

@@ -1,0 +1,196 @@
+"""The error budget of one reproduction on the virtual rig: its stages switched on one after the other."""
+
+from collections.abc import Generator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.calibration import calibrate
+from midair.devices import SilencerChoice
+from midair.devices.arrays.frame_bytes import intensity_bytes, phase_bytes
+from midair.devices.arrays.silencer import choose_silencer
+from midair.dsp import band_edges, band_energy, band_window, filter_response
+from midair.evaluate import Budget, StageOutput, budget, leak
+from midair.flow import Reproduction, Settings, at_rate, reproduce, to_play
+from midair.model import Drive, PressureFrames, Recording
+from midair.physics import PlaybackChain, radiation_pressure, simulate, transfer_matrix
+from midair.physics.sensing import calibration_of, cell_weights, sense
+from midair.rig.loop.passes import Stage, led_in, quiet
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.targets import prepare
+from midair.targets.mapping import mapping_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetPlan:
+    """What a budget is made for.
+
+    Attributes
+    ----------
+    settings : Settings
+        Of the reproduction.
+    rig : VirtualRig
+        Array, sensor and air.
+    silencer : {"auto", "off", "quarter", "half", "default"}
+        How the firmware spreads steps; "auto" is what midair sets on a real array.
+    lead : float
+        Silence that swells into the original before it and fades after it, in s; it is not judged.
+    """
+
+    settings: Settings
+    rig: VirtualRig = field(default_factory=VirtualRig)
+    silencer: SilencerChoice = "auto"
+    lead: float = 0.0
+
+
+def error_budget(
+    original: PressureFrames, plan: BudgetPlan, *, kept: float | None = None, stage: Stage = quiet
+) -> Budget:
+    """What each stage loses of a pressure.
+
+    Every stage is added to those before it, with everything after it perfect: targets and fields are turned into
+    pressure on the sensor's cells by the gel's exact weights, and before the hold the pressure moves from frame to
+    frame as a band-limited signal. Then come frames that stand still, transducers of their own resonance and strength,
+    the silencer, and the sensor with its noise.
+
+    Parameters
+    ----------
+    original : PressureFrames
+        What was felt, in the settings' band and at their rate (`flow.felt`).
+    plan : BudgetPlan
+        Settings and rig.
+    kept : float, optional
+        Part of the recording's power in the band, see `kept_in_band`.
+    stage : callable
+        Told the name of each stage as it begins.
+    """
+    asked = led_in(original, plan.lead)
+    made = reproduce(asked, plan.rig.array, plan.settings, progress=stage("solve"))
+    outputs = [
+        replace(
+            output,
+            pressure=_judged(output.pressure, original, plan.lead),
+            reference=None if output.reference is None else _judged(output.reference, original, plan.lead),
+        )
+        for output in _outputs(asked, made, plan, stage)
+    ]
+    settings = plan.settings
+    return budget(original, outputs, strength=made.strength(settings), kept=kept, band=settings.band)
+
+
+def kept_in_band(recording: Recording, band: tuple[float, float]) -> float | None:
+    """Part of a recording's power, as it came from the sensor, that lies in the band; None for a silent one.
+
+    By the volts, not by the pressure: below and above the band the sensor hears too little to tell the pressure.
+    """
+    whole = float(band_energy(recording.samples, recording.rate, (1.0, recording.rate / 2)).sum())
+    part = float(band_energy(recording.samples, recording.rate, (band[0], min(band[1], recording.rate / 2))).sum())
+    return part / whole if whole > 0 else None
+
+
+def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage: Stage) -> Generator[StageOutput]:
+    settings, rig, drive = plan.settings, plan.rig, made.solution.drive
+    compensated = to_play(asked, settings)
+    done = _done_before(settings)
+    if done:
+        yield StageOutput(name="beforehand", what=f"{done}; later stages give it back", pressure=compensated)
+    pushed = settings.gain * mapping_of(settings.mapping)(compensated.pressure, compensated.rate)
+    yield StageOutput(
+        name="mapping",
+        what=f"makes pressure of both signs push: {settings.mapping}",
+        pressure=_simulated(replace(asked, pressure=pushed)),
+    )
+    skin = rig.skin()
+    weights = cell_weights(rig.sensor_model, skin.points)
+    wanted = prepare(
+        compensated,
+        mapping=settings.mapping,
+        grid=skin.points,
+        medium=settings.medium,
+        interpolate=settings.interpolate,
+        gain=settings.gain,
+    )
+    on_cells = radiation_pressure(wanted.amplitude, settings.medium) @ weights.T
+    yield StageOutput(
+        name="interpolation",
+        what=f"spreads 16 cells over the palm, interpolating {settings.interpolate}",
+        pressure=_simulated(replace(asked, pressure=on_cells.reshape(asked.pressure.shape))),
+    )
+    outside = leak(
+        drive, made.target.amplitude, settings.grid, medium=settings.medium, directivity=settings.directivity
+    )
+    G = transfer_matrix(skin.points, rig.array, medium=rig.medium, directivity=rig.directivity)
+    cells = on_cells
+    for name, what, chain in _chains(drive, plan):
+        pressure = simulate(
+            drive, G, chain=chain, rate=skin.rate, medium=rig.medium, weights=weights, progress=stage(name)
+        )
+        cells = pressure.reshape(-1, *asked.sensor.shape)
+        played = _simulated(replace(asked, pressure=cells, rate=skin.rate))
+        yield StageOutput(name=name, what=what, pressure=played, leak=outside if name == "solver" else None)
+    yield StageOutput(
+        name="sensor",
+        what="hears changes only, with noise, up to half its rate, and is calibrated",
+        pressure=_simulated(_heard(cells, asked, plan)),
+        reference=_heard_perfectly(asked, settings),
+        tells_images=False,
+    )
+
+
+def _done_before(settings: Settings) -> str:
+    """What is done to the pressure before it is mapped, in words."""
+    decoupled = ["undoes what interpolation mixes between cells"] if settings.decouple else []
+    louder = settings.precompensate and settings.compensate == "pressure"
+    return " and ".join([*decoupled, *(["makes louder what hold and transducers make quieter"] if louder else [])])
+
+
+def _chains(drive: Drive, plan: BudgetPlan) -> Generator[tuple[str, str, PlaybackChain]]:
+    """Each stage of the playing with all before it."""
+    full = plan.rig.array_device().chain
+    ideal = PlaybackChain(phase_bits=None, hold="ideal")
+    settings = plan.settings
+    louder = settings.precompensate and settings.compensate == "sound"
+    compensated = ", with sound made louder beforehand that hold and transducers make quieter" if louder else ""
+    yield "solver", f"finds phases: {settings.method}{compensated}", ideal
+    bits = full.phase_bits
+    yield "quantisation", f"phases of {bits} bits" if bits else "none", replace(ideal, phase_bits=bits)
+    held = PlaybackChain(phase_bits=bits)
+    yield "frame hold", f"each frame stands for {1e3 / drive.rate:g} ms", held
+    moving = replace(held, transducers=full.transducers)
+    yield "transducers", "each follows its drive at its own resonance, quality and strength", moving
+    silencer = choose_silencer(plan.silencer, phase_bytes(drive, 1), intensity_bytes(drive, 1), drive.rate)
+    spread = replace(moving, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
+    yield "silencer", f"spreads steps: {silencer}", spread
+
+
+def _heard(cells: Array, asked: PressureFrames, plan: BudgetPlan) -> PressureFrames:
+    rig, settings = plan.rig, plan.settings
+    model, over = rig.sensor_model, rig.steps
+    whole = len(cells) // over * over
+    volts = sense(model, cells[:whole], rig.rate, rng=np.random.default_rng(rig.seed), oversample=over)
+    recording = Recording(samples=volts, rate=rig.rate, sensor=model.grid, provenance=asked.provenance)
+    pressure = calibrate(recording, calibration_of(model), band=settings.band, method=settings.inverse)
+    return at_rate(pressure, settings.rate)
+
+
+def _heard_perfectly(asked: PressureFrames, settings: Settings) -> PressureFrames:
+    """What was asked with the band's soft edges once more, which calibration puts on the re-recording a second time."""
+    edges = band_edges(settings.band, asked.rate)
+
+    def window(frequency: Array) -> Array:
+        return band_window(frequency, settings.band, edges=edges).reshape(-1, 1, 1)
+
+    return replace(asked, pressure=filter_response(asked.pressure, asked.rate, window, reach=4 / settings.band[0]))
+
+
+def _judged(pressure: PressureFrames, original: PressureFrames, lead: float) -> PressureFrames:
+    """The original's part of it, without the lead."""
+    first = round(lead * original.rate) / original.rate
+    return pressure.cut(first, original.frames / original.rate) if first else pressure
+
+
+def _simulated(pressure: PressureFrames) -> PressureFrames:
+    return replace(pressure, provenance=replace(pressure.provenance, simulated=True))

@@ -1,0 +1,137 @@
+"""Iterative correction of the waveform: passes that ask for what the best one so far lacked."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.correct import IterativeCorrection, measured_response
+from midair.evaluate import advance
+from midair.flow import Settings
+from midair.model import PressureFrames
+from midair.physics import focus_amplitude, radiation_pressure
+from midair.rig.loop.passes import Pass, Rig, Stage, play_pass, quiet
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Iterated:
+    """What the iterative correction came to.
+
+    Attributes
+    ----------
+    passes : tuple of Pass
+        Each better than the one before it, and the first better than the one it started from.
+    taken_back : int
+        Steps that made it worse.
+    end : str
+        Why it stopped; empty when it was not asked for.
+    """
+
+    passes: tuple[Pass, ...] = ()
+    taken_back: int = 0
+    end: str = ""
+
+
+def iterated(
+    original: PressureFrames,
+    start: Pass,
+    rig: Rig,
+    settings: Settings,
+    times: int,
+    *,
+    correction: IterativeCorrection | None = None,
+    stage: Stage = quiet,
+) -> Iterated:
+    """Further passes, each better than the one before it.
+
+    From the best pass so far the response H is measured, and what lacks is asked for in addition. A step that makes
+    the waveform's error larger is taken back, and a smaller one is tried from where it started. It ends after `times`
+    steps, when a step no longer helps, or when the steps have become too small.
+
+    Parameters
+    ----------
+    original : PressureFrames
+        What was to be reproduced.
+    start : Pass
+        To improve on.
+    rig : Rig
+        Open.
+    settings : Settings
+        Of every stage; the gain is that of `start`.
+    times : int
+        Largest number of steps, those that are taken back among them; 0 for none.
+    correction : IterativeCorrection, optional
+        How to step; its defaults if None.
+    stage : callable
+        Told the name of each stage as it begins.
+    """
+    correction = correction or IterativeCorrection()
+    settings = replace(settings, gain=start.gain)
+    passes, taken_back, step = [start], 0, correction.step
+    end = f"{times} steps were made" if times else ""
+    for number in range(1, times + 1):
+        asked = _asked(original, passes[-1], rig, settings, correction, step, start.comparison.delay)
+        tried = play_pass(original, asked, rig, settings, f"correction {number}", stage, step=step)
+        before, after = (each.comparison.waveform_error for each in (passes[-1], tried))
+        if after >= before:
+            taken_back, step = taken_back + 1, step * correction.shrink
+            if step < correction.smallest:
+                end = "no step makes it better"
+                break
+            continue
+        passes.append(tried)
+        if after > (1 - correction.least) * before:
+            end = f"the last step lowered the error by less than {100 * correction.least:g} %"
+            break
+    return Iterated(passes=tuple(passes[1:]), taken_back=taken_back, end=end)
+
+
+def _asked(
+    original: PressureFrames,
+    best: Pass,
+    rig: Rig,
+    settings: Settings,
+    correction: IterativeCorrection,
+    step: float,
+    delay: float,
+) -> PressureFrames:
+    """What to ask for next: what the best pass asked for, and what it lacked.
+
+    The delay is that of the first pass throughout: found anew each time, it would drift with the correction.
+    """
+    focus = focus_amplitude(settings.grid, rig.array.array, medium=settings.medium, directivity=settings.directivity)
+    top = float(radiation_pressure(np.array(focus), settings.medium)) / best.gain
+    asked, rate = playable(best.asked.pressure, mapping=settings.mapping, top=top), original.rate
+    heard = _fitted(advance(best.heard.pressure, delay, rate), len(asked))
+    first = (len(asked) - original.frames) // 2
+    part = slice(first, first + original.frames)
+    lacking = np.zeros_like(asked)
+    lacking[part] = original.pressure - heard[part]
+    response = measured_response(asked, heard, rate, band=settings.band)
+    change = correction.change(lacking, rate, response, band=settings.band, step=step)
+    return replace(
+        best.asked,
+        pressure=playable(asked + change, mapping=settings.mapping, top=top),
+        provenance=best.asked.provenance.then("correct", {"step": step, "regularisation": correction.regularisation}),
+    )
+
+
+def playable(asked: Array, *, mapping: str, top: float) -> Array:
+    """The nearest pressure that can be asked for, any shape, in Pa.
+
+    Half-wave rectification plays nothing of what is below zero, so asking for it is moot and would only add up; the
+    other mappings lift all of it. Nothing is stronger than a single focus of the whole array.
+    """
+    return np.clip(asked, 0.0 if mapping == "half-wave" else -top, top)
+
+
+def lead_of(settings: Settings) -> float:
+    """Lead that a mapping needs, in s: none where nothing is lifted, .1 s where a bias has to rise."""
+    return 0.0 if settings.mapping == "half-wave" else 0.1
+
+
+def _fitted(frames: Array, count: int) -> Array:
+    """`count` frames: cut, or with silence behind."""
+    return np.concatenate([frames[:count], np.zeros((max(0, count - len(frames)), *frames.shape[1:]))])

@@ -1,0 +1,127 @@
+"""One time through: solve, play, re-record, compare."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from midair.devices import ArrayDevice, Progress, SensorDevice
+from midair.dsp import extend
+from midair.errors import InputError
+from midair.evaluate import Comparison, compare, find_delay
+from midair.flow import Reproduction, Settings, at_rate, felt, reproduce
+from midair.model import PressureFrames, Recording
+from midair.rig.play.rerecord import Gate, rerecord
+
+Stage = Callable[[str], Progress | None]
+"""Told the name of each stage as it begins; gives the progress to report to."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rig:
+    """What a loop plays on.
+
+    Attributes
+    ----------
+    array, sensor : ArrayDevice, SensorDevice
+        Open; the sensor lies at the settings' control grid and brings its own calibration.
+    gate : Gate or None
+        Needed for a real array.
+    lead : float
+        Silence that swells into the original before it and fades after it, in s, so that a bias has time to rise.
+    """
+
+    array: ArrayDevice
+    sensor: SensorDevice
+    gate: Gate | None = None
+    lead: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.lead < 10:
+            raise InputError(f"lead: expected 0 to 10 s, got {self.lead:g} s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pass:
+    """One time through.
+
+    Attributes
+    ----------
+    gain : float
+        That the pressure was multiplied by.
+    step : float or None
+        g of an iterative correction; None of a pass that the gain alone corrects.
+    asked : PressureFrames
+        The pressure that was asked for, before the gain, with the lead on both sides.
+    reproduction : Reproduction
+        What was played.
+    rerecorded : Recording
+        What came back.
+    heard : PressureFrames
+        The same calibrated, from the drive's first frame on, with the lead.
+    felt : PressureFrames
+        The part of it that the original is of.
+    comparison : Comparison
+        Of that part with the original.
+    """
+
+    gain: float
+    step: float | None
+    asked: PressureFrames
+    reproduction: Reproduction
+    rerecorded: Recording
+    heard: PressureFrames
+    felt: PressureFrames
+    comparison: Comparison
+
+
+def quiet(_: str) -> Progress | None:
+    """A stage reporter that says nothing."""
+    return None
+
+
+def led_in(pressure: PressureFrames, lead: float) -> PressureFrames:
+    """The same with `lead` seconds more on both sides, in which it swells from and fades to nothing."""
+    pad = round(lead * pressure.rate)
+    if not pad:
+        return pressure
+    provenance = pressure.provenance.then("lead", {"lead_s": pad / pressure.rate})
+    return replace(pressure, pressure=extend(pressure.pressure, pad), provenance=provenance)
+
+
+def play_pass(
+    original: PressureFrames,
+    asked: PressureFrames,
+    rig: Rig,
+    settings: Settings,
+    name: str,
+    stage: Stage,
+    *,
+    step: float | None = None,
+) -> Pass:
+    """Solve for what is asked, play it, re-record it, and compare with the original."""
+    made = reproduce(asked, rig.array.array, settings, progress=stage(f"solve, {name}"))
+    progress = stage(f"play and re-record, {name}")
+    rerecorded = rerecord(made.solution.drive, rig.array, rig.sensor, gate=rig.gate, progress=progress)
+    heard = at_rate(felt(rerecorded, rig.sensor.calibration, settings), original.rate)
+    if not rig.sensor.simulated:
+        heard = _from_the_first_frame(heard, asked)
+    first = (asked.frames - original.frames) // 2
+    again = heard if not first else heard.cut(first / heard.rate, original.frames / original.rate)
+    return Pass(
+        gain=settings.gain,
+        step=step,
+        asked=asked,
+        reproduction=made,
+        rerecorded=rerecorded,
+        heard=heard,
+        felt=again,
+        comparison=compare(original, again),
+    )
+
+
+def _from_the_first_frame(heard: PressureFrames, asked: PressureFrames) -> PressureFrames:
+    """What was heard from about the drive's first frame on: a real array begins to play when it is ready."""
+    spare = (heard.frames - asked.frames) / heard.rate
+    if spare <= 0:
+        return heard
+    delay = find_delay(asked.pressure, heard.pressure, heard.rate, longest=spare)
+    return heard.cut(max(0.0, delay))

@@ -1,0 +1,63 @@
+"""Devices by the names that people type: ``virtual:towel``, ``replay:take.h5``, ``lsl:Skin``."""
+
+from midair.devices import ReplaySensor, Rewired, SensorDevice
+from midair.errors import UnknownDeviceError
+from midair.files import load, load_calibration
+from midair.model import SensorWiring
+from midair.rig.open.source_names import KINDS, source_sensor
+from midair.rig.open.virtual_rig import VirtualRig
+
+
+def sensor_named(
+    name: str, rig: VirtualRig, *, duration: float | None = None, wiring: SensorWiring | None = None
+) -> SensorDevice:
+    """The sensor that a name means, not yet open.
+
+    Parameters
+    ----------
+    name : str
+        ``virtual:OBJECT`` with OBJECT one of brush, sponge, towel, each with +groove for the grooved surface, or one of
+        am-i, am-ii, am-iii, the modulated foci of section 5.2; or ``replay:FILE``; or a live sensor (`source_names`):
+        ``lsl:NAME``, ``audio:DEVICE``, ``serial:PORT``, ``ni:CHANNELS``.
+    rig : VirtualRig
+        What virtual names refer to.
+    duration : float, optional
+        For how long a virtual object touches, in s.
+    wiring : SensorWiring, optional
+        From a sensor file: which channel is which cell. The cells of a virtual or replayed sensor count as channels.
+
+    Raises
+    ------
+    UnknownDeviceError
+        If nothing answers to the name.
+    MissingExtraError, DeviceError, InputError
+        As `source_sensor`.
+    """
+    kind, _, rest = name.partition(":")
+    if kind in KINDS and (rest or kind == "audio"):
+        return source_sensor(name, wiring=wiring)
+    made = _made(kind, rest, name, rig, duration)
+    return made if wiring is None else Rewired(made, wiring)
+
+
+def _made(kind: str, rest: str, name: str, rig: VirtualRig, duration: float | None) -> SensorDevice:
+    if kind == "virtual" and rest:
+        return rig.touched_by(rest, duration=duration)
+    if kind == "replay" and rest:
+        return ReplaySensor(load(rest), calibration=load_calibration(rest) if rest.endswith(".h5") else None, name=name)
+    raise UnknownDeviceError(
+        "sensor: expected virtual:OBJECT, replay:FILE, lsl:NAME, audio:DEVICE, serial:PORT or ni:CHANNELS, "
+        f"got {name!r}; try virtual:towel"
+    )
+
+
+def check_array_name(name: str) -> None:
+    """Refuse a name of an array that nothing answers to.
+
+    Raises
+    ------
+    UnknownDeviceError
+        If it is not ``virtual``.
+    """
+    if name != "virtual":
+        raise UnknownDeviceError(f"array: expected virtual, got {name!r}; midair play takes others")

@@ -1,0 +1,1 @@
+"""Play: admitted drives, logged, stopped on demand, and re-recorded."""

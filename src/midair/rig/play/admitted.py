@@ -1,0 +1,77 @@
+"""Play a drive on an array with everything that keeps it safe: gate, log, a way to stop it, silence at the end."""
+
+import _thread
+import signal
+import sys
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from types import FrameType
+
+from midair.devices import ArrayDevice, PlayReport, Progress
+from midair.devices.arrays.gate import Admission
+from midair.rig.play.play_log import log_end, log_order
+from midair.rig.play.stop_line import stop_line
+
+
+def play_admitted(
+    admission: Admission,
+    array: ArrayDevice,
+    *,
+    source: str,
+    repeats: int = 1,
+    delay: float = 0.0,
+    progress: Progress | None = None,
+) -> PlayReport:
+    """Play on an open array what has been admitted.
+
+    The order is in the log before the first sound, and its end after the last. SIGTERM and SIGHUP end the program as
+    Ctrl-C does, which silences the array on the way out; so does `stop_playing` from another terminal.
+
+    Parameters
+    ----------
+    admission : Admission
+        From `admit`.
+    array : ArrayDevice
+        Open.
+    source : str
+        What to call the drive in the log.
+    repeats, delay, progress
+        As in `ArrayDevice.play`.
+    """
+    log_order(source, array.name, admission, repeats=repeats)
+
+    def stop() -> None:
+        array.silence()
+        _thread.interrupt_main()
+
+    try:
+        with signals_end_the_program(), stop_line(array.name, stop):
+            report = array.play(admission.drive, repeats=repeats, delay=delay, progress=progress)
+    except BaseException as end:
+        log_end(source, array.name, None, f"{type(end).__name__}: {end}".rstrip(": "))
+        raise
+    log_end(source, array.name, report, "played")
+    return report
+
+
+@contextmanager
+def signals_end_the_program() -> Generator[None]:
+    """While inside, SIGTERM and SIGHUP leave through every `with` and `finally`, as an error does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+    def leave(number: int, _: FrameType | None) -> None:
+        for each in numbers:
+            signal.signal(each, signal.SIG_IGN)  # a second one must not interrupt the silencing
+        sys.exit(128 + number)
+
+    before = {number: signal.signal(number, leave) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

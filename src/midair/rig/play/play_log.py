@@ -1,0 +1,81 @@
+"""What was played, when, how loud, and who answered for it: one line of JSON a time, never rewritten."""
+
+import json
+import os
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+from midair.devices import PlayReport
+from midair.devices.arrays.gate import Admission
+from midair.errors import FileError
+
+
+def state_folder() -> Path:
+    """Where midair keeps its log and tells other terminals what plays: ``MIDAIR_STATE``, or the user's state folder.
+
+    It need not be there yet.
+    """
+    if chosen := os.environ.get("MIDAIR_STATE"):
+        return Path(chosen)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "midair"
+    return Path(os.environ.get("XDG_STATE_HOME", Path.home() / ".local" / "state")) / "midair"
+
+
+def make_state_folder() -> Path:
+    """The same folder, made if it was not there, for this user only.
+
+    Raises
+    ------
+    FileError
+        If it cannot be made.
+    """
+    folder = state_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as wrong:
+        raise FileError(f"{folder}: {wrong.strerror}; set MIDAIR_STATE to a folder you can write to") from wrong
+    return folder
+
+
+def log_order(source: str, device: str, admission: Admission, *, repeats: int) -> Path:
+    """Write down what is about to be played, before any sound; the log's path."""
+    found = admission.exposure
+    return _append(
+        {
+            "event": "play",
+            "drive": source,
+            "device": device,
+            "frames": admission.drive.frames,
+            "rate_hz": admission.drive.rate,
+            "repeats": repeats,
+            "profile": found.profile.name,
+            "exposure": admission.outcome,
+            "override_by": admission.by,
+            "excess_db": round(found.excess, 2),
+            "places": {
+                place.name: {"peak_db": round(float(peak), 2), "mean_db": round(float(mean), 2)}
+                for place, peak, mean in zip(found.profile.places, found.peak, found.mean, strict=True)
+            },
+        }
+    )
+
+
+def log_end(source: str, device: str, report: PlayReport | None, reason: str) -> Path:
+    """Write down how playing ended; the log's path."""
+    entry: dict[str, object] = {"event": "end", "drive": source, "device": device, "reason": reason}
+    if report is not None:
+        entry |= {"frames": report.frames, "late": report.late, "gap_s": report.gap, "start_ns": report.start}
+    return _append(entry)
+
+
+def _append(entry: dict[str, object]) -> Path:
+    path = make_state_folder() / "played.jsonl"
+    line = json.dumps({"time": datetime.now(UTC).isoformat(timespec="milliseconds"), **entry})
+    try:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(line + "\n")
+    except OSError as wrong:
+        raise FileError(f"{path}: {wrong.strerror}; nothing plays without a log, set MIDAIR_STATE") from wrong
+    return path

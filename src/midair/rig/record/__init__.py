@@ -1,0 +1,1 @@
+"""Record: takes of a sensor, watched while they run."""

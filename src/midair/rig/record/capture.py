@@ -1,0 +1,94 @@
+"""From a sensor to a recording in one go, for programs; `rig/record/take.py` is what a person has."""
+
+from pathlib import Path
+
+import numpy as np
+
+from midair.devices import Progress, SensorDevice
+from midair.errors import DeviceError, InputError
+from midair.files import RecordingWriter, load
+from midair.model import Provenance, Recording
+
+
+def record(
+    sensor: SensorDevice,
+    duration: float,
+    *,
+    path: Path | None = None,
+    notes: dict[str, str] | None = None,
+    block: float = 0.1,
+    progress: Progress | None = None,
+) -> Recording:
+    """Record an open sensor for `duration` seconds, or until it ends.
+
+    Parameters
+    ----------
+    sensor : SensorDevice
+        Open; it is started and stopped here.
+    duration : float
+        In s.
+    path : Path, optional
+        A file that is written as the frames come, so that whatever was recorded survives a crash; it is read back at
+        the end, and nothing is kept in memory before.
+    notes : dict of str to str, optional
+        What people want to remember: object, surface, speed, operator.
+    block : float
+        Seconds that are read at a time.
+    progress : callable, optional
+        Called with (frames done, frames in all).
+
+    Raises
+    ------
+    InputError
+        If the duration holds no frame.
+    DeviceError
+        If the sensor gives nothing, or loses frames.
+    """
+    frames = round(duration * sensor.rate)
+    if frames < 1:
+        raise InputError(f"duration: expected at least one frame of {1e3 / sensor.rate:g} ms, got {duration:g} s")
+    provenance = Provenance(source=sensor.name, simulated=sensor.simulated, notes=notes or {})
+    sensor.start()
+    try:
+        if path is None:
+            kept: list[np.ndarray] = []
+            _blocks(sensor, frames, block, kept, progress)
+            samples = np.concatenate(kept)
+        else:
+            with RecordingWriter(
+                path,
+                rate=sensor.rate,
+                sensor=sensor.grid,
+                unit=sensor.unit,
+                provenance=provenance,
+                calibration=sensor.calibration,
+            ) as writer:
+                _blocks(sensor, frames, block, writer, progress)
+            return load(path)
+    finally:
+        sensor.stop()
+    return Recording(samples=samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit, provenance=provenance)
+
+
+def _blocks(
+    sensor: SensorDevice,
+    frames: int,
+    block: float,
+    into: RecordingWriter | list[np.ndarray],
+    progress: Progress | None,
+) -> None:
+    size, got = max(1, round(block * sensor.rate)), 0
+    while got < frames:
+        part = sensor.read(min(size, frames - got))
+        if part.overflow or part.first != got:
+            raise DeviceError(
+                f"{sensor.name}: lost frames before {got / sensor.rate:.3f} s; close other programs, try again"
+            )
+        if not len(part.samples):
+            break
+        into.append(part.samples)
+        got += len(part.samples)
+        if progress:
+            progress(got, frames)
+    if not got:
+        raise DeviceError(f"{sensor.name}: expected frames, got none; is it connected and switched on?")

@@ -1,0 +1,152 @@
+"""How strongly each channel speaks right now, and which ones clip, are dead, or stand still."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.files.native.events import Event
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Levels:
+    """What the meters show; each array has shape (channel,).
+
+    Attributes
+    ----------
+    rms : ndarray
+        About its mean, of the last `window`, in the sensor's unit.
+    peak : ndarray
+        Largest distance from its mean in the last `window`, in the sensor's unit.
+    highest : ndarray
+        Largest `peak` since the start.
+    clipped : ndarray of int
+        Frames at the limit, since the start.
+    clipping : ndarray of bool
+        Whether one of them was in the last `window`.
+    dead : ndarray of bool
+        Never changed since the start, for `still` or longer.
+    stuck : ndarray of bool
+        Changed before, but stands at one value for `still` or longer.
+    """
+
+    rms: Array
+    peak: Array
+    highest: Array
+    clipped: NDArray[np.int64]
+    clipping: Flags
+    dead: Flags
+    stuck: Flags
+
+
+class Meters:
+    """Levels of every channel as the frames come.
+
+    Parameters
+    ----------
+    channels : int
+        Number of them.
+    rate : float
+        Frames per second, in Hz.
+    full_scale : float, optional
+        Limit of the converter on either side. If it is not known, a channel clips where it stays at its own highest or
+        lowest value of the window for three frames or more while it hardly ever repeats a value elsewhere.
+    window : float
+        That levels are taken over, in s.
+    still : float
+        A channel is dead or stuck when it has not changed for so long, in s.
+    """
+
+    def __init__(
+        self, channels: int, rate: float, *, full_scale: float | None = None, window: float = 0.3, still: float = 0.5
+    ) -> None:
+        self._rate, self._full_scale = rate, full_scale
+        self._window, self._still = max(4, round(window * rate)), max(2, round(still * rate))
+        self._recent = np.zeros((0, channels))
+        self._frames = 0
+        self._since = np.zeros(channels, np.int64)  # first frame of the value at which a channel stands
+        self._moved, self._told = np.zeros(channels, bool), np.zeros(channels, bool)
+        self._highest, self._clipped = np.zeros(channels), np.zeros(channels, np.int64)
+
+    def add(self, samples: Array) -> tuple[Event, ...]:
+        """Frames that came, shape (frame, row, column); what is to be told about their channels, each thing once.
+
+        The events' frames are counted from the first frame that was added.
+        """
+        if not len(samples):
+            return ()
+        block = np.asarray(samples, np.float64).reshape(len(samples), -1)
+        at_limit = self._at_limit(block)
+        first = self._frames
+        self._stand(block)
+        self._recent = np.concatenate([self._recent, block])[-self._window :]
+        self._highest = np.maximum(self._highest, np.abs(block - self._recent.mean(axis=0)).max(axis=0))
+        counts = at_limit.sum(axis=0)
+        self._clipped += counts
+        clipped = [
+            Event(kind="clipped", frame=first + int(at_limit[:, i].argmax()), frames=int(counts[i]), channel=int(i))
+            for i in np.flatnonzero(counts)
+        ]
+        return (*clipped, *self._news())
+
+    @property
+    def levels(self) -> Levels:
+        """What the meters show now."""
+        recent = self._recent if len(self._recent) else np.zeros((1, len(self._highest)))
+        about = recent - recent.mean(axis=0)
+        still = self._frames - self._since >= self._still
+        return Levels(
+            rms=np.sqrt(np.square(about).mean(axis=0)),
+            peak=np.abs(about).max(axis=0),
+            highest=self._highest.copy(),
+            clipped=self._clipped.copy(),
+            clipping=np.asarray(self._limits(recent).any(axis=0)),
+            dead=still & ~self._moved,
+            stuck=still & self._moved,
+        )
+
+    def _at_limit(self, block: Array) -> Flags:
+        """Which samples of a block are at the limit; what came before decides with it where the limit is not known."""
+        if self._full_scale is not None:
+            return self._limits(block)
+        together = np.concatenate([self._recent, block])
+        return self._limits(together)[len(self._recent) :]
+
+    def _limits(self, samples: Array) -> Flags:
+        if self._full_scale is not None:
+            # The converter's largest code is one step below its limit.
+            return np.abs(samples) >= self._full_scale * (1 - 1e-4)
+        if len(samples) < 4:
+            return np.zeros(samples.shape, bool)
+        same = samples[1:] == samples[:-1]
+        extreme = (samples == samples.max(axis=0)) | (samples == samples.min(axis=0))
+        runs = np.zeros(samples.shape, bool)
+        triple = same[1:] & same[:-1] & extreme[2:]
+        runs[2:] |= triple
+        runs[1:-1] |= triple
+        runs[:-2] |= triple
+        elsewhere = ~extreme[1:]
+        repeats = (same & elsewhere).sum(axis=0) <= 0.05 * elsewhere.sum(axis=0)
+        return runs & repeats & elsewhere.any(axis=0)
+
+    def _stand(self, block: Array) -> None:
+        """Since which frame each channel has its value, and which ones have ever moved."""
+        before = self._recent[-1:] if len(self._recent) else block[:1]
+        changed = np.diff(np.concatenate([before, block]), axis=0) != 0
+        moves = changed.any(axis=0)
+        last = self._frames + len(block) - 1 - changed[::-1].argmax(axis=0)
+        self._since = np.where(moves, last, self._since)
+        self._moved |= moves
+        self._told &= ~moves
+        self._frames += len(block)
+
+    def _news(self) -> list[Event]:
+        new = (self._frames - self._since >= self._still) & ~self._told
+        self._told |= new
+        return [
+            Event(kind="stuck" if self._moved[i] else "dead", frame=int(self._since[i]), channel=int(i))
+            for i in np.flatnonzero(new)
+        ]

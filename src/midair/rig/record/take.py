@@ -1,0 +1,252 @@
+"""One take: wait for a key or a touch, write the frames as they come, tell at once what goes wrong, and go on.
+
+A frame that never came holds the last good one, so that frame i stays at i / rate; where that was is told and stored.
+A take fails only when nothing came. If the sensor is lost or the disk is full half-way, what there was is kept.
+"""
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.devices import Block, SensorDevice
+from midair.devices.reading import Seam
+from midair.errors import DeviceError, FileError, InputError
+from midair.files import RecordingWriter
+from midair.files.native.events import Event, EventKind
+from midair.model import Provenance, Setting
+from midair.rig.record.clocks import ClockWatch, Drift
+from midair.rig.record.meters import Meters
+from midair.rig.record.take_plan import End, Order, Take, TakePlan, View, Watcher
+from midair.rig.record.trigger import PreRoll, Trigger
+
+Array = NDArray[np.float64]
+DRIFT_TOLD = 200.0
+"""Quartz clocks are about 100 ppm apart at most; a drift of this many ppm is told."""
+
+
+def record_take(sensor: SensorDevice, plan: TakePlan, watcher: Watcher) -> Take:
+    """Make one take with an open sensor, which is started and stopped here.
+
+    Raises
+    ------
+    InputError
+        If the duration holds no frame.
+    DeviceError
+        If the sensor gives nothing, or is lost before the first frame.
+    FileError
+        If the file cannot be made.
+    """
+    if plan.duration is not None and round(plan.duration * sensor.rate) < 1:
+        raise InputError(f"duration: expected at least one frame of {1e3 / sensor.rate:g} ms, got {plan.duration:g} s")
+    RecordingWriter.warm_up()
+    sensor.start()
+    try:
+        with ExitStack() as stack:
+            return _Taking(sensor, plan, watcher, stack).run()
+    finally:
+        sensor.stop()
+
+
+class _Taking:
+    """The state of a take that runs."""
+
+    def __init__(self, sensor: SensorDevice, plan: TakePlan, watcher: Watcher, stack: ExitStack) -> None:
+        self._sensor, self._plan, self._watcher, self._stack = sensor, plan, watcher, stack
+        self._seam = Seam(sensor.name, sensor.rate)
+        self._meters = Meters(sensor.grid.count, sensor.rate, full_scale=sensor.full_scale)
+        self._rate, self._clock = ClockWatch(), ClockWatch()
+        self._trigger = None if plan.level is None else Trigger(plan.level, sensor.rate)
+        self._before = PreRoll(round(plan.pre_roll * sensor.rate))
+        self._writer: RecordingWriter | None = None
+        self._early: deque[Event] = deque(maxlen=1000)
+        self._told: set[EventKind] = set()
+        self._origin = self._lost = self._held = 0
+        self._wanted: int | None = None
+        self._quiet = 0
+        self._range = np.inf, -np.inf
+
+    def run(self) -> Take:
+        """Until the take ends."""
+        end: End | None = None
+        problem = ""
+        while end is None:
+            try:
+                end = self._step()
+            except (DeviceError, FileError) as wrong:
+                if self._frames == 0:
+                    raise
+                end, problem = "failure", str(wrong)
+        if end == "source" and self._frames == 0 and self._seam.frames == 0:
+            raise DeviceError(f"{self._sensor.name}: expected frames, got none; is it connected and switched on?")
+        return self._close(end, problem)
+
+    @property
+    def _frames(self) -> int:
+        return 0 if self._writer is None else self._writer.frames
+
+    def _step(self) -> End | None:
+        """Read a block and do what is due; why the take has ended, if it has."""
+        if (order := self._watcher.order()) in ("quit", "kill"):
+            return order
+        if self._writer is None and self._plan.start == "key" and self._sensor.on_demand and order is None:
+            time.sleep(self._plan.block)
+            self._show()
+            return None
+        block = self._sensor.read(max(1, round(self._plan.block * self._sensor.rate)))
+        if not len(block.samples):
+            return "source"
+        samples = self._receive(block)
+        end = self._keep(samples, order) if self._writer is not None else self._wait(samples, order)
+        self._show()
+        return end
+
+    def _receive(self, block: Block) -> Array:
+        """A block without its gap; what is to be told about it is told."""
+        seamless = self._seam.add(block)
+        if seamless.lost or block.overflow:
+            self._lost += seamless.lost
+            self._tell([Event(kind="lost", frame=seamless.first, frames=seamless.lost)])
+        self._tell(self._meters.add(seamless.samples))
+        if not self._sensor.on_demand:
+            self._rate.add(block.first / self._sensor.rate, block.host_time)
+            self._clock.add(block.device_time, block.host_time)
+            self._tell_drift()
+        return seamless.samples
+
+    def _wait(self, samples: Array, order: Order | None) -> End | None:
+        """Begin if this is the moment, else keep the frames for the pre-roll."""
+        past = np.zeros(len(samples), bool) if self._trigger is None else self._trigger.exceeded(samples)
+        if self._plan.start == "touch" and order is None:
+            begin = int(past.argmax()) if past.any() else None
+        else:
+            begin = 0 if self._plan.start == "at once" or order == "toggle" else None
+        if begin is None:
+            self._before.add(samples)
+            return None
+        self._before.add(samples[:begin])
+        early = self._before.take()
+        now = self._seam.frames - len(samples) + begin
+        kept = 0 if early is None else len(early)
+        self._open(now - kept, kept)
+        if early is not None:
+            self._write(early)
+        return self._keep(samples[begin:], None, past[begin:])
+
+    def _open(self, origin: int, kept: int) -> None:
+        """Make the file, whose frame 0 is frame `origin` of the sensor."""
+        sensor, plan = self._sensor, self._plan
+        settings: dict[str, Setting] = dict(plan.settings)
+        if plan.start != "at once":
+            settings |= {"start": plan.start, "pre_roll_s": kept / sensor.rate}
+        if plan.level is not None:
+            settings |= {"level": plan.level}
+        life = Provenance(source=sensor.name, simulated=sensor.simulated, notes=plan.notes)
+        self._writer = RecordingWriter(
+            plan.path,
+            rate=sensor.rate,
+            sensor=sensor.grid,
+            unit=sensor.unit,
+            provenance=life.then("record", settings) if settings else life,
+            calibration=sensor.calibration,
+            interval=plan.interval,
+        )
+        self._stack.enter_context(self._writer)
+        self._origin = origin
+        if plan.duration is not None:
+            self._wanted = kept + round(plan.duration * sensor.rate)
+        self._note_early()
+        if plan.start == "touch":
+            self._tell([Event(kind="trigger", frame=origin + kept)])
+
+    def _note_early(self) -> None:
+        """Write down what happened before the file was there and concerns its frames."""
+        levels, origin = self._meters.levels, self._origin
+        still = levels.dead | levels.stuck
+        for event in self._early:
+            if event.kind in ("dead", "stuck"):
+                self._note([replace(event, frame=max(event.frame, origin))] if still[event.channel] else [])
+            elif (after := event.frame + event.frames - origin) > 0:
+                self._note([replace(event, frame=max(event.frame, origin), frames=min(event.frames, after))])
+        self._early.clear()
+
+    def _keep(self, samples: Array, order: Order | None, past: NDArray[np.bool_] | None = None) -> End | None:
+        """Write frames; why the take has ended, if it has."""
+        if self._wanted is not None:
+            samples = samples[: self._wanted - self._frames]
+        self._write(samples)
+        if self._wanted is not None and self._frames >= self._wanted:
+            return "duration"
+        if order == "toggle":
+            return "toggle"
+        if self._trigger is None or self._plan.post_roll is None:
+            return None
+        past = self._trigger.exceeded(samples) if past is None else past
+        self._quiet = int(past[::-1].argmax()) if past.any() else self._quiet + len(past)
+        return "quiet" if self._quiet >= self._plan.post_roll * self._sensor.rate else None
+
+    def _write(self, samples: Array) -> None:
+        if self._writer is not None and len(samples):
+            self._writer.append(samples)
+            self._range = min(self._range[0], float(samples.min())), max(self._range[1], float(samples.max()))
+
+    def _tell(self, events: Sequence[Event], drift: Drift | None = None) -> None:
+        for event in events:
+            self._watcher.tell(event, drift)
+        if self._writer is None:
+            self._early.extend(events)
+        else:
+            self._note(events)
+
+    def _note(self, events: Sequence[Event]) -> None:
+        """Write events down, their frames counted from the beginning of the file, as far as it will reach."""
+        rows = [replace(event, frame=max(0, event.frame - self._origin)) for event in events]
+        if self._wanted is not None:
+            rows = [replace(row, frames=min(row.frames, max(0, self._wanted - row.frame))) for row in rows]
+        self._held += sum(row.frames for row in rows if row.kind == "lost")
+        if self._writer is not None:
+            self._writer.note(rows)
+
+    def _tell_drift(self) -> None:
+        watches: tuple[tuple[EventKind, ClockWatch], ...] = (("rate", self._rate), ("clock", self._clock))
+        for kind, watch in watches:
+            drift = None if kind in self._told else watch.drift()
+            if drift is not None and drift.certain and abs(drift.ppm) > DRIFT_TOLD:
+                self._told.add(kind)
+                self._tell([Event(kind=kind, frame=self._seam.frames - 1, ppm=drift.ppm)], drift)
+
+    def _show(self) -> None:
+        self._watcher.show(
+            View(
+                state="waiting" if self._writer is None else "recording",
+                frames=self._frames,
+                wanted=self._wanted,
+                lost=self._lost,
+                levels=self._meters.levels,
+                rate=self._rate.drift(),
+                clock=self._clock.drift(),
+            )
+        )
+
+    def _close(self, end: End, problem: str) -> Take:
+        drifts = self._rate.drift(), self._clock.drift()
+        kinds: tuple[EventKind, ...] = ("rate", "clock")
+        for kind, drift in zip(kinds, drifts, strict=True):
+            if drift is not None and self._frames and end != "failure":
+                self._note([Event(kind=kind, frame=self._origin + self._frames - 1, ppm=drift.ppm)])
+        return Take(
+            path=None if self._writer is None else self._plan.path,
+            frames=self._frames,
+            lost=self._held,
+            end=end,
+            problem=problem,
+            levels=self._meters.levels,
+            lowest=self._range[0],
+            highest=self._range[1],
+            rate=drifts[0],
+            clock=drifts[1],
+        )

@@ -1,0 +1,158 @@
+"""One frame after another within a millisecond, for touch that is played while it is recorded.
+
+The first two moves of `fast`, from where the frame before ended: the field in r coordinates, then the phases whose
+field it is. The field is kept in units of its target and so follows a target that only grows or shrinks by itself, and
+what L-BFGS has learnt of the cost serves the next frame too. The phases move as a heavy ball (Polyak, "Some methods of
+speeding up the convergence of iteration methods", 1964). With the phases much alike random ones the eigenvalues of its
+matrix lie between l = (1 - sqrt(2 r / N))^2 / 2 = .11 and 1 for r = 136 modes and N = 996 transducers (Marchenko &
+Pastur, 1967), for which step 4 / (1 + sqrt l)^2 = 2.2 and momentum ((1 - sqrt l) / (1 + sqrt l))^2 = .25 are best.
+
+The number of iterations is fixed, so that every frame takes the same time. Needs Numba. In a loop that must not be
+late: one BLAS thread (`one_blas_thread`), and Python's garbage collector off between frames (`gc.disable()`).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import MissingExtraError
+from midair.model import Status
+from midair.solvers.modes import modes
+from midair.solvers.phases import rippled
+from midair.solvers.problem import Answer, Problem, Progress
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Live:
+    """Settings of the live solver.
+
+    Attributes
+    ----------
+    iterations : int
+        Of the field, for the first frame.
+    warm_iterations : int
+        Of the field, for each frame after it.
+    lift_iterations, warm_lift_iterations : int
+        Of the phases, likewise.
+    tolerance : float
+        Modes of G below this part of the largest singular value are left out.
+    loudness, floor, every, memory, faintest
+        As in `Fast`; louder drives count for more here, since there is no third move to mend what they leave.
+    step, momentum : float
+        Of the heavy ball.
+    """
+
+    iterations: int = 200
+    warm_iterations: int = 7
+    lift_iterations: int = 60
+    warm_lift_iterations: int = 9
+    tolerance: float = 1e-2
+    loudness: float = 0.1
+    floor: float = 0.1
+    every: int = 4
+    step: float = 2.0
+    momentum: float = 0.3
+    memory: int = 6
+    faintest: float = 1e-12
+
+    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+        """Phases for each frame, one after another."""
+        frames = len(problem.amplitude)
+        follower = self.begin(problem)
+        phase, made, status = np.zeros((frames, problem.transducers)), np.zeros(frames, np.int64), []
+        for frame, p in enumerate(problem.amplitude):
+            before = follower.iterations
+            phase[frame] = follower.follow(p)
+            made[frame] = follower.iterations - before
+            status.append("iterations" if made[frame] else "silent")
+            if progress is not None:
+                progress(frame + 1, frames)
+        ended: tuple[Status, ...] = tuple(status)
+        return Answer(phase=phase, iterations=made, status=ended)
+
+    def begin(self, problem: Problem) -> "Follower":
+        """A follower for the G of the problem; compiles, so that its first frame is not late."""
+        return Follower(problem, self)
+
+
+class Follower:
+    """Keeps the last frame's field and drive, and turns the next target into phases.
+
+    Parameters
+    ----------
+    problem : Problem
+        G, level and first phases of the field; its targets are not looked at.
+    settings : Live
+        Iterations and weights.
+    """
+
+    def __init__(self, problem: Problem, settings: Live) -> None:
+        try:
+            from midair.solvers import live_kernel
+        except ImportError as missing:
+            raise MissingExtraError("the live solver needs numba: pip install midair[live]") from missing
+        self.iterations = 0
+        self._kernel: Any = live_kernel
+        self._settings = settings
+        kept = modes(problem.G, tolerance=settings.tolerance)
+        s = problem.level * kept.s
+        root = np.sqrt(s)
+        self._root = root.astype(np.float32)
+        self._out = np.ascontiguousarray((kept.U * root).T, np.complex64)
+        self._V = np.ascontiguousarray(kept.V.T, np.complex64)
+        self._drive = np.ascontiguousarray((kept.V[:: settings.every] / root).T, np.complex64)
+        self._weight = np.float32(settings.loudness / self._drive.shape[1])
+        # p of norm 1 -> first coordinates of the field p exp(j psi), as in the batch solver.
+        smooth = root * s / (s**2 + (settings.floor * s[0]) ** 2)
+        self._first = smooth[:, None] * kept.U.conj().T * np.exp(1j * problem.first_psi)
+        lens = kept.V @ ((kept.U.conj().T @ np.exp(1j * problem.first_psi)) / s)
+        self._q = rippled(lens).astype(np.complex64)
+        self._z = np.zeros(kept.rank, np.complex64)
+        self._p = np.zeros(problem.points, np.float32)
+        self._pairs, self._work = live_kernel.workspace(
+            problem.points, self._drive.shape[1], kept.rank, settings.memory, 1 / float(s[0])
+        )
+        self._error, self._change = np.zeros(kept.rank, np.complex64), np.zeros(problem.transducers, np.complex64)
+        self._speed = np.zeros(problem.transducers, np.float32)
+        self._warm = False
+        self._move(np.float32(1), 0, 0)  # no iteration at all, which compiles everything and moves nothing
+
+    def follow(self, p: Array) -> Array:
+        """Phases (transducer,) in rad for the target p (point,); those of the frame before if p is all zero."""
+        if p.any():
+            settings = self._settings
+            size = max(float(np.linalg.norm(p)), settings.faintest)
+            np.divide(p, size, out=self._p, casting="same_kind")
+            if self._warm:
+                count, lift = settings.warm_iterations, settings.warm_lift_iterations
+            else:
+                count, lift = settings.iterations, settings.lift_iterations
+                self._z[:] = self._first @ self._p
+            self._move(np.float32(size), count, lift)
+            self._warm = True
+            self.iterations += count
+        return np.angle(self._q).astype(np.float64)
+
+    def _move(self, size: np.float32, field: int, lift: int) -> None:
+        settings = self._settings
+        self._kernel.descend(
+            self._z, self._p, size, self._out, self._drive, self._weight, field, self._pairs, self._work
+        )
+        step, momentum = np.float32(settings.step), np.float32(settings.momentum)
+        self._kernel.lift(
+            self._q,
+            self._z,
+            size,
+            self._root,
+            self._V,
+            step,
+            momentum,
+            lift,
+            self._error,
+            self._change,
+            self._speed,
+        )

@@ -1,0 +1,121 @@
+"""The solvers by name."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields, replace
+from types import MappingProxyType
+from typing import Any
+
+from midair.errors import InputError
+from midair.solvers.exact import Exact
+from midair.solvers.fast import Fast
+from midair.solvers.levenberg_marquardt import LevenbergMarquardt
+from midair.solvers.live import Live
+from midair.solvers.problem import Start, Term
+from midair.solvers.reference import GSPAT, GerchbergSaxton, Greedy, Naive, WeightedGerchbergSaxton
+
+Method = LevenbergMarquardt | Exact | Fast | Live | Naive | GerchbergSaxton | WeightedGerchbergSaxton | GSPAT | Greedy
+
+METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
+    {
+        "lm": LevenbergMarquardt,
+        "exact": Exact,
+        "fast": Fast,
+        "live": Live,
+        "naive": Naive,
+        "gs": GerchbergSaxton,
+        "wgs": WeightedGerchbergSaxton,
+        "gs-pat": GSPAT,
+        "greedy": Greedy,
+    }
+)
+"""Name of each method and how to make it with its default settings."""
+
+
+TAKES: Mapping[str, frozenset[Term]] = MappingProxyType(
+    {
+        "lm": frozenset({"guard", "amplitudes"}),
+        "exact": frozenset({"amplitudes"}),
+        "fast": frozenset({"guard", "cells", "smooth", "amplitudes"}),
+        "live": frozenset({"amplitudes"}),
+        "naive": frozenset(),
+        "gs": frozenset(),
+        "wgs": frozenset(),
+        "gs-pat": frozenset(),
+        "greedy": frozenset(),
+    }
+)
+"""Terms that each method takes beside the paper's error; the published ones stay as published."""
+
+
+def check_terms(method: str, asked: Iterable[Term]) -> None:
+    """Refuse terms that the method would not look at.
+
+    Raises
+    ------
+    InputError
+        If there are any.
+    """
+    left = sorted(set(asked) - TAKES[method])
+    if left:
+        able = [name for name, taken in TAKES.items() if taken >= set(left)]
+        taken = ", ".join(sorted(TAKES[method])) or "none"
+        raise InputError(
+            f"method {method}: expected terms that it takes ({taken}), got {', '.join(left)}; "
+            f"choose {' or '.join(able)}"
+        )
+
+
+def solver(
+    method: str,
+    *,
+    iterations: int | tuple[int, int] | None = None,
+    start: Start | None = None,
+    backend: str | None = None,
+) -> Method:
+    """The method of this name with other iterations and another start, where it has them.
+
+    Parameters
+    ----------
+    method : str
+        A name in `METHODS`.
+    iterations : int or tuple of int, optional
+        At most: for every frame, or for frames that start at zero and for those that start at the previous one.
+    start : {"previous", "zero"}, optional
+        Of every frame after the first. Methods that solve each frame on its own have none, and "live" always goes on
+        from the frame before.
+    backend : str, optional
+        What does the arithmetic, see `backend.backend`; the method's own if None. Only "fast" has the choice.
+
+    Raises
+    ------
+    InputError
+        If the method or the start is unknown, the iterations are below 1, two numbers of iterations are given to
+        a method that has one, or a backend to one that has none.
+    """
+    if method not in METHODS:
+        raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+    if start not in (None, "previous", "zero"):
+        raise InputError(f"start: expected previous or zero, got {start!r}")
+    settings = METHODS[method]()
+    has = {field.name for field in fields(settings)}
+    changes: dict[str, Any] = {}
+    if start is not None and "start" in has:
+        changes["start"] = start
+    if backend is not None:
+        if "backend" not in has:
+            raise InputError(f"backend: expected method fast, got {method}; the others are NumPy's or Numba's")
+        changes["backend"] = backend
+    if iterations is not None:
+        changes |= _iterations(method, iterations, "warm_iterations" in has)
+    return replace(settings, **changes)
+
+
+def _iterations(method: str, iterations: int | tuple[int, int], warm: bool) -> dict[str, int]:
+    first, later = (iterations, iterations) if isinstance(iterations, int) else iterations
+    if first < 1 or later < 1:
+        raise InputError(f"iterations: expected 1 or more, got {iterations}")
+    if warm:
+        return {"iterations": first, "warm_iterations": later}
+    if first != later:
+        raise InputError(f"iterations: expected one number, since {method} solves all frames alike, got {iterations}")
+    return {"iterations": first}

@@ -1,0 +1,246 @@
+"""The three moves of the batch solver: field, lift, polish. What they are for: `fast`.
+
+Everything here works on arrays of the backend; a row is a frame.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.solvers.backend import Backend, Numbers, Rows
+from midair.solvers.lbfgs import LBFGS, Function
+from midair.solvers.modes import modes
+from midair.solvers.phases import rippled
+from midair.solvers.problem import Problem
+from midair.solvers.terms.cells import cell_misfit
+from midair.solvers.terms.guard import excess
+from midair.solvers.terms.points import misfit
+from midair.solvers.terms.smooth import change
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Batch:
+    """The targets of some frames, each scaled to norm 1 and the array made louder to match.
+
+    Then the cost is E^2 / 2, and single precision is enough.
+
+    Attributes
+    ----------
+    p : array, shape (row, point)
+        Targets of norm 1.
+    gain : array, shape (row, 1)
+        One over the norm that they had.
+    peak : array, shape (row, 1)
+        Largest of p.
+    cells, cell_scale : array, shape (row, cell) and (row,), or None
+        Wanted readings, and one over their norm squared.
+    """
+
+    p: Rows
+    gain: Rows
+    peak: Rows
+    cells: Rows = None
+    cell_scale: Numbers = None
+
+    def some(self, xp: Any, rows: Numbers) -> "Batch":
+        """The rows of these numbers."""
+        parts = (self.p, self.gain, self.peak, self.cells, self.cell_scale)
+        p, gain, peak, cells, scale = (None if one is None else xp.take(one, rows, axis=0) for one in parts)
+        return Batch(p=p, gain=gain, peak=peak, cells=cells, cell_scale=scale)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Machine:
+    """The matrices of one problem on a backend, and the moves.
+
+    Listeners are the control points, and after them the points of the guard.
+
+    Attributes
+    ----------
+    backend : Backend
+        Where the arrays are.
+    problem : Problem
+        Whose they are.
+    field : array of complex, shape (mode, listener)
+        U diag(s) A, transposed: from V^H q to the field.
+    drive : array of complex, shape (mode, transducer)
+        V transposed.
+    field_back, drive_back : array of complex
+        Their adjoints.
+    root : array, shape (mode,)
+        Square roots of the singular values times A.
+    strongest : float
+        Largest of the singular values times A.
+    psi : array of complex, shape (point,)
+        exp j psi, the first phase of the field.
+    lens : array of complex, shape (1, transducer)
+        The drive that all frames start from.
+    weights : array, shape (point, cell), or None
+        Of the cells.
+    memory : int
+        Pairs that L-BFGS keeps.
+    """
+
+    backend: Backend
+    problem: Problem
+    field: Rows
+    drive: Rows
+    field_back: Rows
+    drive_back: Rows
+    root: Numbers
+    strongest: float
+    psi: Numbers
+    lens: Rows
+    weights: Rows
+    memory: int
+
+    @classmethod
+    def of(cls, problem: Problem, backend: Backend, *, tolerance: float, memory: int) -> "Machine":
+        """From the modes of the problem above `tolerance` of the strongest, worked out in double precision."""
+        heard = problem.G if problem.guard is None else np.concatenate([problem.G, problem.guard.G])
+        kept = modes(heard, tolerance=tolerance)
+        s, psi = problem.level * kept.s, np.exp(1j * problem.first_psi)
+        lens = (psi @ kept.U[: problem.points].conj() / np.where(s > 0, s, 1)) @ kept.V.T
+        field, drive = backend.put((kept.U * s).T), backend.put(kept.V.T)
+        return cls(
+            backend=backend,
+            problem=problem,
+            field=field,
+            drive=drive,
+            field_back=backend.adjoint(field),
+            drive_back=backend.adjoint(drive),
+            root=backend.put(np.sqrt(s)),
+            strongest=float(s[0]),
+            psi=backend.put(psi),
+            lens=backend.put(rippled(lens)[None, :]),
+            weights=None if problem.cells is None else backend.put(problem.cells.weights.T),
+            memory=memory,
+        )
+
+    def batch(self, frames: NDArray[np.int64], *, faintest: float) -> Batch:
+        """The targets of these frames; those whose norm is below `faintest` count as so faint."""
+        amplitude, cells = self.problem.amplitude[frames], self.problem.cells
+        size = np.maximum(np.linalg.norm(amplitude, axis=1, keepdims=True), faintest)
+        p, put = amplitude / size, self.backend.put
+        batch = {"p": put(p), "gain": put(1 / size), "peak": put(p.max(axis=1, keepdims=True))}
+        if cells is not None:
+            wanted = cells.wanted[frames] / size**2
+            norm = np.maximum((wanted**2).sum(axis=1), faintest)
+            batch |= {"cells": put(wanted), "cell_scale": put(1 / norm)}
+        return Batch(**batch)
+
+    def best_field(self, batch: Batch, iterations: int, *, loudness: float, floor: float, every: int) -> Rows:
+        """Coordinates V^H q of the best field with free amplitudes, (row, mode)."""
+        xp, as_complex, root, gain = self.backend.xp, self.backend.as_complex, self.root, batch.gain
+        # In z = sqrt(s) a the weak modes are neither stiff nor out of reach; a and s a are both slower.
+        out, drive = self.field / root[:, None], self.drive[:, ::every] / root[:, None]
+        out_back, drive_back = self.backend.adjoint(out), self.backend.adjoint(drive)
+        weight = loudness / drive.shape[1]
+
+        def function(x: Rows) -> tuple[Numbers, Rows]:
+            z = as_complex(x)
+            cost, slope = self.heard(batch, (gain * z) @ out)
+            q = z @ drive
+            above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
+            gradient = gain * (slope @ out_back) + weight * ((above * q) @ drive_back)
+            return cost + 0.25 * weight * xp.vecdot(above, above), self.backend.as_real(gradient)
+
+        # The field p exp(j psi), without asking much of weak modes: z = sqrt(s) a, a = s U^H y / (s^2 + floor^2).
+        smooth = root / (root**4 + (floor * self.strongest) ** 2)
+        first = ((batch.p * self.psi / gain) @ self.field_back[: batch.p.shape[1], :]) * smooth
+        step = 1 / (self.strongest * gain[:, 0] ** 2)
+        state = LBFGS(memory=self.memory, xp=xp).run(function, self.backend.as_real(first), step, iterations)
+        return as_complex(state.x) / root
+
+    def lift(self, a: Rows, iterations: int, *, relaxation: float) -> Rows:
+        """Phases of equally loud drives with V^H q close to a, (row, transducer), in rad.
+
+        All rows start at the same drive, that of the lens, so that what no point can hear stays alike from frame to
+        frame.
+        """
+        xp, q = self.backend.xp, self.lens
+        for _ in range(iterations):
+            q = self.backend.unit(q + relaxation * ((a - q @ self.drive_back) @ self.drive))
+        q = xp.broadcast_to(q, (a.shape[0], q.shape[1]))
+        return xp.atan2(xp.imag(q), xp.real(q))
+
+    def polish(self, theta: Rows, batch: Batch, iterations: int, *, more: int) -> Rows:
+        """Least cost from theta on, (row, transducer), with `more` iterations for the worst quarter."""
+        xp, method = self.backend.xp, LBFGS(memory=self.memory, xp=self.backend.xp)
+        step = 1 / (self.strongest * batch.gain[:, 0]) ** 2
+        state = method.run(self.phase_function(batch), theta, step, iterations)
+        order = xp.argsort(state.cost)
+        good = theta.shape[0] - (theta.shape[0] + 3) // 4
+        worst = order[good:]
+        x, scale = xp.take(state.x, worst, axis=0), xp.take(state.scale, worst)
+        better = method.run(self.phase_function(batch.some(xp, worst)), x, scale, more).x
+        sorted_x = xp.concat([xp.take(state.x, order[:good], axis=0), better], axis=0)
+        return xp.take(sorted_x, xp.argsort(order), axis=0)
+
+    def together(self, theta: Rows, batch: Batch, before: Rows, iterations: int, *, slowest: float = 1e-2) -> Rows:
+        """Least cost of all rows and of the changes between them, from theta on, (row, transducer).
+
+        One descent for the whole batch, since each row now depends on its neighbours. A faint frame's error is
+        steeper by the square of its gain: its unknown is the phase over a part of 1, at least `slowest`, so that one
+        step length suits all.
+
+        Parameters
+        ----------
+        theta : array, shape (row, transducer)
+            Phases to start from, in rad.
+        batch : Batch
+            The targets.
+        before : array of complex, shape (1, transducer)
+            Drive of the frame before the first, which is not moved; zero if there is none.
+        iterations : int
+            Of L-BFGS.
+        slowest : float
+            As above.
+        """
+        xp, shape, smooth = self.backend.xp, theta.shape, self.problem.smooth
+        least = xp.min(batch.gain)
+        part = xp.clip(least / batch.gain, slowest, None)
+        alone = self.phase_function(batch)
+
+        def function(x: Rows) -> tuple[Numbers, Rows]:
+            here = part * xp.reshape(x, shape)
+            cost, gradient = alone(here)
+            extra, pull = change(xp, self.backend.phasor(here), before, smooth)
+            total = xp.reshape(xp.sum(cost + extra), (1,))
+            return total, xp.reshape(part * (gradient + pull), (1, -1))
+
+        step = xp.reshape(1 / (self.strongest * least) ** 2, (1,))
+        start = xp.reshape(theta / part, (1, -1))
+        x = LBFGS(memory=self.memory, xp=xp).run(function, start, step, iterations).x
+        return part * xp.reshape(x, shape)
+
+    def phase_function(self, batch: Batch) -> Function:
+        """Theta -> cost and its gradient, row by row.
+
+        With r the slope of the cost by the field, its gradient by theta_n is Im(conj(q_n) (G^H r)_n).
+        """
+        xp, gain = self.backend.xp, batch.gain
+
+        def function(theta: Rows) -> tuple[Numbers, Rows]:
+            q = self.backend.phasor(theta)
+            cost, slope = self.heard(batch, (gain * (q @ self.drive_back)) @ self.field)
+            back = (gain * (slope @ self.field_back)) @ self.drive
+            back *= xp.conj(q)
+            return cost, xp.asarray(xp.imag(back), copy=True)
+
+        return function
+
+    def heard(self, batch: Batch, y: Rows) -> tuple[Numbers, Rows]:
+        """Cost of the field y (row, listener), which may be overwritten, and its slope by y."""
+        xp, guard, points = self.backend.xp, self.problem.guard, batch.p.shape[1]
+        square = y if guard is None else y[:, :points]
+        if batch.cells is None:
+            cost, slope = misfit(xp, square, batch.p)
+        else:
+            cost, slope = cell_misfit(xp, square, self.weights, batch.cells, batch.cell_scale)
+        if guard is None:
+            return cost, slope
+        extra, outside = excess(xp, y[:, points:], guard.ceiling * batch.peak, guard.weight)
+        return cost + extra, xp.concat([slope, outside], axis=1)

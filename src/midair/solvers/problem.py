@@ -1,0 +1,178 @@
+"""The problem that every solver solves: |G q| = p with all transducers equally loud (paper, 2.3 and 4.2).
+
+Unknowns are one vector x = [theta, psi]: the phase theta_n of each transducer and the phase psi_m that the field is
+to have at each control point, which the paper leaves free. With q = A exp(j theta) and u = exp(j psi) the residual is
+G q - diag(p) u, paper eq. (5). It counts as 2M real numbers, real parts first.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.model import Status
+from midair.solvers.terms.cells import CellTarget
+from midair.solvers.terms.guard import GuardField
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+Start = Literal["previous", "zero"]
+"""Where a frame starts: at the phases of the frame before it, or at zero; the first frame starts at zero."""
+
+Term = Literal["guard", "cells", "smooth", "amplitudes"]
+"""What a problem may ask for beside the paper's error."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """One transfer matrix and the targets to meet with it.
+
+    Attributes
+    ----------
+    G : ndarray of complex, shape (point, transducer)
+        Field of each transducer at full drive, in units of the strongest focus (`physics.focus_amplitude`), so that
+        tolerances mean the same for any array.
+    amplitude : ndarray, shape (frame, point)
+        p, wanted magnitude of the field, in the same unit.
+    level : float
+        A, the drive of every transducer, 0 to 1.
+    psi : ndarray, shape (point,), or None
+        Phases of the field, in rad, that a solver may start from; see `lens.spreading_phase`. Zero if None.
+    guard : GuardField, optional
+        Points around the square that are to stay quiet; see `terms.guard`.
+    cells : CellTarget, optional
+        What the cells of the sensor are to read, in place of the field at the points; see `terms.cells`. `amplitude`
+        still says which frames are silent, and what to start from.
+    smooth : float
+        Weight of the change of phase from frame to frame; see `terms.smooth`.
+    """
+
+    G: Complex
+    amplitude: Array
+    level: float = 1.0
+    psi: Array | None = None
+    guard: GuardField | None = None
+    cells: CellTarget | None = None
+    smooth: float = 0.0
+
+    @property
+    def terms(self) -> frozenset[Term]:
+        """What is asked for beside the paper's error."""
+        asked: dict[Term, bool] = {
+            "guard": self.guard is not None,
+            "cells": self.cells is not None,
+            "smooth": self.smooth > 0,
+        }
+        return frozenset(term for term, there in asked.items() if there)
+
+    @property
+    def first_psi(self) -> Array:
+        """Phases of the field to start from, shape (point,), in rad."""
+        return np.zeros(self.points) if self.psi is None else self.psi
+
+    @cached_property
+    def gram(self) -> Complex:
+        """A^2 G G^H, shape (point, point): the part of J J^T that no phase changes."""
+        return self.level**2 * (self.G @ self.G.conj().T)
+
+    @property
+    def points(self) -> int:
+        """M."""
+        return self.G.shape[0]
+
+    @property
+    def transducers(self) -> int:
+        """N."""
+        return self.G.shape[1]
+
+    def field(self, theta: Array) -> Complex:
+        """G q, shape (point,) for theta of shape (transducer,), or (frame, point) for (frame, transducer)."""
+        return (self.level * np.exp(1j * theta)) @ self.G.T
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Answer:
+    """What a solver found.
+
+    Attributes
+    ----------
+    phase : ndarray, shape (frame, transducer)
+        theta, in rad, any multiple of 2 pi.
+    iterations : ndarray of int, shape (frame,)
+        That were made.
+    status : tuple of {"converged", "iterations", "stalled", "silent"}
+        One a frame.
+    level : ndarray, shape (frame,), or None
+        Part of the problem's level that each frame is played at, for methods that know only the shape of a field;
+        all of it if None.
+    """
+
+    phase: Array
+    iterations: NDArray[np.int64]
+    status: tuple[Status, ...]
+    level: Array | None = None
+
+
+class Progress(Protocol):
+    """What a solver calls after each frame, or each batch of them."""
+
+    def __call__(self, done: int, total: int, /) -> None:
+        """Frames done, and frames in all."""
+        ...
+
+
+class Solver(Protocol):
+    """Settings only; frozen. It never raises for not converging and never returns NaN."""
+
+    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+        """Phases for each frame of the problem."""
+        ...
+
+
+def relative_error(problem: Problem, theta: Array, level: Array | None = None) -> Array:
+    """E = || |G q| - p || / || p || of each frame, shape (frame,); 0 where p is zero, which is played as silence.
+
+    The paper prints a factor 1/M in front, with which its 5 to 15 % would be .02 to .06 %; it is left out. Where the
+    cells of the sensor are the target, it is their error: || w |G q|^2 - P || / || P ||.
+
+    Parameters
+    ----------
+    problem : Problem
+        G, p and A.
+    theta : ndarray, shape (frame, transducer)
+        Phases, in rad.
+    level : ndarray, shape (frame,) or (frame, transducer), optional
+        Part of the problem's level; all of it if None.
+    """
+    if level is None:
+        field = np.abs(problem.field(theta))
+    elif level.ndim == 2:
+        field = np.abs((problem.level * level * np.exp(1j * theta)) @ problem.G.T)
+    else:
+        field = level[:, None] * np.abs(problem.field(theta))
+    if problem.cells is not None:
+        return problem.cells.error(field) * problem.amplitude.any(axis=1)
+    wanted = np.linalg.norm(problem.amplitude, axis=1)
+    missed = np.linalg.norm(field - problem.amplitude, axis=1)
+    error = np.zeros(len(wanted), np.float64)
+    np.divide(missed, wanted, out=error, where=wanted > 0)
+    return error
+
+
+def residual(problem: Problem, p: Array, x: Array) -> Complex:
+    """G q - diag(p) u of eq. (5), shape (point,), for one target p (point,) and x = [theta, psi]."""
+    theta, psi = x[: problem.transducers], x[problem.transducers :]
+    return problem.field(theta) - p * np.exp(1j * psi)
+
+
+def jacobian(problem: Problem, p: Array, x: Array) -> Array:
+    """Derivative of [Re; Im] of the residual by x, shape (2 point, transducer + point).
+
+    The plain form, for tests and for the primal step: d/d theta_n = j A G_mn exp(j theta_n), d/d psi_m = -j p_m u_m.
+    """
+    theta, psi = x[: problem.transducers], x[problem.transducers :]
+    slopes = np.hstack([1j * problem.level * problem.G * np.exp(1j * theta), np.diag(-1j * p * np.exp(1j * psi))])
+    return np.vstack([slopes.real, slopes.imag]).astype(np.float64)

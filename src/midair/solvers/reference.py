@@ -1,0 +1,165 @@
+"""Published methods that others use, under their names, to measure against.
+
+All of them turn a target into phases of equal loudness. All but the greedy one know only the shape of a field, not how
+loud it is: they get the level, of all transducers together, at which it fits best. A target of 0 at a point is a wish
+for silence there: no division by it, no phase of it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.model import Status
+from midair.solvers.phases import hold, unit
+from midair.solvers.problem import Answer, Problem, Progress
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complexfloating[Any, Any]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Naive:
+    """Back-propagation of the target with all phases 0: q = arg(G^H p)."""
+
+    iterations: int = 1
+
+    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+        """Phases for each frame on its own."""
+        return _shape_only(
+            problem, unit(problem.amplitude.astype(complex) @ problem.G.conj()), self.iterations, progress
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GerchbergSaxton:
+    """GS: to and fro between array and points, each time keeping the phase and putting the magnitude right.
+
+    Gerchberg & Saxton, "A practical algorithm for the determination of phase from image and diffraction plane
+    pictures", Optik 35 (1972); with G^H for the way back, as for holographic acoustic tweezers in Marzo & Drinkwater,
+    PNAS 116 (2019).
+    """
+
+    iterations: int = 100
+
+    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+        """Phases for each frame on its own."""
+        p = problem.amplitude
+        u = np.ones(p.shape, complex)
+        for _ in range(self.iterations):
+            u = unit(unit((p * u) @ problem.G.conj()) @ problem.G.T)
+        return _shape_only(problem, unit((p * u) @ problem.G.conj()), self.iterations, progress)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeightedGerchbergSaxton:
+    """WGS: GS whose targets grow where the field is too weak: w <- w p / |y|, both relative to their means.
+
+    Di Leonardo, Ianni & Ruocco, "Computer generation of optimal holograms for optical trap arrays", Optics Express 15
+    (2007).
+    """
+
+    iterations: int = 100
+
+    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+        """Phases for each frame on its own."""
+        p = problem.amplitude
+        sounding = p > 0
+        w, u = p.copy(), np.ones(p.shape, complex)
+        for _ in range(self.iterations):
+            y = unit((w * u) @ problem.G.conj()) @ problem.G.T
+            u, size = unit(y), np.abs(y)
+            scale = (size * sounding).sum(axis=1, keepdims=True) / np.maximum(p.sum(axis=1, keepdims=True), 1e-300)
+            w = w * np.where(sounding, scale * p / np.maximum(size, 1e-300), 0.0)
+            w /= np.maximum(w.max(axis=1, keepdims=True), 1e-300)
+        return _shape_only(problem, unit((w * u) @ problem.G.conj()), self.iterations, progress)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GSPAT:
+    """GS-PAT: GS in the space of points, with the matrix R = G B of a backward propagator B of unit power per point.
+
+    Plasencia, Hirayama, Montano-Murillo & Subramanian, "GS-PAT: high-speed multi-point sound-fields for phased arrays
+    of transducers", ACM Trans. Graph. 39 (2020). The array is made equally loud at the end.
+    """
+
+    iterations: int = 100
+
+    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+        """Phases for each frame on its own."""
+        p = problem.amplitude
+        power = (np.abs(problem.G) ** 2).sum(axis=1, keepdims=True)
+        back = (problem.G.conj() / np.maximum(power, 1e-300)).T
+        R = problem.G @ back
+        a = p.astype(complex)
+        for _ in range(self.iterations):
+            a = p * unit(a @ R.T)
+        y = a @ R.T
+        last = p**2 * unit(y) / np.maximum(np.abs(y), 1e-300)
+        return _shape_only(problem, unit(last @ back.T), self.iterations, progress)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Greedy:
+    """One transducer after another takes, of a few phases, the one that leaves the least error so far.
+
+    Suzuki, Inoue, Fujiwara & Makino, "Radiated pressure field reproduction by a greedy algorithm for phased arrays",
+    IEEE Trans. Haptics 14 (2021). The order is drawn with a fixed seed.
+
+    Attributes
+    ----------
+    levels : int
+        Number of phases to choose from.
+    iterations : int
+        Times that every transducer gets its turn.
+    seed : int
+        Of the order.
+    """
+
+    levels: int = 16
+    iterations: int = 1
+    seed: int = 0
+
+    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+        """Phases for each frame on its own."""
+        choices = np.exp(2j * np.pi * np.arange(self.levels) / self.levels)
+        p, G = problem.amplitude, problem.level * problem.G
+        q = np.zeros((len(p), problem.transducers), complex)
+        y = np.zeros(p.shape, complex)
+        order = np.random.default_rng(self.seed)
+        for _ in range(self.iterations):
+            for n in order.permutation(problem.transducers):
+                y -= q[:, n, None] * G[:, n]
+                trial = np.abs(y[:, None, :] + choices[:, None] * G[:, n])
+                best = ((trial - p[:, None, :]) ** 2).sum(axis=2).argmin(axis=1)
+                q[:, n] = choices[best]
+                y += q[:, n, None] * G[:, n]
+        return _answer(problem, q, self.iterations, progress)
+
+
+def best_level(problem: Problem, theta: Array) -> Array:
+    """Part of the problem's level at which the field fits best, least squares, 0 to 1: shape (frame,)."""
+    size = np.abs(problem.field(theta))
+    power = np.einsum("fm,fm->f", size, size)
+    fit = np.einsum("fm,fm->f", size, problem.amplitude)
+    return np.clip(fit / np.where(power > 0, power, 1), 0, 1)
+
+
+def _shape_only(problem: Problem, q: Complex, iterations: int, progress: Progress | None) -> Answer:
+    answer = _answer(problem, q, iterations, progress)
+    return replace(answer, level=best_level(problem, answer.phase))
+
+
+def _answer(problem: Problem, q: Complex, iterations: int, progress: Progress | None) -> Answer:
+    """Phases of q; silent frames hold those of the frame before."""
+    frames = len(q)
+    audible = np.flatnonzero(problem.amplitude.any(axis=1))
+    made = np.zeros(frames, np.int64)
+    made[audible] = iterations
+    status: list[Status] = ["silent"] * frames
+    for frame in audible:
+        status[frame] = "iterations"
+    if progress is not None:
+        progress(frames, frames)
+    return Answer(phase=hold(np.angle(q).astype(np.float64), audible), iterations=made, status=tuple(status))

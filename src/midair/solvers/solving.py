@@ -1,0 +1,199 @@
+"""From the sound amplitude that is wanted to the drive that makes it: the stage of the pipeline."""
+
+from dataclasses import dataclass, fields
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.model import AmplitudeFrames, Drive, Medium, Setting, Solution, TransducerArray
+from midair.physics import Directivity, quantise_phase, radiation_pressure, transfer_matrix
+from midair.solvers.lens import spreading_phase
+from midair.solvers.methods import Method, check_terms
+from midair.solvers.methods import solver as solver_of
+from midair.solvers.problem import Answer, Problem, Progress, Start, Term, relative_error
+from midair.solvers.terms.amplitudes import Amplitudes, doubled, halves
+from midair.solvers.terms.cells import Cells
+from midair.solvers.terms.guard import Guard, GuardField
+from midair.solvers.terms.level import automatic_level
+from midair.solvers.threads import one_blas_thread
+
+Array = NDArray[np.float64]
+Fit = Literal["points", "cells"] | Cells
+"""What the error is taken over: the control points, as in the paper, or the cells of the sensor."""
+
+
+def solve(
+    target: AmplitudeFrames,
+    array: TransducerArray,
+    *,
+    method: str = "lm",
+    medium: Medium | None = None,
+    directivity: Directivity = "t4010a1",
+    iterations: int | tuple[int, int] | None = None,
+    start: Start = "previous",
+    level: float | Literal["auto"] = 1.0,
+    amplitudes: Amplitudes = "equal",
+    guard: Guard | None = None,
+    fit: Fit = "points",
+    smooth: float = 0.0,
+    bits: int | None = None,
+    backend: str | None = None,
+    progress: Progress | None = None,
+) -> Solution:
+    """Phases of all transducers, equally loud, whose field comes closest to the target, frame by frame.
+
+    Parameters
+    ----------
+    target : AmplitudeFrames
+        Peak sound pressure wanted at each control point, in Pa.
+    array : TransducerArray
+        What is to make it.
+    method : str
+        A name in `methods.METHODS`. "lm": the paper's Levenberg-Marquardt. "exact": the same in the modes of G
+        above .5 % of the strongest, cheaper. "fast":
+        many frames at once, each on its own. "live": within a millisecond a frame. "naive", "gs", "wgs", "gs-pat",
+        "greedy": published methods to compare with.
+    medium, directivity
+        As in `physics.transfer_matrix`.
+    iterations : int or tuple of int, optional
+        At most, for every frame; or for frames that start at zero and for those that start at the previous frame.
+        The method's own (lm: 50 and 20) if None.
+    start : {"previous", "zero"}
+        Of every frame after the first; "zero" makes the frames independent. Only "lm" and "exact" have the choice.
+    level : float or "auto"
+        Drive of every transducer, above 0 to 1. "auto": as much as the loudest target needs, see
+        `terms.level.automatic_level`. Frames with nothing to play get 0.
+    amplitudes : {"equal", "bounded"}
+        All transducers at `level`, as in the paper; or each at its own, between 0 and `level`, and the drive's level
+        is then (frame, transducer).
+    guard : Guard, optional
+        Keeps a ring around the control points quiet.
+    fit : {"points", "cells"} or Cells
+        What is to be met: the target at the control points, or what the cells of a sensor read of it. The error is
+        that of what was to be met.
+    smooth : float
+        Weight of the change of phase from frame to frame, see `terms.smooth`: E^2 / 2 plus this times
+        mean(1 - cos(change)) is made small. 0 for none; .01 is much.
+    bits : int, optional
+        Round phases to 2 pi / 2^bits, as firmware does (8 bits: AUTD3); the error is that of the rounded phases.
+        Not rounded if None. Amplitudes are not rounded.
+    backend : str, optional
+        What does the arithmetic of "fast": "numpy", "torch", "torch:cuda", "cupy"; see `backend.backend`.
+    progress : callable, optional
+        Called with (frames done, frames in all).
+
+    Returns
+    -------
+    Solution
+        Drive, error and status of each frame. Not converging is a status, never an exception.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range or unknown, or the method does not take a term (`methods.TAKES`).
+    MissingExtraError
+        If a backend, or Numba for "live", is not installed.
+    """
+    solver = solver_of(method, iterations=iterations, start=start, backend=backend)
+    _check(level, bits, amplitudes, fit, smooth)
+    medium = medium or Medium()
+    asked: set[Term] = {"amplitudes"} if amplitudes == "bounded" else set()
+    scene = _Scene.of(target, array, medium, directivity)
+    problem = scene.problem(level, guard, Cells() if fit == "cells" else None if fit == "points" else fit, smooth)
+    check_terms(method, asked | problem.terms)
+    with one_blas_thread():
+        if amplitudes == "bounded":
+            answer, part = _bounded(solver.solve(doubled(problem), progress=progress))
+        else:
+            answer = solver.solve(problem, progress=progress)
+            part = answer.level
+        phase = np.mod(answer.phase, 2 * np.pi) if bits is None else quantise_phase(answer.phase, bits=bits)
+        error = relative_error(problem, phase, part)
+    audible = np.array([status != "silent" for status in answer.status], float)
+    played = problem.level * (audible if part is None else (audible * part.T).T)
+    settings: dict[str, Setting] = {
+        "method": method,
+        "level": problem.level,
+        "amplitudes": amplitudes,
+        "fit": "points" if problem.cells is None else "cells",
+        "smooth": smooth,
+        "bits": bits,
+        "directivity": directivity,
+    }
+    if guard is not None:
+        settings |= {f"guard_{name}": value for name, value in _settings(guard).items()}
+    drive = Drive(
+        phase=phase,
+        level=played,
+        rate=target.rate,
+        array=array,
+        provenance=target.provenance.then("solve", settings | {"array": array.name} | _settings(solver)),
+    )
+    return Solution(drive=drive, error=error, iterations=answer.iterations, status=answer.status)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Scene:
+    """The target and the array in units of the strongest focus."""
+
+    target: AmplitudeFrames
+    array: TransducerArray
+    medium: Medium
+    directivity: Directivity
+    G: NDArray[np.complex128]
+    focus: float
+
+    @classmethod
+    def of(cls, target: AmplitudeFrames, array: TransducerArray, medium: Medium, directivity: Directivity) -> "_Scene":
+        G = transfer_matrix(target.grid, array, medium=medium, directivity=directivity)
+        focus = float(np.abs(G).sum(axis=1).max())
+        return cls(target=target, array=array, medium=medium, directivity=directivity, G=G / focus, focus=focus)
+
+    def problem(
+        self, level: float | Literal["auto"], guard: Guard | None, cells: Cells | None, smooth: float
+    ) -> Problem:
+        amplitude, grid = self.target.amplitude / self.focus, self.target.grid
+        unit = float(radiation_pressure(np.array(self.focus), self.medium))
+        return Problem(
+            G=self.G,
+            amplitude=amplitude,
+            level=automatic_level(amplitude) if level == "auto" else level,
+            psi=spreading_phase(grid, self.array, self.medium),
+            guard=None if guard is None else self._guarded(guard),
+            cells=None if cells is None else cells.target(amplitude, grid, unit),
+            smooth=smooth,
+        )
+
+    def _guarded(self, guard: Guard) -> GuardField:
+        ring = guard.ring(self.target.grid)
+        G = transfer_matrix(ring, self.array, medium=self.medium, directivity=self.directivity)
+        return GuardField(G=G / self.focus, ceiling=guard.ceiling, weight=guard.weight)
+
+
+def _check(level: object, bits: int | None, amplitudes: str, fit: object, smooth: float) -> None:
+    if level != "auto" and not (isinstance(level, int | float) and 0 < level <= 1):
+        shown = f"{level:g}" if isinstance(level, int | float) else repr(level)
+        raise InputError(f"level: expected above 0 and at most 1 of full drive, or auto, got {shown}")
+    if bits is not None and not 1 <= bits <= 16:
+        raise InputError(f"bits: expected 1 to 16 of a phase, or None, got {bits}")
+    if amplitudes not in get_args(Amplitudes):
+        raise InputError(f"amplitudes: expected {' or '.join(get_args(Amplitudes))}, got {amplitudes!r}")
+    if not (isinstance(fit, Cells) or fit in ("points", "cells")):
+        raise InputError(f"fit: expected points, cells, or Cells(...), got {fit!r}")
+    if not 0 <= smooth < np.inf:
+        raise InputError(f"smooth: expected 0 or more, got {smooth:g}")
+
+
+def _bounded(answer: Answer) -> tuple[Answer, Array]:
+    """The answer of the doubled problem as phases of the array, and the amplitude of each of its transducers."""
+    phase, part = halves(answer.phase)
+    if answer.level is not None:
+        part = answer.level[:, None] * part
+    return Answer(phase=phase, iterations=answer.iterations, status=answer.status), part
+
+
+def _settings(chosen: Method | Guard) -> dict[str, Setting]:
+    """The fields of a solver or a term, for the record."""
+    return {field.name: getattr(chosen, field.name) for field in fields(chosen)}

@@ -1,0 +1,101 @@
+"""The cells of the sensor as the target, instead of the control points between them.
+
+Only as many numbers a frame were measured as the sensor has cells; the control points are interpolated from them. This
+term asks that each cell would read what it should: ``w_c^T |G q|^2`` against its pressure, with w_c the share that
+each point has in cell c.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.model import ControlGrid, PressureFrames
+from midair.physics.sensing import SensorModel, cell_weights
+from midair.solvers.backend import Numbers, Rows
+from midair.validation import frozen_array
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cells:
+    """Which cells, and what they are to read.
+
+    Attributes
+    ----------
+    sensor : SensorModel
+        Its grid, aperture and spread give the weights.
+    pressure : PressureFrames, optional
+        Of the cells, 0 or more, in Pa. What they would read of the target at the control points if None.
+    """
+
+    sensor: SensorModel = field(default_factory=SensorModel)
+    pressure: PressureFrames | None = None
+
+    def target(self, amplitude: Array, grid: ControlGrid, unit: float) -> "CellTarget":
+        """The weights and the wanted readings for a target of amplitude (frame, point).
+
+        `unit` is the radiation pressure, in Pa, of an amplitude of 1, for `pressure` where it is given.
+
+        Raises
+        ------
+        ShapeError
+            If `pressure` has other frames or cells.
+        """
+        weights = cell_weights(self.sensor, grid, centre=grid.centre)
+        wanted = amplitude**2 @ weights.T
+        if self.pressure is not None:
+            given = self.pressure.pressure.reshape(self.pressure.frames, -1)
+            wanted = frozen_array(given / unit, "pressure of the cells", wanted.shape)
+        return CellTarget(weights=weights, wanted=wanted)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CellTarget:
+    """Cells of one problem.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (cell, point)
+        w, each point's share.
+    wanted : ndarray, shape (frame, cell)
+        In the unit of amplitude squared.
+    """
+
+    weights: Array
+    wanted: Array
+
+    def error(self, size: Array) -> Array:
+        """|| w |y|^2 - P || / || P || of each frame for the field's magnitude (frame, point); 0 where P is 0."""
+        norm = np.linalg.norm(self.wanted, axis=1)
+        missed = np.linalg.norm(size**2 @ self.weights.T - self.wanted, axis=1)
+        return np.divide(missed, norm, out=np.zeros(len(norm)), where=norm > 0)
+
+
+def cell_misfit(xp: Any, y: Rows, weights: Rows, wanted: Rows, scale: Numbers) -> tuple[Numbers, Rows]:
+    """Scale || w |y|^2 - P ||^2 / 2 of each row, and its gradient by y, 2 scale (w^T (w |y|^2 - P)) y.
+
+    Parameters
+    ----------
+    xp : module
+        Of the array API standard.
+    y : array of complex, shape (row, point)
+        The field at the control points.
+    weights : array, shape (point, cell)
+        w transposed.
+    wanted : array, shape (row, cell)
+        P, in the unit of y squared.
+    scale : array, shape (row,)
+        1 / || P ||^2, for a cost that is half the square of a relative error.
+
+    Returns
+    -------
+    cost : array, shape (row,)
+    slope : array of complex, shape (row, point)
+        d cost = Re(conj(slope) dy).
+    """
+    size = xp.abs(y)
+    missed = (size * size) @ weights - wanted
+    return 0.5 * scale * xp.vecdot(missed, missed), y * ((2 * scale[:, None] * missed) @ weights.T)

@@ -1,0 +1,154 @@
+"""Thresholds trial by trial: a staircase (Levitt, 1971) and QUEST+ (Watson, 2017). States, not loops."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.study.statistics.psychometric import Shape, steepness
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Staircase:
+    """The level goes down after `down` right answers in a row and up after one wrong answer.
+
+    With `down` = 3 it settles where 79.4 % of answers are right (.5^(1/3)).
+
+    Attributes
+    ----------
+    level : float
+        Of the next trial.
+    steps : tuple of float
+        Change of level: the first until the first reversal, the second until the second, the last from there on.
+    down : int
+        Right answers in a row before the level goes down.
+    low, high : float
+        The level stays within.
+    row : int
+        Right answers since the last change.
+    moves : tuple of int
+        Direction of each change so far, -1 or 1.
+    turned : tuple of float
+        Levels at which the direction changed.
+    """
+
+    level: float
+    steps: tuple[float, ...]
+    down: int = 3
+    low: float = -np.inf
+    high: float = np.inf
+    row: int = 0
+    moves: tuple[int, ...] = ()
+    turned: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.steps or min(self.steps) <= 0 or self.down < 1:
+            raise InputError(f"staircase: expected steps above 0 and down of 1 or more, got {self.steps}, {self.down}")
+        if not self.low <= self.level <= self.high:
+            raise InputError(f"staircase: expected a level within {self.low:g} to {self.high:g}, got {self.level:g}")
+
+    def answered(self, correct: bool) -> "Staircase":
+        """The state after one answer."""
+        if correct and self.row + 1 < self.down:
+            return replace(self, row=self.row + 1)
+        move = -1 if correct else 1
+        turns = (*self.turned, self.level) if self.moves and self.moves[-1] != move else self.turned
+        step = self.steps[min(len(turns), len(self.steps) - 1)]
+        level = float(np.clip(self.level + move * step, self.low, self.high))
+        return replace(self, level=level, row=0, moves=(*self.moves, move), turned=turns)
+
+    def threshold(self, *, last: int = 6) -> float:
+        """Mean of the last reversals.
+
+        Raises
+        ------
+        InputError
+            If there were fewer.
+        """
+        if len(self.turned) < last or last < 1:
+            raise InputError(f"staircase: expected {last} or more reversals, got {len(self.turned)}; run more trials")
+        return float(np.mean(self.turned[-last:]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class QuestPlus:
+    """What is known of a psychometric function after some answers, and the trial that would tell most.
+
+    Attributes
+    ----------
+    levels : ndarray, shape (level,)
+        That may be presented.
+    thresholds, slopes, lapses : ndarray, one axis each
+        The grid of functions thought possible; their meaning as in `Psychometric`.
+    guess : float
+        Known.
+    shape : {"logistic", "normal", "weibull"}
+        F.
+    posterior : ndarray, shape (threshold, slope, lapse), optional
+        Sum 1; flat at the start if None.
+    """
+
+    levels: Array
+    thresholds: Array
+    slopes: Array
+    lapses: Array
+    guess: float
+    shape: Shape = "weibull"
+    posterior: Array | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("levels", "thresholds", "slopes", "lapses"):
+            axis = np.array(getattr(self, name), float)
+            if axis.ndim != 1 or not axis.size or not np.isfinite(axis).all():
+                raise InputError(f"{name}: expected a list of finite numbers, got shape {axis.shape}")
+            axis.flags.writeable = False
+            object.__setattr__(self, name, axis)
+        shape = (len(self.thresholds), len(self.slopes), len(self.lapses))
+        flat = np.full(shape, 1 / np.prod(shape))
+        posterior = flat if self.posterior is None else np.array(self.posterior, float)
+        if posterior.shape != shape or posterior.min() < 0 or not posterior.sum() > 0:
+            raise InputError(f"posterior: expected weights of 0 or more in shape {shape}, got {posterior.shape}")
+        object.__setattr__(self, "posterior", posterior / posterior.sum())
+
+    @property
+    def belief(self) -> Array:
+        """The posterior, shape (threshold, slope, lapse), sum 1."""
+        return np.asarray(self.posterior)
+
+    def likelihood(self, level: Any) -> Array:
+        """Chance of a right answer for every function, shape (..., threshold, slope, lapse)."""
+        x = np.asarray(level, float)[..., None, None, None]
+        t, s, lapse = np.ix_(self.thresholds, self.slopes, self.lapses)
+        return self.guess + (1 - self.guess - lapse) * steepness(x, t, s, self.shape)
+
+    def answered(self, level: float, correct: bool) -> "QuestPlus":
+        """What is known after one answer."""
+        right = self.likelihood(level)
+        posterior = self.belief * (right if correct else 1 - right)
+        if not posterior.sum() > 0:
+            raise InputError(f"QUEST+: no function on the grid allows this answer at {level:g}; give lapses above 0")
+        return replace(self, posterior=posterior)
+
+    @property
+    def next_level(self) -> float:
+        """The level with the least entropy to be expected after its answer (Watson, 2017, eq. 10)."""
+        right = self.likelihood(self.levels)
+        axes = (1, 2, 3)
+        expected = np.zeros(len(self.levels))
+        for chance in (right, 1 - right):
+            joint = chance * self.belief
+            share = joint.sum(axis=axes)
+            inside = np.where(joint > 0, joint * np.log(np.where(joint > 0, joint, 1)), 0).sum(axis=axes)
+            expected += share * np.log(np.maximum(share, 1e-300)) - inside
+        return float(self.levels[int(np.argmin(expected))])
+
+    @property
+    def threshold(self) -> tuple[float, float]:
+        """Mean and standard deviation of the posterior of the threshold."""
+        weight = self.belief.sum(axis=(1, 2))
+        mean = float(weight @ self.thresholds)
+        return mean, float(np.sqrt(weight @ (self.thresholds - mean) ** 2))

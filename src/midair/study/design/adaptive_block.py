@@ -1,0 +1,132 @@
+"""Blocks whose stimuli follow the answers: which rung of a ladder comes next, and the threshold in the end. Pure."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.study.design.adaptive import QuestPlus, Staircase
+from midair.study.design.blocks import Block, Design, right_answer
+from midair.study.design.plan import Plan, Trial
+from midair.study.design.standing import Progress
+from midair.study.statistics.table import Table
+
+Array = NDArray[np.float64]
+History = list[tuple[str, bool]]
+"""Stimulus and whether its answer was right, in order."""
+
+
+def next_stimulus(plan: Plan, progress: Progress, trial: Trial) -> str:
+    """Name of the stimulus of a trial; drawn already, or chosen from the answers so far of its block."""
+    drawn = trial.stimulus or progress.chosen.get(trial.code, "")
+    if drawn:
+        return drawn
+    block = plan.design.block(trial.block)
+    ladder, strength = rungs(plan.design, block)
+    history = answered(plan, progress, block)
+    if block.adaptive == "staircase":
+        return ladder[round(climb(ladder, history).level)]
+    level = ask_quest(plan.design, block, history).next_level
+    return ladder[int(np.argmin(np.abs(strength - level)))]
+
+
+def threshold(plan: Plan, progress: Progress, block_name: str) -> tuple[float, float]:
+    """Threshold of one participant from an adaptive block, and its standard deviation, in the unit of the strengths.
+
+    From QUEST+ mean and deviation of the posterior; from a staircase the mean of the strengths at the last six
+    reversals (NaN for the deviation).
+
+    Raises
+    ------
+    InputError
+        If the block is not adaptive, or a staircase turned fewer than six times.
+    """
+    block = plan.design.block(block_name)
+    if not block.adaptive:
+        raise InputError(f"block {block_name!r}: expected an adaptive block, got order {block.order!r}")
+    ladder, strength = rungs(plan.design, block)
+    history = answered(plan, progress, block)
+    if block.adaptive == "quest+":
+        return ask_quest(plan.design, block, history).threshold
+    state = climb(ladder, history)
+    state.threshold(last=6)
+    return float(np.mean(strength[np.rint(state.turned[-6:]).astype(int)])), float("nan")
+
+
+def thresholds_of(plan: Plan, sessions: Sequence[Progress]) -> Table | None:
+    """Thresholds of every adaptive block of every session; None if the plan has no such block.
+
+    Columns participant, block, threshold, sd, note; a threshold that cannot be had is NaN, and the note says why.
+    """
+    blocks = [block.name for block in plan.design.blocks if block.adaptive and block.scored]
+    rows: list[dict[str, Any]] = []
+    for session in sessions:
+        for name in blocks:
+            row = {"participant": f"sub-{session.trials[0].participant:02d}", "block": name}
+            try:
+                mean, sd = threshold(plan, session, name)
+            except InputError as wrong:
+                rows.append(row | {"threshold": np.nan, "sd": np.nan, "note": str(wrong)})
+            else:
+                rows.append(row | {"threshold": mean, "sd": sd, "note": ""})
+    return Table.from_rows(rows) if rows else None
+
+
+def rungs(design: Design, block: Block) -> tuple[list[str], Array]:
+    """Stimuli of an adaptive block from weak to strong, and their strengths.
+
+    Raises
+    ------
+    InputError
+        If a strength is not a number above 0.
+    """
+    try:
+        strength = np.array([float(design.stimulus(name).levels[block.strength]) for name in block.stimuli])
+    except (KeyError, ValueError) as wrong:
+        raise InputError(f"block {block.name!r}: expected a number for the factor {block.strength!r}") from wrong
+    if not (np.isfinite(strength) & (strength > 0)).all():
+        raise InputError(f"block {block.name!r}: expected strengths above 0, got {strength.tolist()}")
+    order = np.argsort(strength, kind="stable")
+    return [block.stimuli[i] for i in order], strength[order]
+
+
+def answered(plan: Plan, progress: Progress, block: Block) -> History:
+    """The answers of a block to its first question, as right or wrong."""
+    question = plan.design.question(block.questions[0])
+    history: History = []
+    for trial in progress.trials:
+        name = trial.stimulus or progress.chosen.get(trial.code, "")
+        if trial.block == block.name and name and (trial.code, question.name) in progress.answers:
+            stimulus = plan.design.stimulus(name)
+            right = right_answer(question, stimulus, {**trial.levels, **stimulus.levels})
+            history.append((name, progress.answers[trial.code, question.name].answer == right))
+    return history
+
+
+def climb(ladder: list[str], history: History) -> Staircase:
+    """A 3-down/1-up staircase over the rungs, from the strongest, two rungs a step until the first reversal."""
+    top = len(ladder) - 1
+    state = Staircase(level=top, steps=(2, 1), low=0, high=top)
+    for _, correct in history:
+        state = state.answered(correct)
+    return state
+
+
+def ask_quest(design: Design, block: Block, history: History) -> QuestPlus:
+    """QUEST+ over a grid of Weibull functions around the ladder's strengths, after the answers so far."""
+    ladder, strength = rungs(design, block)
+    question = design.question(block.questions[0])
+    guess = 0.05 if question.kind == "yes-no" else 1 / max(len(question.answers), 2)
+    state = QuestPlus(
+        levels=strength,
+        thresholds=np.geomspace(strength[0] / 2, strength[-1] * 2, 41),
+        slopes=np.array([1.0, 2.0, 4.0, 8.0]),
+        lapses=np.array([0.02]),
+        guess=guess,
+    )
+    place = dict(zip(ladder, strength.tolist(), strict=True))
+    for name, correct in history:
+        state = state.answered(place[name], correct)
+    return state

@@ -1,0 +1,1 @@
+"""Findings: the analysis of a study in plain words."""

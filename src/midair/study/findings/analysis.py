@@ -1,0 +1,83 @@
+"""The analysis of a study in plain words: each figure beside what it means and what it cannot say."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from midair.study.findings.choice_findings import choice_findings, compared, confusions, mixed
+from midair.study.findings.finding import Choices, Finding, attempt
+from midair.study.findings.rating_findings import anova, other_questions, ranks, rating_means
+from midair.study.findings.study_data import StudyData
+from midair.study.findings.threshold_findings import adaptive, psychometric
+from midair.study.statistics.table import Table
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Report:
+    """Everything that an analysis found.
+
+    Attributes
+    ----------
+    findings : tuple of Finding
+        In the order of reading.
+    choices : tuple of Choices
+        For the figures.
+    ratings : Table or None
+        Mean rating and 95 % limits over people of each cell: one column a factor, mean, low, high.
+    simulated : bool
+        Whether any answer comes from a simulated participant.
+    seed : int
+        Of the resampling.
+    """
+
+    findings: tuple[Finding, ...]
+    choices: tuple[Choices, ...]
+    ratings: Table | None
+    simulated: bool
+    seed: int
+
+
+def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
+    """Make every analysis that the data allow; one that they do not allow says why.
+
+    Parameters
+    ----------
+    data : StudyData
+        What was answered.
+    seed : int
+        Of permutations and bootstrap; stored in the report.
+    draws : int
+        Permutations; a fifth of it bootstrap draws.
+    """
+    rng = np.random.default_rng(seed)
+    choices, failed = confusions(data, rng=rng, draws=draws // 5)
+    findings = [_people(data), *failed]
+    for one in choices:
+        findings += attempt(f"Which object: {one.name}", lambda one=one: choice_findings(one, rng=rng, draws=draws))
+    pair = tuple(one for one in choices if data.choices is not None and one.name in data.choices["condition"].tolist())
+    if len(pair) == 2:
+        findings += compared(pair, data, rng=rng)
+    if data.choices is not None:
+        findings += attempt("Mixed model of right answers", lambda: mixed(data))
+    if data.ratings is not None:
+        findings += attempt("Ratings: analysis of variance", lambda: anova(data))
+        findings += attempt("Ratings: check on ranks", lambda: ranks(data, rng=rng))
+    if data.others is not None:
+        findings += other_questions(data.others)
+    findings += attempt("Psychometric function", lambda: psychometric(data, rng=rng, draws=max(draws // 25, 40)))
+    findings += attempt("Thresholds of adaptive blocks", lambda: adaptive(data))
+    return Report(
+        findings=tuple(findings), choices=choices, ratings=rating_means(data), simulated=data.simulated, seed=seed
+    )
+
+
+def _people(data: StudyData) -> Finding:
+    parts = [t for t in (data.choices, data.other_choices, data.ratings, data.others) if t is not None]
+    people = {who for part in parts for who in part["participant"].tolist()}
+    words = f"{len(people)} participant(s), {sum(part.height for part in parts)} answers analysed"
+    words += f", {data.left_out} answers of familiarisation left out." if data.left_out else "."
+    if len(people) < 2:
+        words += " One person says nothing about others: there are no limits and no tests over people."
+    elif len(people) < 10:
+        words += " With fewer than ten people the limits from resampling are too narrow."
+    return Finding(title="Who took part", words=("SIMULATED: no person was asked. " if data.simulated else "") + words)

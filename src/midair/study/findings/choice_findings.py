@@ -1,0 +1,143 @@
+"""What is said about choices among objects."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.study.findings.finding import Choices, Finding, attempt, p_words
+from midair.study.findings.study_data import StudyData
+from midair.study.statistics.confusion import (
+    Confusion,
+    chance_macro_f,
+    confusion_matrix,
+    f_measure,
+    mutual_information,
+    scores,
+)
+from midair.study.statistics.detection import choice_model, d_prime_choice
+from midair.study.statistics.mixed import logistic_mixed
+from midair.study.statistics.paired import bayes_factor, equivalence, paired_t
+from midair.study.statistics.resample import bootstrap, sign_flip
+from midair.study.statistics.table import Table, levels
+
+
+def confusions(data: StudyData, *, rng: np.random.Generator, draws: int) -> tuple[tuple[Choices, ...], list[Finding]]:
+    """Confusions of the other trials and of each condition, and a word on those that cannot be had."""
+    parts: list[tuple[str, Table]] = []
+    if data.other_choices is not None:
+        parts.append((str(data.other_choices["condition"][0]), data.other_choices))
+    if data.choices is not None:
+        conditions = levels(data.choices["condition"])[0]
+        parts += [(str(name), data.choices.where({"condition": name})) for name in conditions]
+    found: list[Choices] = []
+    failed: list[Finding] = []
+    for name, rows in parts:
+        failed += attempt(
+            f"Which object: {name}", lambda name=name, rows=rows: found.append(_confusion(name, rows, rng, draws)) or []
+        )
+    return tuple(found), failed
+
+
+def _confusion(name: str, rows: Table, rng: np.random.Generator, draws: int) -> Choices:
+    labels = sorted({*rows["presented"].tolist(), *rows["answered"].tolist()})
+    confusion = confusion_matrix(rows["presented"], rows["answered"], participant=rows["participant"], labels=labels)
+    if len(confusion.participants) < 2:
+        return Choices(name=name, confusion=confusion, f_limits=None)
+    limits = bootstrap(lambda counts: f_measure(counts.sum(axis=0)), confusion.by_person, rng=rng, draws=draws)
+    return Choices(name=name, confusion=confusion, f_limits=limits)
+
+
+def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> list[Finding]:
+    """Scores, chance, sensitivity, information and bias of one confusion matrix."""
+    confusion = one.confusion
+    counts, alternatives = confusion.counts, len(confusion.labels)
+    table = scores(confusion)
+    if one.f_limits is not None:
+        table = Table({**table, "F_low": one.f_limits.low, "F_high": one.f_limits.high})
+    chance = chance_macro_f(confusion, rng=rng, draws=draws)
+    low, high = chance.range95
+    sense = d_prime_choice(int(np.trace(counts)), int(counts.sum()), alternatives=alternatives)
+    plain, corrected = mutual_information(counts)
+    taste = choice_model(counts)
+    favourite = confusion.labels[int(np.argmax(taste.bias))]
+    better = "better than chance" if chance.p < 0.05 else "no better than chance can be"
+    words = (
+        f"{100 * confusion.accuracy:.1f} % right of {counts.sum()} answers among {alternatives} objects. Macro F is"
+        f" {confusion.macro_f:.3f}, {better}: shuffled answers give {chance.mean:.3f}, 95 % of them {low:.3f} to"
+        f" {high:.3f} ({p_words(chance.p)}). d' is {sense.d_prime:.2f} ({sense.low:.2f} to {sense.high:.2f}, trials"
+        f" taken as independent{', corrected for a rate of 0 or 1' if sense.corrected else ''}). An answer carries"
+        f" {corrected:.2f} of {np.log2(alternatives):.2f} bits ({plain:.2f} before the correction for bias). The"
+        f" favourite answer is {favourite} (Luce bias {taste.bias.max():.2f}; {1 / alternatives:.2f} if there were"
+        " none)."
+    )
+    return [Finding(title=f"Which object: {one.name}", words=words, table=table)]
+
+
+def compared(pair: tuple[Choices, ...], data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
+    """F-measures of two conditions: over objects as in the paper, and over people."""
+    first, second = pair
+    names = f"{first.name} and {second.name}"
+    title = "Does the condition matter for telling objects apart?"
+    return [
+        *attempt(f"{title} Over objects, as in the paper", lambda: [_over_objects(first, second, names)]),
+        *attempt(f"{title} Over people", lambda: _over_people(first, second, data, names, rng)),
+    ]
+
+
+def _over_objects(first: Choices, second: Choices, names: str) -> Finding:
+    found = paired_t(first.confusion.f_measure, second.confusion.f_measure)
+    words = (
+        f"Paired t over {found.n} objects, {names}: t({found.df}) = {found.t:.2f}, {p_words(found.p)}. This is the test"
+        " of the paper. Its unit is the object, not the person: with so few pairs it misses most real differences, and"
+        " three numbers that happen to lie close pass for certainty. Go by the test over people."
+    )
+    return Finding(title="Over objects, as in the paper", words=words)
+
+
+def _over_people(
+    first: Choices, second: Choices, data: StudyData, names: str, rng: np.random.Generator
+) -> list[Finding]:
+    a, b = _macro_f_of_same_people(first.confusion, second.confusion)
+    found = paired_t(a, b)
+    same = equivalence(a, b, margin=data.margin)
+    evidence = bayes_factor(found.t, found.n)
+    exact = sign_flip(a - b, rng=rng)
+    verdict = (
+        f"The two are equivalent within {data.margin:g}"
+        if same.p < 0.05
+        else f"It is not shown that the two are equivalent within {data.margin:g}"
+    )
+    strength = max(evidence, 1 / evidence)
+    side = "for a difference" if evidence > 1 else "for no difference"
+    words = (
+        f"Macro F of each of {found.n} people, {names}: mean difference {found.difference:.3f} ({found.low:.3f} to"
+        f" {found.high:.3f}), t({found.df}) = {found.t:.2f}, {p_words(found.p)}; by turning signs {p_words(exact)}."
+        f" {verdict} (TOST {p_words(same.p)}, 90 % limits {same.low:.3f} to {same.high:.3f}). Bayes factor"
+        f" {strength:.1f} {side}{'' if strength >= 3 else ', too little to tell'}."
+    )
+    return [Finding(title="Over people", words=words)]
+
+
+def _macro_f_of_same_people(first: Confusion, second: Confusion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    both = [who for who in first.participants if who in second.participants]
+    if len(both) < 2:
+        raise InputError(f"pairs: expected two or more people with both conditions, got {len(both)}")
+    pick = [[one.participants.index(who) for who in both] for one in (first, second)]
+    return first.macro_f_by_person[pick[0]], second.macro_f_by_person[pick[1]]
+
+
+def mixed(data: StudyData) -> list[Finding]:
+    """Logistic mixed model of right answers."""
+    if data.choices is None:
+        return []
+    rows = Table({**data.choices, "correct": (data.choices["presented"] == data.choices["answered"]).astype(float)})
+    within = ["presented", "condition"] if len(levels(rows["condition"])[0]) > 1 else ["presented"]
+    table = logistic_mixed(rows, correct="correct", participant="participant", within=within)
+    small = [str(row["effect"]) for row in table.rows if row["p"] < 0.05]
+    words = (
+        f"The chance of a right answer depends on {', '.join(small)}."
+        if small
+        else "No effect on the chance of a right"
+        " answer was found; that none was found does not show that there is none."
+    ) + " Likelihood ratios of a logistic model in which each person has a level of their own, and no slopes."
+    return [Finding(title="Mixed model of right answers", words=words, table=table)]

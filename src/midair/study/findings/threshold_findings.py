@@ -1,0 +1,60 @@
+"""What is said about thresholds: psychometric functions over people, and adaptive blocks person by person."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.study.findings.finding import Finding
+from midair.study.findings.study_data import StudyData
+from midair.study.statistics.psychometric import fit_psychometric, fit_threshold
+from midair.study.statistics.resample import bootstrap
+from midair.study.statistics.table import Table, levels
+
+
+def psychometric(data: StudyData, *, rng: np.random.Generator, draws: int = 400) -> list[Finding]:
+    """One Weibull function for the answers of all people; limits by drawing people again."""
+    if data.strengths is None:
+        return []
+    rows = data.strengths
+    guess = float(rows["guess"][0])
+    people, person = levels(rows["participant"])
+    strength, place = np.unique(rows["level"], return_inverse=True)
+    cell = person * len(strength) + place
+    size = len(people) * len(strength)
+    sums = [np.bincount(cell, weights=each, minlength=size) for each in (rows["correct"], np.ones(rows.height))]
+    counts = np.stack(sums, axis=-1).reshape(len(people), len(strength), 2)
+    right, total = counts.sum(axis=0).T
+    fit = fit_psychometric(strength, right, total, rng=rng, guess=guess, shape="weibull")
+
+    def threshold(drawn: NDArray[np.float64]) -> float:
+        hits, trials = drawn.sum(axis=0).T
+        seen = trials > 0
+        return fit_threshold(strength[seen], hits[seen], trials[seen], guess=guess, shape="weibull", near=fit.function)
+
+    words = (
+        f"Threshold {fit.function.threshold:.3g} (where {100 * _rate(guess, fit.function.lapse):.0f} % are right),"
+        f" slope {fit.function.slope:.2g}; 95 % limits from trials {fit.threshold_low:.3g} to {fit.threshold_high:.3g}"
+    )
+    if len(people) > 1:
+        limits = bootstrap(threshold, counts, rng=rng, draws=draws)
+        words += f", over people {float(limits.low):.3g} to {float(limits.high):.3g}"
+    fits = "fits" if fit.deviance_p > 0.05 else "does NOT fit"
+    words += f". The Weibull function {fits} the answers (deviance {fit.deviance:.1f}, p = {fit.deviance_p:.2f})."
+    table = Table({"level": strength, "right": right.astype(int), "answers": total.astype(int), "share": right / total})
+    return [Finding(title="Psychometric function", words=words, table=table)]
+
+
+def adaptive(data: StudyData) -> list[Finding]:
+    """Thresholds of adaptive blocks, and their geometric mean over people."""
+    if data.thresholds is None:
+        return []
+    known = data.thresholds.take(np.isfinite(data.thresholds["threshold"]))
+    if not known.height:
+        raise InputError("thresholds: expected an adaptive block that came to an end, got none; see the notes of each")
+    mean = float(np.exp(np.log(known["threshold"]).mean()))
+    words = f"Geometric mean of {known.height} thresholds: {mean:.3g}. Those without a number say why."
+    return [Finding(title="Thresholds of adaptive blocks", words=words, table=data.thresholds)]
+
+
+def _rate(guess: float, lapse: float) -> float:
+    return guess + (1 - guess - lapse) * (1 - float(np.exp(-1)))

@@ -1,0 +1,89 @@
+"""The report of a study: one HTML file with figures, figures in numbers, and words."""
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from midair import __version__
+from midair.figures.page import render_page
+from midair.figures.style import png
+from midair.rig.loop.loop_report import Picture
+from midair.study.findings.analysis import Report
+from midair.study.findings.finding import Finding
+from midair.study.study_figures import confusion_figure, f_figure, rating_figure
+
+
+def report_page(report: Report, *, title: str, within: tuple[str, ...] = ()) -> str:
+    """The report as HTML that needs nothing from outside.
+
+    Parameters
+    ----------
+    report : Report
+        What was found.
+    title : str
+        Of the study.
+    within : tuple of str
+        Factors of the ratings, for their figure.
+    """
+    return render_page(
+        "study/report.html.j2",
+        title=title,
+        simulated=report.simulated,
+        pictures=study_pictures(report, within=within),
+        findings=[_shown(finding) for finding in report.findings],
+        notes=f"midair {__version__}; seed of permutations and bootstrap {report.seed}.",
+    )
+
+
+def report_text(report: Report) -> str:
+    """The words of the report for a terminal."""
+    return "\n\n".join(f"{finding.title}\n{finding.words}" for finding in report.findings)
+
+
+def report_json(report: Report) -> str:
+    """Words and tables for a program; a number that does not exist is null."""
+    content: Mapping[str, Any] = {
+        "simulated": report.simulated,
+        "seed": report.seed,
+        "findings": [
+            {
+                "title": one.title,
+                "words": one.words,
+                "table": [_finite(row) for row in one.table.rows] if one.table else [],
+            }
+            for one in report.findings
+        ],
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False, default=str)
+
+
+def study_pictures(report: Report, *, within: tuple[str, ...]) -> list[Picture]:
+    """Figures like the paper's 6, 7 and 8, those that the answers allow."""
+    found: list[tuple[str, bytes]] = []
+    if report.choices:
+        figure = confusion_figure(report.choices, simulated=report.simulated)
+        found.append(("Answers to “which object?”", png(figure)))
+    compared = [one for one in report.choices if one.confusion.labels == report.choices[-1].confusion.labels]
+    if compared:
+        found.append(("F-measure of each object", png(f_figure(compared, simulated=report.simulated))))
+    if report.ratings is not None and 1 <= len(within) <= 3:
+        found.append(("Ratings", png(rating_figure(report.ratings, within, simulated=report.simulated))))
+    return [Picture(title=title, caption="", data=data) for title, data in found]
+
+
+def _shown(finding: Finding) -> dict[str, Any]:
+    table = finding.table
+    names = [] if table is None else [name for name in table if any(value != "" for value in table[name].tolist())]
+    rows = [] if table is None else [[_cell(row[name]) for name in names] for row in table.rows]
+    return {"title": finding.title, "words": finding.words, "names": names, "rows": rows}
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return "none" if math.isnan(value) else f"{value:.4g}"
+    return str(value)
+
+
+def _finite(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: None if isinstance(v, float) and not math.isfinite(v) else v for name, v in row.items()}

@@ -1,0 +1,1 @@
+"""A session: present, ask, time, store; and participants who are simulated."""

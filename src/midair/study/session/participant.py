@@ -1,0 +1,101 @@
+"""A simulated participant with a stated psychometric model: to try a study, and to know what its analysis can see."""
+
+from dataclasses import dataclass
+from hashlib import sha256
+
+import numpy as np
+
+from midair.errors import InputError
+from midair.study.design.blocks import Stimulus, right_answer
+from midair.study.design.plan import Plan, Trial
+from midair.study.design.question import Question
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedParticipant:
+    """An observer of signal detection theory.
+
+    - Choice: every option has an internal value, normal with deviation 1 and mean d' at the right one, 0 elsewhere,
+      moved by a taste of this person for each option; the largest is chosen.
+    - Yes or no: yes if a normal value of mean d' (0 for silence) exceeds d'/2. Same or different: "different" if two
+      normal values, d' apart for different stimuli, differ by more than d'/2 + 1/2.
+    - Rating: the middle of the scale, plus `rating_effect` steps (minus for a question about another object), plus the
+      person's level, plus normal noise, rounded to the scale.
+    - Magnitude: log-normal, `magnitude` times the person's unit.
+    - In an adaptive block d' is that of strength 1, times the strength.
+    - A lapse is an answer at random. Reaction times are log-normal with a median of 0.9 s.
+
+    Each answer depends only on the seed, the participant, the trial and the question: a session that is interrupted and
+    taken up again has the answers of one that was not.
+
+    Attributes
+    ----------
+    d_prime : float
+        Of objects, mean over people.
+    real_d_prime : float
+        The same for real objects.
+    spread : float
+        Standard deviation of d' over people.
+    taste : float
+        Standard deviation of the taste for an option.
+    lapse : float
+        Chance of a lapse, 0 to 1.
+    rating_effect : float
+        Steps up for the object that was presented.
+    rating_noise : float
+        Standard deviation of ratings, in steps; the person's level has 0.8 of it.
+    magnitude : float
+        Median answer.
+    seed : int
+        Of everybody.
+    """
+
+    d_prime: float = 1.2
+    real_d_prime: float = 3.5
+    spread: float = 0.3
+    taste: float = 0.2
+    lapse: float = 0.02
+    rating_effect: float = 1.0
+    rating_noise: float = 1.0
+    magnitude: float = 10.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.lapse <= 1 or min(self.spread, self.taste, self.rating_noise) < 0 or self.magnitude <= 0:
+            raise InputError("simulated participant: expected lapse in 0 to 1, deviations of 0 or more, magnitude > 0")
+
+    def answer(self, plan: Plan, trial: Trial, name: str, *, felt: str = "") -> tuple[str, float]:
+        """What this participant answers to a question, and after how many seconds; `felt` in adaptive trials."""
+        question, stimulus = plan.design.question(name), plan.design.stimulus(trial.stimulus or felt)
+        rng = self._stream(f"{plan.design.name} {plan.design.seed} {trial.code} {name}")
+        reaction = float(np.exp(rng.normal(np.log(0.9), 0.35)))
+        if question.answers and rng.random() < self.lapse:
+            return str(rng.choice(question.answers)), reaction
+        strength = float(stimulus.levels.get(plan.design.block(trial.block).strength, 1))
+        return self._answer(question, stimulus, trial, rng, strength), reaction
+
+    def _answer(
+        self, question: Question, stimulus: Stimulus, trial: Trial, rng: np.random.Generator, strength: float
+    ) -> str:
+        person = self._stream(f"person {trial.participant} {question.name}")
+        real = stimulus.kind == "object"
+        d = strength * ((self.real_d_prime if real else self.d_prime) + person.normal(0, self.spread))
+        right = right_answer(question, stimulus, {**stimulus.levels, **trial.levels, **question.levels})
+        if question.kind == "choice":
+            value = rng.normal(0, 1, len(question.options)) + person.normal(0, self.taste, len(question.options))
+            value += d * np.array([option == right for option in question.options])
+            return question.options[int(np.argmax(value))]
+        if question.kind == "yes-no":
+            return "yes" if rng.normal(d if right == "yes" else 0, 1) > d / 2 else "no"
+        if question.kind == "same-different":
+            apart = abs(rng.normal(d if right == "different" else 0, np.sqrt(2)))
+            return "different" if apart > d / 2 + 0.5 else "same"
+        if question.kind == "magnitude":
+            return f"{self.magnitude * np.exp(person.normal(0, 0.3) + rng.normal(0, 0.2)):g}"
+        match = bool(set(question.levels.values()) & set(trial.levels.values()))
+        level = (question.low + question.high) / 2 + self.rating_effect * (0.5 if match else -0.5)
+        level += person.normal(0, 0.8 * self.rating_noise) + rng.normal(0, self.rating_noise)
+        return str(int(np.clip(round(level), question.low, question.high)))
+
+    def _stream(self, words: str) -> np.random.Generator:
+        return np.random.default_rng([self.seed, int.from_bytes(sha256(words.encode()).digest()[:8], "big")])

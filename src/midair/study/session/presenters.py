@@ -1,0 +1,118 @@
+"""Who makes a stimulus felt: an array, an experimenter with an object in hand, or nobody."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from midair.devices import ArrayDevice
+from midair.errors import InputError
+from midair.model import Drive
+from midair.study.design.blocks import Stimulus
+
+
+class Presenter(Protocol):
+    """What makes a stimulus felt: an array, or a person with an object in hand."""
+
+    def present(self, stimulus: Stimulus) -> None:
+        """Present it; return when it is over."""
+        ...
+
+    def silence(self) -> None:
+        """End it at once; may come at any time, from any thread, and more than once."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimenterPresenter:
+    """A person presents: told what to take up, who says when it is done. The one who presents cannot be blind.
+
+    Attributes
+    ----------
+    tell : callable
+        Shows a line to the experimenter only.
+    done : callable
+        Returns when the experimenter says that the stimulus was presented.
+    """
+
+    tell: Callable[[str], None]
+    done: Callable[[], None]
+
+    def present(self, stimulus: Stimulus) -> None:
+        """Ask the experimenter to do it."""
+        self.tell("wait, present nothing" if stimulus.kind == "silence" else f"present: {stimulus.source}")
+        self.done()
+
+    def silence(self) -> None:
+        """Ask the experimenter to take the hand away."""
+        self.tell("nothing is to touch the participant now")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArrayPresenter:
+    """An open array plays the drives; anything else is handed on to the experimenter.
+
+    Attributes
+    ----------
+    array : ArrayDevice
+        Open.
+    load : callable
+        From the source of a stimulus to its drive; asked before the first trial, see `check`.
+    by_hand : Presenter
+        For real objects.
+    play : callable, optional
+        Plays the drive of a source; the array's own `play` if None. What sounds in the room goes through the exposure
+        gate and the log: see `rig.playing`.
+    """
+
+    array: ArrayDevice
+    load: Callable[[str], Drive]
+    by_hand: Presenter
+    play: Callable[[str], object] | None = None
+
+    def check(self, stimuli: tuple[Stimulus, ...]) -> None:
+        """Load every drive once, so that a file that is missing stops the session before it begins.
+
+        Raises
+        ------
+        InputError
+            If a drive is for another array.
+        """
+        for stimulus in stimuli:
+            if stimulus.kind == "drive" and not self.array.array.same_as(self.load(stimulus.source).array):
+                raise InputError(
+                    f"{stimulus.source}: expected a drive for {self.array.array.name}, got another array's"
+                )
+
+    def present(self, stimulus: Stimulus) -> None:
+        """Play it, or have it presented."""
+        if stimulus.kind == "drive" and self.play is not None:
+            self.play(stimulus.source)
+        elif stimulus.kind == "drive":
+            self.array.play(self.load(stimulus.source))
+        elif stimulus.kind == "object":
+            self.by_hand.present(stimulus)
+
+    def silence(self) -> None:
+        """Silence the array, then tell the experimenter."""
+        self.array.silence()
+        self.by_hand.silence()
+
+
+class NoPresenter:
+    """Presents nothing: for simulated participants, who ask it what they would have felt.
+
+    Attributes
+    ----------
+    felt : str
+        Name of the last stimulus.
+    """
+
+    def __init__(self) -> None:
+        self.felt = ""
+
+    def present(self, stimulus: Stimulus) -> None:
+        """Remember it."""
+        self.felt = stimulus.name
+
+    def silence(self) -> None:
+        """Nothing to end."""

@@ -1,0 +1,54 @@
+"""A simulated participant in front of the screen."""
+
+from dataclasses import dataclass, field
+
+from midair.errors import DeviceStateError
+from midair.study.design.plan import Plan
+from midair.study.session.participant import SimulatedParticipant
+from midair.study.session.presenters import NoPresenter
+from midair.study.session.trials import Reply, Step
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedScreen:
+    """A simulated participant before the screen: reads nothing, rests never, answers by its model.
+
+    Attributes
+    ----------
+    plan : Plan
+        In which it looks up what it felt.
+    participant : SimulatedParticipant
+        Its model.
+    presenter : NoPresenter
+        Of the session; tells what an adaptive block has chosen.
+    """
+
+    plan: Plan
+    participant: SimulatedParticipant
+    presenter: NoPresenter = field(default_factory=NoPresenter)
+
+    def show(self, text: str) -> None:
+        """Does not read."""
+
+    def rest(self, step: Step) -> None:
+        """Does not tire."""
+
+    def ask(self, step: Step) -> Reply:
+        """Answers by the model."""
+        trial = self.plan.trial(step.code)
+        name = step.question.name if step.question else ""
+        text, reaction = self.participant.answer(self.plan, trial, name, felt=self.presenter.felt)
+        return Reply(text=text, reaction_s=reaction)
+
+    def accepted(self, step: Step, answer: str) -> None:
+        """Does not care."""
+
+    def refused(self, step: Step, why: str) -> None:
+        """Its answers are answers; a refusal is a defect of the model.
+
+        Raises
+        ------
+        DeviceStateError
+            Always.
+        """
+        raise DeviceStateError(f"simulated participant: expected its answer to be accepted, got {why} at {step.code}")

@@ -1,0 +1,235 @@
+"""What people answered to what was presented: confusion matrix, precision, recall, F, and what chance makes of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, ShapeError
+from midair.study.statistics.resample import Chance, percentile_p
+from midair.study.statistics.table import Table, levels
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Confusion:
+    """Counts of answers, person by person.
+
+    Attributes
+    ----------
+    by_person : ndarray of int, shape (participant, presented, answered)
+        Number of trials.
+    labels : tuple
+        Of the objects, for both axes.
+    participants : tuple
+        One an entry of the first axis.
+    """
+
+    by_person: Counts
+    labels: tuple[Any, ...]
+    participants: tuple[Any, ...]
+
+    @property
+    def counts(self) -> Counts:
+        """Over all people, shape (presented, answered)."""
+        return self.by_person.sum(axis=0)
+
+    @property
+    def accuracy(self) -> float:
+        """Share of correct answers."""
+        return float(np.trace(self.counts) / self.counts.sum())
+
+    @property
+    def f_measure(self) -> Array:
+        """Of each object, shape (object,)."""
+        return f_measure(self.counts)
+
+    @property
+    def macro_f(self) -> float:
+        """Mean F over the objects."""
+        return float(self.f_measure.mean())
+
+    @property
+    def macro_f_by_person(self) -> Array:
+        """Macro F of each person alone, shape (participant,)."""
+        return f_measure(self.by_person).mean(axis=-1)
+
+
+def confusion_matrix(
+    presented: Sequence[Any] | NDArray[Any],
+    answered: Sequence[Any] | NDArray[Any],
+    *,
+    participant: Sequence[Any] | NDArray[Any] | None = None,
+    labels: Sequence[Any] | None = None,
+) -> Confusion:
+    """Count the answers.
+
+    Parameters
+    ----------
+    presented, answered : sequence, length trial
+        Names of objects.
+    participant : sequence, length trial, optional
+        Who answered; one person if None.
+    labels : sequence, optional
+        The objects in the order wanted; those presented, in order of appearance, if None.
+
+    Returns
+    -------
+    Confusion
+
+    Raises
+    ------
+    ShapeError
+        If the lengths differ or are 0.
+    InputError
+        If an object was never presented, or an answer is none of the objects.
+    """
+    truth, answer = np.asarray(presented), np.asarray(answered)
+    who = np.zeros(len(truth), int) if participant is None else np.asarray(participant)
+    if truth.shape != answer.shape or truth.shape != who.shape or truth.size == 0:
+        raise ShapeError(f"trials: expected equal lengths above 0, got {truth.size}, {answer.size}, {who.size}")
+    order = list(labels) if labels is not None else levels(truth)[0]
+    if len(order) < 2:
+        raise InputError(f"objects: expected two or more to tell apart, got {order}")
+    if missing := set(order) - set(truth.tolist()):
+        raise InputError(f"objects: expected each to be presented, got no trial of {sorted(map(str, missing))}")
+    people, person = levels(who)
+    shape = (len(people), len(order), len(order))
+    where = np.ravel_multi_index(
+        (person, _number(truth, order, "presented"), _number(answer, order, "answered")), shape
+    )
+    counts = np.bincount(where, minlength=int(np.prod(shape))).reshape(shape)
+    return Confusion(by_person=counts, labels=tuple(order), participants=tuple(people))
+
+
+def f_measure(counts: NDArray[Any]) -> Array:
+    """F of each object: 2 hits / (presented + answered), the harmonic mean of precision and recall.
+
+    Parameters
+    ----------
+    counts : ndarray, shape (..., presented, answered)
+        Number of trials.
+
+    Returns
+    -------
+    ndarray, shape (..., object)
+        0 for an object that was neither presented nor answered.
+    """
+    counts = np.asarray(counts, float)
+    hits = np.diagonal(counts, axis1=-2, axis2=-1)
+    both = counts.sum(axis=-1) + counts.sum(axis=-2)
+    return np.asarray(2 * hits / np.maximum(both, 1e-300))
+
+
+def scores(confusion: Confusion, *, level: float = 0.95) -> Table:
+    """Precision, recall and F of each object.
+
+    Returns
+    -------
+    Table
+        Columns object, presented, answered, precision, recall, recall_low, recall_high, F. The limits are Wilson's,
+        which take trials as independent; for limits over people resample them with `bootstrap`. The precision of an
+        object that nobody ever answered is NaN and `note` says so.
+    """
+    counts = confusion.counts
+    hits, given, said = np.diagonal(counts), counts.sum(axis=1), counts.sum(axis=0)
+    low, high = wilson(hits, given, level=level)
+    return Table(
+        {
+            "object": np.array(confusion.labels),
+            "presented": given,
+            "answered": said,
+            "precision": np.where(said > 0, hits / np.maximum(said, 1), np.nan),
+            "recall": hits / given,
+            "recall_low": low,
+            "recall_high": high,
+            "F": confusion.f_measure,
+            "note": np.where(said > 0, "", "never answered: no precision"),
+        }
+    )
+
+
+def wilson(hits: Any, total: Any, *, level: float = 0.95) -> tuple[Array, Array]:
+    """Wilson's (1927) interval of a proportion; arrays broadcast.
+
+    Raises
+    ------
+    InputError
+        If a total is below 1 or hits lie outside 0 to total.
+    """
+    from scipy.stats import norm
+
+    k, n = np.asarray(hits, float), np.asarray(total, float)
+    if (n < 1).any() or (k < 0).any() or (k > n).any():
+        raise InputError(f"proportion: expected 0 <= hits <= total and total >= 1, got {hits} of {total}")
+    z = float(norm.ppf((1 + level) / 2))
+    middle = (k + z**2 / 2) / (n + z**2)
+    half = z / (n + z**2) * np.sqrt(k * (n - k) / n + z**2 / 4)
+    return np.maximum(middle - half, 0), np.minimum(middle + half, 1)
+
+
+def chance_macro_f(confusion: Confusion, *, rng: np.random.Generator, draws: int = 10_000) -> Chance:
+    """Macro F against what it would be if answers had nothing to do with objects.
+
+    Each person's answers are shuffled over that person's trials, so that how often each object was presented and
+    answered stays as it was.
+
+    Returns
+    -------
+    Chance
+        The value, its permutation distribution, and the share of the distribution at or above the value.
+    """
+    size = len(confusion.labels)
+    total = np.zeros((draws, size, size))
+    for counts in confusion.by_person:
+        total += _shuffled(counts, rng, draws)
+    distribution = f_measure(total).mean(axis=-1)
+    p = percentile_p(confusion.macro_f, distribution)
+    return Chance(value=confusion.macro_f, distribution=distribution, p=p)
+
+
+def mutual_information(counts: NDArray[Any]) -> tuple[float, float]:
+    """Information that an answer carries about the object, in bits.
+
+    Parameters
+    ----------
+    counts : ndarray, shape (presented, answered)
+        Number of trials.
+
+    Returns
+    -------
+    plain, corrected : float
+        The plug-in estimate, and the same less its bias (r - 1)(c - 1) / (2 n ln 2), not below 0 (Miller, 1955), with r
+        and c the numbers of rows and columns that are not empty. All of it is log2 of the number of objects.
+    """
+    joint = np.asarray(counts, float)
+    if joint.ndim != 2 or joint.sum() <= 0:
+        raise ShapeError(f"counts: expected a table with answers in it, got shape {joint.shape}, sum {joint.sum():g}")
+    n = joint.sum()
+    rows, columns = joint.sum(axis=1), joint.sum(axis=0)
+    seen = joint > 0
+    plain = float((joint[seen] / n * np.log2(joint[seen] * n / np.outer(rows, columns)[seen])).sum())
+    bias = (np.count_nonzero(rows) - 1) * (np.count_nonzero(columns) - 1) / (2 * n * np.log(2))
+    return max(plain, 0.0), max(plain - bias, 0.0)
+
+
+def _number(values: NDArray[Any], order: list[Any], name: str) -> Counts:
+    number = {label: i for i, label in enumerate(order)}
+    unknown = [value for value in values.tolist() if value not in number]
+    if unknown:
+        raise InputError(f"{name}: expected one of {', '.join(map(str, order))}, got {unknown[0]!r}; give `labels`")
+    return np.array([number[value] for value in values.tolist()], np.int64)
+
+
+def _shuffled(counts: Counts, rng: np.random.Generator, draws: int) -> Counts:
+    """Confusion matrices of one person with the answers shuffled, shape (draw, presented, answered)."""
+    size = len(counts)
+    truth = np.repeat(np.arange(size), counts.sum(axis=1))
+    answer = np.repeat(np.arange(size), counts.sum(axis=0))
+    shuffled = rng.permuted(np.broadcast_to(answer, (draws, answer.size)), axis=1)
+    where = (np.arange(draws)[:, None] * size + truth) * size + shuffled
+    return np.bincount(where.ravel(), minlength=draws * size * size).reshape(draws, size, size)

@@ -1,0 +1,209 @@
+"""Signal detection: sensitivity d' apart from the taste for one answer.
+
+Sources: Macmillan and Creelman, Detection Theory (2005), chapters 1, 2, 7, 9; Luce, Handbook of Mathematical
+Psychology I (1963), chapter 3, for the choice model.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, ShapeError
+from midair.study.statistics.confusion import wilson
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensitivity:
+    """How well something is told apart.
+
+    Attributes
+    ----------
+    d_prime, low, high : float
+        d' in standard deviations of the internal noise, and its limits; NaN where no limits are known.
+    criterion : float
+        Taste for one answer: above 0 for a reluctant yes or "different"; 0 where there is none.
+    corrected : bool
+        Whether a rate of 0 or 1 was moved inwards to have a finite d'.
+    """
+
+    d_prime: float
+    low: float
+    high: float
+    criterion: float = 0.0
+    corrected: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChoiceModel:
+    """Luce's choice model fitted to a confusion matrix: P(answer j | object i) is proportional to bias_j similarity_ij.
+
+    Attributes
+    ----------
+    bias : ndarray, shape (answer,)
+        Taste for each answer, sum 1.
+    similarity : ndarray, shape (object, object)
+        Symmetric, 1 on the diagonal, 0 for objects that are never confused.
+    misfit : float
+        Likelihood ratio G^2 of the model; p its p-value on (m - 1)(m - 2) / 2 degrees of freedom (1 for two objects).
+    p : float
+        Small if confusions are not of this kind.
+    """
+
+    bias: Array
+    similarity: Array
+    misfit: float
+    p: float
+
+
+def proportion_correct(d_prime: Any, *, alternatives: int) -> Array:
+    """Share of correct answers of an unbiased observer who picks the largest of m internal values.
+
+    The integral of phi(x - d') Phi(x)^(m - 1) over x; d' = 1 with three alternatives gives .634.
+
+    Parameters
+    ----------
+    d_prime : array_like, any shape
+        Distance of the right alternative from the others, in standard deviations.
+    alternatives : int
+        m, 2 or more.
+
+    Returns
+    -------
+    ndarray, same shape
+        1/m at d' = 0.
+    """
+    from scipy.special import ndtr
+
+    if alternatives < 2:
+        raise InputError(f"alternatives: expected 2 or more, got {alternatives}")
+    node, weight = np.polynomial.hermite_e.hermegauss(81)
+    inside = ndtr(np.asarray(d_prime, float)[..., None] + node) ** (alternatives - 1)
+    return np.asarray(inside @ weight / np.sqrt(2 * np.pi))
+
+
+def d_prime_choice(correct: int, total: int, *, alternatives: int, level: float = 0.95) -> Sensitivity:
+    """Find d' of a forced choice among m alternatives, for an observer without a favourite answer.
+
+    A rate of 0 or 1 is moved to (hits + 1/2) / (total + 1). The limits are those of Wilson's interval of the rate.
+
+    Raises
+    ------
+    InputError
+        If correct lies outside 0 to total, or total is below 1.
+    """
+    low, high = wilson(correct, total, level=level)
+    corrected = correct in (0, total)
+    rate = (correct + 0.5) / (total + 1) if corrected else correct / total
+    found = [_invert_choice(share, alternatives) for share in (rate, float(low), float(high))]
+    return Sensitivity(d_prime=found[0], low=found[1], high=found[2], corrected=corrected)
+
+
+def d_prime_yes_no(hits: int, signals: int, false_alarms: int, blanks: int) -> Sensitivity:
+    """Find d' and criterion of "was there something?"; 1/2 is added to counts and 1 to totals (Hautus, 1995).
+
+    Parameters
+    ----------
+    hits, signals : int
+        Yes answers to something, and how often there was something.
+    false_alarms, blanks : int
+        Yes answers to nothing, and how often there was nothing.
+
+    Returns
+    -------
+    Sensitivity
+        Limits by the normal approximation of Gourevitch and Galanter (1967).
+    """
+    from scipy.stats import norm
+
+    wilson([hits, false_alarms], [signals, blanks])
+    rate = (np.array([hits, false_alarms]) + 0.5) / (np.array([signals, blanks]) + 1)
+    z = norm.ppf(rate)
+    variance = rate * (1 - rate) / (np.array([signals, blanks]) * norm.pdf(z) ** 2)
+    half = 1.96 * float(np.sqrt(variance.sum()))
+    d = float(z[0] - z[1])
+    return Sensitivity(d_prime=d, low=d - half, high=d + half, criterion=float(-z.mean()), corrected=True)
+
+
+def d_prime_same_different(hits: int, different: int, false_alarms: int, same: int) -> Sensitivity:
+    """Find d' of "are these two the same?", for an observer who says "different" beyond a distance (differencing rule).
+
+    P("different" | same) = 2 Phi(-k / sqrt 2); P("different" | different) = Phi((d' - k) / sqrt 2) +
+    Phi((-d' - k) / sqrt 2). Chapter 9 of Macmillan and Creelman; 1/2 is added to counts and 1 to totals.
+
+    Returns
+    -------
+    Sensitivity
+        `criterion` is the distance k; 0 if hits are no more than false alarms. Limits are NaN: resample people.
+    """
+    from scipy.optimize import brentq
+    from scipy.stats import norm
+
+    wilson([hits, false_alarms], [different, same])
+    hit, alarm = (hits + 0.5) / (different + 1), (false_alarms + 0.5) / (same + 1)
+    k = float(-np.sqrt(2) * norm.ppf(alarm / 2))
+
+    def excess(d: float) -> float:
+        return float(norm.cdf((d - k) / np.sqrt(2)) + norm.cdf((-d - k) / np.sqrt(2)) - hit)
+
+    d = 0.0 if excess(0.0) >= 0 else float(brentq(excess, 0.0, 40.0))
+    return Sensitivity(d_prime=d, low=np.nan, high=np.nan, criterion=k, corrected=True)
+
+
+def choice_model(counts: NDArray[Any]) -> ChoiceModel:
+    """Fit Luce's choice model to a confusion matrix.
+
+    Maximum likelihood by iterative proportional fitting of quasi-symmetry: the fit has the rows, the columns and the
+    sums n_ij + n_ji of the data (Bishop, Fienberg and Holland, Discrete Multivariate Analysis, 1975, 8.2).
+
+    Parameters
+    ----------
+    counts : ndarray, shape (presented, answered)
+        Number of trials; 1/2 is added to every cell if one is empty.
+
+    Returns
+    -------
+    ChoiceModel
+    """
+    from scipy.stats import chi2
+
+    data = np.asarray(counts, float)
+    if data.ndim != 2 or data.shape[0] != data.shape[1] or len(data) < 2 or data.sum() <= 0:
+        raise ShapeError(f"counts: expected a square table with answers in it, got shape {data.shape}")
+    filled = data + 0.5 if (data == 0).any() else data
+    fit = _quasi_symmetry(filled)
+    diagonal = np.diagonal(fit)
+    similarity = np.sqrt(fit * fit.T / np.outer(diagonal, diagonal))
+    # fit_ij / fit_ji = r_i b_j / (r_j b_i) with fit_ii = r_i b_i, hence b_j / b_i up to the common factor.
+    bias = np.exp(np.log(np.sqrt(fit / fit.T) * np.sqrt(diagonal)[None, :] / np.sqrt(diagonal)[:, None]).mean(axis=0))
+    misfit = float(2 * (filled * np.log(filled / fit)).sum())
+    free = (len(data) - 1) * (len(data) - 2) / 2
+    p = float(chi2.sf(max(misfit, 0), free)) if free else 1.0
+    return ChoiceModel(bias=bias / bias.sum(), similarity=similarity, misfit=misfit, p=p)
+
+
+def _quasi_symmetry(data: Array, *, sweeps: int = 2000) -> Array:
+    fit = np.ones_like(data)
+    for _ in range(sweeps):
+        before = fit
+        fit = fit * (data.sum(axis=1) / fit.sum(axis=1))[:, None]
+        fit = fit * (data.sum(axis=0) / fit.sum(axis=0))[None, :]
+        fit = fit * (data + data.T) / (fit + fit.T)
+        if np.abs(fit - before).max() < 1e-12 * data.sum():
+            break
+    return fit
+
+
+def _invert_choice(rate: float, alternatives: int) -> float:
+    from scipy.optimize import brentq
+
+    def excess(d: float) -> float:
+        return float(proportion_correct(d, alternatives=alternatives)) - rate
+
+    edge = 12.0
+    if excess(-edge) >= 0:
+        return -np.inf
+    return np.inf if excess(edge) <= 0 else float(brentq(excess, -edge, edge))

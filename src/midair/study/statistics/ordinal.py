@@ -1,0 +1,52 @@
+"""Ratings are ordinal: a check that uses nothing but their order."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from midair.study.statistics.anova import contrasts, effects
+from midair.study.statistics.anova import rm_anova as analysis_of_variance
+from midair.study.statistics.resample import sign_flip
+from midair.study.statistics.table import Columns, Table, cell_means, levels, numbers
+
+
+def ordinal_check(
+    table: Columns, *, value: str, participant: str, within: Sequence[str], rng: np.random.Generator
+) -> Table:
+    """Repeat an analysis of variance on ranks, with p by turning signs.
+
+    Each person's answers are ranked among that person's own, which removes the person's level and use of the scale.
+    The ranks go through the repeated-measures analysis; beside its p stands a p that assumes no distribution: the
+    contrasts of whole people change sign (`sign_flip`).
+    Where this and the plain analysis of variance disagree, the result depends on taking ratings for distances.
+
+    Parameters
+    ----------
+    table, value, participant, within
+        As for `rm_anova`.
+    rng : Generator
+        For the random turns, beyond 13 people.
+
+    Returns
+    -------
+    Table
+        Columns effect, F, p_GG, p_sign.
+
+    Raises
+    ------
+    InputError, NonFiniteError
+        As for `rm_anova`.
+    """
+    from scipy.stats import rankdata
+
+    data = Table.of(table)
+    people, person = levels(data[participant])
+    ranks = numbers(data, value)
+    for who in range(len(people)):
+        ranks[person == who] = rankdata(ranks[person == who])
+    ranked = Table({**data, value: ranks})
+    result = analysis_of_variance(ranked, value=value, participant=participant, within=within)
+    cells = cell_means(ranked, value=value, participant=participant, within=within)
+    answers = cells.mean.reshape(len(people), -1)
+    p = [sign_flip(answers @ contrasts(cells.mean.shape[1:], effect).T, rng=rng) for effect in effects(list(within))]
+    return Table({"effect": result["effect"], "F": result["F"], "p_GG": result["p_GG"], "p_sign": np.array(p)})

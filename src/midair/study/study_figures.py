@@ -1,0 +1,168 @@
+"""Figures of a study: confusions, F-measures and ratings, like the paper's Figs. 6, 7 and 8; chance and power."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from midair.errors import InputError
+from midair.figures.style import Style, new_figure, plain
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from midair.study.findings.analysis import Choices
+    from midair.study.statistics.resample import Chance
+    from midair.study.statistics.table import Table
+
+
+def confusion_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None = None) -> Figure:
+    """How often each object was taken for each, a matrix a condition (Fig. 6).
+
+    Parameters
+    ----------
+    choices : sequence of Choices
+        One or more.
+    simulated : bool
+        Whether the answers are.
+    """
+    style = style or Style()
+    figure = new_figure(2.7 * len(choices) + 0.4, 2.9, simulated=simulated, style=style)
+    for place, one in enumerate(choices):
+        axes = figure.add_subplot(1, len(choices), place + 1)
+        counts = one.confusion.counts
+        axes.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0, vmax=1)
+        for (row, column), count in np.ndenumerate(counts):
+            dark = count > counts[row].sum() / 2
+            axes.text(column, row, str(count), ha="center", va="center", color="white" if dark else style.ink)
+        labels = [str(label) for label in one.confusion.labels]
+        axes.set_xticks(range(len(labels)), labels, fontsize=8)
+        axes.set_yticks(range(len(labels)), labels, fontsize=8)
+        axes.set_title(one.name, fontsize=9)
+        axes.set_xlabel("answered (number of trials)", fontsize=8)
+        axes.set_ylabel("presented", fontsize=8)
+    return figure
+
+
+def f_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None = None) -> Figure:
+    """F-measure of each object with limits over people (Fig. 7).
+
+    Parameters
+    ----------
+    choices : sequence of Choices
+        One or more, of the same objects.
+    simulated : bool
+        Whether the answers are.
+    """
+    style = style or Style()
+    figure = new_figure(5, 3, simulated=simulated, style=style)
+    axes = plain(figure.add_subplot(), style)
+    width = 0.8 / len(choices)
+    colours = [style.before, style.reproduced, style.original]
+    for place, one in enumerate(choices):
+        value = one.confusion.f_measure
+        x = np.arange(len(value)) + (place - (len(choices) - 1) / 2) * width
+        axes.bar(x, value, width * 0.92, label=one.name, color=colours[place % 3])
+        if one.f_limits is not None:
+            limits = np.clip([value - one.f_limits.low, one.f_limits.high - value], 0, None)
+            axes.errorbar(x, value, limits, fmt="none", ecolor=style.ink, capsize=2, linewidth=0.8)
+    labels = [str(label) for label in choices[0].confusion.labels]
+    axes.axhline(1 / len(labels), color=style.ink, linewidth=0.8, linestyle=":")
+    axes.set_xticks(range(len(labels)), labels)
+    axes.set_ylim(0, 1.02)
+    axes.set_ylabel("F-measure, 95 % over people", fontsize=8)
+    axes.legend(fontsize=8, frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    return figure
+
+
+def rating_figure(ratings: Table, within: Sequence[str], *, simulated: bool, style: Style | None = None) -> Figure:
+    """Mean ratings with limits, a panel for each level of the first factor if there are three (Fig. 8).
+
+    Parameters
+    ----------
+    ratings : Table
+        Columns of the factors, mean, low, high.
+    within : sequence of str
+        One to three factors: the last is the colour, the one before it the axis.
+    simulated : bool
+        Whether the answers are.
+
+    Raises
+    ------
+    InputError
+        If there are more than three factors.
+    """
+    style = style or Style()
+    if not 1 <= len(within) <= 3:
+        raise InputError(f"figure of ratings: expected one to three factors, got {len(within)}")
+    panels = sorted(set(ratings[within[0]].tolist())) if len(within) == 3 else [""]
+    figure = new_figure(3.2 * len(panels) + 0.5, 3, simulated=simulated, style=style)
+    shared = None
+    for place, panel in enumerate(panels):
+        axes = plain(figure.add_subplot(1, len(panels), place + 1, sharey=shared), style)
+        shared = shared or axes
+        rows = ratings.where({within[0]: panel}) if panel else ratings
+        _rating_panel(axes, rows, within[-2] if len(within) > 1 else "", within[-1], style)
+        axes.set_title(f"{within[0]}: {panel}" if panel else "", fontsize=9)
+        if place == 0:
+            axes.set_ylabel("rating, 95 % within people", fontsize=8)
+    handles, names = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, names, fontsize=8, frameon=False, ncols=len(names), loc="outside lower center")
+    return figure
+
+
+def chance_figure(chance: Chance, *, simulated: bool, quantity: str = "macro F", style: Style | None = None) -> Figure:
+    """What chance makes of a figure, its middle 95 %, and what was observed."""
+    style = style or Style()
+    figure = new_figure(5, 2.8, simulated=simulated, style=style)
+    axes = plain(figure.add_subplot(), style)
+    axes.hist(chance.distribution, bins=40, color=style.before, density=True)
+    low, high = chance.range95
+    axes.axvspan(low, high, color=style.band, zorder=0)
+    axes.axvline(chance.value, color=style.reproduced, linewidth=1.5)
+    axes.set_xlabel(f"{quantity} by chance; shaded: middle 95 %, {low:.3f} to {high:.3f}", fontsize=8)
+    axes.set_ylabel("density", fontsize=8)
+    return figure
+
+
+def power_figure(curves: Sequence[tuple[str, Table]], *, simulated: bool = False, style: Style | None = None) -> Figure:
+    """Power against the number of people or pairs.
+
+    Parameters
+    ----------
+    curves : sequence of (name, Table)
+        Columns participants, power, and low and high where they were simulated.
+    simulated : bool
+        Whether to mark the figure.
+    """
+    style = style or Style()
+    figure = new_figure(5, 3, simulated=simulated, style=style)
+    axes = plain(figure.add_subplot(), style)
+    for (name, table), line in zip(curves, ("-", "--", ":", "-.") * len(curves), strict=False):
+        axes.plot(table["participants"], table["power"], line, label=name, color=style.reproduced)
+        if "low" in table:
+            axes.fill_between(table["participants"], table["low"], table["high"], color=style.band)
+    axes.axhline(0.8, color=style.ink, linewidth=0.8, linestyle=":")
+    axes.set_ylim(0, 1.02)
+    axes.set_xlabel("pairs or participants", fontsize=8)
+    axes.set_ylabel("power", fontsize=8)
+    axes.legend(fontsize=8, frameon=False)
+    return figure
+
+
+def _rating_panel(axes: Axes, rows: Table, across: str, colour: str, style: Style) -> None:
+    places = sorted(set(rows[across].tolist())) if across else [""]
+    shades = [style.before, style.reproduced, style.original]
+    series = sorted(set(rows[colour].tolist()))
+    for i, level in enumerate(series):
+        part = rows.where({colour: level})
+        place = [places.index(name) for name in part[across].tolist()] if across else [0]
+        x = np.array(place) + (i - (len(series) - 1) / 2) * 0.2
+        error = np.array([part["mean"] - part["low"], part["high"] - part["mean"]])
+        axes.errorbar(x, part["mean"], error, fmt="o", ms=4, capsize=2, color=shades[i % 3], label=f"{colour}: {level}")
+    axes.set_xticks(range(len(places)), [str(place) for place in places], fontsize=8)
+    axes.set_xlabel(across, fontsize=8)

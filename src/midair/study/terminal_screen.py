@@ -1,0 +1,128 @@
+"""A study at a terminal: the screen, who presents, and signals that stop."""
+
+import signal
+from collections.abc import Generator
+from contextlib import contextmanager
+from functools import lru_cache
+from time import monotonic
+from types import FrameType
+
+from rich.console import Console
+from rich.markup import escape
+
+from midair.devices import VirtualArray
+from midair.devices.arrays.gate import Admission, admit, profile_named
+from midair.errors import InputError
+from midair.files import load_solution
+from midair.model import TransducerArray
+from midair.rig.open.array_names import array_named
+from midair.rig.play.admitted import play_admitted
+from midair.study.design.plan import Plan
+from midair.study.folder import StudyFolder
+from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, Presenter
+from midair.study.session.trials import Reply, Step
+
+
+class TerminalScreen:
+    """Participant and experimenter at one terminal; never shows a condition.
+
+    Parameters
+    ----------
+    console : Console
+        To print to and to read from.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+
+    def show(self, text: str) -> None:
+        """Show a text until Enter."""
+        self._console.print(f"\n{escape(text)}")
+        self._console.input("[dim]Enter to go on, Ctrl-C to stop at any time[/] ")
+
+    def rest(self, step: Step) -> None:
+        """Hold the session until the shortest break is over and somebody presses Enter."""
+        end = monotonic() + step.rest_s
+        self._console.print(f"\nA break of at least {step.rest_s:g} s.")
+        while True:
+            self._console.input("[dim]Enter to go on[/] ")
+            if monotonic() >= end:
+                return
+            self._console.print(f"Please rest for another {end - monotonic():.0f} s.")
+
+    def ask(self, step: Step) -> Reply:
+        """Ask a question and read a line."""
+        question = step.question
+        if question is None:
+            raise InputError("terminal: expected a question to ask, got none")
+        self._console.print(f"\n[bold]{step.number} of {step.total}[/] {escape(question.text)}")
+        if question.kind == "rating":
+            ends = f"{question.low}: {question.low_label}, {question.high}: {question.high_label}"
+            self._console.print(f"  {escape(ends)}")
+        else:
+            for number, option in enumerate(question.answers, start=1):
+                self._console.print(f"  {number}  {escape(option)}")
+        return Reply(text=self._console.input("> "))
+
+    def accepted(self, step: Step, answer: str) -> None:
+        """Nothing: feedback would teach the answers."""
+
+    def refused(self, step: Step, why: str) -> None:
+        """Say why the answer to this trial's question was none."""
+        self._console.print(f"trial {step.number}: {escape(why)}")
+
+
+@contextmanager
+def presenter_named(
+    array: str, folder: StudyFolder, plan: Plan, *, attenuate: bool = False, override: str | None = None
+) -> Generator[Presenter]:
+    """What presents: the experimenter, told on the error stream, or an array that plays drives beside the plan.
+
+    Every drive passes the exposure gate before the session begins, and each time it plays is in the log.
+    """
+    console = Console(stderr=True)
+    by_hand = ExperimenterPresenter(
+        tell=lambda line: console.print(f"experimenter: {escape(line)}"),
+        done=lambda: _wait(console),
+    )
+    if array == "none":
+        if drives := [stimulus.name for stimulus in plan.design.stimuli if stimulus.kind == "drive"]:
+            raise InputError(f"array: expected one to play {len(drives)} drives of the plan, got none; give --array")
+        yield by_hand
+        return
+    profile = profile_named("occupational-110")
+    device = VirtualArray(TransducerArray.autd3()) if array == "virtual" else array_named(array)
+
+    @lru_cache(maxsize=32)
+    def admitted(source: str) -> Admission:
+        drive = load_solution(folder.path / source).drive
+        return admit(drive, profile, gated=device.gated, attenuate=attenuate, override=override)
+
+    with device:
+        presenter = ArrayPresenter(
+            array=device,
+            load=lambda source: admitted(source).drive,
+            by_hand=by_hand,
+            play=lambda source: play_admitted(admitted(source), device, source=source),
+        )
+        presenter.check(plan.design.stimuli)
+        yield presenter
+
+
+@contextmanager
+def stops_on_signals() -> Generator[None]:
+    """A request to end the program stops the session as Ctrl-C does: silence first."""
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt(signal.Signals(number).name)
+
+    before = {one: signal.signal(one, stop) for one in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM))}
+    try:
+        yield
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
+
+
+def _wait(console: Console) -> None:
+    console.input("[dim]Enter when it was presented[/] ")

@@ -1,0 +1,1 @@
+"""Sweeps: many patterns or recordings on many processes, and what came out."""

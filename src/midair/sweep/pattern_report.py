@@ -1,0 +1,283 @@
+"""What a sweep over patterns says: tables in CSV, figures in PNG."""
+
+import csv
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.datasets.patterns import channel_amplitudes
+from midair.errors import InputError
+from midair.figures.pattern_curves import Curve, Example, curve_figure, examples_figure, histogram_figure
+from midair.figures.style import png
+from midair.files.atomic import whole_file
+from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
+from midair.sweep.store import SweepResults
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+PUBLISHED = (0.05, 0.15)
+"""The average error that the paper reports for these patterns (5.1)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """The figures of a sweep.
+
+    Attributes
+    ----------
+    conditions : tuple of dict
+        One a strength and height: how E is spread over the patterns, with and without rounding.
+    channels : tuple of dict
+        The same by the number of loud channels, for those conditions that all patterns were asked for.
+    words : str
+        How much of the sweep is done, and what it cost.
+    """
+
+    conditions: tuple[Row, ...]
+    channels: tuple[Row, ...]
+    words: str
+
+    def plain(self) -> Row:
+        """For JSON."""
+        return {"simulated": True} | asdict(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PatternResults:
+    """All that is known of a sweep over patterns so far.
+
+    Attributes
+    ----------
+    sweep : PatternSweep
+        What was asked for.
+    patterns : ndarray of int, shape (pattern,)
+        Bit k is channel k.
+    error, rounded_error : ndarray, shape (condition, pattern)
+        NaN where nothing is known yet or was not asked for.
+    seconds : float
+        Processor time of all tasks that are done.
+    """
+
+    sweep: PatternSweep
+    patterns: NDArray[np.int64]
+    error: Array
+    rounded_error: Array
+    seconds: float
+
+    @classmethod
+    def of(cls, results: SweepResults) -> "PatternResults":
+        """From what is in a store.
+
+        Raises
+        ------
+        InputError
+            If the sweep is over something else.
+        """
+        if results.kind != "patterns":
+            raise InputError(f"sweep: expected one over patterns, got one over {results.kind}")
+        return cls(
+            sweep=PatternSweep.of_settings(results.settings),
+            patterns=results.coordinates["pattern"],
+            error=results.error,
+            rounded_error=results.rounded_error,
+            seconds=results.seconds,
+        )
+
+    @property
+    def known(self) -> int:
+        """Number of patterns solved, over all conditions."""
+        return int(np.isfinite(self.error).sum())
+
+    @property
+    def asked(self) -> int:
+        """Number of patterns asked for, over all conditions."""
+        return sum(condition.count for condition in self.sweep.conditions())
+
+
+def report_of(results: PatternResults) -> Report:
+    """The figures of a sweep, as far as it is.
+
+    Raises
+    ------
+    InputError
+        If nothing is solved yet.
+    """
+    if not _main(results):
+        raise InputError("sweep: expected solved patterns, got none so far; go on with midair sweep patterns")
+    return Report(
+        conditions=tuple(_rows(results)),
+        channels=tuple(row for number in _main(results) for row in _by_channels(results, number)),
+        words=f"{results.known} of {results.asked} patterns solved, {results.seconds:.0f} s of processor time, "
+        f"{1e3 * results.seconds / results.known:.2f} ms a pattern.",
+    )
+
+
+def write_sweep_report(results: PatternResults, folder: Path) -> list[Path]:
+    """Write tables and figures into a folder, which is made if it is not there; the files.
+
+    conditions.csv, channels.csv and histogram.csv; histogram.png, examples.png, and strength.png and height.png where
+    the sweep has curves.
+    """
+    report = report_of(results)
+    folder.mkdir(parents=True, exist_ok=True)
+    texts = {
+        "conditions.csv": _csv(report.conditions),
+        "channels.csv": _csv(report.channels),
+        "histogram.csv": _csv(_histogram(results)),
+    }
+    content = {**{name: text.encode() for name, text in texts.items()}, **_figures(results)}
+    for name, data in content.items():
+        with whole_file(folder / name) as partial:
+            partial.write_bytes(data)
+    return [folder / name for name in content]
+
+
+def examples_of(
+    results: PatternResults, number: int, *, quantiles: Sequence[float] = (0, 0.25, 0.5, 0.75, 1)
+) -> list[Example]:
+    """Patterns of one condition at quantiles of E, and their fields.
+
+    A sweep stores errors, not phases: the task that a pattern was solved in is solved again.
+    """
+    sweep, error = results.sweep, results.error[number]
+    condition = sweep.conditions()[number]
+    solved = np.flatnonzero(np.isfinite(error))
+    order = solved[np.argsort(error[solved], kind="stable")]
+    chosen = [int(order[round(share * (len(order) - 1))]) for share in quantiles]
+    return [_example(sweep, condition, results.patterns, place) for place in chosen]
+
+
+def _example(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.int64], place: int) -> Example:
+    first = place - place % sweep.chunk
+    some = patterns[first : min(first + sweep.chunk, condition.count)]
+    solved, problem = solve_patterns(sweep, condition, some), problem_of(sweep, condition, some)
+    row = place - first
+    return Example(
+        name=f"{some[row]:#06x}",
+        error=float(solved.error[row]),
+        target=problem.amplitude[row],
+        field=solved.level[row] * np.abs(problem.field(solved.phase[row])),
+    )
+
+
+def _main(results: PatternResults) -> list[int]:
+    """Conditions that all patterns were asked for and of which some are solved."""
+    sweep = results.sweep
+    return [
+        number
+        for number, one in enumerate(sweep.conditions())
+        if one.strength in sweep.strengths and one.height in sweep.heights and np.isfinite(results.error[number]).any()
+    ]
+
+
+def _rows(results: PatternResults, first: int | None = None) -> list[Row]:
+    """One a condition, from the `first` patterns or all, by height and strength."""
+    known = np.isfinite(results.error[:, :first]).any(axis=1)
+    rows = [_condition(results, int(number), first) for number in np.flatnonzero(known)]
+    return sorted(rows, key=lambda row: (row["height_mm"], row["strength"]))
+
+
+def _condition(results: PatternResults, number: int, first: int | None) -> Row:
+    condition = results.sweep.conditions()[number]
+    known = np.flatnonzero(np.isfinite(results.error[number, :first]))
+    error, rounded = results.error[number, known], results.rounded_error[number, known]
+    low, high = PUBLISHED
+    return {
+        "strength": condition.strength,
+        "height_mm": round(1e3 * condition.height, 6),
+        "patterns": len(known),
+        **_spread(error),
+        "worst_pattern": f"{results.patterns[known][error.argmax()]:#06x}",
+        "share_5_to_15": float(np.mean((error >= low) & (error <= high))),
+        "mean_rounded": float(rounded.mean()),
+        "worst_rounded": float(rounded.max()),
+    }
+
+
+def _by_channels(results: PatternResults, number: int) -> list[Row]:
+    condition = results.sweep.conditions()[number]
+    loud = channel_amplitudes(results.patterns, results.sweep.sensor).sum(axis=1).astype(int)
+    rows: list[Row] = []
+    for count in range(1, results.sweep.sensor.count + 1):
+        error = results.error[number, loud == count]
+        error = error[np.isfinite(error)]
+        if len(error):
+            where = {"strength": condition.strength, "height_mm": round(1e3 * condition.height, 6)}
+            rows.append(where | {"channels": count, "patterns": len(error), **_spread(error)})
+    return rows
+
+
+def _spread(error: Array) -> Row:
+    low, middle, high = np.percentile(error, [5, 50, 95])
+    spread = float(error.std(ddof=1)) if len(error) > 1 else 0.0
+    return {
+        "mean": float(error.mean()),
+        "sd": spread,
+        "p5": float(low),
+        "median": float(middle),
+        "p95": float(high),
+        "worst": float(error.max()),
+    }
+
+
+def _histogram(results: PatternResults, *, width: float = 0.005) -> list[Row]:
+    """Patterns in each bin of E, a column for each main condition."""
+    numbers, conditions = _main(results), results.sweep.conditions()
+    top = max(float(np.nanmax(results.error[number])) for number in numbers)
+    edges = width * np.arange(int(top / width) + 2)
+    rows: list[Row] = [{"E_from": round(float(edge), 6)} for edge in edges[:-1]]
+    for number in numbers:
+        error = results.error[number]
+        counts = np.histogram(error[np.isfinite(error)], edges)[0]
+        for row, count in zip(rows, counts, strict=True):
+            row[f"strength_{conditions[number].strength:g}_at_{1e3 * conditions[number].height:g}mm"] = int(count)
+    return rows
+
+
+def _figures(results: PatternResults) -> Mapping[str, bytes]:
+    conditions, numbers = results.sweep.conditions(), _main(results)
+    labels = [f"strength {conditions[n].strength:g}, {1e3 * conditions[n].height:g} mm" for n in numbers]
+    errors = [results.error[number][np.isfinite(results.error[number])] for number in numbers]
+    sweep, one = results.sweep, conditions[numbers[0]]
+    made = {
+        "histogram.png": histogram_figure(list(zip(labels, errors, strict=True)), published=PUBLISHED),
+        "examples.png": examples_figure(
+            examples_of(results, numbers[0]), sweep.grid(one.height), sweep.sensor, title=labels[0]
+        ),
+    }
+    along = _rows(results, sweep.curve_count)  # the same patterns at every point of a curve
+    for name, label, key, other in (
+        ("strength.png", "strength (of a single focus)", "strength", "height_mm"),
+        ("height.png", "height (mm)", "height_mm", "strength"),
+    ):
+        curves = _curves(along, key, other)
+        if curves:
+            made[name] = curve_figure(curves, quantity=label, published=PUBLISHED)
+    return {name: png(figure) for name, figure in made.items()}
+
+
+def _curves(rows: Sequence[Row], key: str, other: str) -> list[Curve]:
+    """E over one of strength and height, a curve for each value of the other that has three points or more."""
+    spell: Callable[[float], str] = (lambda value: f"{value:g} mm") if other == "height_mm" else "strength {:g}".format
+    curves: list[Curve] = []
+    for value in sorted({row[other] for row in rows}):
+        along = sorted((row for row in rows if row[other] == value), key=lambda row: row[key])
+        if len(along) >= 3:
+            x, mean, low, high = (np.array([row[name] for row in along]) for name in (key, "mean", "p5", "p95"))
+            curves.append(Curve(name=spell(value), x=x, mean=mean, low=low, high=high))
+    return curves
+
+
+def _csv(rows: Sequence[Row]) -> str:
+    text = StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({name: f"{value:.6g}" if isinstance(value, float) else value for name, value in row.items()})
+    return text.getvalue()

@@ -1,0 +1,255 @@
+"""What a sweep over binary patterns is: which patterns, at which strengths and heights, and how they are solved."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.datasets.patterns import binary_patterns, channel_amplitudes
+from midair.errors import InputError
+from midair.model import ControlGrid, Medium, Provenance, SensorGrid, Setting, TransducerArray
+from midair.physics import Directivity, quantise_phase, transfer_matrix
+from midair.solvers import Problem, one_blas_thread, relative_error
+from midair.solvers import solver as solver_of
+from midair.solvers.lens import spreading_phase
+from midair.sweep.task import Coordinate, Found, Task, settings_of
+from midair.targets import interpolation_matrix
+from midair.validation import positive
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """One strength at one height, for the first so many patterns.
+
+    Attributes
+    ----------
+    strength : float
+        Peak of the target over the focus of the whole array at this height.
+    height : float
+        Of the control points above the array, in m.
+    count : int
+        Number of patterns.
+    """
+
+    strength: float
+    height: float
+    count: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PatternSweep:
+    """The paper's experiment 5.1: binary patterns over strengths and heights. The defaults are its whole.
+
+    Attributes
+    ----------
+    strengths, heights : tuple of float
+        Every pattern is solved at each pair; heights in m.
+    count : int
+        Number of patterns, of 65535.
+    curve_strengths, curve_heights : tuple of float
+        For the curves: these strengths at the first height, and these heights (m) at each of `strengths`.
+    curve_count : int
+        Number of patterns behind the curves, the first ones; 0 for no curves.
+    seed : int
+        Of the order of the patterns: the first few are a fair sample of all.
+    method : str
+        A name in `solve.METHODS`.
+    iterations : int or None
+        Of the method; its own if None.
+    directivity : {"point", "piston", "t4010a1"}
+        Of a transducer.
+    medium : Medium
+        The paper's simulation knows no attenuation.
+    columns, rows : int
+        Units of the array.
+    bits : int
+        To which phases are rounded for the second error; 8 in an AUTD3.
+    chunk : int
+        Patterns a task. Part of the settings, since methods may treat the patterns of a batch differently.
+    """
+
+    strengths: tuple[float, ...] = (0.1, 0.2)
+    heights: tuple[float, ...] = (0.2,)
+    count: int = 65535
+    curve_strengths: tuple[float, ...] = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4)
+    curve_heights: tuple[float, ...] = (0.15, 0.175, 0.2, 0.225, 0.25, 0.275, 0.3)
+    curve_count: int = 512
+    seed: int = 2024
+    method: str = "fast"
+    iterations: int | None = None
+    directivity: Directivity = "point"
+    medium: Medium = field(default_factory=lambda: Medium(attenuation=0.0))
+    columns: int = 2
+    rows: int = 2
+    bits: int = 8
+    chunk: int = 512
+
+    def __post_init__(self) -> None:
+        for name, unit in (("strengths", ""), ("heights", "m"), ("curve_strengths", ""), ("curve_heights", "m")):
+            values = tuple(positive(float(value), name, unit) for value in getattr(self, name))
+            object.__setattr__(self, name, values)
+        if not self.strengths or not self.heights:
+            raise InputError("sweep: expected at least one strength and one height, got none")
+        if not 1 <= self.count <= 65535 or not 0 <= self.curve_count <= 65535:
+            raise InputError(f"patterns: expected 1 to 65535 (curves: from 0), got {self.count}, {self.curve_count}")
+        if self.chunk < 1 or not 1 <= self.bits <= 16:
+            raise InputError(f"sweep: expected chunk 1 or more and 1 to 16 bits, got {self.chunk} and {self.bits}")
+        solver_of(self.method, iterations=self.iterations, start="zero")
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind."""
+        return "patterns"
+
+    @property
+    def item(self) -> str:
+        """Name of what the second axis counts."""
+        return "pattern"
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(condition, pattern)."""
+        return len(self.conditions()), max(self.count, self.curve_count)
+
+    @property
+    def sensor(self) -> SensorGrid:
+        """Whose channels the patterns are of."""
+        return SensorGrid()
+
+    def grid(self, height: float) -> ControlGrid:
+        """The paper's control points at a height, in m."""
+        return ControlGrid(height=height)
+
+    def patterns(self) -> NDArray[np.int64]:
+        """All that any condition asks for, shape (pattern,), bit k for channel k."""
+        return binary_patterns(max(self.count, self.curve_count), seed=self.seed)
+
+    def conditions(self) -> tuple[Condition, ...]:
+        """Each pair of strength and height once, those of all patterns first."""
+        asked = {(strength, height): self.count for height in self.heights for strength in self.strengths}
+        curves = [(strength, self.heights[0]) for strength in self.curve_strengths]
+        curves += [(strength, height) for strength in self.strengths for height in self.curve_heights]
+        for pair in curves if self.curve_count else ():
+            asked[pair] = max(self.curve_count, asked.get(pair, 0))
+        return tuple(Condition(strength=s, height=h, count=count) for (s, h), count in asked.items())
+
+    def tasks(self) -> tuple[Task, ...]:
+        """The whole work, in the order in which it is begun: the first patterns of every condition come first."""
+        whole = [
+            Task(condition=number, first=first, last=min(first + self.chunk, condition.count))
+            for number, condition in enumerate(self.conditions())
+            for first in range(0, condition.count, self.chunk)
+        ]
+        return tuple(sorted(whole, key=lambda task: (task.first, task.condition)))
+
+    def job(self, task: Task) -> "PatternJob":
+        """What a worker is given."""
+        patterns = self.patterns()[task.first : task.last]
+        return PatternJob(sweep=self, condition=self.conditions()[task.condition], patterns=patterns)
+
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """What is stored along the axes."""
+        strength = np.array([one.strength for one in self.conditions()])
+        height = np.array([one.height for one in self.conditions()])
+        return (
+            Coordinate(name="strength", axis="condition", values=strength, attributes={}),
+            Coordinate(name="height", axis="condition", values=height, attributes={"units": "m"}),
+            Coordinate(
+                name="pattern",
+                axis="pattern",
+                values=self.patterns(),
+                attributes={"description": "bit k is channel k"},
+            ),
+        )
+
+    def settings(self) -> dict[str, Any]:
+        """Everything that the results depend on, as JSON knows it; the solver's own settings too."""
+        solver = solver_of(self.method, iterations=self.iterations, start="zero")
+        return settings_of(self) | {"solver": settings_of(solver)}
+
+    @classmethod
+    def of_settings(cls, settings: Mapping[str, Any]) -> "PatternSweep":
+        """The sweep that `settings` describes."""
+        said: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()
+        }
+        said["medium"] = Medium(**settings["medium"])
+        del said["solver"]
+        return cls(**said)
+
+    def provenance(self) -> Provenance:
+        """Of the results: simulated."""
+        settings: dict[str, Setting] = {
+            name: value
+            for name, value in ((one.name, getattr(self, one.name)) for one in fields(self))
+            if isinstance(value, str | int | float | tuple)
+        }
+        return Provenance(source="virtual:binary patterns", simulated=True).then("sweep", settings)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PatternJob:
+    """Some patterns of one condition, to be solved on a worker."""
+
+    sweep: PatternSweep
+    condition: Condition
+    patterns: NDArray[np.int64]
+
+    def __call__(self) -> Found:
+        """E of each."""
+        solved = solve_patterns(self.sweep, self.condition, self.patterns)
+        return Found(error=solved.error, rounded_error=solved.rounded_error, strength=self.condition.strength)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solved:
+    """What a task found.
+
+    Attributes
+    ----------
+    phase : ndarray, shape (pattern, transducer)
+        In rad.
+    level : ndarray, shape (pattern,)
+        Drive of all transducers, 0 to 1; less than 1 from methods that know only the shape of a field.
+    error, rounded_error : ndarray, shape (pattern,)
+        E with these phases, and with phases rounded to the sweep's bits.
+    """
+
+    phase: Array
+    level: Array
+    error: Array
+    rounded_error: Array
+
+
+def problem_of(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.int64]) -> Problem:
+    """Targets and transfer matrix in units of the focus.
+
+    A pattern is 1 at its loud channels; it is interpolated to the control points (paper, 4.1) and multiplied by the
+    strength.
+    """
+    array, grid = TransducerArray.autd3(columns=sweep.columns, rows=sweep.rows), sweep.grid(condition.height)
+    G = transfer_matrix(grid, array, medium=sweep.medium, directivity=sweep.directivity)
+    shape = channel_amplitudes(patterns, sweep.sensor) @ interpolation_matrix(sweep.sensor, grid).T
+    return Problem(
+        G=G / np.abs(G).sum(axis=1).max(),
+        amplitude=condition.strength * shape,
+        psi=spreading_phase(grid, array, sweep.medium),
+    )
+
+
+def solve_patterns(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.int64]) -> Solved:
+    """Solve patterns of one condition, each on its own."""
+    problem = problem_of(sweep, condition, patterns)
+    with one_blas_thread():
+        answer = solver_of(sweep.method, iterations=sweep.iterations, start="zero").solve(problem)
+        rounded = quantise_phase(answer.phase, bits=sweep.bits)
+        return Solved(
+            phase=answer.phase,
+            level=np.ones(len(patterns)) if answer.level is None else answer.level,
+            error=relative_error(problem, answer.phase, answer.level),
+            rounded_error=relative_error(problem, rounded, answer.level),
+        )

@@ -1,0 +1,100 @@
+"""What a sweep over recordings says: a table of trials in CSV, a figure in PNG."""
+
+import csv
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from midair.errors import InputError
+from midair.figures.error_spread import Spread, trials_figure
+from midair.figures.style import png
+from midair.files.atomic import whole_file
+from midair.sweep.store import SweepResults
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialReport:
+    """One row a trial that is done, and how much of the sweep that is."""
+
+    rows: tuple[Row, ...]
+    words: str
+
+    def plain(self) -> Row:
+        """For JSON."""
+        return {"simulated": True, "trials": list(self.rows), "words": self.words}
+
+
+def trial_report(results: SweepResults) -> TrialReport:
+    """The figures of a sweep over recordings, as far as it is; frames that ask for nothing do not count.
+
+    Raises
+    ------
+    InputError
+        If the sweep is over something else, or nothing is solved yet.
+    """
+    if results.kind != "recordings":
+        raise InputError(f"sweep: expected one over recordings, got one over {results.kind}")
+    rows = tuple(_row(results, number, trial) for number, trial in enumerate(results.settings["trials"]))
+    done = tuple(row for row in rows if row)
+    if not done:
+        raise InputError("sweep: expected solved recordings, got none so far; go on with midair sweep recordings")
+    frames = sum(row["frames"] for row in done)
+    words = (
+        f"{len(done)} of {len(rows)} trials solved, {frames} frames with something to play, {results.seconds:.0f} s of "
+        f"processor time, {1e3 * results.seconds / max(frames, 1):.2f} ms a frame."
+    )
+    return TrialReport(rows=done, words=words)
+
+
+def write_trial_report(results: SweepResults, folder: Path) -> list[Path]:
+    """Write trials.csv and trials.png into a folder, which is made if it is not there; the files."""
+    report = trial_report(results)
+    text = StringIO()
+    writer = csv.DictWriter(text, list(report.rows[0]), lineterminator="\n")
+    writer.writeheader()
+    for row in report.rows:
+        writer.writerow({name: f"{value:.6g}" if isinstance(value, float) else value for name, value in row.items()})
+    spreads = [
+        Spread(
+            name=f"{row['recording']} {row['variant']}".strip(),
+            low=row["p5"],
+            middle=row["mean"],
+            high=row["p95"],
+            worst=row["worst"],
+            strength=row["strength"],
+        )
+        for row in report.rows
+    ]
+    folder.mkdir(parents=True, exist_ok=True)
+    content = {"trials.csv": text.getvalue().encode(), "trials.png": png(trials_figure(spreads))}
+    for name, data in content.items():
+        with whole_file(folder / name) as partial:
+            partial.write_bytes(data)
+    return [folder / name for name in content]
+
+
+def _row(results: SweepResults, number: int, trial: dict[str, Any]) -> Row:
+    known = results.error[number][np.isfinite(results.error[number])]
+    if not len(known):
+        return {}
+    plays = known > 0
+    error = known[plays] if plays.any() else np.zeros(1)
+    rounded = results.rounded_error[number][: len(known)][plays] if plays.any() else np.zeros(1)
+    low, high = np.percentile(error, [5, 95])
+    return {
+        "recording": trial["recording"],
+        "variant": trial["variant"],
+        "frames": int(plays.sum()),
+        "strength": float(np.nanmax(results.strength[number])),
+        "mean": float(error.mean()),
+        "p5": float(low),
+        "p95": float(high),
+        "worst": float(error.max()),
+        "mean_rounded": float(rounded.mean()),
+        "worst_rounded": float(rounded.max()),
+    }

@@ -1,0 +1,30 @@
+"""From pressure on a few cells to the sound amplitude wanted at the control points (paper, 4.1)."""
+
+from midair.targets.compensation import precompensate, precompensate_sound
+from midair.targets.cost import MappingReport, mapping_report
+from midair.targets.decoupling import coupling, decouple
+from midair.targets.interpolation import interpolation_matrix, moved_interpolation
+from midair.targets.mapping import MAPPINGS, SlowBias, constant_offset, half_wave, slow_bias
+from midair.targets.mapping_stream import MappingStream
+from midair.targets.motion import Circle
+from midair.targets.preparing import Interpolated, prepare
+
+__all__ = [
+    "MAPPINGS",
+    "Circle",
+    "Interpolated",
+    "MappingReport",
+    "MappingStream",
+    "SlowBias",
+    "constant_offset",
+    "coupling",
+    "decouple",
+    "half_wave",
+    "interpolation_matrix",
+    "mapping_report",
+    "moved_interpolation",
+    "precompensate",
+    "precompensate_sound",
+    "prepare",
+    "slow_bias",
+]

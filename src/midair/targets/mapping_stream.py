@@ -1,0 +1,70 @@
+"""The mappings block by block, for pressure that is still being recorded."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import DeviceStateError, InputError, ShapeError
+from midair.targets.mapping import MAPPINGS, SlowBias, constant_offset, half_wave, mapping_of
+from midair.validation import positive
+
+Array = NDArray[np.float64]
+
+
+class MappingStream:
+    """One mapping of one stream of frames: what it gives, all together, is what the mapping gives of the whole.
+
+    Push blocks of any length; each push gives the frames that are ready, `delay` frames late. `finish` gives the rest.
+
+    Parameters
+    ----------
+    mapping : {"half-wave", "constant-offset", "slow-bias"}
+        Name of the mapping.
+    rate : float
+        Frames per second, in Hz.
+    offset : ndarray, shape (row, column), or float, optional
+        Of the constant offset, in Pa: a stream cannot know what its cells will pull at most.
+
+    Raises
+    ------
+    InputError
+        If the mapping is unknown, or is the constant offset and has none.
+    """
+
+    def __init__(self, mapping: str, rate: float, *, offset: Array | float | None = None) -> None:
+        mapping_of(mapping)
+        if (mapping == "constant-offset") != (offset is not None):
+            raise InputError(
+                "offset: expected one in Pa for constant-offset and none for the others, got "
+                f"{'none' if offset is None else 'one'} for {mapping}; measure it on an earlier recording"
+            )
+        self.mapping = mapping
+        self._rate, self._offset = positive(rate, "rate", "Hz"), offset
+        chosen = MAPPINGS[mapping]
+        self._bias = chosen if isinstance(chosen, SlowBias) else None
+        self._kept: Array | None = None
+
+    @property
+    def delay(self) -> int:
+        """How many frames later than it came a frame goes out: 0 but for the slow bias, 75 ms."""
+        return 0 if self._bias is None else self._bias.reach(self._rate)
+
+    def push(self, block: Array) -> Array:
+        """The frames that are ready after these, shape (frame, ...), in Pa; none at first if there is a delay."""
+        block = np.asarray(block, float)
+        if block.ndim < 1 or not len(block):
+            raise ShapeError(f"block: expected at least one frame, got shape {block.shape}")
+        before = np.repeat(block[:1], self.delay, axis=0) if self._kept is None else self._kept
+        have = np.concatenate([before, block])
+        self._kept = have[max(0, len(have) - 2 * self.delay) :]
+        if self._bias is not None:
+            return self._bias.lift(have, self._rate) if len(have) > 2 * self.delay else have[:0]
+        return half_wave(block) if self._offset is None else constant_offset(block, offset=self._offset)
+
+    def finish(self) -> Array:
+        """The frames that were still held back; the stream can then begin again."""
+        if self._kept is None:
+            raise DeviceStateError("stream: expected a push before finish, got none; nothing came in")
+        held = np.repeat(self._kept[-1:], self.delay, axis=0)
+        rest = self.push(held) if len(held) else self._kept
+        self._kept = None
+        return rest

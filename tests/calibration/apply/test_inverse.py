@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+from scipy.signal import freqz
+
+from midair.calibration import default_taps, inverse_fir, inverse_response
+from midair.dsp import band_window
+from midair.errors import InputError
+from midair.model import Calibration, SensorGrid
+from midair.physics import SensorModel, calibration_of, channel_response
+
+BAND, EDGES = (20.0, 470.0), (10.0, 23.5)
+MODEL = SensorModel().with_spread(seed=5)
+
+
+def one_channel(response, noise):
+    sensor = SensorGrid(rows=1, columns=1)
+    return Calibration(
+        sensor=sensor,
+        frequency=np.array([0.0, 1e3]),
+        response=np.full((2, 1, 1), response),
+        noise=np.full((1, 1), noise),
+    )
+
+
+def test_inverse_at_hand_computed_numbers():
+    # H = 2j, eps = (0.1 / 0.05)^2 = 4: W = -2j / (4 + 4)
+    calibration = one_channel(2j, 0.1)
+    value = inverse_response(calibration, np.array([20.0, 100.0]), BAND, edges=EDGES, floor=0.05)
+    assert value[:, 0, 0] == pytest.approx([-0.125j, -0.25j])
+
+
+def test_a_pressure_of_the_floor_in_as_much_noise_is_halved():
+    value = inverse_response(one_channel(0.02, 0.02 * 0.3), np.array([100.0]), BAND, edges=EDGES, floor=0.3)
+    assert value[0, 0, 0] * 0.02 == pytest.approx(0.5)
+
+
+def test_times_the_response_it_is_the_band():
+    frequency = np.linspace(0, 500, 1001)
+    through = inverse_response(calibration_of(MODEL), frequency, BAND, edges=EDGES) * channel_response(MODEL, frequency)
+    window = band_window(frequency, BAND, edges=EDGES)[:, None, None]
+    # what regularisation takes: (noise-equivalent pressure / floor)^2, 1 mPa over 50 mPa squared, more at 20 Hz
+    assert np.abs(through - window).max() < 2e-3
+    assert 2e-4 < np.abs(through - window)[100:900].max() < 8e-4
+
+
+def test_a_channel_that_hears_nothing_is_silent():
+    frequency = np.linspace(0, 500, 11)
+    assert not inverse_response(one_channel(0.0, 0.0), frequency, BAND, edges=EDGES).any()
+    assert not inverse_response(one_channel(0.0, 1e-3), frequency, BAND, edges=EDGES).any()
+    # a response of 0 at 0 Hz alone, without any noise, is no division by zero
+    assert np.isfinite(
+        inverse_response(calibration_of(SensorModel(noise=0.0)), frequency, (0, 500), edges=(0, 0))
+    ).all()
+
+
+@pytest.mark.parametrize(("taps", "worst"), [(None, 0.03), (401, 0.006), (801, 0.0015)])
+def test_the_fir_filter_undoes_the_sensor_but_for_its_delay(taps, worst):
+    fir = inverse_fir(calibration_of(MODEL), 1000.0, BAND, edges=EDGES, taps=taps)
+    frequency = np.linspace(0, 500, 999)
+    response = freqz(fir[:, 2, 1], worN=frequency, fs=1000.0)[1]
+    undone = response * np.exp(2j * np.pi * frequency / 1000.0 * (len(fir) // 2))
+    through = undone * channel_response(MODEL, frequency)[:, 2, 1]
+    assert np.abs(through - band_window(frequency, BAND, edges=EDGES)).max() < worst
+
+
+def test_a_constant_gives_exactly_nothing():
+    fir = inverse_fir(Calibration.flat(SensorGrid()), 1000.0, BAND, edges=EDGES)
+    assert fir.sum(axis=0) == pytest.approx(np.zeros((4, 4)), abs=1e-15)
+    through = inverse_fir(Calibration.flat(SensorGrid(), sensitivity=4.0), 1000.0, (0, 470), edges=(0, 23.5))
+    assert through.sum(axis=0) == pytest.approx(np.full((4, 4), 0.25), rel=5e-3)
+
+
+def test_default_length_is_two_periods_of_the_narrowest_edge():
+    assert default_taps(1000.0, (10.0, 23.5)) == 201
+    assert default_taps(1000.0, (0.0, 20.0)) == 101
+    assert default_taps(1000.0, (0.0, 0.0)) == 201
+
+
+@pytest.mark.parametrize("taps", [0, 1, 200])
+def test_an_even_or_tiny_length_is_refused(taps):
+    with pytest.raises(InputError, match=f"odd number from 3 on, got {taps}; {max(taps + 1, 3)} would do"):
+        inverse_fir(calibration_of(MODEL), 1000.0, BAND, edges=EDGES, taps=taps)
+
+
+def test_the_floor_must_be_positive():
+    with pytest.raises(InputError, match="floor"):
+        inverse_response(calibration_of(MODEL), np.zeros(1), BAND, edges=EDGES, floor=0.0)

@@ -1,0 +1,241 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from midair.calibration import calibrate, dead_channels
+from midair.datasets import sample
+from midair.dsp import band_edges, band_window, filter_response
+from midair.errors import BandError, InputError, MismatchError, UnitError
+from midair.model import Calibration, Provenance, Recording, SensorGrid
+from midair.physics import SensorModel, calibration_of, sense
+
+RATE = 1000.0
+BAND = (20.0, 470.0)
+MODEL = SensorModel().with_spread(seed=7)
+CALIBRATION = calibration_of(MODEL)
+
+
+def noise(seed, frames=2400, rise=300):
+    """10 Pa rms of white pressure between rests."""
+    ramp = np.sin(np.pi / 2 * np.clip(np.minimum(np.arange(frames), np.arange(frames)[::-1]) / rise, 0, 1)) ** 2
+    return 10 * np.random.default_rng(seed).standard_normal((frames, 4, 4)) * ramp[:, None, None]
+
+
+def recorded(pressure, *, rng=None):
+    samples = sense(MODEL, pressure, RATE, rng=rng)
+    return Recording(samples=samples, rate=RATE, provenance=Provenance(source="virtual", simulated=True))
+
+
+def within_band(pressure):
+    window = lambda f: band_window(f, BAND, edges=band_edges(BAND, RATE))[:, None, None]  # noqa: E731
+    return filter_response(pressure, RATE, window, reach=0.4)
+
+
+def relative(a, b):
+    return float(np.sqrt(np.mean((a - b) ** 2) / np.mean(b**2)))
+
+
+def of(values, **changes):
+    return Recording(**({"samples": values, "rate": RATE, "unit": "Pa"} | changes))
+
+
+def tone(frequency, frames=1000, offset=0.0):
+    wave = np.sin(2 * np.pi * frequency * np.arange(frames) / RATE) + offset
+    return np.broadcast_to(wave[:, None, None], (frames, 4, 4))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_acted_on_the_sensor_comes_back(seed):
+    pressure = noise(seed)
+    assert relative(calibrate(recorded(pressure), CALIBRATION).pressure, within_band(pressure)) < 1e-3
+
+
+def test_the_sensors_noise_stays_small():
+    pressure = noise(0)
+    heard = calibrate(recorded(pressure, rng=np.random.default_rng(0)), CALIBRATION).pressure
+    # 20 uV/sqrt(Hz) over 20 mV/Pa in 450 Hz: 21 mPa rms; the signal has 9 Pa
+    error = heard - calibrate(recorded(pressure), CALIBRATION).pressure
+    assert error.std() == pytest.approx(0.022, rel=0.15)
+
+
+@pytest.mark.parametrize(("taps", "agreement"), [(None, 6e-3), (401, 1e-3), (801, 1.5e-4)])
+def test_the_two_methods_agree(taps, agreement):
+    recording = recorded(noise(1))
+    by_fft = calibrate(recording, CALIBRATION).pressure
+    by_fir = calibrate(recording, CALIBRATION, method="fir", taps=taps).pressure
+    assert 0 < relative(by_fir, by_fft) < agreement
+
+
+@pytest.mark.parametrize("method", ["fft", "fir"])
+@pytest.mark.parametrize("frequency", [25.0, 100.0, 250.0, 450.0])
+def test_a_tone_comes_back_in_size_and_time(method, frequency):
+    time = np.arange(2000) / RATE
+    pressure = np.zeros((2000, 4, 4))
+    rise = np.sin(np.pi / 2 * np.clip(np.minimum(time, 2 - time) / 0.3, 0, 1)) ** 2
+    pressure[:, 2, 1] = 50 * np.sin(2 * np.pi * frequency * time) * rise
+    heard = calibrate(recorded(pressure), CALIBRATION, method=method).pressure
+    assert heard[500:1500, 2, 1] == pytest.approx(pressure[500:1500, 2, 1], abs=1.5 if method == "fir" else 0.06)
+    assert np.abs(np.delete(heard.reshape(2000, 16), 9, axis=1)).max() < 1e-6
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.integers(0, 2**32 - 1), st.floats(0.01, 100), st.sampled_from(["fft", "fir"]))
+def test_is_linear(seed, factor, method):
+    samples = np.random.default_rng(seed).standard_normal((300, 4, 4))
+    one = calibrate(of(samples, unit="V"), CALIBRATION, method=method).pressure
+    more = calibrate(of(factor * samples, unit="V"), CALIBRATION, method=method).pressure
+    assert more == pytest.approx(factor * one, rel=1e-9, abs=1e-9 * factor * np.abs(one).max())
+
+
+@pytest.mark.parametrize("method", ["fft", "fir"])
+def test_an_offset_makes_no_difference(method):
+    samples = np.random.default_rng(0).standard_normal((600, 4, 4))
+    flat = Calibration.flat(SensorGrid(), sensitivity=8.0, unit="count")
+    plain = calibrate(of(samples, unit="count"), flat, method=method).pressure
+    offset = calibrate(of(samples + 2048, unit="count"), flat, method=method).pressure
+    assert offset == pytest.approx(plain, abs=1e-9)
+
+
+def test_a_recording_in_pascals_only_passes_the_band():
+    pressure = noise(2)
+    assert calibrate(of(pressure)).pressure == pytest.approx(within_band(pressure), abs=1e-5)
+    same = calibrate(of(pressure), Calibration.flat(SensorGrid(), unit="Pa")).pressure
+    assert same == pytest.approx(calibrate(of(pressure)).pressure)
+
+
+def test_the_whole_band_changes_nothing():
+    pressure = np.random.default_rng(0).standard_normal((501, 4, 4)) + 3
+    assert calibrate(of(pressure), band=(0, 500)).pressure == pytest.approx(pressure, abs=1e-9)
+
+
+def test_a_slow_recording_takes_another_band():
+    time = np.arange(400) / 35.6
+    slow = np.broadcast_to((10 * np.sin(2 * np.pi * 2 * time) ** 2)[:, None, None], (400, 4, 4))
+    frames = calibrate(of(slow, rate=35.6), band=(0.5, 15.0))
+    assert frames.rate == 35.6
+    assert frames.pressure[100:300] == pytest.approx(slow[100:300] - 5, abs=0.1)
+
+
+def test_a_real_recording_of_denim():
+    denim = sample("denim")
+    flat = Calibration.flat(denim.sensor, unit="count")
+    with pytest.raises(BandError, match=r"half the recording's rate of 35\.\d+ Hz.*such as"):
+        calibrate(denim, flat)
+    frames = calibrate(denim, flat, band=(0.5, 15.0))
+    assert np.isfinite(frames.pressure).all()
+    # the offset of each taxel is gone, its vibration is not
+    quarter = frames.frames // 4
+    middle, raw = frames.pressure[quarter:-quarter], denim.samples[quarter:-quarter]
+    alive = ~dead_channels(denim)
+    assert np.abs(middle.mean(axis=0)).max() < 0.05 * raw.mean(axis=0).max()
+    assert (middle.std(axis=0)[alive] > 0).all()
+    assert not frames.provenance.simulated
+
+
+def test_what_was_done_is_written_down():
+    recording = recorded(noise(0))
+    frames = calibrate(recording, CALIBRATION, method="fir")
+    step = frames.provenance.steps[-1]
+    assert step.stage == "calibrate"
+    assert step.settings["band_hz"] == frames.band == BAND
+    assert step.settings["edges_hz"] == (10.0, 23.5)
+    assert (step.settings["method"], step.settings["taps"]) == ("fir", 201)
+    assert step.settings["calibration"] == CALIBRATION.provenance.source
+    assert frames.provenance.simulated
+    assert frames.provenance.source == "virtual"
+    assert calibrate(recording, CALIBRATION).provenance.steps[-1].settings["taps"] is None
+
+
+def test_a_real_recording_with_a_simulated_calibration_is_simulated():
+    assert calibrate(of(noise(0), unit="V"), CALIBRATION).provenance.simulated
+    assert not calibrate(of(noise(0))).provenance.simulated
+
+
+def test_a_dead_channel_stays_silent_and_is_named():
+    samples = np.array(recorded(noise(0)).samples)
+    samples[:, 1, 3] = 0.7
+    frames = calibrate(of(samples, unit="V"), CALIBRATION)
+    assert frames.provenance.steps[-1].settings["dead_channels"] == (7,)
+    assert np.abs(frames.pressure[:, 1, 3]).max() < 1e-9
+
+
+@pytest.mark.parametrize("unit", ["V", "count"])
+def test_volts_need_a_calibration(unit):
+    with pytest.raises(UnitError, match=f"recording in {unit}, got none.*--sensitivity"):
+        calibrate(of(noise(0), unit=unit))
+
+
+@pytest.mark.parametrize(
+    ("calibration", "says"),
+    [
+        (Calibration.flat(SensorGrid(name="other")), "'sensor', 4 x 4, got one of 'other'"),
+        (Calibration.flat(SensorGrid(rows=3)), "4 x 4, got one of 'sensor', 3 x 4"),
+        (Calibration.flat(SensorGrid(), unit="count"), "puts out V, got count"),
+    ],
+)
+def test_the_calibration_of_another_sensor_is_refused(calibration, says):
+    with pytest.raises(MismatchError, match=says):
+        calibrate(of(noise(0), unit="V"), calibration)
+
+
+def test_a_band_beyond_the_calibration_is_refused():
+    short = calibration_of(MODEL, highest=300.0)
+    with pytest.raises(BandError, match="calibration's 0 to 300 Hz, got 20 to 470 Hz"):
+        calibrate(of(noise(0), unit="V"), short)
+    assert calibrate(of(noise(0), unit="V"), short, band=(20, 290)).band == (20, 290)
+
+
+def test_a_slow_recording_names_a_band_that_fits():
+    with pytest.raises(BandError, match=r"17\.8 Hz, half the recording's rate of 35\.6 Hz.*such as"):
+        calibrate(of(noise(0), rate=35.6))
+
+
+@pytest.mark.parametrize("frequency", [2.0, 5.0, 10.0])
+def test_a_recording_with_nothing_in_the_band_is_refused(frequency):
+    with pytest.raises(BandError, match="something of the recording between 20 and 470 Hz, got a share of"):
+        calibrate(of(tone(frequency, offset=1.0)))
+
+
+@pytest.mark.parametrize("offset", [0.0, 2.5])
+def test_a_constant_recording_is_refused(offset):
+    with pytest.raises(BandError, match="constant on every channel"):
+        calibrate(of(np.full((500, 4, 4), offset)))
+
+
+@pytest.mark.parametrize("start", [5, 50, 9000, 9955])
+def test_a_short_tap_anywhere_is_heard(start):
+    samples, middle = np.zeros((2, 10000, 4, 4))
+    samples[start : start + 40, 0, 0] = middle[5000:5040, 0, 0] = np.hanning(40)
+    heard, wanted = (calibrate(of(x)).pressure[at : at + 40, 0, 0] for x, at in ((samples, start), (middle, 5000)))
+    assert heard == pytest.approx(wanted, abs=1e-3)
+    assert wanted.max() > 0.3
+
+
+def test_a_weak_texture_on_a_strong_drift_is_heard():
+    samples = 100 * tone(3.0) + 0.5 * tone(100.0)
+    assert calibrate(of(samples)).pressure[300:700] == pytest.approx(0.5 * tone(100.0)[300:700], abs=0.15)
+
+
+@pytest.mark.parametrize(("frames", "band"), [(2, (0, 500)), (49, BAND)])
+def test_too_short_a_recording_is_refused(frames, band):
+    with pytest.raises(BandError, match="at least 3 frames and one period"):
+        calibrate(of(np.random.default_rng(0).standard_normal((frames, 4, 4))), band=band)
+
+
+@pytest.mark.parametrize("method", ["fft", "fir"])
+def test_a_recording_shorter_than_the_filter_is_handled(method):
+    frames = calibrate(of(tone(100.0, frames=60)), method=method)
+    assert frames.frames == 60
+    assert frames.pressure[20:40] == pytest.approx(tone(100.0, frames=60)[20:40], abs=0.3)
+
+
+def test_other_settings_are_checked():
+    with pytest.raises(InputError, match=r"fft, fir, got 'iir'"):
+        calibrate(of(noise(0)), method="iir")
+    with pytest.raises(InputError, match="taps"):
+        calibrate(of(noise(0)), method="fir", taps=200)
+    with pytest.raises(InputError, match="floor"):
+        calibrate(of(noise(0)), floor=-1.0)
+    with pytest.raises(BandError, match="edges"):
+        calibrate(of(noise(0)), edges=(50.0, 10.0))

@@ -1,0 +1,179 @@
+"""A sensor calibrated blind: its true response lies within twice the stated uncertainty about 95 times in 100."""
+
+import numpy as np
+import pytest
+
+from midair.calibration import MeasureSettings, measure_calibration
+from midair.calibration.measure.delay import channel_delay, upper_half
+from midair.calibration.measure.excitation import noise_signal, sweep_signal
+from midair.model import SensorGrid
+from midair.physics import SensorModel, channel_response
+
+COARSE = MeasureSettings(resolution=2.0)
+
+
+def signal(kind, rms, duration, rng):
+    return noise_signal(rms, duration, rng=rng) if kind == "noise" else sweep_signal(rms, duration)
+
+
+@pytest.mark.parametrize("kind", ["noise", "sweep"])
+def test_the_response_of_one_take(kind, bench, covered):
+    shares, sure = [], []
+    for seed in range(3):
+        lab = bench(seed)
+        take = lab.take(signal(kind, 10, 20, np.random.default_rng(seed)))
+        calibration = measure_calibration([take], quiet=lab.quiet(8))
+        shares.append(covered(calibration, lab.model))
+        sure.append(np.median(calibration.measurement.magnitude_uncertainty))
+        assert calibration.frequency[0] < 20
+        assert calibration.frequency[-1] > 470
+    # 3 seeds x 16 channels x 450 bins, half of them independent: 95.4 % to .2 %
+    magnitude, phase = np.mean(shares, axis=0)
+    assert 0.94 < magnitude < 0.965
+    assert 0.94 < phase < 0.965
+    assert max(sure) < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["noise", "sweep"])
+@pytest.mark.parametrize("rms", [0.3, 3.0, 30.0])
+def test_the_response_at_any_level(kind, rms, bench, covered):
+    shares = []
+    for seed in range(20):
+        lab = bench(seed)
+        take = lab.take(signal(kind, rms, 20, np.random.default_rng(seed)))
+        shares.append(covered(measure_calibration([take]), lab.model))
+    magnitude, phase = np.mean(shares, axis=0)
+    assert 0.94 < magnitude < 0.965
+    assert 0.94 < phase < 0.965
+
+
+@pytest.mark.slow
+def test_a_reference_that_is_wrong_by_what_it_states(bench, covered):
+    """All bins and channels share its error: one number a seed, inside for about 95 % of the seeds."""
+    inside = []
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        lab = bench(seed, reference_uncertainty=0.01, reference_error=0.01 * rng.standard_normal())
+        calibration = measure_calibration([lab.take(noise_signal(5, 13, rng=rng))], settings=COARSE)
+        inside.append(covered(calibration, lab.model)[0] > 0.5)
+        assert np.median(calibration.measurement.magnitude_uncertainty) == pytest.approx(0.01, rel=0.01)
+    # 95.4 of 100, plus or minus 2.1
+    assert 88 <= sum(inside) <= 100
+
+
+@pytest.mark.slow
+def test_takes_that_do_not_repeat(bench, covered):
+    inside = []
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        lab = bench(seed, seating=0.01)
+        takes = [lab.take(noise_signal(5, 13, rng=rng), number=number) for number in range(4)]
+        inside.append(covered(measure_calibration(takes, settings=COARSE), lab.model)[0] > 0.5)
+    assert 88 <= sum(inside) <= 100
+
+
+def test_one_seating_more_makes_it_unsure(bench):
+    rng = np.random.default_rng(1)
+    sure = measure_calibration([bench(1).take(noise_signal(5, 13, rng=rng), number=n) for n in (0, 1)], settings=COARSE)
+    lab = bench(1, seating=0.02)
+    loose = measure_calibration([lab.take(noise_signal(5, 13, rng=rng), number=n) for n in (0, 1)], settings=COARSE)
+    assert np.median(sure.measurement.magnitude_uncertainty) < 1e-3
+    assert np.median(loose.measurement.magnitude_uncertainty) > 0.01
+
+
+def test_delays(bench):
+    scores = []
+    for seed in range(3):
+        lab = bench(seed)
+        calibration = measure_calibration([lab.take(noise_signal(10, 13, rng=np.random.default_rng(seed)))])
+        frequency, measured = calibration.frequency, calibration.measurement
+        upper = upper_half(frequency)
+        true = channel_response(lab.model, frequency[upper]).reshape(-1, 16)
+        wanted, _ = channel_delay(frequency[upper], true, measured.phase_uncertainty.reshape(-1, 16)[upper])
+        scores.append((measured.delay.ravel() - wanted) / measured.delay_uncertainty.ravel())
+        # the channels' own delays of 0 to .3 ms, and what gel and cavity add to all of them
+        assert wanted - lab.model.delay.ravel() == pytest.approx(np.full(16, 0.27e-3), abs=0.03e-3)
+    assert (np.abs(scores) < 2).mean() > 0.9
+    assert 0.4 < np.std(scores) < 1.3
+
+
+def test_noise(bench, blind_model):
+    scores = []
+    for seed in range(4):
+        lab = bench(seed, model=blind_model(seed, noise=2e-4))
+        calibration = measure_calibration(
+            [lab.take(noise_signal(5, 13, rng=np.random.default_rng(seed)))], quiet=lab.quiet(13)
+        )
+        scores.append((calibration.noise / 2e-4 - 1) / calibration.measurement.noise_uncertainty)
+    assert (np.abs(scores) < 2).mean() > 0.85
+    assert 0.6 < np.std(scores) < 1.5
+
+
+def test_crosstalk(bench, blind_model):
+    rng = np.random.default_rng(4)
+    near = np.abs(np.subtract.outer(np.arange(16), np.arange(16))) == 1
+    true = np.eye(16) + 0.05 * near + 0.002 * rng.standard_normal((16, 16))
+    np.fill_diagonal(true, 1)
+    lab = bench(4, model=blind_model(4, crosstalk=true))
+    takes = [lab.take(noise_signal(5, 8, rng=rng), cell=cell) for cell in range(16)]
+    found = measure_calibration(takes, settings=COARSE)
+    away = ~np.eye(16, dtype=bool)
+    score = (found.crosstalk.matrix - true)[away] / found.crosstalk.uncertainty[away]
+    assert (np.abs(score) < 2).mean() > 0.93
+    assert 0.6 < score.std() < 1.2
+    assert np.median(found.crosstalk.uncertainty[away]) < 1e-4
+
+
+@pytest.mark.slow
+def test_crosstalk_of_takes_that_do_not_repeat(bench):
+    grid = SensorGrid(rows=1, columns=3)
+    true = np.array([[1, 0.1, 0.02], [0.12, 1, 0.08], [0.03, 0.09, 1]])
+    inside = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        lab = bench(seed, model=SensorModel(grid=grid, crosstalk=true), seating=0.01)
+        takes = [
+            lab.take(noise_signal(5, 8, rng=rng), cell=cell, number=number) for cell in range(3) for number in range(4)
+        ]
+        found = measure_calibration(takes, settings=COARSE).crosstalk
+        inside.append((np.abs(found.matrix - true) < 2 * found.uncertainty)[~np.eye(3, dtype=bool)])
+        assert found.uncertainty.max() < 0.01
+    assert 0.9 < np.mean(inside) <= 1
+
+
+def levels(lab, rng, rms=(2, 5, 10, 20, 40)):
+    return [lab.take(noise_signal(level, 8, rng=rng), number=number) for number, level in enumerate(rms)]
+
+
+def test_a_straight_sensor_is_straight(bench, covered):
+    scores = []
+    for seed in range(3):
+        lab = bench(seed)
+        calibration = measure_calibration(levels(lab, np.random.default_rng(seed)), settings=COARSE)
+        line = calibration.linearity
+        assert line.levels == 5
+        assert line.gain == pytest.approx(np.ones((4, 4)), abs=1e-3)
+        scores.append([line.intercept / line.intercept_uncertainty, line.curvature / line.curvature_uncertainty])
+        assert line.curvature_uncertainty.max() < 2e-3
+        assert covered(calibration, lab.model)[0] > 0.93
+    assert (np.abs(scores) < 2).mean() > 0.93
+
+
+def test_a_sensor_that_saturates_says_so_and_is_less_sure(bench, blind_model, covered):
+    lab = bench(2, model=blind_model(2, saturation=2.0))
+    calibration = measure_calibration(levels(lab, np.random.default_rng(2)), settings=COARSE)
+    line = calibration.linearity
+    assert (line.curvature + 4 * line.curvature_uncertainty < 0).all()
+    # .8 V rms in an amplifier of 2 V: what it would have said to a small pressure is still inside
+    assert np.median(calibration.measurement.magnitude_uncertainty) > 0.02
+    assert covered(calibration, lab.model)[0] > 0.85
+
+
+def test_four_levels_tell_nothing_of_linearity(bench):
+    assert (
+        measure_calibration(
+            levels(bench(0), np.random.default_rng(0), rms=(5, 10, 20, 20.1)), settings=COARSE
+        ).linearity
+        is None
+    )

@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+
+from midair.calibration import Reference, Take, measure_calibration, split_channel
+from midair.calibration.measure.excitation import noise_signal
+from midair.errors import BandError, InputError, MismatchError, ShapeError
+from midair.model import Provenance, Recording, SensorGrid
+
+RATE = 1000.0
+
+
+def recording(frames=8000, *, sensor=None, rate=RATE, unit="V", seed=0):
+    sensor = sensor or SensorGrid(rows=1, columns=2)
+    samples = np.random.default_rng(seed).standard_normal((frames, *sensor.shape))
+    return Recording(samples=samples, rate=rate, sensor=sensor, unit=unit)
+
+
+def reference(frames=8000, **changes):
+    pressure = noise_signal(2, frames / RATE, rng=np.random.default_rng(1))
+    return Reference(**({"pressure": pressure, "rate": RATE} | changes))
+
+
+def test_volts_over_the_sensitivity_are_pascals():
+    said = recording(sensor=SensorGrid(rows=1, columns=3, name="hydrophone"))
+    told = Reference.read(said, sensitivity=0.05, channel=2, uncertainty=0.01)
+    assert told.pressure == pytest.approx(said.samples[:, 0, 2] / 0.05)
+    assert (told.uncertainty, told.name, told.rate) == (0.01, "hydrophone", RATE)
+
+
+def test_a_level_is_the_rms_of_what_changes():
+    take = Take(recording=recording(), reference=reference(pressure=7 + 3 * np.tile([1.0, -1.0], 4000)))
+    assert take.level == pytest.approx(3.0)
+    assert take.presses().tolist() == [True, True]
+    assert Take(recording=recording(), reference=reference(), cell=1).presses().tolist() == [False, True]
+
+
+@pytest.mark.parametrize(("count", "shape"), [(17, (4, 4)), (7, (1, 6))])
+def test_a_spare_channel_is_taken_out(count, shape):
+    whole = recording(sensor=SensorGrid(rows=1, columns=count, name="box"))
+    rest, alone = split_channel(whole, 3)
+    assert rest.sensor.shape == shape
+    assert rest.sensor.name == "box"
+    flat = whole.samples.reshape(len(whole.samples), -1)
+    assert (alone.samples.ravel() == flat[:, 3]).all()
+    assert (rest.samples.reshape(len(flat), -1) == np.delete(flat, 3, axis=1)).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "says"),
+    [
+        (lambda: Take(recording=recording(7999), reference=reference()), MismatchError, "expected 7999 frames"),
+        (lambda: Take(recording=recording(), reference=reference(rate=500.0)), MismatchError, "at 500 Hz"),
+        (lambda: Take(recording=recording(), reference=reference(), cell=2), ShapeError, "0 to 1"),
+        (lambda: reference(uncertainty=2.0), InputError, "0.01 for 1 %, got 2"),
+        (lambda: Reference.read(recording(), sensitivity=0.0), InputError, "other than 0"),
+        (lambda: Reference.read(recording(), sensitivity=1.0, channel=2), ShapeError, "0 to 1, got 2"),
+        (lambda: split_channel(recording(), 5), ShapeError, "0 to 1 of two"),
+        (lambda: split_channel(recording(), 0, sensor=SensorGrid()), ShapeError, "1 cells besides"),
+        (lambda: measure_calibration([]), InputError, "one recording or more"),
+    ],
+)
+def test_bad_input_is_refused(make, error, says):
+    with pytest.raises(error, match=says):
+        make()
+
+
+def takes(bench, *cells, **changes):
+    rng = np.random.default_rng(0)
+    return [bench(0, **changes).take(noise_signal(5, 8, rng=rng), cell=cell) for cell in cells]
+
+
+def test_takes_of_two_sensors_are_refused(bench):
+    one = takes(bench, None)[0]
+    other = Take(recording=recording(), reference=reference())
+    with pytest.raises(MismatchError, match=r"takes: expected all of sensor 'sensor' \(4, 4\)"):
+        measure_calibration([one, other])
+    with pytest.raises(MismatchError, match="quiet recording"):
+        measure_calibration([one], quiet=recording())
+
+
+def test_some_cells_alone_are_not_enough(bench):
+    with pytest.raises(MismatchError, match="no take on cells 2, 3, 4"):
+        measure_calibration(takes(bench, None, 0, 1))
+
+
+def test_what_is_not_related_is_refused(bench):
+    take = takes(bench, None)[0]
+    other = Reference(pressure=noise_signal(5, 8, rng=np.random.default_rng(9)), rate=RATE)
+    with pytest.raises(BandError, match=r"coherence of 0\.9 on every live channel, got [01];"):
+        measure_calibration([Take(recording=take.recording, reference=other)])
+
+
+def test_a_dead_channel_hears_nothing_and_is_not_sure(bench):
+    take = takes(bench, None)[0]
+    samples = np.array(take.recording.samples)
+    samples[:, 2, 3] = 0.1
+    dead = Recording(samples=samples, rate=RATE, sensor=take.recording.sensor)
+    found = measure_calibration([Take(recording=dead, reference=take.reference)])
+    assert not found.response[:, 2, 3].any()
+    assert (found.measurement.magnitude_uncertainty[:, 2, 3] == 1).all()
+    assert np.median(found.measurement.magnitude_uncertainty) < 3e-3
+
+
+def test_what_was_done_is_written_down(bench):
+    found = measure_calibration(takes(bench, None, reference_uncertainty=0.01), date="2026-01-31", version=4)
+    assert (found.date, found.version) == ("2026-01-31", 4)
+    assert found.provenance.simulated
+    step = found.provenance.steps[-1]
+    assert step.stage == "measure calibration"
+    assert step.settings["levels_pa"] == pytest.approx((5,), rel=0.01)
+    assert found.measurement.reference == "virtual reference"
+    assert "repeatability is not known" in found.measurement.method
+    real = Recording(samples=takes(bench, None)[0].recording.samples, rate=RATE, provenance=Provenance(source="lab"))
+    told = Reference(pressure=takes(bench, None)[0].reference.pressure, rate=RATE)
+    assert not measure_calibration([Take(recording=real, reference=told)]).provenance.simulated

@@ -1,0 +1,98 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.calibration import anchored, measure_calibration, measure_tone
+from midair.calibration.measure.excitation import noise_signal, tone_signal
+from midair.errors import BandError, InputError, MismatchError
+from midair.model import Recording, SensorGrid
+from midair.physics import channel_response
+
+
+def pistonphone(bench, seed, *, rms=10.0, frequency=250.0, duration=8.0):
+    return bench.recordings(tone_signal(rms, frequency, duration), number=seed)[0]
+
+
+def test_a_pistonphone_blind(bench):
+    """114 dB, 250 Hz, a little off: all channels within the stated uncertainty, in most of the seeds."""
+    inside = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        lab = bench(seed)
+        error = 0.005 * rng.standard_normal()
+        said = pistonphone(lab, seed, rms=10.02 * (1 + error), frequency=250.3)
+        found = measure_tone(said, frequency=250.0, pressure=10.02, uncertainty=0.005)
+        assert found.frequency[0] == pytest.approx(250.3, abs=1e-3)
+        ratio = np.abs(found.response) / np.abs(channel_response(lab.model, found.frequency))
+        assert ratio == pytest.approx(np.full((1, 4, 4), 1 + error), rel=1e-3)
+        inside.append(np.abs(ratio - 1) < 2 * found.measurement.magnitude_uncertainty)
+        assert found.measurement.magnitude_uncertainty == pytest.approx(np.full((1, 4, 4), 0.005), rel=0.02)
+    assert np.mean(inside) > 0.8
+
+
+def test_the_scatter_of_a_weak_tone_is_as_stated(bench, blind_model):
+    scores = []
+    for seed in range(4):
+        lab = bench(seed, model=blind_model(seed, noise=2e-3))
+        found = measure_tone(pistonphone(lab, seed, rms=0.5), frequency=250.0, pressure=0.5)
+        true = np.abs(channel_response(lab.model, found.frequency))
+        scores.append((np.abs(found.response) / true - 1) / found.measurement.magnitude_uncertainty)
+    assert (np.abs(scores) < 2).mean() == pytest.approx(0.954, abs=0.08)
+    assert np.median(found.noise) == pytest.approx(2e-3, rel=0.05)
+
+
+def test_phases_are_those_between_channels(bench):
+    lab = bench(3)
+    found = measure_tone(pistonphone(lab, 0), frequency=250.0, pressure=10.0)
+    true = np.angle(channel_response(lab.model, found.frequency))[0]
+    apart = np.angle(found.response)[0] - true
+    assert apart - apart.mean() == pytest.approx(np.zeros((4, 4)), abs=2e-3)
+
+
+def test_a_shape_is_brought_to_the_level_of_a_tone(bench, covered):
+    """A response against a reference that is 25 % wrong and says so, anchored by a tone of 1 %."""
+    lab = bench(5, reference_error=-0.2, reference_uncertainty=0.15)
+    shape = measure_calibration([lab.take(noise_signal(10, 13, rng=np.random.default_rng(5)))])
+    tone = measure_tone(pistonphone(lab, 0), frequency=250.0, pressure=10.0, uncertainty=0.01)
+    found = anchored(shape, tone)
+    true = np.abs(channel_response(lab.model, shape.frequency))
+    band = (shape.frequency >= 20) & (shape.frequency <= 470)
+    assert np.median(np.abs(shape.response) / true) == pytest.approx(1.25, rel=0.01)
+    assert np.abs(found.response)[band] / true[band] == pytest.approx(np.ones((band.sum(), 4, 4)), rel=0.01)
+    assert np.median(found.measurement.magnitude_uncertainty) == pytest.approx(0.01, rel=0.05)
+    assert covered(found, lab.model)[0] == 1
+    assert found.provenance.steps[-1].stage == "anchor"
+    assert np.angle(found.response) == pytest.approx(np.angle(shape.response))
+
+
+def test_bad_tones_are_refused(bench):
+    said = pistonphone(bench(0), 0, duration=1.0)
+    for changes, error, says in (
+        ({"frequency": 600.0}, BandError, "below 500 Hz, half the rate, got 600 Hz"),
+        ({"frequency": 20.0}, BandError, "2 s or more for 10 segments"),
+        ({"pressure": 0.0}, InputError, "pressure of the tone"),
+        ({"segments": 2}, InputError, "3 segments"),
+        ({"frequency": 100.0}, InputError, "tone: expected one near 100 Hz"),
+    ):
+        with pytest.raises(error, match=says):
+            measure_tone(said, **({"frequency": 250.0, "pressure": 10.0} | changes))
+
+
+def test_a_tone_of_another_sensor_is_refused(bench):
+    lab = bench(0)
+    shape = measure_calibration([lab.take(noise_signal(10, 8, rng=np.random.default_rng(0)))])
+    tone = measure_tone(pistonphone(lab, 0), frequency=250.0, pressure=10.0)
+    other = replace(tone, sensor=SensorGrid(name="another"))
+    with pytest.raises(MismatchError, match="one bin of sensor 'sensor' in V, got 1 bins of 'another'"):
+        anchored(shape, other)
+    with pytest.raises(MismatchError, match="expected one bin"):
+        anchored(shape, shape)
+    with pytest.raises(BandError, match="tone: expected one within"):
+        anchored(shape, replace(tone, frequency=np.array([499.9])))
+
+
+def test_silence_is_no_tone():
+    quiet = Recording(samples=np.zeros((4000, 4, 4)), rate=1000.0)
+    with pytest.raises(InputError, match="tone: expected one near"):
+        measure_tone(quiet, frequency=250.0, pressure=10.0)

@@ -1,0 +1,258 @@
+"""The commands from end to end, and the terminal."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from midair.cli.commands.study.study import app
+from midair.errors import InputError, MissingFileError, UnknownDeviceError
+from midair.files import save_solution
+from midair.model import Drive, Solution, TransducerArray
+from midair.physics import focus_phase
+from midair.study.folder import StudyFolder
+from midair.study.session.event_log import read_events
+from midair.study.session.presenters import NoPresenter
+from midair.study.session.trials import Session, run
+from midair.study.terminal_screen import TerminalScreen
+
+
+def study(*words):
+    return app([str(word) for word in words], exit_on_error=False, result_action="return_value")
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A study of ten simulated participants through new and run."""
+    folder = tmp_path_factory.mktemp("cli") / "touch"
+    study("new", folder, "--seed", 1)
+    assert study("run", folder, "--simulate") == 0
+    return folder
+
+
+def test_ten_simulated_participants_from_plan_to_report(done, capsys):
+    study("analyse", done, "--draws", 1000)
+    said = capsys.readouterr()
+    assert "SIMULATED: no person was asked. 10 participant(s), 1080 answers analysed, 240" in said.out
+    assert "Which object: plain" in said.out
+    page = (done / "report.html").read_text(encoding="utf-8")
+    assert "SIMULATED" in page
+    assert page.count("data:image/png;base64,") == 3
+    assert "surface:object:rated" in page
+    assert "Not computed" not in page
+    assert "nan" not in page.lower().split("base64")[0]
+
+
+def test_json_is_for_programs(done, capsys):
+    study("analyse", done, "--draws", 200, "--json")
+    found = json.loads(capsys.readouterr().out)
+    assert found["simulated"] is True
+    anova = next(one for one in found["findings"] if one["title"] == "Ratings: analysis of variance")
+    assert len(anova["table"]) == 7
+    assert {"effect", "F", "p_GG", "ges"} <= set(anova["table"][0])
+
+
+def test_export_and_old_data_give_the_same_figures(done, tmp_path, capsys):
+    study("export", done, tmp_path / "bids")
+    study("export", done, tmp_path / "answers.csv", "--format", "csv")
+    names = ["--presented", "right", "--answered", "answer", "--draws", "200", "--json"]
+    found = []
+    capsys.readouterr()
+    for source in (tmp_path / "bids", tmp_path / "answers.csv"):
+        with pytest.raises(InputError):
+            study("analyse", source)
+        rows = source if source.is_dir() else only_choices(source)
+        if not source.is_dir():
+            study("analyse", rows, *names, "--condition", "surface")
+            found.append(json.loads(capsys.readouterr().out))
+    study("analyse", done, "--draws", 200, "--json")
+    whole = json.loads(capsys.readouterr().out)
+    for title in ("Which object: plain", "Which object: grooved"):
+        tables = [next(one["table"] for one in each["findings"] if one["title"] == title) for each in (*found, whole)]
+        key = [[(row["object"], row["presented"], row["answered"], row["F"]) for row in table] for table in tables]
+        assert key[0] == key[1]
+
+
+def only_choices(source):
+    """Scored choices with reproduced stimuli, as a lab would have them in a table of its own."""
+    lines = source.read_text().splitlines()
+    names = lines[0].split(",")
+    keep = [
+        line
+        for line in lines[1:]
+        for row in [dict(zip(names, line.split(","), strict=True))]
+        if row["question"] == "closest" and row["scored"] == "true" and row["presentation"] == "reproduced"
+    ]
+    target = source.with_name("choices.csv")
+    target.write_text("\n".join([lines[0], *keep]) + "\n")
+    return target
+
+
+def test_refusals_are_one_clear_line(tmp_path):
+    with pytest.raises(MissingFileError, match="midair study new"):
+        study("run", tmp_path, "--simulate")
+    study("new", tmp_path / "s", "--participants", 2)
+    with pytest.raises(InputError, match="--participant N"):
+        study("run", tmp_path / "s")
+    with pytest.raises(InputError, match="scored"):
+        study("analyse", tmp_path / "s")
+    with pytest.raises(InputError, match="expected answers"):
+        study("export", tmp_path / "s", tmp_path / "b")
+    with pytest.raises(MissingFileError, match="TOML"):
+        study("new", tmp_path / "t", "--source", tmp_path / "no.toml")
+
+
+class Typist(Console):
+    """A console at which somebody types."""
+
+    def __init__(self, lines):
+        super().__init__(record=True, width=200, quiet=False, file=open("/dev/null", "w"))  # noqa: SIM115
+        self.lines = iter(lines)
+
+    def input(self, *args, **kwargs):
+        line = next(self.lines)
+        if line is None:
+            raise KeyboardInterrupt
+        return line
+
+
+def test_a_person_at_the_terminal(tmp_path):
+    study("new", tmp_path / "s", "--participants", 1)
+    folder = StudyFolder(tmp_path / "s")
+    plan = folder.plan()
+    console = Typist(["", "", "cat", "brush", "2", None])
+    with (
+        pytest.raises(KeyboardInterrupt),
+        Session(plan, 1, folder.log(1), NoPresenter()) as session,
+    ):
+        run(session, TerminalScreen(console))
+    console.file.close()
+    (progress,) = folder.sessions()
+    assert [one.answer for one in progress.answers.values()] == ["brush", "sponge"]
+    assert not progress.simulated
+    said = console.export_text()
+    assert "1 of 42 Which object did it feel closest to?" in said
+    assert "expected one of brush, sponge, towel, got 'cat'" in said
+    assert not any(stimulus.name in said for stimulus in plan.design.stimuli)
+
+
+BY_HAND = """
+name = "hand"
+participants = 1
+seed = 1
+consent = "You may stop at any time."
+questions = [{ name = "which", kind = "choice", text = "Which?", options = ["brush", "towel"], truth = "object" }]
+stimuli = [
+  { name = "b", kind = "object", source = "the brush", levels = { object = "brush" } },
+  { name = "t", kind = "object", source = "the towel", levels = { object = "towel" } },
+]
+blocks = [{ name = "all", stimuli = ["b", "t"], questions = ["which"] }]
+"""
+
+
+def test_a_whole_session_by_hand(tmp_path, monkeypatch, capsys):
+    (tmp_path / "hand.toml").write_text(BY_HAND)
+    study("new", tmp_path / "s", "--source", tmp_path / "hand.toml")
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n\nbrush\n\ntowel\n"))
+    assert study("run", tmp_path / "s", "--participant", 1) == 0
+    said = capsys.readouterr()
+    assert "present: the brush" in said.err
+    assert "the brush" not in said.out  # the participant's screen
+    (progress,) = StudyFolder(tmp_path / "s").sessions()
+    assert [one.answer for one in progress.answers.values()] == ["brush", "towel"]
+
+
+DRIVES = BY_HAND.replace('object", source = "the brush', 'drive", source = "focus.drive.h5').replace(
+    'object", source = "the towel', 'drive", source = "focus.drive.h5'
+)
+
+
+def study_of_drives(folder, level):
+    """A study whose two stimuli are ten frames of a focus beside the plan."""
+    array = TransducerArray.autd3()
+    phase = np.broadcast_to(focus_phase(array, np.array([0, 0, 0.2])), (10, array.count))
+    drive = Drive(phase=phase, level=np.full(10, level), rate=1000.0, array=array)
+    (folder / "drives.toml").write_text(DRIVES)
+    study("new", folder / "s", "--source", folder / "drives.toml")
+    solution = Solution(drive=drive, error=np.zeros(10), iterations=np.ones(10), status=("iterations",) * 10)
+    save_solution(solution, folder / "s" / "focus.drive.h5")
+    return folder / "s"
+
+
+def played(folder):
+    return [json.loads(line) for line in (folder / "played.jsonl").read_text().splitlines()]
+
+
+@pytest.mark.parametrize("array", ["virtual", "pyautd3:audit"])
+def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
+    folder = study_of_drives(tmp_path, level=0.001)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    assert study("run", folder, "--participant", 1, "--array", array) == 0
+    events = [(entry["event"], entry["drive"], entry["device"]) for entry in played(tmp_path)]
+    assert events == [("play", "focus.drive.h5", array), ("end", "focus.drive.h5", array)] * 2
+    (progress,) = StudyFolder(folder).sessions()
+    assert [one.answer for one in progress.answers.values()] == ["brush", "towel"]
+    assert progress.simulated
+
+
+def test_too_loud_a_drive_stops_the_session_before_it_begins(tmp_path, monkeypatch):
+    folder = study_of_drives(tmp_path, level=1.0)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    with pytest.raises(InputError, match="dB at the"):
+        study("run", folder, "--participant", 1, "--array", "pyautd3:audit")
+    assert not (tmp_path / "played.jsonl").exists()
+    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    answered_for = ("--override-exposure", "A. Person")
+    assert study("run", folder, "--participant", 1, "--array", "pyautd3:audit", *answered_for) == 0
+    assert {entry.get("override_by") for entry in played(tmp_path) if entry["event"] == "play"} == {"A. Person"}
+
+
+def test_an_array_that_nothing_answers_to(tmp_path):
+    folder = study_of_drives(tmp_path, level=0.001)
+    with pytest.raises(UnknownDeviceError, match="autd9"):
+        study("run", folder, "--participant", 1, "--array", "autd9")
+
+
+def test_drives_need_an_array(tmp_path):
+    study("new", tmp_path / "s", "--participants", 1)
+    with pytest.raises(InputError, match="give --array"):
+        study("run", tmp_path / "s", "--participant", 1)
+
+
+def test_a_terminal_that_is_closed_stops_the_session(tmp_path, monkeypatch):
+    (tmp_path / "hand.toml").write_text(BY_HAND)
+    study("new", tmp_path / "s", "--source", tmp_path / "hand.toml")
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n\n1\n"))
+    with pytest.raises(InputError, match="end of input"):
+        study("run", tmp_path / "s", "--participant", 1)
+    folder = StudyFolder(tmp_path / "s")
+    (progress,) = folder.sessions()
+    assert [one.answer for one in progress.answers.values()] == ["brush"]
+    assert read_events(folder.log(1))[-1]["event"] == "stop"
+
+
+def test_the_commands_hang_on_the_main_one(capsys):
+    from cyclopts import App
+
+    main = App(name="midair")
+    main.command(app)
+    main(["study", "power", "paired", "--effect", "0.5"], result_action="return_value")
+    assert "34 pairs" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("test", ["paired", "identification", "rating"])
+def test_power(test, capsys):
+    study("power", test, "--effect", 0.8, "--runs", 20)
+    said = capsys.readouterr().out
+    assert ("15 pairs" in said) if test == "paired" else (("power" in said and "Enough" in said) or "More than" in said)
+
+
+def test_paper(tmp_path, capsys):
+    study("paper", tmp_path / "figures")
+    said = capsys.readouterr().out
+    assert "p of t(2) = 1.60, two-sided: 0.2507" in said
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"paper-chance.png", "paper-power.png"}
+    assert np.all([path.read_bytes()[:4] == b"\x89PNG" for path in (tmp_path / "figures").iterdir()])

@@ -1,0 +1,150 @@
+"""`midair sweep` as a person types it, on processes of its own."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from midair.cli import run
+from midair.sweep.pattern_report import PatternResults
+from midair.sweep.store import load_sweep
+
+SMALL = ["--count", "12", "--curves", "0", "--chunk", "4", "--method", "naive", "--workers", "2"]
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def one_line_of(capsys):
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_from_patterns_to_a_report(capsys):
+    ask = ["sweep", "patterns", "s.zarr", "--strength", "0.1", "0.2", "--height", "180mm", "20cm", *SMALL]
+    assert run(ask) == 0
+    said = capsys.readouterr()
+    assert "48/48" in said.err
+    assert "SIMULATED" in said.err
+    assert "48 of 48 patterns solved" in said.out
+    sweep = PatternResults.of(load_sweep(Path("s.zarr"))).sweep
+    assert sweep.strengths == (0.1, 0.2)
+    assert sweep.heights == pytest.approx((0.18, 0.2))
+    assert sweep.method == "naive"
+
+    assert run(["sweep", "report", "s.zarr", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["simulated"] is True
+    assert [row["patterns"] for row in answer["conditions"]] == [12] * 4
+    assert all(Path(name).is_file() for name in answer["files"])
+
+    assert run([*ask, "--seed", "7"]) == 1
+    line = one_line_of(capsys)
+    assert "seed" in line
+    assert "2024" in line
+
+
+@pytest.mark.parametrize(
+    ("wrong", "status", "word"),
+    [
+        (["--height", "200"], 2, "unit"),
+        (["--height", "200Hz"], 2, "kind"),
+        (["--count", "70000"], 1, "65535"),
+        (["--strength", "-1"], 1, "strengths"),
+        (["--method", "magic"], 1, "fast"),
+        (["--directivity", "round"], 2, "point"),
+    ],
+    ids=str,
+)
+def test_wrong_usage_is_one_line_and_leaves_nothing(capsys, wrong, status, word):
+    assert run(["sweep", "patterns", "s.zarr", *wrong]) == status
+    assert word in one_line_of(capsys)
+    assert not Path("s.zarr").exists()
+
+
+def test_a_report_of_nothing_is_one_line(capsys):
+    assert run(["sweep", "report", "none.zarr"]) == 1
+    assert "midair sweep patterns" in one_line_of(capsys)
+
+
+@pytest.mark.slow
+def test_ctrl_c_is_one_line_and_what_was_solved_is_kept():
+    """A terminal sends it to every process of the command."""
+    program = [sys.executable, "-c", "from midair.cli import main; main()", "sweep", "patterns", "s.zarr"]
+    running = subprocess.Popen(
+        [*program, "--count", "2000", "--curves", "0", "--chunk", "8", "--strength", "0.1", "--workers", "2"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    until = time.monotonic() + 120
+    while not Path("s.zarr").exists() or load_sweep(Path("s.zarr")).known == 0:
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    os.killpg(running.pid, signal.SIGINT)
+    _, said = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert "Traceback" not in said
+    assert "midair: stopped; what was solved is stored" in said
+    assert 0 < load_sweep(Path("s.zarr")).known < 2000
+
+
+COARSE = ["--points", "6", "--pitch", "11mm", "--workers", "1"]
+
+
+@pytest.fixture
+def take():
+    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
+    return "take.h5"
+
+
+def test_recordings_under_settings(take, capsys):
+    ask = ["sweep", "recordings", "r.zarr", take, "--vary", "method=naive,gs", "height=150mm,200mm"]
+    ask += ["--duration", "20ms", *COARSE]
+    assert run(ask) == 0
+    said = capsys.readouterr()
+    assert "80/80" in said.err
+    assert "SIMULATED" in said.err
+    assert "method=gs height=200mm" in said.out
+    assert run(["sweep", "report", "r.zarr", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert [trial["variant"] for trial in answer["trials"]] == [
+        f"method={method} height={height}" for method in ("naive", "gs") for height in ("150mm", "200mm")
+    ]
+    assert all(Path(name).is_file() for name in answer["files"])
+    assert run([*ask, "--bits", "4"]) == 1
+    assert "bits" in one_line_of(capsys)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        (["--vary", "method"], "OPTION=VALUE"),
+        (["--vary", "method=,"], "OPTION=VALUE"),
+        (["--vary", "frob=1"], "frob"),
+        (["--vary", "height=150"], "unit"),
+        (["--vary", "method=magic"], "magic"),
+        (["--vary", "height=150mm", "height=200mm"], "once"),
+        (["--vary", "height=150mm,150mm"], "twice"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_varied_is_one_line_and_leaves_nothing(take, capsys, wrong, word):
+    capsys.readouterr()
+    assert run(["sweep", "recordings", "r.zarr", take, *wrong]) == 1
+    assert word in one_line_of(capsys)
+    assert not Path("r.zarr").exists()
+
+
+def test_a_sweep_of_no_recordings_is_one_line(capsys):
+    assert run(["sweep", "recordings", "r.zarr"]) == 1
+    assert "expected recordings" in one_line_of(capsys)

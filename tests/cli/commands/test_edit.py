@@ -1,0 +1,119 @@
+"""Editing commands: files in and out, their calibration, what is told, and what is refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midair.cli import run
+from midair.files import load, load_calibration, load_pressure, save, save_pressure
+from midair.model import Calibration, PressureFrames, Provenance, Recording, SensorGrid
+
+
+@pytest.fixture(autouse=True)
+def take(tmp_path, monkeypatch):
+    """A recording of half a second with a calibration and pressure, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    samples = np.random.default_rng(0).normal(size=(500, 4, 4))
+    samples[:100] *= 1e-3
+    recording = Recording(samples=samples, rate=1000, provenance=Provenance(source="bench"))
+    save(recording, "take.h5", calibration=Calibration.flat(recording.sensor, sensitivity=0.02))
+    save_pressure(PressureFrames(pressure=samples / 0.02, rate=1000, sensor=recording.sensor), "take.h5")
+    return recording
+
+
+def answer(capsys, *words):
+    capsys.readouterr()
+    assert run([*words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_cut_and_join_make_the_same_file_again(take, capsys):
+    told = answer(capsys, "cut", "take.h5", "a.h5", "--end", "200ms")
+    assert told["notes"] == [
+        "The calibrated pressure was left out: it belongs to the whole; run midair calibrate again."
+    ]
+    assert run(["cut", "take.h5", "b.h5", "--start", "0.2s"]) == 0
+    assert run(["join", "a.h5", "b.h5", "both.h5"]) == 0
+    np.testing.assert_array_equal(load("both.h5").samples, take.samples)
+    assert [step.stage for step in load("both.h5").provenance.steps] == ["join"]
+    np.testing.assert_array_equal(load_calibration("both.h5").response, load_calibration("take.h5").response)
+    assert load_pressure("both.h5") is None
+
+
+def test_join_leaves_out_a_calibration_that_is_not_shared(take, capsys):
+    save(take, "other.h5", calibration=Calibration.flat(take.sensor, sensitivity=0.03))
+    told = answer(capsys, "join", "take.h5", "other.h5", "both.h5")
+    assert "The calibration was left out: the recordings do not share one." in told["notes"]
+    assert load_calibration("both.h5") is None
+
+
+@pytest.mark.parametrize(
+    ("words", "check"),
+    [
+        (["resample", "--rate", "2kHz"], lambda made, take: made.rate == 2000 and made.frames == 1000),
+        (["trim", "--margin", "0s"], lambda made, take: made.frames == 400),
+        (["gain", "--by", "2"], lambda made, take: np.array_equal(made.samples, 2 * take.samples)),
+        (["gain", "--by", "-20dB"], lambda made, take: np.allclose(made.samples, take.samples / 10)),
+        (
+            ["gain", "--by", "3", "--channels", "1,2"],
+            lambda made, take: np.array_equal(made.samples[:, 0], take.samples[:, 0] * [1, 3, 3, 1]),
+        ),
+        (["mask", "--channels", "0, 5"], lambda made, take: (made.samples.reshape(-1, 16)[:, [0, 5]] == 0).all()),
+        (
+            ["mask", "--channels", "0", "--fill", "neighbours"],
+            lambda made, take: np.allclose(made.samples[:, 0, 0], take.samples.reshape(-1, 16)[:, [1, 4]].mean(axis=1)),
+        ),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_each_command_does_its_edit_and_keeps_the_calibration(words, check, take):
+    verb, *rest = words
+    assert run([verb, "take.h5", "made.h5", *rest]) == 0
+    assert check(load("made.h5"), take)
+    assert load("made.h5").provenance.steps[-1].stage == verb
+    assert load_calibration("made.h5") is not None
+
+
+def test_the_result_can_be_of_any_format_and_losses_are_told(take, capsys):
+    told = answer(capsys, "cut", "take.h5", "made.csv", "--end", "0.1s")
+    assert [loss["what"] for loss in told["lost"]] == ["calibration"]
+    np.testing.assert_array_equal(load("made.csv").samples, take.samples[:100])
+
+
+WRONG = {
+    "beyond the end": (["cut", "take.h5", "x.h5", "--end", "3s"], 1, "0 to 0.5 s"),
+    "no unit": (["cut", "take.h5", "x.h5", "--end", "3"], 2, "unit"),
+    "one name": (["join", "take.h5", "x.h5"], 1, "got 2 names"),
+    "silence": (["trim", "take.h5", "x.h5", "--share", "1"], 1, "share"),
+    "no factor": (["gain", "take.h5", "x.h5", "--by", "loud"], 1, "6dB"),
+    "infinite factor": (["gain", "take.h5", "x.h5", "--by", "9999dB"], 1, "6dB"),
+    "no rate": (["resample", "take.h5", "x.h5"], 2, "rate"),
+    "no such channel": (["mask", "take.h5", "x.h5", "--channels", "3,16"], 1, "got 16"),
+    "no number": (["gain", "take.h5", "x.h5", "--by", "2", "--channels", "a"], 1, "0 to 15"),
+    "a file that is there": (["cut", "take.h5", "take.h5"], 1, "--force"),
+    "no file": (["trim", "gone.h5", "x.h5"], 1, "gone.h5"),
+    "no format": (["trim", "take.h5", "x.xyz"], 1, ".csv"),
+    "only read": (["trim", "take.h5", "x.xdf"], 1, "is read, not written"),
+}
+
+
+@pytest.mark.parametrize(("words", "status", "text"), WRONG.values(), ids=WRONG)
+def test_refuses_in_one_line(words, status, text, capsys):
+    assert run(words) == status
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
+    assert len(lines) == 1
+    assert text in lines[0]
+    assert not Path("x.h5").exists()
+
+
+def test_force_replaces_the_file_itself(take):
+    assert run(["gain", "take.h5", "take.h5", "--by", "2", "--force"]) == 0
+    np.testing.assert_array_equal(load("take.h5").samples, 2 * take.samples)
+
+
+def test_recordings_of_other_sensors_do_not_join(take, capsys):
+    save(Recording(samples=np.ones((5, 2, 2)), rate=1000, sensor=SensorGrid(rows=2, columns=2)), "small.h5")
+    assert run(["join", "take.h5", "small.h5", "x.h5"]) == 1
+    assert "sensor" in capsys.readouterr().err

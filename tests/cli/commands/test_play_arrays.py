@@ -1,0 +1,194 @@
+"""`midair play` on arrays, `midair exposure` and `midair stop`, as a person types them."""
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from midair.cli import run
+from midair.files import save_solution
+from midair.model import Drive, Solution, TransducerArray
+
+pytest.importorskip("autd3")
+EMULATOR = ["--device", "autd3:emulator"]
+ARRAY = TransducerArray.autd3()
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+
+
+def make(name, level=0.01, frames=200, rate=1000.0, array=ARRAY):
+    rng = np.random.default_rng(0)
+    drive = Drive(phase=rng.uniform(0, 6, (frames, array.count)), level=np.full(frames, level), rate=rate, array=array)
+    solution = Solution(
+        drive=drive, error=np.zeros(frames), iterations=np.ones(frames, int), status=("converged",) * frames
+    )
+    save_solution(solution, name)
+    return name
+
+
+def said(capsys):
+    return [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
+
+
+def log():
+    return [json.loads(line) for line in Path("state/played.jsonl").read_text(encoding="utf-8").splitlines()]
+
+
+def test_a_quiet_drive_plays_with_a_timing_report(capsys):
+    assert run(["play", make("a.drive.h5"), *EMULATOR, "--repeats", "2", "--delay", "50ms"]) == 0
+    captured = capsys.readouterr()
+    assert "400 frames at 1000 Hz on autd3:emulator" in captured.out
+    assert "0 late, 0 repeated" in captured.out
+    assert "ns of device time" in captured.out
+    assert "silencer" in captured.out
+    assert "SIMULATED" in captured.err
+    assert [entry["event"] for entry in log()] == ["play", "end"]
+    assert log()[1]["reason"] == "played"
+    assert list(Path("state").glob("playing-*")) == []
+
+
+def test_a_loud_drive_is_refused_before_the_device_is_opened(capsys):
+    assert run(["play", make("loud.drive.h5", level=1.0), "--device", "autd3:nowhere"]) == 1
+    (line,) = said(capsys)
+    assert "dB at the" in line
+    assert "limit 110 dB" in line
+    assert "--override-exposure" in line
+    assert not Path("state").exists()
+
+
+def test_an_override_plays_and_stays_in_the_log():
+    assert run(["play", make("loud.drive.h5", level=1.0), *EMULATOR, "--override-exposure", "A Person"]) == 0
+    assert log()[0]["override_by"] == "A Person"
+    assert log()[0]["excess_db"] > 10
+
+
+def test_attenuation_plays_quieter(capsys):
+    assert run(["play", make("loud.drive.h5", level=1.0), *EMULATOR, "--attenuate"]) == 0
+    assert "attenuated: occupational-110 is kept" in " ".join(capsys.readouterr().out.split())
+
+
+def truncated(name):
+    data = Path(make(name)).read_bytes()
+    Path(name).write_bytes(data[: len(data) // 2])
+
+
+def with_nan(name):
+    with h5py.File(make(name), "a") as file:
+        file["phase"][3, 5] = np.nan
+
+
+WRONG = {
+    "truncated": (truncated, [], 1, "x.drive.h5"),
+    "nan": (with_nan, [], 1, "nan"),
+    "another array": (
+        lambda name: make(name, array=TransducerArray.autd3(columns=1, rows=1)),
+        [],
+        1,
+        "solve the target again",
+    ),
+    "a rate that does not divide 40 kHz": (lambda name: make(name, rate=900.0), [], 1, "40 kHz / N"),
+    "no repeats": (make, ["--repeats", "0"], 1, "repeat"),
+    "unknown profile": (make, ["--profile", "loud"], 1, "occupational-110"),
+    "no such placement": (make, ["--placement", "no.toml"], 1, "no.toml"),
+    "unknown silencer": (make, ["--silencer", "loud"], 2, "silencer"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_must_not_play_does_not(case, capsys):
+    prepare, options, status, word = WRONG[case]
+    prepare("x.drive.h5")
+    capsys.readouterr()
+    assert run(["play", "x.drive.h5", *EMULATOR, *options]) == status
+    (line,) = said(capsys)
+    assert word in line
+    assert not Path("state/played.jsonl").exists() or log()[-1]["event"] == "end"
+
+
+def test_exposure_prints_and_draws(capsys):
+    make("loud.drive.h5", level=1.0)
+    assert run(["exposure", "loud.drive.h5"]) == 0
+    page = " ".join(capsys.readouterr().out.split())
+    assert "left ear" in page
+    assert "exceeded" in page
+    assert "thin" in page
+    assert Path("loud.exposure.png").stat().st_size > 10_000
+    assert run(["exposure", "loud.drive.h5"]) == 1
+    assert "--force" in said(capsys)[0]
+
+
+def test_exposure_as_json(capsys):
+    assert run(["exposure", make("a.drive.h5", level=0.003), "--json", "--profile", "public-100"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["kept"] is True
+    assert answer["places"]["left ear"]["limit_db"] == 100
+    assert not Path("a.exposure.png").exists()
+
+
+def test_virtual_devices_only_tell(capsys):
+    assert run(["play", make("loud.drive.h5", level=1.0, frames=20)]) == 0
+    assert "on a real array: occupational-110 is exceeded" in " ".join(capsys.readouterr().out.split())
+
+
+def test_stop_when_nothing_plays(capsys):
+    assert run(["stop"]) == 0
+    assert "nothing plays" in capsys.readouterr().out
+
+
+def test_stop_from_another_terminal(capsys):
+    make("a.drive.h5")
+    command = [sys.executable, "-c", "from midair.cli import main; main()", "play", "a.drive.h5", *EMULATOR]
+    with subprocess.Popen(
+        [*command, "--repeats", "500"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as player:
+        limit = time.monotonic() + 20
+        while not list(Path("state").glob("playing-*")) and time.monotonic() < limit:
+            time.sleep(0.05)
+        time.sleep(0.3)
+        assert run(["stop"]) == 0
+        assert "silent (process" in " ".join(capsys.readouterr().out.split())
+        _, error = player.communicate(timeout=20)
+    assert player.returncode in (1, 130)
+    assert "Traceback" not in error
+    assert log()[-1]["event"] == "end"
+    assert log()[-1]["reason"] != "played"
+
+
+def test_playing_from_a_thread_needs_no_signals():
+    """A program with a window of its own plays from a thread, where signals cannot be set."""
+    status = []
+    make("a.drive.h5", frames=20)
+    thread = threading.Thread(target=lambda: status.append(run(["play", "a.drive.h5", *EMULATOR])))
+    thread.start()
+    thread.join(30)
+    assert status == [0]
+
+
+TILTED = """
+name = "one tilted"
+
+[[unit]]
+position_mm = [0, 0, 0]
+rotation_deg = [0, -30, 0]
+"""
+
+
+def test_a_drive_for_a_placement_plays_there_and_nowhere_else(capsys):
+    Path("tilted.toml").write_text(TILTED, encoding="utf-8")
+    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
+    part = ["--points", "6", "--pitch", "11mm", "--start-at", "0.1s", "--duration", "0.02s", "--level", "0.01"]
+    assert run(["solve", "take.h5", *part, "--method", "naive", "--placement", "tilted.toml"]) == 0
+    assert "one tilted, 249 transducers" in capsys.readouterr().out
+    assert run(["play", "take.drive.h5", *EMULATOR]) == 1
+    assert "solve the target again" in said(capsys)[0]
+    assert run(["play", "take.drive.h5", *EMULATOR, "--placement", "tilted.toml"]) == 0

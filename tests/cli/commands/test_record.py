@@ -1,0 +1,236 @@
+"""midair record as a person meets it: on a real terminal, and as a program does."""
+
+import json
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midair.cli import run
+from midair.files import load, save
+from midair.files.toml.sensors import save_sensor
+from midair.model import Recording, SensorWiring
+
+PROGRAM = "import sys; from midair.cli import run; sys.exit(run(sys.argv[1:]))"
+SOURCE = Recording(samples=np.random.default_rng(0).normal(size=(600, 4, 4)), rate=1000.0)
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save(SOURCE, "source.h5")
+
+
+class Terminal:
+    """A program on a pseudo-terminal: what it wrote, and keys for it."""
+
+    def __init__(self, *arguments):
+        self.main, self.side = pty.openpty()
+        self.before = termios.tcgetattr(self.side)
+        self.seen = ""
+        environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "90", "LINES": "30"}
+        self.pid = os.posix_spawn(
+            sys.executable,
+            [sys.executable, "-c", PROGRAM, *arguments],
+            environment,
+            file_actions=[
+                (os.POSIX_SPAWN_OPEN, 0, os.ttyname(self.side), os.O_RDWR, 0),  # so that Ctrl-C is a signal
+                (os.POSIX_SPAWN_DUP2, 0, 1),
+                (os.POSIX_SPAWN_DUP2, 0, 2),
+            ],
+            setsid=True,
+        )
+
+    def until(self, words, *, seconds=60):
+        end = time.monotonic() + seconds
+        while not re.search(words, self.seen):
+            assert time.monotonic() < end, f"{words!r} was not seen in {self.seen[-2000:]!r}"
+            self._read(0.05)
+
+    def press(self, keys):
+        os.write(self.main, keys.encode())
+
+    def end(self):
+        """The exit status; the terminal must be as it was."""
+        status = None
+        while status is None:
+            self._read(0.05)
+            done, code = os.waitpid(self.pid, os.WNOHANG)
+            status = os.waitstatus_to_exitcode(code) if done else None
+        self._read(0.05)
+        after = termios.tcgetattr(self.side)
+        os.close(self.main)
+        os.close(self.side)
+        assert after == self.before
+        return status
+
+    def _read(self, wait):
+        while select.select([self.main], [], [], wait)[0]:
+            self.seen += os.read(self.main, 65536).decode("utf-8", "replace")
+            wait = 0
+
+
+def test_keys_start_and_stop_takes_and_meters_move():
+    terminal = Terminal("record", "replay:source.h5", "--repeats", "3", "--object", "towel", "--pre-roll", "0s")
+    terminal.until(r"○ waiting .*towel-01\.h5, take 1 of 3")
+    terminal.press(" ")
+    terminal.until(r"take 2 of 3")
+    assert load("towel-01.h5").frames == 600
+    terminal.press("\n")
+    terminal.until(r"take 3 of 3")
+    terminal.press("q")
+    assert terminal.end() == 0
+    assert sorted(path.name for path in Path().glob("towel*")) == ["towel-01.h5", "towel-02.h5"]
+    assert load("towel-02.h5").provenance.notes == {"object": "towel"}
+    assert load("towel-02.h5").provenance.steps[0].settings == {
+        "take": 2,
+        "takes": 3,
+        "start": "key",
+        "pre_roll_s": 0.0,
+    }
+    for channel in range(16):
+        assert re.search(rf"{channel:2d} .{{0,12}}[█|·]", terminal.seen), "every channel has a meter"
+
+
+def test_ctrl_c_on_a_terminal_keeps_what_there_was():
+    save(Recording(samples=np.tile(SOURCE.samples, (50, 1, 1)), rate=1000.0), "long.h5")
+    stated = ("--object", "towel", "--surface", "flat", "--speed", "50mm/s", "--operator", "me")
+    terminal = Terminal("record", "replay:long.h5", "take.h5", "--real-time", "--trigger", "2V", *stated)
+    terminal.until(r"touched[\s\S]*● REC")
+    terminal.press("\x03")
+    assert terminal.end() == 130
+    assert "stopped; " in terminal.seen
+    assert load("take.h5").frames > 0
+    assert "Traceback" not in terminal.seen
+
+
+@pytest.mark.slow
+def test_a_terminal_is_restored_when_the_program_is_asked_to_end():
+    terminal = Terminal("record", "replay:source.h5", "--repeats", "2")
+    terminal.until("waiting")
+    os.kill(terminal.pid, signal.SIGTERM)
+    assert terminal.end() == 130
+    assert "nothing of this take was recorded" in terminal.seen
+
+
+@pytest.mark.slow
+def test_what_is_not_stated_is_asked_once_and_offered_again(capsys):
+    answers = {"object": "Towel", "surface": "", "speed": "50mm/s", "operator": "me"}
+    terminal = Terminal("record", "replay:source.h5", "--real-time", "--surface", "flat")
+    for name in ("object", "speed", "operator"):
+        terminal.until(f"{name}: ")
+        terminal.press(f"{answers[name]}\n")
+    assert terminal.end() == 0
+    assert load("towel-flat-01.h5").provenance.notes == answers | {"object": "Towel", "surface": "flat"}
+    terminal = Terminal("record", "replay:source.h5", "--real-time")
+    for name, offered in (("object", "Towel"), ("surface", "flat"), ("speed", "50mm/s"), ("operator", "me")):
+        terminal.until(rf"{name} \[{offered}\]: ")
+        terminal.press("\n" if name != "surface" else "rough\n")
+    assert terminal.end() == 0
+    assert load("towel-rough-01.h5").provenance.notes == answers | {"object": "Towel", "surface": "rough"}
+
+
+def test_names_make_themselves_and_the_virtual_object_is_known(capsys):
+    assert (
+        run(["record", "virtual:towel+groove", "--duration", "0.1s", "--repeats", "2", "--pause", "50ms", "--json"])
+        == 0
+    )
+    takes = json.loads(capsys.readouterr().out)
+    assert [take["recording"] for take in takes] == ["towel-groove-01.h5", "towel-groove-02.h5"]
+    assert [take["frames"] for take in takes] == [100, 100]
+    assert load("towel-groove-02.h5").provenance.notes == {"object": "towel", "surface": "groove"}
+    assert load("towel-groove-02.h5").provenance.simulated
+
+
+def test_what_is_recorded_is_noted(capsys):
+    words = ["--object", "Brush", "--surface", "flat", "--speed", "50mm/s", "--operator", "Å"]
+    assert run(["record", "replay:source.h5", *words]) == 0
+    said = capsys.readouterr()
+    assert "brush-flat-01.h5" in said.out
+    assert load("brush-flat-01.h5").provenance.notes == {
+        "object": "Brush",
+        "surface": "flat",
+        "speed": "50mm/s",
+        "operator": "Å",
+    }
+
+
+def test_a_touch_starts_a_take(capsys):
+    samples = np.random.default_rng(1).normal(0, 0.01, (3000, 4, 4))
+    samples[1500:1700, 1, 1] += 1
+    save(Recording(samples=samples, rate=1000.0), "touch.h5")
+    assert run(["record", "replay:touch.h5", "take.h5", "--trigger", "500mV", "--pre-roll", "0.1s"]) == 0
+    assert "1.500 s: touched" in capsys.readouterr().err
+    np.testing.assert_array_equal(load("take.h5").samples[:300], samples[1400:1700])
+
+
+def test_a_sensor_file_puts_the_channels_in_order():
+    order = tuple(int(i) for i in np.random.default_rng(2).permutation(16))
+    save_sensor(SensorWiring(order=order, unit="V"), "sensor.toml")
+    assert run(["record", "replay:source.h5", "take.h5", "--sensor", "sensor.toml"]) == 0
+    np.testing.assert_array_equal(
+        load("take.h5").samples.reshape(600, 16), SOURCE.samples.reshape(600, 16)[:, list(order)]
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["replay:source.h5", "source.h5"], 1, "is there already"),
+        (["replay:source.h5", "take.wav"], 1, "expected NAME.h5"),
+        (["replay:source.h5", "away/take.h5"], 1, "make it first"),
+        (["replay:source.h5", "--repeats", "0"], 1, "--repeats: expected 1 or more"),
+        (["replay:source.h5", "--trigger", "3Pa"], 1, "gives V"),
+        (["replay:source.h5", "--trigger", "0.5"], 1, "add the unit"),
+        (["replay:source.h5", "--trigger", "0V"], 1, "above 0"),
+        (["replay:source.h5", "--trigger", "100V"], 1, "nothing was recorded"),
+        (["replay:source.h5", "--pre-roll", "90s", "--trigger", "1V"], 1, "0 to 60 s"),
+        (["replay:source.h5", "--duration", "soon"], 2, "quantity"),
+        (["replay:source.h5", "--sensor", "away.toml"], 1, "it is not there"),
+    ],
+)
+def test_what_cannot_be_is_one_clear_line(arguments, status, words, capsys):
+    assert run(["record", *arguments]) == status
+    said = capsys.readouterr()
+    lines = [line for line in said.err.splitlines() if line.startswith("midair: ")]
+    assert len(lines) == 1
+    assert words in lines[0]
+    assert sorted(path.name for path in Path().iterdir()) == ["source.h5"]
+
+
+@pytest.mark.slow
+def test_a_real_stream_with_holes_is_recorded_over_its_transport(monkeypatch, capsys):
+    """LSL over loopback; the sender leaves out seven frames now and then, which its counter shows."""
+    pytest.importorskip("pylsl")
+    here = Path(__file__).parent.parent / "devices" / "live"
+    monkeypatch.setenv("LSLAPICFG", str(here / "lsl_api.cfg"))
+    name = f"record {os.getpid()}"
+    command = [sys.executable, here / "lsl_sender.py", name, "1000", "3600", "-", "7"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sender:
+        try:
+            assert sender.stdout.readline().strip() == "ready"
+            assert run(["record", f"lsl:{name}?counter=16&timeout=20", "take.h5", "--duration", "8s", "--json"]) == 0
+        finally:
+            sender.kill()
+    (take,) = json.loads(capsys.readouterr().out)
+    recording = load("take.h5")
+    assert recording.frames == take["frames"] == 8000
+    frames = np.rint(recording.samples.reshape(8000, 16)).astype(int)
+    np.testing.assert_array_equal(frames - frames[:, :1], np.broadcast_to(np.arange(16), (8000, 16)))
+    lost = np.zeros(8000, bool)
+    for first, count in recording.provenance.steps[-1].settings["lost"]:
+        lost[first : first + count] = True
+    assert lost.sum() == take["lost_frames"] > 0
+    number = frames[:, 0] // 16
+    expected = (number[0] + np.arange(8000)) % 2048
+    np.testing.assert_array_equal(number[~lost], expected[~lost], "frame i stays at i / rate")
+    assert abs(take["rate_ppm"]) < 5000

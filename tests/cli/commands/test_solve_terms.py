@@ -1,0 +1,55 @@
+"""The solver's terms as a person types them."""
+
+import pytest
+
+from midair.cli import run
+from midair.cli.terminal.options import SolveOptions
+from midair.files import load_solution
+from midair.solvers import Guard
+
+SMALL = ["--points", "6", "--pitch", "11mm", "--start-at", "20ms", "--duration", "10ms"]
+
+
+@pytest.fixture(scope="module")
+def stroke(tmp_path_factory):
+    path = tmp_path_factory.mktemp("terms") / "am.h5"
+    assert run(["record", "virtual:am-i", str(path), "--duration", "0.1s"]) == 0
+    return path
+
+
+def test_a_margin_makes_a_guard():
+    assert SolveOptions(guard=0.02).settings().guard == Guard(margin=0.02)
+
+
+def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
+    drive = tmp_path / "am.drive.h5"
+    words = "--method fast --guard 22mm --amplitudes bounded --smooth 0.003 --level auto --fit cells --backend numpy"
+    assert run(["solve", str(stroke), str(drive), *words.split(), *SMALL]) == 0
+    solution = load_solution(drive)
+    made = solution.drive.provenance.steps[-1].settings
+    assert (made["guard_margin"], made["smooth"]) == (0.022, 0.003)
+    assert (made["amplitudes"], made["fit"], made["backend"]) == ("bounded", "cells", "numpy")
+    level = solution.drive.level
+    assert level.shape == (10, 996)
+    assert level.max() <= made["level"] < 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said", "status"),
+    [
+        ("--method gs --guard 20mm", "method gs: expected terms that it takes (none), got guard; choose", 1),
+        ("--method live --smooth 0.1", "got smooth; choose fast", 1),
+        ("--method fast --guard 1mm", "expected at least its pitch, 11 mm, got 1 mm", 1),
+        ("--method fast --smooth=-1", "smooth: expected 0 or more, got -1", 1),
+        ("--method fast --backend jax", "backend: expected one of numpy", 1),
+        ("--level loud", "--level", 2),
+        ("--amplitudes free", "equal", 2),
+    ],
+)
+def test_what_cannot_be_is_told_in_one_line(stroke, tmp_path, words, said, status, capsys):
+    drive = tmp_path / "no.drive.h5"
+    assert run(["solve", str(stroke), str(drive), *words.split(), *SMALL]) == status
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
+    assert len(lines) == 1
+    assert said in lines[0]
+    assert not drive.exists()

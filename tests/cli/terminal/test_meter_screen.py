@@ -1,0 +1,123 @@
+"""What the terminal shows while a take runs."""
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from midair.cli.terminal.keys import Keys, Signals
+from midair.cli.terminal.meter_screen import MeterScreen, decibels, meters
+from midair.devices import ReplaySensor
+from midair.files.native.events import Event
+from midair.model import Recording, SensorGrid
+from midair.rig.record.clocks import Drift
+from midair.rig.record.meters import Meters
+from midair.rig.record.take_plan import View
+
+
+def sensor_of(rows=4, columns=4):
+    grid = SensorGrid(rows=rows, columns=columns)
+    sensor = ReplaySensor(Recording(samples=np.zeros((1, rows, columns)), rate=1000.0, sensor=grid))
+    sensor.full_scale = 1.0
+    return sensor
+
+
+def view(sensor, *, state="recording", rate=None):
+    """Channel c: a sine of -6 c dB under full scale; 2 is dead, 3 clips."""
+    t, count = np.arange(1000) / 1000, sensor.grid.count
+    samples = 0.99 * np.sin(2 * np.pi * 50 * t)[:, None] * 10 ** (-6 * np.arange(count) / 20)
+    samples[:, 2] = 0.1
+    samples[:, 3] = np.clip(2 * np.sin(2 * np.pi * 50 * t), -1, 1)
+    levels = Meters(count, 1000.0, full_scale=1.0)
+    levels.add(samples.reshape(-1, *sensor.grid.shape))
+    return View(state=state, frames=12_345, wanted=20_000, lost=16, levels=levels.levels, rate=rate, clock=None)
+
+
+def drawn(picture, width=80):
+    console = Console(file=io.StringIO(), width=width, force_terminal=False)
+    console.print(picture)
+    return console.file.getvalue()
+
+
+def test_the_picture_has_a_meter_for_each_cell_where_the_cell_is():
+    sensor = sensor_of()
+    text = drawn(meters(view(sensor, rate=Drift(ppm=12.3, uncertainty=2.1, span=10)), sensor, "towel-03.h5", keys=True))
+    lines = text.splitlines()
+    assert lines[0].startswith("● REC towel-03.h5")
+    assert "SIMULATED" not in lines[0]
+    assert lines[1].startswith(" 0 ████████   -3 "), "a peak of full scale is 3 dB less as rms; the bar is full"
+    assert lines[1].rstrip().endswith("3 ████████ CLIP")
+    assert " 2 dead" in lines[1]
+    assert lines[2].startswith(" 4 █████·|·  -27 "), "24 dB less: 53 of 80 dB are 5 of 8, the peak is 56 dB"
+    assert [line.split()[0] for line in lines[1:5]] == ["0", "4", "8", "12"]
+    assert "12.3 of 20.0 s, lost 16 frames, frames +12 ± 2 ppm" in text
+    assert "space or Enter: stop, q: end" in text
+    assert max(len(line) for line in lines) <= 80
+
+
+def test_a_simulated_sensor_is_called_that():
+    sensor = sensor_of()
+    sensor.simulated = True
+    assert "SIMULATED" in drawn(meters(view(sensor, state="waiting"), sensor, "x"))
+    assert "not yet recording" in drawn(meters(view(sensor, state="waiting"), sensor, "x"))
+
+
+@pytest.mark.parametrize("shape", [(1, 4), (8, 8), (2, 8), (4, 5)])
+def test_any_grid_fits_eighty_columns(shape):
+    sensor = sensor_of(*shape)
+    text = drawn(meters(view(sensor), sensor, "x"))
+    assert f"{sensor.grid.count - 1} " in text
+    assert max(len(line) for line in text.splitlines()) <= 80
+
+
+def test_decibels():
+    assert decibels(0.5, 1.0) == pytest.approx(-6.0206, abs=1e-4)
+    assert decibels(0.0, 1.0) == -99
+
+
+def screen(*, terminal, quiet=False, every=0.0):
+    console = Console(file=io.StringIO(), width=80, force_terminal=terminal, soft_wrap=True)
+    return MeterScreen(sensor_of(), console, Keys(io.StringIO()), Signals(), quiet=quiet, every=every), console
+
+
+def test_without_a_terminal_lines_are_said_and_no_meters():
+    shown, console = screen(terminal=False)
+    with shown.take("towel-03.h5, take 3 of 5"):
+        shown.show(view(sensor_of()))
+        shown.show(view(sensor_of()))
+        shown.tell(Event(kind="lost", frame=1200, frames=16))
+    lines = console.file.getvalue().splitlines()
+    assert lines[0] == "towel-03.h5, take 3 of 5"
+    assert lines[1] == "12.3 of 20.0 s, lost 16 frames"
+    assert lines[2].startswith("1.200 s: 16 frames")
+    assert "\x1b" not in console.file.getvalue()
+
+
+def test_quiet_says_only_what_goes_wrong():
+    shown, console = screen(terminal=True, quiet=True)
+    with shown.take("towel-03.h5"):
+        shown.show(view(sensor_of()))
+        shown.tell(Event(kind="trigger", frame=3))
+        shown.tell(Event(kind="dead", frame=0, channel=3))
+    assert [line.partition(":")[2] for line in console.file.getvalue().splitlines()] == [
+        " channel 3 (row 0, column 3) is dead: it has never changed; check its wire"
+    ]
+
+
+def test_a_channel_that_clips_is_told_every_two_seconds_at_most():
+    shown, console = screen(terminal=False, quiet=True)
+    with shown.take("x"):
+        for frame in range(0, 5000, 50):
+            shown.tell(Event(kind="clipped", frame=frame, frames=3, channel=6))
+    assert len(console.file.getvalue().splitlines()) == 3
+
+
+def test_signals_and_keys_become_orders(monkeypatch):
+    shown, _ = screen(terminal=False)
+    assert shown.order() is None
+    for key, order in ((" ", "toggle"), ("\n", "toggle"), ("q", "quit"), ("x", None), (" q", "quit")):
+        monkeypatch.setattr(Keys, "pressed", lambda _, key=key: key)
+        assert shown.order() == order
+    shown._signals.came = "SIGTERM"
+    assert shown.order() == "kill"

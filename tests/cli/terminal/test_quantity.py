@@ -1,0 +1,49 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midair.cli.terminal.quantity import parse_quantity, spell
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("200mm", "m", 0.2),
+        ("11 mm", "m", 0.011),
+        ("0.2m", "m", 0.2),
+        ("20Hz", "Hz", 20),
+        ("1kHz", "Hz", 1000),
+        ("500ms", "s", 0.5),
+        (".5s", "s", 0.5),
+        ("30Pa", "Pa", 30),
+        ("20mV/Pa", "V/Pa", 0.02),
+        ("2count/Pa", "count/Pa", 2),
+        ("50mm/s", "m/s", 0.05),
+        ("-0.5s", "s", -0.5),
+    ],
+)
+def test_reads(text, unit, value):
+    assert parse_quantity(text, unit) == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    "text", ["200", "200Pa", "", "mm", "abc", "200 furlongsx", "nan m", "inf m", "1e999m", "()", "2m+"]
+)
+def test_refuses_with_an_example(text):
+    with pytest.raises(ValueError, match="200mm"):
+        parse_quantity(text, "m")
+
+
+@given(st.floats(1e-3, 1e3))
+def test_what_is_shown_can_be_read(value):
+    assert parse_quantity(spell(value, "m"), "m") == pytest.approx(value, rel=1e-5)
+
+
+@given(st.text(max_size=12))
+def test_any_text_is_read_or_refused(text):
+    refused = None
+    try:
+        parse_quantity(text, "m")
+    except ValueError as wrong:
+        refused = str(wrong)
+    assert refused is None or "expected a quantity" in refused

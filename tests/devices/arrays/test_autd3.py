@@ -1,0 +1,30 @@
+import sys
+
+import pytest
+
+from midair.devices import autd3_array, autd3_firmware, pyautd3_array
+from midair.errors import MissingExtraError
+
+WITHOUT = {
+    "autd3": (autd3_array, "midair.devices.arrays.autd3_udp", "autd3"),
+    "autd3-emulator": (autd3_firmware, "midair.devices.arrays.autd3_firmware", "autd3_emulator"),
+    "pyautd3": (lambda: pyautd3_array("audit"), "midair.devices.arrays.pyautd3_banks", "pyautd3"),
+}
+
+
+@pytest.mark.parametrize("extra", WITHOUT)
+def test_an_extra_that_is_not_installed_is_told_when_the_device_opens(extra, monkeypatch):
+    make, module, package = WITHOUT[extra]
+    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    with pytest.raises(MissingExtraError, match=rf'{package}.*pip install "midair\[{extra}\]"'):
+        make().open()
+
+
+def test_names_say_what_is_spoken_to():
+    assert (autd3_array().name, autd3_array().simulated) == ("autd3", False)
+    assert (autd3_array("eth0").name, autd3_array("eth0").simulated) == ("autd3:eth0", False)
+    assert (autd3_array("emulator").name, autd3_array("emulator").simulated) == ("autd3:emulator", True)
+    assert autd3_array("[::1]:50000").simulated
+    assert pyautd3_array("audit").simulated
+    assert not pyautd3_array("ethercrab:eth0").simulated

@@ -1,0 +1,175 @@
+"""Playing to AUTD3's emulator over loopback, in real time, with every datagram seen: what is sent, and how it ends."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from midair.devices import Placement, autd3_array
+from midair.devices.arrays.frame_bytes import phase_bytes
+from midair.errors import DeviceError, LinkLostError
+from midair.model import Drive
+
+pytest.importorskip("autd3")
+
+ONE = Placement.grid(columns=1, rows=1)
+WRITE, SWITCH, SILENCE = 0x13, 0x12, 0x16
+PATTERN, FAILSAFE = 0x08, 0x10
+"""Bits of the FPGA's state: a single pattern, which midair sends only to be silent; silenced by the failsafe."""
+
+PLAYER = """
+import sys
+import numpy as np
+from midair.devices import Placement, autd3_array
+from midair.model import Drive
+from midair.rig.play.admitted import signals_end_the_program
+
+placement = Placement.grid(columns=1, rows=1)
+array = placement.array()
+phase = np.random.default_rng(0).uniform(0, 6, (500, array.count))
+drive = Drive(phase=phase, level=np.ones(500), rate=1000.0, array=array)
+with signals_end_the_program(), autd3_array(sys.argv[1], placement) as device:
+    device.play(drive, repeats=1000, progress=lambda done, total: print("plays", flush=True))
+"""
+
+
+def noise(frames, rate=1000.0):
+    array = ONE.array()
+    phase = np.random.default_rng(1).uniform(0, 6, (frames, array.count))
+    return Drive(phase=phase, level=np.ones(frames), rate=rate, array=array)
+
+
+def phases_sent(tap):
+    """Of all frames in their order, the silent ones left out: (frame, transducer)."""
+    parts = []
+    for _, _, command, datagram in tap.frames():
+        if command == WRITE and datagram[13] > 0:
+            parts.append(np.frombuffer(datagram[16:], np.uint8).reshape(datagram[12], 249))
+    return np.concatenate(parts)
+
+
+def assert_last_word_is_silence(tap):
+    """The last pattern that was switched to has intensity 0 everywhere."""
+    commands = [command for _, _, command, _ in tap.frames() if command in (SWITCH, SILENCE)]
+    last = [datagram for _, _, command, datagram in tap.frames() if command == SILENCE][-1]
+    assert commands[-1] == SILENCE
+    assert not any(last[-249:])
+
+
+def playing(tap):
+    """A process that plays on the tap's emulator, once it has begun. Asking the units now would disturb it."""
+    process = subprocess.Popen([sys.executable, "-c", PLAYER, tap.address], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "plays\n"
+    return process
+
+
+def check_what_is_sent(tap, frames):
+    drive = noise(frames)
+    device = autd3_array(tap.address, ONE)
+    with device:
+        begin = time.monotonic()
+        report = device.play(drive)
+        end = time.monotonic()
+        telemetry = device.banks.describe()
+    np.testing.assert_array_equal(phases_sent(tap), phase_bytes(drive, 1)[:, 0])
+    switches = [
+        int.from_bytes(datagram[12:20], "little") for _, _, command, datagram in tap.frames() if command == SWITCH
+    ]
+    assert (report.frames, report.late, report.repeated, report.gap) == (frames, 0, 0, 0)
+    assert switches[0] == report.start
+    assert set(np.diff(switches)) <= {250_000_000}
+    assert max(np.diff([at for at, _, _ in tap.sent if begin <= at <= end])) < 0.4
+    assert "acted 0 times" in telemetry["failsafe"]
+    assert_last_word_is_silence(tap)
+
+
+def test_the_wire_carries_every_frame_and_exact_instants(tap):
+    check_what_is_sent(tap, 600)
+
+
+@pytest.mark.slow
+def test_five_seconds_in_real_time_without_a_break(tap):
+    check_what_is_sent(tap, 5000)
+
+
+def test_heartbeats_while_nothing_plays_and_while_it_plays(tap):
+    """The failsafe acts after 500 ms: the longest pause is far below it."""
+    with autd3_array(tap.address, ONE) as device:
+        begin = time.monotonic()
+        time.sleep(0.7)
+        device.play(noise(300))
+        assert tap.states() == [PATTERN]
+        assert tap.gap(begin) < 0.4
+        assert sum(datagram[1] == 7 for at, _, datagram in tap.sent if at >= begin) > 20
+
+
+def test_a_lost_link_ends_playing_and_the_failsafe_silences(tap):
+    def cut(done, _):
+        if done >= 250:
+            tap.passes = False
+
+    with pytest.raises(LinkLostError, match=r"check.*power"), autd3_array(tap.address, ONE) as device:
+        device.play(noise(2000), progress=cut)
+    time.sleep(0.55)
+    assert [state & FAILSAFE for state in tap.states()] == [FAILSAFE]
+
+
+def test_silence_from_another_thread_ends_playing(tap):
+    import threading
+
+    with autd3_array(tap.address, ONE) as device:
+        timer = threading.Timer(0.3, device.silence)
+        timer.start()
+        with pytest.raises(DeviceError, match="from elsewhere"):
+            device.play(noise(5000))
+        assert tap.states() == [PATTERN]
+        assert_last_word_is_silence(tap)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_signals_silence_on_the_way_out(tap, number):
+    with playing(tap) as process:
+        process.send_signal(number)
+        process.wait(10)
+    assert tap.states() == [PATTERN]
+    assert_last_word_is_silence(tap)
+
+
+def kill_and_look(tap, after):
+    with playing(tap) as process:
+        time.sleep(after)
+        process.kill()
+        process.wait(10)
+    killed = time.monotonic()
+    time.sleep(0.55)
+    assert max(at for at, _, _ in tap.sent) <= killed
+    assert [state & FAILSAFE for state in tap.states()] == [FAILSAFE]
+
+
+def test_the_failsafe_silences_after_a_kill(tap):
+    kill_and_look(tap, 0.1)
+
+
+def test_the_failsafe_silences_when_the_process_stands_still(tap):
+    """SIGSTOP: as a computer that sleeps, or a machine that is paused."""
+    with playing(tap) as process:
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(0.55)
+        states = tap.states()
+        process.kill()
+        process.wait(10)
+    assert [state & FAILSAFE for state in states] == [FAILSAFE]
+
+
+@pytest.mark.slow
+def test_fifty_kills_at_random_moments(tap):
+    for after in np.random.default_rng(7).uniform(0, 0.6, 50):
+        kill_and_look(tap, after)
+
+
+def test_units_that_do_not_answer_are_told_with_advice():
+    with pytest.raises(DeviceError, match=r"check power, cables"):
+        autd3_array("[::1]:9", ONE).open()

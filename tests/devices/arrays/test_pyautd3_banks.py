@@ -1,0 +1,103 @@
+"""The driver for older firmware against the SDK's own audit link, whose memory can be read back."""
+
+import numpy as np
+import pytest
+
+from midair.devices import Placement, pyautd3_array
+from midair.devices.arrays.frame_bytes import intensity_bytes, phase_bytes
+from midair.errors import DeviceStateError, UnknownDeviceError
+from midair.model import Drive
+
+pyautd3 = pytest.importorskip("pyautd3")
+
+PAIR = Placement.grid(columns=2, rows=1)
+
+
+def noise(frames, level=None, rate=1000.0, placement=PAIR):
+    array, rng = placement.array(), np.random.default_rng(5)
+    level = np.ones(frames) if level is None else level
+    return Drive(phase=rng.uniform(0, 6, (frames, array.count)), level=level, rate=rate, array=array)
+
+
+def check_memory(banks, drive, units, block=250):
+    """Load block after block into the two segments in turn; every byte is the drive's, and the end is silent."""
+    phases, intensity = phase_bytes(drive, units), intensity_bytes(drive, units)
+    wanted = np.broadcast_to(intensity if intensity.ndim == 3 else intensity[:, None, None], phases.shape)
+    for bank, first in enumerate(range(0, drive.frames, block)):
+        part = slice(first, min(first + block, drive.frames))
+        banks.load(bank % 2, phases[part], intensity[part], 40)
+        held = [[banks.held(unit, bank % 2, k) for unit in range(units)] for k in range(part.stop - first + 1)]
+        np.testing.assert_array_equal([[phase for phase, _ in frame] for frame in held[:-1]], phases[part])
+        np.testing.assert_array_equal([[strength for _, strength in frame] for frame in held[:-1]], wanted[part])
+        assert max(int(strength.max()) for _, strength in held[-1]) == 0
+
+
+def test_memory_is_the_drive_to_the_last_bit():
+    with pyautd3_array("audit", PAIR) as device:
+        check_memory(device.banks, noise(60), 2, block=25)
+
+
+def test_memory_with_levels_of_frames_and_of_transducers():
+    rng = np.random.default_rng(6)
+    with pyautd3_array("audit", PAIR) as device:
+        check_memory(device.banks, noise(20, rng.random(20)), 2)
+        check_memory(device.banks, noise(20, rng.random((20, 498))), 2)
+
+
+@pytest.mark.slow
+def test_five_thousand_frames_on_four_units():
+    placement = Placement.grid()
+    drive = noise(5000, placement=placement)
+    with pyautd3_array("audit", placement) as device:
+        check_memory(device.banks, drive, 4)
+        report = device.play(drive)
+    assert (report.frames, report.late, report.gap) == (5000, 0, 0)
+
+
+def test_after_playing_the_segment_that_plays_is_silent():
+    with pyautd3_array("audit", PAIR) as device:
+        report = device.play(noise(300))
+        assert (report.frames, report.late) == (300, 0)
+        assert not device.emitting
+        segment = int(device.banks.link.current_stm_segment(0))
+        assert device.banks.held(0, segment, 0)[1].max() == 0
+
+
+def test_the_silencer_is_set():
+    slow = np.zeros((20, 498))
+    drive = Drive(phase=slow, level=np.ones(20), rate=1000.0, array=PAIR.array())
+    with pyautd3_array("audit", PAIR) as device:
+        device.play(drive)
+        assert not device.banks.link.silencer_fixed_completion_steps_mode(0)
+        device.play(noise(20))
+        assert device.banks.link.silencer_fixed_completion_steps_mode(0)
+        assert device.banks.link.silencer_completion_steps_phase(0) == 20
+        assert not device.banks.link.silencer_strict(0)
+
+
+def test_a_link_that_breaks_ends_playing():
+    from midair.errors import DeviceError
+
+    def cut(done, _):
+        if done >= 250:
+            device.banks.link.break_down()
+
+    device = pyautd3_array("audit", PAIR)
+    with pytest.raises(DeviceError, match="pyautd3"), device:
+        device.play(noise(2000), progress=cut)
+
+
+def test_memory_of_the_nop_link_cannot_be_read():
+    with pyautd3_array("nop", PAIR) as device, pytest.raises(DeviceStateError, match="audit"):
+        device.banks.held(0, 0, 0)
+
+
+def test_a_link_that_the_sdk_has_not():
+    with pytest.raises(UnknownDeviceError, match=r"remote:ADDRESS:PORT.*got 'soem'"):
+        pyautd3_array("soem", PAIR).open()
+
+
+@pytest.mark.skipif(pyautd3.__version__.startswith("36."), reason="version 36 has EtherCrab")
+def test_the_later_sdk_says_what_to_use_instead_of_ethercrab():
+    with pytest.raises(UnknownDeviceError, match="twincat"):
+        pyautd3_array("ethercrab", PAIR).open()

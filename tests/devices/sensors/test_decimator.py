@@ -1,0 +1,81 @@
+"""Rates, delays and aliases of the streaming filter, against sines whose answer is known and `dsp.resample`."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midair.devices.sensors.decimator import CENTRE, Decimator, Polyphase
+from midair.dsp import resample
+from midair.errors import RateError
+
+RATES = [(48000, 1000), (44100, 1000), (3000, 2000), (1200, 1000), (48000, 8000)]
+
+
+polyphase = cache(Polyphase.between)
+
+
+def through(x, rate, new_rate, pieces=(1000,)):
+    decimator, out, at = Decimator(polyphase(rate, new_rate), x.shape[1]), [], 0
+    while at < len(x):
+        size = pieces[len(out) % len(pieces)]
+        out.append(decimator.push(x[at : at + size]))
+        at += size
+    return np.concatenate(out)
+
+
+@pytest.mark.parametrize(("rate", "new_rate"), RATES)
+def test_it_agrees_with_the_offline_filter(rate, new_rate):
+    x = np.random.default_rng(0).normal(size=(round(0.4 * rate), 3))
+    streamed = through(x, rate, new_rate)
+    offline = resample(x, rate, new_rate)[CENTRE:]
+    assert len(streamed) > 100
+    np.testing.assert_allclose(streamed, offline[: len(streamed)], atol=1e-12)
+
+
+@given(pieces=st.lists(st.integers(1, 700), min_size=1, max_size=8))
+def test_the_size_of_the_pieces_does_not_matter(pieces):
+    x = np.random.default_rng(1).normal(size=(5000, 2))
+    np.testing.assert_allclose(through(x, 1470, 1000, pieces), through(x, 1470, 1000, (5000,)), atol=1e-13)
+
+
+@pytest.mark.parametrize("frequency", [0.0, 20.0, 250.0, 470.0])
+def test_a_sine_in_the_band_comes_out_at_its_time(frequency):
+    rate, new_rate = 48000, 1000
+    x = np.cos(2 * np.pi * frequency * np.arange(rate) / rate)[:, None]
+    y = through(x, rate, new_rate)[:, 0]
+    when = (np.arange(len(y)) + CENTRE) / new_rate
+    np.testing.assert_allclose(y, np.cos(2 * np.pi * frequency * when), atol=1e-3)
+
+
+@pytest.mark.parametrize("frequency", [530.0, 900.0, 9030.0, 23000.0])
+def test_what_would_alias_is_80_db_down(frequency):
+    rate = 48000
+    x = np.cos(2 * np.pi * frequency * np.arange(rate) / rate)[:, None]
+    assert np.abs(through(x, rate, 1000)).max() < 1e-4
+
+
+def test_the_stated_delay_is_half_the_filter():
+    polyphase = Polyphase.between(48000, 1000)
+    assert polyphase.delay == pytest.approx(0.064)
+    # A click is seen in 128 frames: the one at its own time is the largest, and they lie evenly around it.
+    x = np.zeros((48000, 1))
+    x[24000] = 1
+    y = through(x, 48000, 1000)[:, 0]
+    seen = np.flatnonzero(np.abs(y) > 1e-12)
+    assert np.abs(y).argmax() == 500 - CENTRE
+    assert seen[0] + seen[-1] == 2 * (500 - CENTRE)
+    assert seen[-1] - seen[0] <= 2 * CENTRE
+
+
+@pytest.mark.parametrize("new_rate", [0.0, -1.0, 48000.0, 96000.0, 1000.3, float("nan")])
+def test_rates_that_it_cannot_make(new_rate):
+    with pytest.raises(ValueError, match="expected"):
+        Polyphase.between(48000.0, new_rate)
+
+
+def test_a_rate_without_a_simple_ratio_says_what_to_do():
+    with pytest.raises(RateError, match=r"got 1000\.3 Hz; leave the rate out"):
+        Polyphase.between(48000.0, 1000.3)

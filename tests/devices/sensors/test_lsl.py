@@ -1,0 +1,104 @@
+"""LSL between two processes over loopback."""
+
+import time
+
+import numpy as np
+import pytest
+
+from midair.errors import DeviceError, InputError, MismatchError
+from midair.rig.open.source_names import source_sensor
+
+
+def record(sensor, seconds):
+    """Blocks of `seconds`, and their frames as the ramp, shape (frame, 16)."""
+    blocks, got = [], 0
+    while got < seconds * sensor.rate:
+        blocks.append(sensor.read(100))
+        got += len(blocks[-1].samples)
+    return blocks, np.rint(np.concatenate([block.samples for block in blocks])).astype(int).reshape(-1, 16)
+
+
+@pytest.mark.parametrize("seconds", [2, pytest.param(60, marks=pytest.mark.slow)])
+def test_nothing_is_lost_or_permuted_between_two_processes(seconds, lsl_sender):
+    name, _ = lsl_sender()
+    with source_sensor(f"lsl:{name}?timeout=20") as sensor:
+        sensor.start()
+        # Without the option, the counter of frames is one more channel: 17 in a row.
+        blocks, numbers = [], []
+        while sum(map(len, numbers)) < seconds * 1000:
+            blocks.append(sensor.read(100))
+            numbers.append(blocks[-1].samples.reshape(-1, 17))
+    ramp = np.concatenate(numbers).astype(int)
+    assert not any(block.overflow for block in blocks)
+    np.testing.assert_array_equal(np.diff(ramp[:, 16]), 1)
+    np.testing.assert_array_equal(ramp[:, :16], (ramp[:, 16:] % 2048) * 16 + np.arange(16))
+
+
+def test_frames_that_the_sender_left_out_show_in_its_counter(lsl_sender):
+    name, _ = lsl_sender(hole=7)
+    with source_sensor(f"lsl:{name}?counter=16") as sensor:
+        sensor.start()
+        blocks, ramp = record(sensor, 0.5)
+        lost = int(sensor.describe()["lost frames"])
+    steps = np.diff(ramp[:, 0] // 16) % 2048
+    assert sorted(set(steps)) == [1, 8]
+    assert [block.overflow for block in blocks].count(True) == (steps == 8).sum() >= 2
+    assert lost == 7 * (steps == 8).sum()
+    assert blocks[-1].first + len(blocks[-1].samples) == len(ramp) + lost
+
+
+@pytest.mark.slow
+def test_the_clocks_of_sender_and_computer_agree_where_they_are_the_same(lsl_sender):
+    name, _ = lsl_sender()
+    with source_sensor(f"lsl:{name}?counter=16") as sensor:
+        sensor.start()
+        blocks, _ = record(sensor, 2)
+    device, host = ([getattr(block, clock) for block in blocks] for clock in ("device_time", "host_time"))
+    # liblsl settles in the first seconds; a wrong rate or another clock would be off by far more than one in a hundred.
+    assert np.polyfit(device, host, 1)[0] == pytest.approx(1, abs=0.01)
+    assert 0 < time.monotonic() - host[-1] < 5
+
+
+@pytest.mark.parametrize(
+    ("unit", "options", "factor"), [("microvolts", "", 1e-6), ("V", "", 1.0), ("-", "?unit=V", 1.0)]
+)
+def test_the_unit_is_the_senders_or_the_stated_one(unit, options, factor, lsl_sender):
+    name, _ = lsl_sender(unit=unit)
+    with source_sensor(f"lsl:{name}{options}") as sensor:
+        sensor.start()
+        assert sensor.unit == "V"
+        samples = sensor.read(1).samples.ravel() / factor
+        np.testing.assert_allclose(np.diff(samples[:16]), 1, rtol=1e-4)
+
+
+def test_a_unit_that_contradicts_the_sender_is_refused(lsl_sender):
+    name, _ = lsl_sender(unit="V")
+    with pytest.raises(MismatchError, match="the source says V"):
+        source_sensor(f"lsl:{name}?unit=Pa").open()
+
+
+def test_a_stream_that_nobody_sends(lsl_sender):
+    from midair.devices.sensors.lsl import LslSource
+
+    lsl_sender()
+    with pytest.raises(DeviceError, match=r"a stream called 'Nobody', found none in 0\.3 s.*Streams here: midair"):
+        LslSource("Nobody", search=0.3).open()
+
+
+def test_a_counter_that_is_no_channel_is_refused(lsl_sender):
+    name, _ = lsl_sender()
+    with pytest.raises(InputError, match="a counter among channels 0 to 16, got 17"):
+        source_sensor(f"lsl:{name}?counter=17").open()
+
+
+def test_one_of_two_streams_of_a_name_is_chosen_by_its_source_id():
+    pylsl = pytest.importorskip("pylsl")
+    from midair.devices.sensors.lsl import LslSource
+
+    outlets = [pylsl.StreamOutlet(pylsl.StreamInfo("twins", "", 4, 100, pylsl.cf_float32, each)) for each in "ab"]
+    deadline = time.monotonic() + 10
+    while len(pylsl.resolve_byprop("name", "twins", 2, 1.0)) < len(outlets):
+        assert time.monotonic() < deadline
+    source = LslSource("twins", source_id="b", search=2.0)
+    assert source.open().channels == 4
+    source.close()

@@ -1,0 +1,68 @@
+"""The driver of NI-DAQmx against a task that pretends; no vendor's driver exists where these tests run."""
+
+import numpy as np
+import pytest
+
+from midair.devices import StreamedSensor
+from midair.errors import DeviceError, InputError
+from midair.rig.open.source_names import source_sensor
+
+pytest.importorskip("nidaqmx")
+
+
+def test_the_task_is_set_up_as_asked(ni_task):
+    from nidaqmx.constants import AcquisitionType, TerminalConfiguration
+
+    from midair.devices.sensors.ni import NiSource
+
+    source = NiSource("Dev1/ai0:15", rate=2000.0, limit=5.0, wires="rse", make_task=lambda: ni_task)
+    with StreamedSensor(source, name="ni") as sensor:
+        assert (sensor.rate, sensor.unit, sensor.full_scale) == (2000.0, "V", 5.0)
+    (channels, volts), (rate, timing) = ni_task.calls
+    assert (channels, rate) == ("Dev1/ai0:15", 2000.0)
+    assert volts == {"terminal_config": TerminalConfiguration.RSE, "min_val": -5.0, "max_val": 5.0}
+    assert timing == {"sample_mode": AcquisitionType.CONTINUOUS, "samps_per_chan": 20000}
+
+
+@pytest.mark.parametrize("channels", [1, 16])
+def test_frames_come_out_as_the_task_gives_them(channels, ni_task):
+    from midair.devices.sensors.ni import NiSource
+
+    ni_task.channel_names = ni_task.channel_names[:channels]
+    with StreamedSensor(NiSource("x", make_task=lambda: ni_task), name="ni") as sensor:
+        sensor.start()
+        samples = sensor.read(300).samples.reshape(300, channels)
+    wanted = (np.arange(300)[:, None] * 16 + np.arange(channels)) / 32768 * 10
+    np.testing.assert_allclose(samples, wanted)
+
+
+def test_a_converter_that_is_pulled_out_is_one_clear_line(ni_task):
+    from midair.devices.sensors.ni import NiSource
+
+    sensor = StreamedSensor(NiSource("Dev1/ai0:15", make_task=lambda: ni_task), name="ni")
+    with sensor:
+        sensor.start()
+        sensor.read(5)
+        ni_task.unplugged = True
+        with pytest.raises(DeviceError, match=r"^ni: Dev1/ai0:15: Device is not available.*; check") as told:
+            while True:
+                sensor.read(100)
+    assert "\n" not in str(told.value)
+
+
+def test_without_the_vendors_driver_the_user_is_told():
+    from nidaqmx.errors import DaqNotFoundError
+
+    from midair.devices.sensors.ni import devices
+
+    try:
+        devices()
+    except DeviceError:
+        with pytest.raises(DeviceError, match="expected the driver NI-DAQmx, it is not installed") as told:
+            source_sensor("ni:Dev1/ai0:15").open()
+        assert isinstance(told.value.__cause__, DaqNotFoundError)
+
+
+def test_unknown_wires_are_refused():
+    with pytest.raises(InputError, match="expected wires=default or rse or nrse or differential, got 'star'"):
+        source_sensor("ni:Dev1/ai0:15?wires=star")

@@ -1,0 +1,111 @@
+"""Serial frames over a pty: a kernel's serial line without the wire."""
+
+import os
+import threading
+import time
+import tty
+
+import numpy as np
+import pytest
+
+from midair.errors import DeviceError
+from midair.rig.open.source_names import source_sensor
+
+pytest.importorskip("serial")
+
+
+def record(sensor, seconds):
+    blocks, got = [], 0
+    while got < seconds * sensor.rate:
+        blocks.append(sensor.read(100))
+        got += len(blocks[-1].samples)
+    return blocks, np.concatenate([block.samples for block in blocks]).astype(int).reshape(got, -1)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "width", "noise"),
+    [
+        (0.2, 2, False),
+        (2, 3, True),
+        pytest.param(60, 2, False, marks=pytest.mark.slow),
+        pytest.param(60, 3, True, marks=pytest.mark.slow),
+    ],
+)
+def test_nothing_is_lost_or_permuted(seconds, width, noise, serial_line):
+    line = serial_line(width=width, noise=noise)
+    with source_sensor(f"serial:{line.port}?timeout=20") as sensor:
+        sensor.start()
+        blocks, ramp = record(sensor, seconds)
+        said = sensor.describe()
+    np.testing.assert_array_equal(np.diff(ramp[:, 0] // 16) % 2048, 1)
+    np.testing.assert_array_equal(ramp % 16, np.broadcast_to(np.arange(16), ramp.shape))
+    assert not any(block.overflow for block in blocks)
+    assert (said["lost frames"], said["damaged frames"]) == ("0", "0")
+    # 4 bytes of noise a frame on average; without noise at most the rest of the frame that was cut at the start.
+    assert (int(said["bytes outside frames"]) > len(ramp)) == noise
+
+
+def test_holes_in_the_line_are_counted_exactly(serial_line):
+    line = serial_line(hole=5, noise=True)
+    with source_sensor(f"serial:{line.port}") as sensor:
+        sensor.start()
+        blocks, ramp = record(sensor, 0.5)
+        lost = int(sensor.describe()["lost frames"])
+    steps = np.diff(ramp[:, 0] // 16) % 2048
+    assert sorted(set(steps)) == [1, 6]
+    assert lost == 5 * (steps == 6).sum() >= 10
+    assert blocks[-1].first + len(blocks[-1].samples) == len(ramp) + lost
+
+
+def test_device_time_is_the_sensors_own_stamp(serial_line):
+    line = serial_line(rate=500)
+    with source_sensor(f"serial:{line.port}") as sensor:
+        sensor.start()
+        blocks, _ = record(sensor, 0.5)
+        assert sensor.rate == 500.0
+    times = [block.device_time for block in blocks]
+    np.testing.assert_allclose(times, times[0] + np.array([block.first for block in blocks]) / 500, atol=1e-6)
+
+
+def test_volts_follow_from_the_full_scale(serial_line):
+    line = serial_line(width=3)
+    with source_sensor(f"serial:{line.port}?unit=V&full_scale=2.5") as sensor:
+        sensor.start()
+        samples = sensor.read(3).samples
+        assert (sensor.unit, sensor.full_scale) == ("V", 2.5)
+    np.testing.assert_allclose(np.diff(samples.reshape(3, 16)), 2.5 / 2**23)
+
+
+def test_a_sensor_that_falls_silent_is_an_error_in_time(serial_line):
+    line = serial_line()
+    with source_sensor(f"serial:{line.port}?timeout=0.3") as sensor:
+        sensor.start()
+        sensor.read(10)
+        line.sends = False
+        begin = time.monotonic()
+        with pytest.raises(DeviceError, match=r"got none for 0\.3 s"):
+            while time.monotonic() < begin + 30:
+                sensor.read(10)
+
+
+def test_a_port_that_is_not_there_names_those_that_are():
+    with pytest.raises(DeviceError, match=r"expected a port /dev/nothing, got: .*; ports here: "):
+        source_sensor("serial:/dev/nothing").open()
+
+
+def test_a_port_that_sends_something_else_says_how_much_it_heard():
+    from midair.devices.sensors.serial_port import SerialSource
+
+    master, slave = os.openpty()
+    try:
+        tty.setraw(slave)
+        source = SerialSource(os.ttyname(slave), search=0.4)
+        talk = threading.Timer(0.1, os.write, (master, b"Arduino ready\n"))
+        talk.start()
+        with pytest.raises(DeviceError, match=r"got 14 bytes in 0\.4 s and no whole frame; check the port, \?baud="):
+            source.open()
+        source.close()
+        talk.join()
+    finally:
+        os.close(master)
+        os.close(slave)

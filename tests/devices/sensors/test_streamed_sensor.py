@@ -1,0 +1,252 @@
+"""Gaps, silence, full memory, units and wiring of a sensor whose source is a script."""
+
+import threading
+import time
+
+import numpy as np
+import psutil
+import pytest
+
+from midair.devices import StreamedSensor
+from midair.devices.sensors.decimated import Decimated
+from midair.devices.sensors.sources import Chunk, Stream
+from midair.errors import DeviceError, InputError, MismatchError
+from midair.model import SensorGrid, SensorWiring
+
+
+class Script:
+    """A source that gives the chunks it was told to, then waits."""
+
+    def __init__(self, chunks=(), *, channels=4, rate=1000.0, then=None, **stream):
+        self.stream = Stream(channels=channels, rate=rate, **stream)
+        self.chunks, self.then = list(chunks), then
+        self.calls = []
+
+    def open(self):
+        self.calls.append("open")
+        return self.stream
+
+    def start(self):
+        self.calls.append("start")
+        self.left = list(self.chunks)
+
+    def pull(self, wait):
+        if self.left:
+            return self.left.pop(0)
+        if self.then is not None:
+            raise self.then
+        time.sleep(min(wait, 0.01))
+        return None
+
+    def stop(self):
+        self.calls.append("stop")
+
+    def close(self):
+        self.calls.append("close")
+
+    def describe(self):
+        return {}
+
+
+def chunk(first, frames, channels=4):
+    number = np.arange(first, first + frames)[:, None]
+    return Chunk(
+        samples=np.asarray(10 * number + np.arange(channels), np.float32),
+        first=first,
+        device_time=first / 1000,
+        host_time=100 + first / 1000,
+    )
+
+
+def wired(**settings):
+    return lambda _: SensorWiring(grid=SensorGrid(rows=2, columns=2), **settings)
+
+
+def test_blocks_are_cut_from_chunks_of_any_size():
+    with StreamedSensor(Script([chunk(0, 7), chunk(7, 1), chunk(8, 30)]), name="s") as sensor:
+        sensor.start()
+        blocks = [sensor.read(5) for _ in range(6)]
+    assert [block.first for block in blocks] == [0, 5, 10, 15, 20, 25]
+    assert [block.host_time for block in blocks] == pytest.approx([100 + n / 1000 for n in range(0, 30, 5)])
+    np.testing.assert_array_equal(np.concatenate([block.samples for block in blocks])[:, 0, 0], 10 * np.arange(30))
+
+
+def test_a_gap_ends_a_block_and_is_told_in_the_next():
+    with StreamedSensor(Script([chunk(0, 10), chunk(13, 10)]), name="s") as sensor:
+        sensor.start()
+        before, after = sensor.read(15), sensor.read(10)
+        assert sensor.describe()["lost frames"] == "3"
+    assert (before.first, len(before.samples), before.overflow) == (0, 10, False)
+    assert (after.first, len(after.samples), after.overflow) == (13, 10, True)
+    assert after.device_time == pytest.approx(0.013)
+
+
+def test_frames_that_hold_no_number_count_as_lost():
+    holed = chunk(0, 10)
+    holed.samples[4:6, 1] = np.nan
+    holed.samples[9, 0] = np.inf
+    with StreamedSensor(Script([holed, chunk(10, 5)]), name="s") as sensor:
+        sensor.start()
+        blocks = [sensor.read(100) for _ in range(2)] + [sensor.read(5)]
+    assert [(block.first, len(block.samples)) for block in blocks] == [(0, 4), (6, 3), (10, 5)]
+    assert [block.overflow for block in blocks] == [False, True, True]
+
+
+def test_a_silent_source_is_an_error_after_the_time_limit_and_may_come_back():
+    source = Script([chunk(0, 10)])
+    with StreamedSensor(source, name="s", timeout=0.2) as sensor:
+        sensor.start()
+        assert len(sensor.read(50).samples) == 10
+        with pytest.raises(DeviceError, match=r"got none for 0\.2 s; is it connected"):
+            sensor.read(50)
+        source.left.append(chunk(10, 50))
+        assert sensor.read(50).first == 10
+
+
+@pytest.mark.parametrize("failure", [DeviceError("it is gone"), ZeroDivisionError("a mistake of ours")])
+def test_a_lost_source_gives_what_came_first_and_then_its_error_every_time(failure):
+    with StreamedSensor(Script([chunk(0, 10)], then=failure), name="s") as sensor:
+        sensor.start()
+        assert len(sensor.read(50).samples) == 10
+        for _ in range(2):
+            with pytest.raises(type(failure), match=str(failure)):
+                sensor.read(1)
+
+
+def test_a_late_reader_loses_only_what_does_not_fit_and_is_told():
+    # 100 frames of 4 float32 are 1600 bytes: two of the four chunks fit.
+    chunks = [chunk(first, 100) for first in range(0, 400, 100)]
+    source = Script(chunks)
+    with StreamedSensor(source, name="s", memory=3200) as sensor:
+        sensor.start()
+        while source.left:
+            time.sleep(0.01)
+        first, last = sensor.read(200), None
+        source.left.append(chunk(400, 50))
+        last = sensor.read(50)
+    assert (first.first, len(first.samples)) == (0, 200)
+    assert (last.first, last.overflow) == (400, True)
+
+
+def test_the_wiring_puts_channels_into_cells():
+    with StreamedSensor(Script([chunk(0, 2, 6)], channels=6), name="s", wire=wired(order=(5, 0, 3, 1))) as sensor:
+        sensor.start()
+        np.testing.assert_array_equal(sensor.read(2).samples, [[[5, 0], [3, 1]], [[15, 10], [13, 11]]])
+
+
+def test_too_few_channels_are_refused_and_the_source_let_go():
+    source = Script(channels=3)
+    with pytest.raises(MismatchError, match=r"expected 4 channels for 2 x 2 cells, got 3"):
+        StreamedSensor(source, name="s", wire=wired()).open()
+    assert source.calls == ["open", "close"]
+
+
+@pytest.mark.parametrize(
+    ("stream", "wiring", "factor", "full_scale"),
+    [
+        ({"full_scale": 32768.0}, {}, 1.0, 32768.0),
+        ({"full_scale": 32768.0}, {"unit": "V", "full_scale": 3.3}, 3.3 / 32768, 3.3),
+        ({"full_scale": 32768.0}, {"full_scale": 2048.0}, 1.0, 2048.0),
+        ({"unit": "V", "scale": 1e-6}, {"unit": "V"}, 1e-6, None),
+        ({"unit": "V", "full_scale": 10.0}, {"unit": "V"}, 1.0, 10.0),
+        ({}, {"unit": "Pa"}, 1.0, None),
+    ],
+)
+def test_units_and_full_scale(stream, wiring, factor, full_scale):
+    with StreamedSensor(Script([chunk(0, 2)], **stream), name="s", wire=wired(**wiring)) as sensor:
+        sensor.start()
+        np.testing.assert_allclose(sensor.read(2).samples[1, 0], [10 * factor, 11 * factor], rtol=1e-12)
+        assert sensor.unit == wiring.get("unit", "count")
+        assert sensor.full_scale == sensor.wiring.full_scale == full_scale
+
+
+def test_a_unit_that_contradicts_the_source_is_refused():
+    with pytest.raises(MismatchError, match=r"expected samples in Pa, the source says V; state unit=V"):
+        StreamedSensor(Script(unit="V"), name="s", wire=wired(unit="Pa")).open()
+
+
+def test_volts_of_a_source_that_knows_only_shares_need_a_full_scale():
+    with pytest.raises(InputError, match="expected full_scale for a unit of V"):
+        StreamedSensor(Script(full_scale=1.0), name="s", wire=wired(unit="V")).open()
+
+
+def test_a_stated_sensitivity_is_a_nominal_calibration():
+    with StreamedSensor(Script(unit="V"), name="s", wire=wired(unit="V", sensitivity=0.02)) as sensor:
+        assert np.all(sensor.calibration.response == 0.02)
+        assert sensor.calibration.provenance.source.startswith("nominal")
+
+
+def test_no_thread_is_left_behind():
+    with StreamedSensor(Script([chunk(0, 2)]), name="s") as sensor:
+        for _ in range(3):
+            sensor.start()
+    assert not [thread for thread in threading.enumerate() if thread.name == "midair source"]
+
+
+def test_less_than_one_frame_cannot_be_read():
+    with StreamedSensor(Script(), name="s") as sensor:
+        sensor.start()
+        with pytest.raises(InputError, match="got 0"):
+            sensor.read(0)
+
+
+class TestDecimated:
+    def test_a_gap_becomes_one_of_the_filters_length_and_what_is_given_is_right(self):
+        whole = [chunk(0, 40_000), chunk(48_123, 60_000)]
+        with StreamedSensor(Decimated(Script(whole, rate=48_000.0), 1000.0), name="s") as sensor:
+            sensor.start()
+            blocks = [sensor.read(2000), sensor.read(1000)]
+        # The ramp rises by 480 a frame of 1 kHz: its value tells the frame's time, 64 frames after the first one.
+        for block in blocks:
+            wanted = 480.0 * (block.first + 64 + np.arange(len(block.samples)))
+            np.testing.assert_allclose(block.samples[:, 0, 0], wanted, atol=0.1)
+        assert [block.overflow for block in blocks] == [False, True]
+        # Run 1003 is the first whole one from frame 48 123 on.
+        assert blocks[1].first == 1003
+        assert len(blocks[0].samples) == 40_000 // 48 - 128
+
+    def test_times_are_those_of_the_middle_of_the_filter(self):
+        with StreamedSensor(Decimated(Script([chunk(0, 48_000)], rate=48_000.0), 1000.0), name="s") as sensor:
+            sensor.start()
+            block = sensor.read(10)
+        # chunk() stamps frame 0 with 0 and 100 s; frame 0 out lies 64 ms after it.
+        assert block.device_time == pytest.approx(0.064)
+        assert block.host_time == pytest.approx(100.064)
+
+    def test_a_source_of_the_wanted_rate_is_passed_on(self):
+        with StreamedSensor(Decimated(Script([chunk(0, 10)]), 1000.0), name="s") as sensor:
+            sensor.start()
+            np.testing.assert_array_equal(sensor.read(10).samples[:, 0, 0], 10 * np.arange(10))
+
+
+class Endless(Script):
+    """As many frames of 16 channels at 48 kHz as are read, at once."""
+
+    def start(self):
+        self.asked = threading.Semaphore(4)
+        self.given = 0
+        self.piece = np.random.default_rng(0).random((4800, 16), np.float32)
+
+    def pull(self, wait):
+        if not self.asked.acquire(timeout=wait):
+            return None
+        first, self.given = self.given, self.given + len(self.piece)
+        return Chunk(samples=self.piece.copy(), first=first, device_time=first / 48e3, host_time=first / 48e3)
+
+
+@pytest.mark.parametrize(
+    ("rate", "hours"),
+    [(48_000, 0.01), pytest.param(48_000, 1, marks=pytest.mark.slow), pytest.param(1000, 0.2, marks=pytest.mark.slow)],
+)
+def test_an_hour_of_16_channels_at_48_khz_needs_no_more_memory_than_minutes(rate, hours):
+    source = Endless(channels=16, rate=48_000.0)
+    with StreamedSensor(Decimated(source, float(rate)), name="s", timeout=30) as sensor:
+        sensor.start()
+        used, frames = [], round(hours * 3600 * rate)
+        for tenth in range(10):
+            while sensor._next < frames * (tenth + 1) / 10:
+                block = sensor.read(rate // 10)
+                source.asked.release()
+                assert not block.overflow
+            used.append(psutil.Process().memory_info().rss)
+    assert max(used) - used[0] < 20e6

@@ -1,0 +1,67 @@
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from midair.calibration import measure_calibration, measure_tone
+from midair.calibration.measure.excitation import noise_signal, tone_signal
+from midair.figures import png
+from midair.figures.calibration_sheet import calibration_figure
+from midair.model import Calibration, SensorGrid
+from midair.physics import SensorModel
+from midair.rig.bench.practice import CalibrationBench
+
+BENCH = CalibrationBench(model=SensorModel(grid=SensorGrid(rows=1, columns=3)).with_spread(seed=1))
+
+
+def everything():
+    rng = np.random.default_rng(0)
+    takes = [BENCH.take(noise_signal(level, 8, rng=rng), number=level) for level in (1, 2, 4, 8, 16)]
+    takes += [BENCH.take(noise_signal(8, 8, rng=rng), cell=cell) for cell in range(3)]
+    return measure_calibration(takes, quiet=BENCH.quiet(8))
+
+
+CALIBRATIONS = {
+    "everything": everything,
+    "a tone": lambda: measure_tone(BENCH.recordings(tone_signal(10, 250, 2))[0], frequency=250, pressure=10),
+    "deaf": lambda: Calibration(
+        sensor=SensorGrid(rows=1, columns=1),
+        frequency=np.array([1.0, 2.0]),
+        response=np.zeros((2, 1, 1)),
+        noise=np.zeros((1, 1)),
+    ),
+}
+
+
+@pytest.fixture(scope="module", params=CALIBRATIONS)
+def calibration(request):
+    return CALIBRATIONS[request.param]()
+
+
+def test_is_drawn_without_a_warning_and_says_what_it_is(calibration):
+    figure = calibration_figure(calibration)
+    image = np.asarray(Image.open(io.BytesIO(png(figure, dpi=40))).convert("L"))
+    assert (image < 128).mean() > 0.001
+    words = [text.get_text() for text in figure.texts]
+    assert ("SIMULATED" in words) == calibration.provenance.simulated
+    assert calibration.identifier in figure.get_suptitle()
+
+
+def test_every_panel_has_units(calibration):
+    for axis in calibration_figure(calibration).axes[:9]:
+        assert axis.get_xlabel()
+        assert axis.get_ylabel()
+        assert "(" in axis.get_ylabel() or axis.get_ylabel() == "hearing channel"
+
+
+def test_what_was_not_measured_says_so():
+    figure = calibration_figure(Calibration.flat(SensorGrid()))
+    said = " ".join(text.get_text() for axis in figure.axes for text in axis.texts)
+    assert said.count("not measured") == 5
+
+
+def test_what_was_measured_is_drawn(calibration):
+    empty = [text.get_text() for axis in calibration_figure(calibration).axes for text in axis.texts]
+    complete = calibration.linearity is not None and calibration.crosstalk is not None
+    assert complete == (not empty)

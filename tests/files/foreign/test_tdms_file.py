@@ -1,0 +1,96 @@
+"""TDMS: segments written here by National Instruments' description."""
+
+import numpy as np
+import pytest
+
+from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
+from midair.files import load, read
+from midair.model import SensorGrid
+
+PAIR = SensorGrid(rows=1, columns=2)
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(data):
+        (tmp_path / "a.tdms").write_bytes(data)
+        return tmp_path / "a.tdms"
+
+    return write
+
+
+@pytest.fixture
+def columns():
+    rng = np.random.default_rng(2)
+    return {"a": rng.normal(size=60), "it's b": rng.normal(size=60).astype("f4")}
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("interleaved", [False, True])
+@pytest.mark.parametrize("chunks", [1, 3])
+def test_reads_every_layout(order, interleaved, chunks, tdms, columns, file):
+    seen = read(file(tdms(columns, order=order, interleaved=interleaved, chunks=chunks)), sensor=PAIR)
+    for i, name in enumerate(columns):
+        np.testing.assert_array_equal(seen.recording.samples[:, 0, i], columns[name])
+    assert seen.recording.rate == 1000
+    assert seen.recording.unit == "V"
+    assert seen.recording.provenance.notes["group"] == "skin"
+    assert seen.report == ()
+
+
+def test_later_segments_without_metadata_go_on(tdms, columns, file):
+    more = {name: column + 1 for name, column in columns.items()}
+    recording = load(file(tdms(columns) + tdms(more, meta=False)), sensor=PAIR)
+    assert recording.frames == 120
+    np.testing.assert_array_equal(recording.samples[60:, 0, 0], columns["a"] + 1)
+
+
+@pytest.mark.parametrize("dtype", ["i2", "i4", "u1", "f4"])
+def test_whole_numbers_stay_whole(dtype, tdms, file):
+    data = np.array([1, 2, 250 if dtype == "u1" else -3], dtype)
+    assert load(file(tdms({"x": data}, said={})), rate=50, unit="count").samples.ravel().tolist() == data.tolist()
+
+
+def test_asks_for_a_rate_that_is_not_there(tdms, columns, file):
+    path = file(tdms(columns, said={"unit_string": "mV"}))
+    assert load(path, rate=48000, sensor=PAIR).samples[0, 0, 0] == columns["a"][0] * 1e-3
+    assert load(path, rate=48000, sensor=PAIR).rate == 48000
+
+
+def test_a_scale_is_of_the_file_s_own_numbers(tdms, columns, file):
+    path = file(tdms(columns, said={"unit_string": "mV", "wf_increment": 1e-3}))
+    recording = load(path, scale=3.0, sensor=PAIR)
+    np.testing.assert_array_equal(recording.samples[:, 0, 0], 3 * columns["a"])
+    assert recording.unit == "Pa"
+
+
+def test_several_groups_need_a_name(tdms, columns, file):
+    path = file(tdms(columns) + tdms(columns, group="arm"))
+    with pytest.raises(BrokenFileError, match=r"skin \(2 channels\), arm \(2 channels\)"):
+        load(path, sensor=PAIR)
+    assert load(path, sensor=PAIR, stream="arm").frames == 60
+    with pytest.raises(MismatchError, match="expected a group 'leg'"):
+        load(path, stream="leg")
+
+
+def test_channels_are_chosen_by_name(tdms, columns, file):
+    np.testing.assert_array_equal(load(file(tdms(columns)), channels=["it's b"]).samples.ravel(), columns["it's b"])
+
+
+def test_a_file_that_was_not_closed_gives_what_was_written_whole(tdms, columns, file):
+    data = tdms(columns, chunks=6)
+    unfinished = data[:12] + b"\xff" * 8 + data[20:-5]
+    seen = read(file(unfinished), sensor=PAIR)
+    assert seen.recording.frames == 50
+    assert seen.report == ("The file was not closed: what was written whole was read.",)
+
+
+def test_refuses_what_it_would_misread(tdms, columns, file):
+    with pytest.raises(UnknownFormatError, match="scaled by NI_Scale"):
+        load(file(tdms(columns, said={"NI_Scale[0]_Linear_Slope": 2.0})), sensor=PAIR)
+    daqmx = bytearray(tdms(columns))
+    daqmx[4] |= 128
+    with pytest.raises(UnknownFormatError, match="DAQmx raw data"):
+        load(file(bytes(daqmx)), sensor=PAIR)
+    with pytest.raises(BrokenFileError, match="channels of one length in group 'skin', got a 60, b 50"):
+        load(file(tdms({"a": columns["a"]}) + tdms({"b": columns["a"][:50]})), sensor=PAIR)

@@ -1,0 +1,90 @@
+"""XDF: streams written here by the specification, read by pyxdf."""
+
+import builtins
+
+import numpy as np
+import pytest
+
+from midair.errors import BrokenFileError, MismatchError, MissingExtraError
+from midair.files import load, read
+
+LABELS = tuple(f"mic{i}" for i in range(16))
+
+
+@pytest.fixture
+def samples():
+    return np.random.default_rng(1).normal(size=(200, 16)).astype("f4").astype(float)
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(data):
+        (tmp_path / "a.xdf").write_bytes(data)
+        return tmp_path / "a.xdf"
+
+    return write
+
+
+def test_reads_a_stream_with_its_names_and_unit(xdf, samples, file):
+    seen = read(file(xdf.whole(xdf(samples, labels=LABELS, unit="volts"))))
+    recording = seen.recording
+    np.testing.assert_array_equal(recording.samples.reshape(200, 16), samples)
+    assert recording.rate == pytest.approx(1000, rel=1e-9)
+    assert recording.unit == "V"
+    assert recording.provenance.notes["stream"] == "skin"
+    assert recording.provenance.notes["device"] == "bench"
+    assert "4 x 4, row by row" in " ".join(seen.report)
+
+
+@pytest.mark.parametrize(
+    ("spelled", "unit", "factor"), [("millivolts", "V", 1e-3), ("uV", "V", 1e-6), ("kPa", "Pa", 1e3)]
+)
+def test_units_that_lsl_spells_become_ours(spelled, unit, factor, xdf, samples, file):
+    recording = load(file(xdf.whole(xdf(samples, labels=LABELS, unit=spelled))))
+    assert recording.unit == unit
+    np.testing.assert_allclose(recording.samples.reshape(200, 16), samples * factor)
+
+
+def test_takes_the_jitter_of_the_network_away(xdf, samples, file):
+    stamps = 100 + np.arange(200) / 1000 + np.random.default_rng(0).uniform(0, 3e-4, 200)
+    recording = load(file(xdf.whole(xdf(samples, stamps=stamps))), unit="V")
+    np.testing.assert_array_equal(recording.samples.reshape(200, 16), samples)
+    assert recording.rate == pytest.approx(1000, rel=2e-3)
+
+
+def test_several_streams_need_a_name(xdf, samples, file):
+    data = xdf.whole(xdf(samples, name="skin"), xdf(samples[:, :3] * 2, name="arm", number=2))
+    with pytest.raises(BrokenFileError, match=r"expected one stream of numbers.*skin \(200\), arm \(200\)"):
+        load(file(data), unit="V")
+    assert load(file(data), unit="V", stream="arm", channels=["1"]).samples[5, 0, 0] == 2 * samples[5, 1]
+    with pytest.raises(MismatchError, match="called 'leg'"):
+        load(file(data), unit="V", stream="leg")
+
+
+def test_channels_are_chosen_by_their_labels(xdf, samples, file):
+    data = xdf.whole(xdf(samples, labels=LABELS, unit="volts"))
+    recording = load(file(data), channels=["mic3"])
+    np.testing.assert_array_equal(recording.samples.ravel(), samples[:, 3])
+    assert recording.provenance.steps[0].settings["channels"] == ("mic3",)
+
+
+def test_damage_is_told_not_printed(xdf, samples, file, capsys):
+    data = bytearray(xdf.whole(xdf(samples), xdf(samples, name="arm", number=2)))
+    place = data.rindex(b"\x04" + np.uint32(200).tobytes())
+    data[place] = 9
+    seen = read(file(bytes(data)), unit="V", stream="skin")
+    assert any("pyxdf: found likely XDF file corruption" in sentence for sentence in seen.report)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_says_what_to_install(xdf, samples, file, monkeypatch):
+    real = builtins.__import__
+
+    def without(name, *rest, **more):
+        if name == "pyxdf":
+            raise ImportError(name)
+        return real(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(MissingExtraError, match=r"pip install 'midair\[xdf\]'"):
+        load(file(xdf.whole(xdf(samples))), unit="V")

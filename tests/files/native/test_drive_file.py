@@ -1,0 +1,108 @@
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from midair.errors import BrokenFileError, MismatchError, MissingFileError, NonFiniteError, UnknownFormatError
+from midair.files import load_solution, load_target, save_solution
+from midair.model import AmplitudeFrames, Drive
+
+
+@pytest.fixture
+def path(solution, target, tmp_path):
+    save_solution(solution, tmp_path / "towel.drive.h5", target=target)
+    return tmp_path / "towel.drive.h5"
+
+
+def test_returns_what_was_saved_to_the_last_bit(path, solution):
+    again = load_solution(path)
+    for name in ("phase", "level"):
+        np.testing.assert_array_equal(getattr(again.drive, name), getattr(solution.drive, name))
+    for name in ("position", "normal", "unit"):
+        np.testing.assert_array_equal(getattr(again.drive.array, name), getattr(solution.drive.array, name))
+    for name in ("pressure", "frequency", "name"):
+        assert getattr(again.drive.array, name) == getattr(solution.drive.array, name)
+    np.testing.assert_array_equal(again.error, solution.error)
+    np.testing.assert_array_equal(again.iterations, solution.iterations)
+    assert again.status == solution.status
+    assert again.drive.rate == solution.drive.rate
+    assert again.drive.provenance == solution.drive.provenance
+
+
+def test_keeps_a_level_of_every_transducer(solution, tmp_path):
+    old = solution.drive
+    level = np.random.default_rng(0).random(old.phase.shape)
+    drive = Drive(phase=old.phase, level=level, rate=old.rate, array=old.array)
+    save_solution(replace(solution, drive=drive), tmp_path / "a.drive.h5")
+    np.testing.assert_array_equal(load_solution(tmp_path / "a.drive.h5").drive.level, level)
+
+
+def test_returns_the_target(path, target):
+    again = load_target(path)
+    assert again is not None
+    np.testing.assert_array_equal(again.amplitude, target.amplitude)
+    assert (again.rate, again.grid, again.provenance) == (target.rate, target.grid, target.provenance)
+
+
+def test_returns_none_without_target(solution, tmp_path):
+    save_solution(solution, tmp_path / "a.drive.h5")
+    assert load_target(tmp_path / "a.drive.h5") is None
+
+
+def test_refuses_the_target_of_other_frames(solution, target, tmp_path):
+    other = AmplitudeFrames(amplitude=target.amplitude[:3], rate=1000, grid=target.grid)
+    with pytest.raises(MismatchError, match="expected 4 frames at 1000 Hz as in the drive, got 3"):
+        save_solution(solution, tmp_path / "a.drive.h5", target=other)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_refuses_another_ending_and_a_missing_file(solution, tmp_path):
+    with pytest.raises(UnknownFormatError, match=r"ends in \.drive\.h5"):
+        save_solution(solution, tmp_path / "a.h5")
+    with pytest.raises(MissingFileError):
+        load_solution(tmp_path / "a.drive.h5")
+
+
+def rewrite(path, name, value):
+    with h5py.File(path, "r+") as file:
+        attributes = dict(file[name].attrs)
+        del file[name]
+        file[name] = value
+        for key in ("units", "flag_meanings"):
+            if key in attributes:
+                file[name].attrs[key] = attributes[key]
+
+
+def test_refuses_another_number_of_transducers(path, solution):
+    rewrite(path, "phase", solution.drive.phase[:, :-1])
+    with pytest.raises(BrokenFileError, match="phase: expected 249 along transducer, got 248"):
+        load_solution(path)
+
+
+def test_refuses_phases_that_are_not_finite(path, solution):
+    phase = solution.drive.phase.copy()
+    phase[2, 3] = np.nan
+    rewrite(path, "phase", phase)
+    with pytest.raises(NonFiniteError, match=r"towel\.drive\.h5: phase: expected finite numbers, got nan at \(2, 3\)"):
+        load_solution(path)
+
+
+def test_refuses_an_unknown_status(path):
+    rewrite(path, "status", np.array([0, 1, 2, 9], "i1"))
+    with pytest.raises(BrokenFileError, match="expected status 0 to 3, got 0 to 9"):
+        load_solution(path)
+
+
+def test_refuses_a_drive_without_level(path):
+    with h5py.File(path, "r+") as file:
+        del file["level"]
+    with pytest.raises(BrokenFileError, match="either level or transducer_level"):
+        load_solution(path)
+
+
+def test_refuses_a_target_without_grid(path):
+    with h5py.File(path, "r+") as file:
+        del file.attrs["grid_rows"]
+    with pytest.raises(BrokenFileError, match="expected grid_rows beside the target"):
+        load_target(path)

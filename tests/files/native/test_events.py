@@ -1,0 +1,127 @@
+import numpy as np
+import pytest
+import xarray
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midair.errors import BrokenFileError
+from midair.files import RecordingWriter, load, read, repair, save
+from midair.files.native.events import KINDS, LISTED, Event, event_values, events_from, with_events
+from midair.model import Provenance, SensorGrid
+
+EVENTS = (
+    Event(kind="trigger", frame=2),
+    Event(kind="lost", frame=3, frames=2),
+    Event(kind="clipped", frame=4, frames=1, channel=5),
+    Event(kind="lost", frame=8, frames=5),
+    Event(kind="stuck", frame=6, channel=1),
+    Event(kind="rate", frame=9, ppm=12.5),
+)
+STEP = {
+    "lost_frames": 4,
+    "lost": ((3, 2), (8, 2)),
+    "clipped_frames": 1,
+    "clipped": ((5, 4, 1),),
+    "stuck": ((1, 6),),
+    "rate_ppm": 12.5,
+    "trigger": 2,
+}
+
+
+@given(
+    st.lists(
+        st.builds(
+            Event,
+            kind=st.sampled_from(KINDS),
+            frame=st.integers(0, 2**40),
+            frames=st.integers(0, 2**40),
+            channel=st.integers(-1, 300),
+            ppm=st.floats(-1e6, 1e6),
+        )
+    )
+)
+def test_what_is_stored_is_what_happened(events):
+    assert events_from(event_values(events)) == tuple(events)
+
+
+def test_the_step_lists_what_happened_inside_the_recording():
+    life = with_events(Provenance(source="bench"), EVENTS, 10)
+    assert life.steps[-1].stage == "events"
+    assert dict(life.steps[-1].settings) == STEP
+    assert with_events(Provenance(), EVENTS, 2) == Provenance(), "nothing happened in the first two frames"
+
+
+def test_a_flood_is_counted_and_its_beginning_listed():
+    events = [Event(kind="lost", frame=2 * i, frames=1) for i in range(3 * LISTED)]
+    settings = with_events(Provenance(), events, 10**6).steps[-1].settings
+    assert settings["lost_frames"] == 3 * LISTED
+    assert len(settings["lost"]) == LISTED
+
+
+def written(path, *, events=EVENTS):
+    options = {"rate": 1000.0, "sensor": SensorGrid(), "unit": "V", "provenance": Provenance(source="bench")}
+    with RecordingWriter(path, **options) as writer:
+        for event in events:
+            writer.note([event])
+        writer.note([])
+        writer.append(np.random.default_rng(0).normal(size=(10, 4, 4)))
+
+
+def test_the_journal_of_a_file_becomes_a_step_that_every_copy_keeps(tmp_path):
+    written(tmp_path / "live.h5")
+    recording = load(tmp_path / "live.h5")
+    assert dict(recording.provenance.steps[-1].settings) == STEP
+    save(recording, tmp_path / "copy.h5")
+    save(recording, tmp_path / "copy.csv")
+    for name in ("copy.h5", "copy.csv"):
+        assert load(tmp_path / name).provenance == recording.provenance
+    repair(tmp_path / "live.h5")
+    assert load(tmp_path / "live.h5").provenance == recording.provenance
+
+
+def test_the_journal_opens_in_xarray_with_its_meanings(tmp_path):
+    written(tmp_path / "live.h5")
+    with xarray.open_dataset(tmp_path / "live.h5", engine="h5netcdf") as table:
+        assert table.event_frame.values.tolist() == [event.frame for event in EVENTS]
+        meanings = table.event_kind.attrs["flag_meanings"].split()
+        assert [meanings[kind] for kind in table.event_kind.values] == [event.kind for event in EVENTS]
+
+
+def test_an_interrupted_append_leaves_axes_of_one_length(tmp_path, monkeypatch):
+    """Ctrl-C between the times and the samples of a block, and between two columns of the journal."""
+    path = tmp_path / "live.h5"
+    options = {"rate": 1000.0, "sensor": SensorGrid(), "unit": "V", "provenance": Provenance()}
+
+    def fail():
+        with RecordingWriter(path, **options) as writer:
+            writer.append(np.random.default_rng(0).normal(size=(5, 4, 4)))
+            whole, calls = writer._extend, []
+
+            def half(dataset, start, values):
+                whole(dataset, start, values)
+                calls.append(dataset)
+                if len(calls) in (3, 4):
+                    raise KeyboardInterrupt
+
+            monkeypatch.setattr(writer, "_extend", half)
+            with pytest.raises(KeyboardInterrupt):
+                writer.note([Event(kind="lost", frame=1)])
+            writer.append(np.ones((5, 4, 4)))
+
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    assert read(path).report == ()
+    assert load(path).frames == 5
+    assert load(path).provenance == Provenance()
+
+
+@pytest.mark.parametrize(("name", "value"), [("event_kind", 99), ("event_kind", -1), ("event_frame", -5)])
+def test_numbers_that_mean_nothing_are_refused(name, value):
+    values = event_values(EVENTS)
+    values[name][0] = value
+    with pytest.raises(BrokenFileError, match="events"):
+        events_from(values)
+
+
+def test_a_file_without_a_journal_has_no_events():
+    assert events_from({}) == ()

@@ -1,0 +1,133 @@
+import h5py
+import numpy as np
+import pytest
+import xarray
+
+from midair.errors import BrokenFileError, InputError, UnknownFormatError
+from midair.files import load, load_solution, save, save_pressure, save_solution
+from midair.model import PressureFrames, Recording, SensorGrid
+
+
+@pytest.fixture
+def path(recording, calibration, tmp_path):
+    save(recording, tmp_path / "towel.h5", calibration=calibration)
+    return tmp_path / "towel.h5"
+
+
+def test_xarray_opens_a_recording_with_axes_and_units(path, recording):
+    with xarray.open_dataset(path, engine="h5netcdf") as table:
+        assert table.samples.dims == ("time", "row", "column")
+        assert table.samples.attrs["units"] == "Pa"
+        assert table.time.attrs["units"] == "s"
+        assert table.time.dtype == np.float64
+        assert set(table.coords) == {"time", "row", "column", "x", "y"}
+        np.testing.assert_array_equal(table.samples, recording.samples)
+        np.testing.assert_array_equal(table.time, recording.time)
+        np.testing.assert_array_equal(table.samples.x, recording.sensor.x)
+        assert table.attrs["kind"] == "midair recording"
+        assert table.attrs["sensor_name"] == "palm µ"
+
+
+def test_xarray_opens_what_was_made_of_it(path, recording):
+    save_pressure(PressureFrames(pressure=recording.samples * 2, rate=500, sensor=recording.sensor), path)
+    with xarray.open_dataset(path, engine="h5netcdf", group="pressure") as table:
+        np.testing.assert_array_equal(table.pressure, recording.samples * 2)
+        assert table.pressure.attrs["units"] == "Pa"
+
+
+def test_xarray_opens_a_drive(solution, target, tmp_path):
+    save_solution(solution, tmp_path / "a.drive.h5", target=target)
+    with xarray.open_dataset(tmp_path / "a.drive.h5", engine="h5netcdf") as table:
+        assert table.phase.dims == ("time", "transducer")
+        assert table.phase.attrs["units"] == "rad"
+        assert table.status.attrs["flag_meanings"] == "converged iterations stalled silent"
+        np.testing.assert_array_equal(table.phase, solution.drive.phase)
+
+
+def edit(path, act):
+    with h5py.File(path, "r+") as file:
+        act(file)
+
+
+def replace(name, value):
+    def act(file):
+        units = file[name].attrs["units"]
+        del file[name]
+        file[name] = value
+        file[name].attrs["units"] = units
+
+    return act
+
+
+def replace_by_group(file):
+    del file["samples"]
+    file.create_group("samples")
+
+
+EDITS = {
+    "kind of another program": (
+        lambda f: f.attrs.__setitem__("kind", "speech"),
+        "expected a midair recording, got speech",
+    ),
+    "no kind": (lambda f: f.attrs.__delitem__("kind"), "another program"),
+    "format is text": (lambda f: f.attrs.__setitem__("format", "one"), "whole number"),
+    "no unit": (lambda f: f.attrs.__delitem__("unit"), "expected unit in a midair recording"),
+    "no samples": (lambda f: f.__delitem__("samples"), "expected samples"),
+    "rate is text": (lambda f: f.attrs.__setitem__("rate_hz", "fast"), "rate_hz to be finite f8"),
+    "rate is not finite": (lambda f: f.attrs.__setitem__("rate_hz", np.inf), "rate_hz to be finite f8"),
+    "rate was edited": (lambda f: f.attrs.__setitem__("rate_hz", 100.0), "expected frame i at i / 100 Hz"),
+    "samples of another type": (replace("samples", np.zeros((40, 3, 5), "f4")), "expected f8"),
+    "samples without rows": (replace("samples", np.zeros((40, 15))), "axes"),
+    "samples of another length": (replace("samples", np.zeros((39, 3, 5))), "samples: expected 40 along time, got 39"),
+    "samples in another unit": (lambda f: f["samples"].attrs.__setitem__("units", "V"), "got 'V' as unit"),
+    "samples are a group": (replace_by_group, "expected a dataset samples"),
+    "provenance is no JSON": (lambda f: f.attrs.__setitem__("provenance", "{"), "JSON"),
+}
+
+
+@pytest.mark.parametrize("name", EDITS)
+def test_refuses_what_differs_from_the_table(name, path):
+    act, message = EDITS[name]
+    edit(path, act)
+    with pytest.raises(BrokenFileError, match=message) as caught:
+        load(path)
+    assert str(path) in str(caught.value)
+
+
+def test_refuses_a_newer_format(path):
+    edit(path, lambda file: file.attrs.__setitem__("format", 2))
+    with pytest.raises(UnknownFormatError, match="update midair"):
+        load(path)
+
+
+def test_refuses_an_impossible_unit(path):
+    def act(file):
+        file.attrs["unit"] = "N"
+        file["samples"].attrs["units"] = "N"
+
+    edit(path, act)
+    with pytest.raises(InputError, match="unit of the samples"):
+        load(path)
+
+
+@pytest.mark.parametrize("name", ["nul\0l", "\ud800"])
+def test_refuses_text_that_a_file_would_change(name, tmp_path):
+    recording = Recording(samples=np.zeros((2, 4, 4)), rate=1000, sensor=SensorGrid(name=name))
+    with pytest.raises(InputError, match="expected text"):
+        save(recording, tmp_path / "a.h5")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_numbers_carry_checksums(path):
+    data = bytearray(path.read_bytes())
+    with h5py.File(path) as file:
+        place = file["samples"].id.get_chunk_info(0).byte_offset
+    data[place + 100] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(BrokenFileError):
+        load(path)
+
+
+def test_refuses_a_recording_as_drive(path):
+    with pytest.raises(BrokenFileError, match="expected a midair drive, got midair recording"):
+        load_solution(path)

@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from midair.errors import BrokenFileError, MismatchError
+from midair.files import load, load_calibration, load_pressure, repair, save, save_calibration, save_pressure
+from midair.model import PressureFrames, Provenance, SensorGrid
+
+
+@pytest.fixture
+def path(recording, calibration, tmp_path):
+    save(recording, tmp_path / "towel.h5", calibration=calibration)
+    return tmp_path / "towel.h5"
+
+
+@pytest.mark.parametrize("band", [None, (20.0, 470.0)])
+def test_adds_the_pressure_and_keeps_the_rest(band, path, recording, calibration, alike):
+    life = recording.provenance.then("calibrate", {"band": band})
+    pressure = PressureFrames(
+        pressure=recording.samples[:7], rate=250, sensor=recording.sensor, band=band, provenance=life
+    )
+    assert load_pressure(path) is None
+    save_pressure(pressure, path)
+    save_pressure(pressure, path)
+    again = load_pressure(path)
+    assert again is not None
+    np.testing.assert_array_equal(again.pressure, pressure.pressure)
+    assert (again.rate, again.sensor, again.band) == (250, recording.sensor, band)
+    assert again.provenance == life
+    alike(load(path), recording)
+    kept = load_calibration(path)
+    assert kept is not None
+    np.testing.assert_array_equal(kept.response, calibration.response)
+
+
+def test_refuses_pressure_of_another_sensor(path):
+    with pytest.raises(MismatchError, match=r"expected pressure of \(3, 5\) cells, got \(4, 4\)"):
+        save_pressure(PressureFrames(pressure=np.zeros((3, 4, 4)), rate=250, sensor=SensorGrid()), path)
+
+
+def test_has_no_pressure_in_a_calibration(calibration, tmp_path):
+    save_calibration(calibration, tmp_path / "a.calibration.h5")
+    with pytest.raises(BrokenFileError, match="expected a midair recording"):
+        load_pressure(tmp_path / "a.calibration.h5")
+
+
+def test_repair_changes_nothing_of_a_whole_file(path, recording, alike):
+    assert repair(path) == ()
+    alike(load(path), recording)
+    assert load_calibration(path) is not None
+
+
+def test_keeps_a_long_life(recording, tmp_path):
+    life = Provenance()
+    for i in range(2000):
+        life = life.then("correct", {"round": i, "what": "x" * 50})
+    save(
+        type(recording)(samples=recording.samples, rate=10, sensor=recording.sensor, provenance=life), tmp_path / "a.h5"
+    )
+    assert load(tmp_path / "a.h5").provenance == life

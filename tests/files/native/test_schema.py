@@ -1,0 +1,54 @@
+import h5py
+import numpy as np
+import pytest
+
+from midair.files import save, save_calibration, save_pressure, save_solution
+from midair.files.native.schema import HEADER, TABLE, as_markdown
+from midair.model import PressureFrames
+
+
+@pytest.mark.parametrize("kind", TABLE)
+def test_every_axis_has_a_coordinate_and_every_name_is_there_once(kind):
+    names = [entry.name for entry in TABLE[kind]]
+    assert len(names) == len(set(names))
+    axes = {axis for entry in TABLE[kind] for axis in entry.dimensions or ()}
+    assert axes <= {entry.name for entry in TABLE[kind] if entry.coordinate}
+
+
+@pytest.mark.parametrize("kind", TABLE)
+def test_every_dataset_has_a_unit(kind):
+    assert all(entry.unit for entry in TABLE[kind] if entry.dimensions is not None)
+
+
+@pytest.mark.parametrize("entries", [*TABLE.values(), HEADER], ids=[*TABLE, "header"])
+def test_markdown_has_a_row_for_every_name(entries):
+    rows = as_markdown(entries).splitlines()
+    assert len(rows) == len(entries) + 2
+    assert all(row.count("|") == 7 for row in rows)
+
+
+def test_files_hold_exactly_what_the_table_says(recording, calibration, solution, target, tmp_path):
+    save(recording, tmp_path / "a.h5", calibration=calibration)
+    pressure = PressureFrames(pressure=recording.samples, rate=333, sensor=recording.sensor, band=(20, 160))
+    save_pressure(pressure, tmp_path / "a.h5")
+    save_calibration(calibration, tmp_path / "a.calibration.h5")
+    save_solution(solution, tmp_path / "a.drive.h5", target=target)
+    with h5py.File(tmp_path / "a.h5") as file:
+        journal = {entry.name for entry in TABLE["recording"] if entry.name.startswith("event")}
+        check(file, "recording", extra={"calibration", "pressure"}, without=journal)
+        check(file["calibration"], "calibration")
+        check(file["pressure"], "pressure")
+    with h5py.File(tmp_path / "a.calibration.h5") as file:
+        check(file, "calibration")
+    with h5py.File(tmp_path / "a.drive.h5") as file:
+        check(file, "drive", without={"transducer_level"})
+
+
+def check(group, kind, *, extra=frozenset(), without=frozenset()):
+    entries = [entry for entry in TABLE[kind] if entry.name not in without]
+    assert set(group.attrs) == {entry.name for entry in entries if entry.dimensions is None}
+    assert set(group) - extra == {entry.name for entry in entries if entry.dimensions is not None}
+    for entry in entries:
+        if entry.dimensions is not None:
+            assert group[entry.name].dtype == np.dtype(entry.dtype)
+            assert group[entry.name].ndim == len(entry.dimensions)

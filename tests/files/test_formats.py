@@ -1,0 +1,272 @@
+"""One contract for every format of recordings, and the doors that lead to them."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from midair.errors import (
+    BrokenFileError,
+    FileError,
+    InputError,
+    MidairError,
+    MismatchError,
+    MissingFileError,
+    NonFiniteError,
+    UnknownFormatError,
+)
+from midair.files import FORMATS, load, read, save, save_calibration, save_solution
+from midair.model import Provenance, Recording, SensorGrid
+
+BOTH = [ending for ending, form in FORMATS.items() if form.read and form.write]
+IN = [ending for ending, form in FORMATS.items() if form.read]
+OUT = [ending for ending, form in FORMATS.items() if form.write]
+
+each_format = pytest.mark.parametrize("ending", BOTH)
+each_reader = pytest.mark.parametrize("ending", IN)
+each_writer = pytest.mark.parametrize("ending", OUT)
+
+numbers = st.floats(-1e9, 1e9, allow_subnormal=False).filter(lambda x: x == 0 or abs(x) > 1e-9)
+leaves = st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False) | st.text(max_size=8)
+setting = st.recursive(leaves, lambda part: st.lists(part, max_size=3).map(tuple), max_leaves=6)
+names = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
+
+
+@st.composite
+def recordings(draw: st.DrawFn) -> Recording:
+    shape = draw(st.tuples(st.integers(1, 6), st.integers(1, 4), st.integers(1, 4)))
+    life = Provenance(
+        source=draw(st.text(max_size=12)),
+        simulated=draw(st.booleans()),
+        notes=draw(st.dictionaries(st.text(max_size=6), st.text(max_size=6), max_size=2)),
+    )
+    return Recording(
+        samples=draw(arrays.arrays(np.float64, shape, elements=numbers)),
+        rate=draw(st.floats(1e-3, 1e6)),
+        sensor=SensorGrid(rows=shape[1], columns=shape[2], pitch=draw(st.floats(1e-6, 1)), name=draw(names)),
+        unit=draw(st.sampled_from(["V", "count", "Pa"])),
+        provenance=life.then(
+            draw(st.text(max_size=6)), draw(st.dictionaries(st.text(max_size=6), setting, max_size=3))
+        ),
+    )
+
+
+@pytest.mark.parametrize("ending", [ending for ending in BOTH if ending != ".hdf5"])  # which is .h5
+@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(recording=recordings())
+def test_returns_what_was_saved(ending, recording, tmp_path, alike):
+    path = tmp_path / f"towel{ending}"
+    save(recording, path)
+    alike(load(path), recording)
+
+
+@each_format
+def test_takes_an_ending_in_capitals(ending, recording, tmp_path, alike):
+    path = tmp_path / f"TOWEL{ending.upper()}"
+    save(recording, path)
+    alike(load(path), recording)
+
+
+@each_writer
+def test_replaces_a_file_and_leaves_nothing_beside_it(ending, recording, tmp_path, alike):
+    path = tmp_path / f"towel{ending}"
+    path.write_bytes(b"old")
+    save(recording, path)
+    assert b"old" not in path.read_bytes()[:3]
+    if ending in BOTH:
+        alike(load(path), recording)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@each_writer
+def test_tells_of_a_calibration_that_it_cannot_hold(ending, recording, calibration, tmp_path):
+    lost = save(recording, tmp_path / f"towel{ending}", calibration=calibration)
+    assert [loss.what for loss in lost].count("calibration") == (ending not in (".h5", ".hdf5", ".nc"))
+    assert len(save(recording, tmp_path / f"towel{ending}")) == len(lost) - (ending not in (".h5", ".hdf5", ".nc"))
+    assert all(str(loss).endswith(".") for loss in lost)
+
+
+@each_reader
+def test_refuses_a_missing_file(ending, tmp_path):
+    with pytest.raises(MissingFileError, match="found none"):
+        load(tmp_path / f"towel{ending}")
+
+
+@each_reader
+def test_refuses_a_folder(ending, tmp_path):
+    with pytest.raises(BrokenFileError, match="folder"):
+        load(tmp_path.joinpath(f"towel{ending}").mkdir() or tmp_path / f"towel{ending}")
+
+
+@each_reader
+def test_refuses_an_empty_file(ending, tmp_path):
+    path = tmp_path / f"towel{ending}"
+    path.touch()
+    with pytest.raises(BrokenFileError, match="empty"):
+        load(path)
+
+
+@each_format
+@pytest.mark.parametrize("kept", [0.02, 0.3, 0.7, 0.99])
+def test_refuses_a_file_that_was_cut(ending, kept, recording, tmp_path):
+    path = tmp_path / f"towel{ending}"
+    save(recording, path)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(kept * len(data))])
+    with pytest.raises(BrokenFileError) as caught:
+        load(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@each_reader
+@pytest.mark.parametrize("other", [b"\x89PNG\r\n\x1a\n\x00\x01", b"hello, world\n", b"\0" * 600, b"%PDF-1.7\n" * 90])
+def test_refuses_a_file_of_another_kind(ending, other, tmp_path):
+    path = tmp_path / f"towel{ending}"
+    path.write_bytes(other)
+    with pytest.raises(BrokenFileError):
+        load(path)
+
+
+@each_format
+def test_refuses_a_number_that_is_not_finite(ending, recording, tmp_path, alike):
+    samples = recording.samples.copy()
+    samples[5, 1, 2] = np.nan
+    spoilt = object.__new__(Recording)
+    for name, value in {
+        "samples": samples,
+        "rate": recording.rate,
+        "sensor": recording.sensor,
+        "unit": recording.unit,
+        "provenance": recording.provenance,
+    }.items():
+        object.__setattr__(spoilt, name, value)
+    path = tmp_path / f"towel{ending}"
+    save(spoilt, path)
+    with pytest.raises(NonFiniteError, match="nan") as caught:
+        load(path)
+    assert str(path) in str(caught.value)
+
+
+@each_writer
+def test_refuses_a_folder_that_is_not_there(ending, recording, tmp_path):
+    with pytest.raises(MissingFileError, match="make it first"):
+        save(recording, tmp_path / "away" / f"towel{ending}")
+
+
+@each_writer
+def test_refuses_to_replace_a_folder(ending, recording, tmp_path):
+    path = tmp_path / f"towel{ending}"
+    path.mkdir()
+    with pytest.raises(FileError, match="folder"):
+        save(recording, path)
+    assert list(tmp_path.iterdir()) == [path]
+    assert list(path.iterdir()) == []
+
+
+@each_format
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"rate": 50.0},
+        {"unit": "count"},
+        {"sensor": SensorGrid(rows=5, columns=3)},
+        {"scale": 2.0},
+        {"channels": ["0"]},
+        {"stream": "a"},
+    ],
+    ids=lambda said: next(iter(said)),
+)
+def test_refuses_what_contradicts_the_file(ending, said, recording, tmp_path):
+    path = tmp_path / f"towel{ending}"
+    save(recording, path)
+    with pytest.raises(MismatchError, match="leave"):
+        load(path, **said)
+
+
+@each_format
+def test_takes_what_agrees_with_the_file(ending, recording, tmp_path, alike):
+    path = tmp_path / f"towel{ending}"
+    save(recording, path)
+    alike(load(path, rate=recording.rate, unit=recording.unit, sensor=recording.sensor), recording)
+
+
+FULL_DISK = """
+import resource, signal, sys
+import numpy as np
+from midair.errors import FileError
+from midair.model import Recording
+from midair.files import save
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+recording = Recording(samples=np.random.default_rng(0).random((5000, 4, 4)), rate=1000)
+save(Recording(samples=recording.samples[:5], rate=1000), sys.argv[1])
+resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))
+try:
+    save(recording, sys.argv[1])
+except FileError as wrong:
+    print(wrong)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a limit on the size of files")
+@each_writer
+def test_keeps_the_old_file_when_the_disk_refuses(ending, tmp_path):
+    path = tmp_path / f"towel{ending}"
+    done = subprocess.run([sys.executable, "-c", FULL_DISK, path], capture_output=True, text=True, check=True)
+    assert "cannot be written" in done.stdout
+    assert done.stderr == ""
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.stat().st_size < 20000
+
+
+@pytest.mark.parametrize("name", ["towel", "towel.txt", "towel.h5.bak"])
+def test_lists_the_endings_it_knows(name, recording, tmp_path):
+    for act in (lambda: load(tmp_path / name), lambda: save(recording, tmp_path / name)):
+        with pytest.raises(UnknownFormatError, match=r"\.h5, \.hdf5, \.csv, \.wav, \.npz, \.mat, \.nc"):
+            act()
+
+
+@pytest.mark.parametrize(("name", "door"), [("a.drive.h5", "load_solution"), ("a.calibration.h5", "load_calibration")])
+def test_points_to_the_right_door(name, door, recording, tmp_path):
+    for act in (lambda: load(tmp_path / name), lambda: save(recording, tmp_path / name)):
+        with pytest.raises(UnknownFormatError, match=door):
+            act()
+
+
+def test_refuses_other_kinds_under_a_recordings_name(calibration, solution, tmp_path):
+    save_calibration(calibration, tmp_path / "a.calibration.h5")
+    save_solution(solution, tmp_path / "a.drive.h5")
+    for kind in ("calibration", "drive"):
+        path = Path(tmp_path / f"a.{kind}.h5").rename(tmp_path / f"{kind}.h5")
+        with pytest.raises(BrokenFileError, match=f"expected a midair recording, got midair {kind}"):
+            load(path)
+
+
+def test_reports_what_looks_wrong(recording, tmp_path):
+    samples = recording.samples.copy()
+    samples[:, 1, 2] = 4.5
+    save(Recording(samples=samples, rate=1000, sensor=recording.sensor), tmp_path / "a.npz")
+    assert read(tmp_path / "a.npz").report == ("Channels that never change, dead or saturated: 7 (4.5 V).",)
+
+
+@pytest.mark.parametrize("ending", [ending for ending in IN if ending not in OUT])
+def test_refuses_to_write_what_is_only_read(ending, recording, tmp_path):
+    with pytest.raises(UnknownFormatError, match=r"is read, not written; what can be written is \.h5"):
+        save(recording, tmp_path / f"a{ending}")
+
+
+@pytest.mark.parametrize("ending", [ending for ending in OUT if ending not in IN])
+def test_refuses_to_read_what_is_only_written(ending, recording, tmp_path):
+    save(recording, tmp_path / f"a{ending}")
+    with pytest.raises(UnknownFormatError, match=r"holds effects, not a recording; what can be read is \.h5"):
+        load(tmp_path / f"a{ending}")
+
+
+def test_errors_are_of_the_one_tree():
+    assert issubclass(FileError, MidairError)
+    assert issubclass(InputError, MidairError)

@@ -1,0 +1,90 @@
+import numpy as np
+import pytest
+
+from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
+from midair.files.imported import Foreign, Given
+from midair.model import SensorGrid
+
+
+@pytest.fixture
+def path(tmp_path):
+    (tmp_path / "a.bin").write_bytes(b"bytes")
+    return tmp_path / "a.bin"
+
+
+def foreign(shape, **says):
+    return Foreign(samples=np.zeros(shape), form="bin", **says)
+
+
+def test_what_the_file_says_needs_nothing_given(path):
+    sensor = SensorGrid(rows=1, columns=3)
+    seen = foreign((5, 3), rate=10.0, unit="V", sensor=sensor).settle(Given(), path)
+    assert (seen.recording.rate, seen.recording.unit, seen.recording.sensor) == (10, "V", sensor)
+    assert seen.report == ()
+
+
+def test_what_the_file_does_not_say_is_taken_as_given(path):
+    given = Given(rate=10.0, unit="Pa", sensor=SensorGrid(rows=3, columns=1))
+    recording = foreign((5, 3)).settle(given, path).recording
+    assert (recording.rate, recording.unit, recording.sensor) == (10, "Pa", given.sensor)
+
+
+def test_the_report_goes_into_the_provenance(path):
+    seen = foreign((5, 16), report=("First.",)).settle(Given(rate=10.0, unit="V"), path)
+    assert seen.report[0] == "First."
+    assert len(seen.report) == 2
+    assert seen.recording.provenance.steps[0].settings["report"] == seen.report
+
+
+@pytest.mark.parametrize(
+    ("shape", "given", "error"),
+    [
+        ((5, 16), Given(unit="V"), RateError),
+        ((5, 16), Given(rate=10.0), UnitError),
+        ((5, 15), Given(rate=10.0, unit="V"), ShapeError),
+        ((5, 2, 8), Given(rate=10.0, unit="V", sensor=SensorGrid()), MismatchError),
+        ((5, 16), Given(rate=10.0, unit="V", sensor=SensorGrid(rows=4, columns=5)), MismatchError),
+    ],
+)
+def test_refuses_what_nobody_says_or_what_does_not_fit(shape, given, error, path):
+    with pytest.raises(error, match=r"a\.bin"):
+        foreign(shape).settle(given, path)
+
+
+def test_channels_are_chosen_by_name_or_number_in_any_order(path):
+    samples = np.arange(12.0).reshape(3, 4)
+    file = Foreign(samples=samples, form="bin", rate=10.0, names=("a", "b", "c", "d"), units=("V", "Pa", "V", None))
+    pair = SensorGrid(rows=1, columns=2)
+    seen = file.settle(Given(channels=("c", "0"), sensor=pair), path)
+    np.testing.assert_array_equal(seen.recording.samples[:, 0], samples[:, [2, 0]])
+    assert seen.recording.unit == "V"
+    assert seen.recording.provenance.steps[0].settings["channels"] == ("c", "a")
+    with pytest.raises(UnitError):
+        file.settle(Given(channels=("a", "b"), sensor=pair), path)
+
+
+@pytest.mark.parametrize("channels", [("e",), ("4",), ("-1",), (), ("a", "0")])
+def test_refuses_channels_that_are_not_there_or_there_twice(channels, path):
+    file = foreign((3, 4), rate=10.0, unit="V", names=("a", "b", "c", "d"))
+    with pytest.raises(ShapeError, match=r"expected (a channel by name|channels that are there once)"):
+        file.settle(Given(channels=channels), path)
+
+
+def test_a_chosen_channel_tells_of_rows_that_repeat(path):
+    rng = np.random.default_rng(0)
+    samples = rng.normal(size=(50, 2))
+    samples[[7, 20, 21], 0] = samples[[6, 19, 19], 0]
+    seen = Foreign(samples=samples, form="bin", rate=10.0, unit="V").settle(Given(channels=("0",)), path)
+    assert seen.report == ("3 of 50 rows repeat every channel of the row before, at a later time: they were kept.",)
+
+
+def test_a_scale_makes_pressure_of_any_number(path):
+    recording = Foreign(samples=np.full((3, 1), 2.0), form="bin", rate=10.0).settle(Given(scale=1.5), path).recording
+    assert (recording.unit, recording.samples[0, 0, 0]) == ("Pa", 3.0)
+    with pytest.raises(MismatchError, match="the file says Pa"):
+        foreign((3, 1), rate=10.0, unit="Pa").settle(Given(scale=2.0), path)
+    with pytest.raises(MismatchError, match="leave unit out"):
+        Given(scale=2.0, unit="V")
+    for scale in (0.0, np.nan):
+        with pytest.raises(InputError, match="other than 0 Pa"):
+            Given(scale=scale)

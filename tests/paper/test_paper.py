@@ -1,0 +1,114 @@
+"""The paper's figures made again, with few points and short signals: what they hold, not what they come to."""
+
+import csv
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.flow import Settings
+from midair.model import ControlGrid
+from midair.modes import best_mode, coarser, paper_mode
+from midair.paper.fidelity_table import FidelityPlan, at_strength, fidelity_table, original_of, target_strength
+from midair.paper.figure3 import PATTERNS, figure_3
+from midair.paper.figure4 import StimuliPlan, figure_4
+from midair.paper.figure9 import figure_9
+from midair.paper.result import PaperResult
+
+COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
+PAPER = Settings(grid=COARSE, method="fast")
+BEST = Settings(grid=COARSE, method="fast", mapping="slow-bias", interpolate="pressure", precompensate=True)
+
+
+def check(result, rows):
+    assert len(result.rows) == rows
+    assert all(data.startswith(b"\x89PNG") for data in result.pictures.values())
+    assert len(list(csv.DictReader(io.StringIO(result.table())))) == rows
+    assert json.loads(json.dumps(result.plain()))["simulated"] is True
+    assert {row["mode"].split()[0] for row in result.rows} == {"paper", "best"}
+
+
+def test_the_modes_are_what_they_say():
+    paper, best = paper_mode(), best_mode()
+    assert (paper.mapping, paper.rate, paper.level, paper.amplitudes) == ("half-wave", 1000.0, 1.0, "equal")
+    assert paper.guard is None
+    assert not paper.precompensate
+    assert (best.mapping, best.rate) == ("slow-bias", 4000.0)
+    assert best.guard is not None
+    assert best.precompensate
+    rough = coarser(paper, 11)
+    assert rough.grid.x[[0, -1]] == pytest.approx(paper.grid.x[[0, -1]])
+    assert rough.grid.count == 121
+
+
+@pytest.mark.slow
+def test_figure_3_has_every_pattern_in_both_modes():
+    result = figure_3(paper=replace(PAPER, iterations=5), best=replace(BEST, iterations=5))
+    check(result, 2 * len(PATTERNS))
+    first = result.rows[0]
+    assert first["error_as_printed"] == pytest.approx(first["error"] / COARSE.count)
+    assert all(0 < row["error"] < 1 for row in result.rows)
+
+
+@pytest.mark.slow
+def test_figure_4_finds_place_and_frequency_of_each_stimulus():
+    result = figure_4(StimuliPlan(paper=PAPER, best=BEST, duration=0.08, corrections=0, iterate=1))
+    check(result, 6)
+    for row in result.rows:
+        assert row["frequency_reproduced_hz"] == row["frequency_original_hz"]
+        assert row["correlation"] > 0.5
+    paper, best = result.rows[4:]
+    assert best["waveform_error"] < paper["waveform_error"]
+
+
+def test_figure_9_has_the_order_that_the_paper_reports():
+    """Above 300 Hz towel over sponge over brush on both surfaces; grooves raise low more than high ones."""
+    result = figure_9(takes=1)
+    check(result, 12)
+    level = {(row["object"], row["surface"], row["mode"]): row for row in result.rows}
+    for surface in ("plain", "groove"):
+        high = [level[name, surface, "paper"]["level_300_470_hz_db"] for name in ("brush", "sponge", "towel")]
+        assert high == sorted(high)
+    for name in ("brush", "sponge", "towel"):
+        low, high = (
+            level[name, "groove", "paper"][band] - level[name, "plain", "paper"][band]
+            for band in ("level_20_300_hz_db", "level_300_470_hz_db")
+        )
+        assert low > high > 0
+
+
+def test_both_modes_are_compared_at_the_same_strength():
+    plan = FidelityPlan(things=("bursts",), paper=PAPER, best=BEST, strength=0.1, duration=0.08)
+    for settings in plan.modes.values():
+        original = original_of("bursts", plan, settings)
+        scaled = at_strength(original, settings, plan)
+        assert target_strength(original, replace(scaled, precompensate=False), plan.rig) == pytest.approx(0.1, rel=0.25)
+
+
+@pytest.mark.slow
+def test_the_fidelity_table_has_both_modes_of_each_thing_and_both_loops():
+    plan = FidelityPlan(things=("25+250 Hz",), paper=PAPER, best=BEST, duration=0.08, passes=1, points=6)
+    result = fidelity_table(plan)
+    check(result, 2)
+    assert set(result.pictures) == {"budget-25-250-hz.png", "passes.png"}
+    paper, best = result.rows
+    assert best["sdr_on_skin_db"] > paper["sdr_on_skin_db"] + 5
+    loops = result.about["iterative_correction_of_noise"]
+    assert all(len(loop["waveform_error"]) + loop["taken_back"] == 2 for loop in loops.values())
+
+
+def test_an_unknown_thing_is_refused_before_any_work():
+    with pytest.raises(InputError, match="brush, sponge, towel, got carpet"):
+        FidelityPlan(things=("noise", "carpet"))
+
+
+def test_files_are_whole_and_infinities_are_null(tmp_path):
+    rows = ({"mode": "paper", "value": float("inf")}, {"mode": "best", "value": 1.0})
+    result = PaperResult(name="table", title="", rows=rows, pictures={"a.png": b"picture"})
+    assert [path.name for path in result.write(tmp_path / "new")] == ["table.csv", "table.json", "a.png"]
+    assert json.loads((tmp_path / "new" / "table.json").read_text())["rows"][0]["value"] is None
+    assert (tmp_path / "new" / "table.csv").read_text() == "mode,value\npaper,inf\nbest,1\n"
+    assert not np.isnan(rows[0]["value"])

@@ -1,0 +1,190 @@
+"""Editing recordings: laws, hand-checked numbers, and what the provenance keeps."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midair.errors import InputError, MismatchError, ShapeError
+from midair.files.native.provenance_json import from_json, to_json
+from midair.model import Provenance, Recording, SensorGrid
+from midair.recordings import edit
+
+
+def noise(frames=200, rate=1000.0, **says):
+    samples = np.random.default_rng(frames).normal(size=(frames, 4, 4))
+    life = Provenance(source="virtual:towel", simulated=True, notes={"object": "towel", "who": "me"}).then("record", {})
+    return Recording(samples=samples, rate=rate, provenance=life, **says)
+
+
+@given(frames=st.integers(2, 60), place=st.floats(0.05, 0.95), rate=st.sampled_from([1000.0, 1000 / 3, 35.61, 7.0]))
+def test_cut_and_join_again_give_the_same(frames, place, rate):
+    whole = noise(frames, rate)
+    middle = min(max(1, round(place * frames)), frames - 1) / rate
+    parts = [edit.cut(whole, 0, middle), edit.cut(whole, middle)]
+    again = edit.join(parts)
+    np.testing.assert_array_equal(again.samples, whole.samples)
+    assert (again.rate, again.sensor, again.unit) == (whole.rate, whole.sensor, whole.unit)
+    assert again.provenance.steps[0] == whole.provenance.steps[0]
+    assert (again.provenance.source, again.provenance.notes) == (whole.provenance.source, whole.provenance.notes)
+
+
+def test_a_cut_of_a_cut_is_a_cut():
+    whole = noise()
+    np.testing.assert_array_equal(
+        edit.cut(edit.cut(whole, 0.05, 0.15), 0.02, 0.06).samples, edit.cut(whole, 0.07, 0.11).samples
+    )
+    step = edit.cut(whole, 0.05, 0.15).provenance.steps[-1]
+    assert (step.stage, dict(step.settings)) == ("cut", {"start_s": 0.05, "end_s": 0.15})
+
+
+@pytest.mark.parametrize(("start", "end"), [(-0.1, None), (0.2, None), (0.1, 0.1), (0.1, 0.05), (0, 0.3), (np.nan, 1)])
+def test_refuses_a_part_that_is_not_there(start, end):
+    with pytest.raises(InputError, match=r"cut: expected a part of 0 to 0\.2 s"):
+        edit.cut(noise(), start, end)
+
+
+def test_join_keeps_what_the_parts_share_and_tells_what_they_do_not():
+    first, second = noise(100), edit.gain(noise(50), 2)
+    other = Provenance(source="lsl:skin", notes={"object": "towel", "who": "you"})
+    third = Recording(samples=np.ones((10, 4, 4)), rate=1000, provenance=other)
+    joined = edit.join([first, second, third])
+    assert joined.frames == 160
+    life = joined.provenance
+    assert life.source == "virtual:towel + lsl:skin"
+    assert life.simulated
+    assert life.notes == {"object": "towel"}
+    parts = life.steps[-1].settings["parts"]
+    assert [part[:2] for part in parts] == [("virtual:towel", 100), ("virtual:towel", 50), ("lsl:skin", 10)]
+    assert parts[1][2] == (("record", ()), ("gain", (("factor", 2.0),)))
+    assert from_json(to_json(life)) == life
+
+
+def test_join_shares_steps_of_one_source_once():
+    whole = noise()
+    life = edit.join([edit.cut(whole, 0, 0.1), edit.cut(whole, 0.1)]).provenance
+    assert [step.stage for step in life.steps] == ["record", "join"]
+    assert life.steps[-1].settings["parts"][1][2] == (("cut", (("start_s", 0.1), ("end_s", 0.2))),)
+
+
+@pytest.mark.parametrize(
+    ("other", "word"),
+    [
+        (noise(rate=500.0), "rate 1000"),
+        (noise(unit="Pa"), "unit V"),
+        (Recording(samples=np.ones((5, 2, 8)), rate=1000, sensor=SensorGrid(rows=2, columns=8)), "sensor"),
+    ],
+)
+def test_join_refuses_what_does_not_fit(other, word):
+    with pytest.raises(MismatchError, match=f"join: expected {word}.*in number 2"):
+        edit.join([noise(), other])
+    with pytest.raises(InputError, match="at least one"):
+        edit.join([])
+
+
+@pytest.mark.parametrize("rate", [4000.0, 2500.0, 48000.0, 1500.0])
+def test_up_and_down_again_gives_the_band_back(rate):
+    """Tones within 94 % of half the lower rate come back to 0.2 %, away from the ends."""
+    time = np.arange(2000) / 1000
+    wave = np.sin(2 * np.pi * 40 * time) + np.cos(2 * np.pi * 251 * time) + np.sin(2 * np.pi * 460 * time)
+    whole = Recording(samples=wave[:, None, None], rate=1000, sensor=SensorGrid(rows=1, columns=1))
+    again = edit.resample(edit.resample(whole, rate), 1000)
+    assert again.rate == 1000
+    inside = slice(300, 1700)
+    np.testing.assert_allclose(again.samples[inside], whole.samples[inside], atol=2e-3 * 3)
+
+
+def test_resampling_tells_the_rate_that_it_reached():
+    """35.6118 Hz to 1000 Hz is no small fraction: the rate is the requested one to a millionth, or the true one."""
+    made = edit.resample(noise(100, 35.6118143), 1000)
+    assert abs(made.rate / 1000 - 1) < 1e-4
+    assert made.provenance.steps[-1].settings == {"from_hz": 35.6118143, "to_hz": made.rate}
+    assert made.duration == pytest.approx(100 / 35.6118143, abs=2 / 1000)
+    with pytest.raises(InputError, match="rate"):
+        edit.resample(noise(), 0)
+
+
+def test_trim_takes_the_ends_and_leaves_the_middle():
+    samples = np.full((100, 4, 4), 0.3)
+    samples[20, 1, 2] += 1
+    samples[60, 3, 3] -= 2
+    whole = Recording(samples=samples, rate=100)
+    bare = edit.trim(whole, margin=0)
+    np.testing.assert_array_equal(bare.samples, samples[20:61])
+    assert bare.provenance.steps[-1].settings == {
+        "start_s": 0.2, "end_s": 0.61, "level": pytest.approx(0.1), "margin_s": 0.0
+    }  # fmt: skip
+    assert edit.trim(whole, margin=0.05).frames == 51
+    assert edit.trim(whole, margin=10).frames == 100
+    assert edit.trim(whole, level=1.5, margin=0).frames == 1
+
+
+@given(share=st.floats(0, 0.9))
+def test_trim_of_a_louder_recording_is_the_same_part(share):
+    whole = noise(60)
+    one, other = edit.trim(whole, share=share, margin=0), edit.trim(edit.gain(whole, 2.0**8), share=share, margin=0)
+    np.testing.assert_array_equal(other.samples, one.samples * 2.0**8)
+
+
+@pytest.mark.parametrize("says", [{"level": 9.0}, {"share": 1.0}, {"margin": -1.0}, {"share": -0.1}])
+def test_trim_refuses_what_leaves_nothing(says):
+    with pytest.raises(InputError, match="trim: expected"):
+        edit.trim(noise(), **says)
+    with pytest.raises(InputError, match="at most 0"):
+        edit.trim(Recording(samples=np.ones((5, 4, 4)), rate=10))
+
+
+def test_gain_of_all_or_of_each_channel():
+    whole = noise()
+    np.testing.assert_array_equal(edit.gain(edit.gain(whole, 4), 0.25).samples, whole.samples)
+    factors = np.arange(16).reshape(4, 4) / 4
+    made = edit.gain(whole, factors)
+    np.testing.assert_array_equal(made.samples, whole.samples * factors)
+    assert made.provenance.steps[-1].settings["factor"][1] == (1.0, 1.25, 1.5, 1.75)
+    assert from_json(to_json(made.provenance)) == made.provenance
+    with pytest.raises(ShapeError, match="one factor or"):
+        edit.gain(whole, np.ones(16))
+    with pytest.raises(InputError, match="finite"):
+        edit.gain(whole, np.inf)
+
+
+def test_mask_by_zero_or_by_the_neighbours():
+    whole = noise()
+    flat = whole.samples.reshape(200, 16)
+    zero = edit.mask(whole, [5, 5, 0])
+    np.testing.assert_array_equal(zero.samples.reshape(200, 16)[:, [0, 5]], 0)
+    kept = [i for i in range(16) if i not in (0, 5)]
+    np.testing.assert_array_equal(zero.samples.reshape(200, 16)[:, kept], flat[:, kept])
+    assert zero.provenance.steps[-1].settings == {"channels": (0, 5), "fill": "zero"}
+    made = edit.mask(whole, [5, 6], fill="neighbours").samples.reshape(200, 16)
+    np.testing.assert_allclose(made[:, 5], flat[:, [1, 4, 9]].mean(axis=1))
+    np.testing.assert_allclose(made[:, 6], flat[:, [2, 7, 10]].mean(axis=1))
+
+
+def test_mask_refuses_what_is_not_there():
+    with pytest.raises(ShapeError, match="expected 0 to 15, got 16"):
+        edit.mask(noise(), [16])
+    with pytest.raises(InputError, match="fill"):
+        edit.mask(noise(), [1], fill="nothing")
+    with pytest.raises(InputError, match="neighbour of channel 0"):
+        edit.mask(noise(), [0, 1, 4], fill="neighbours")
+
+
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda r: edit.cut(r, 0.01),
+        lambda r: edit.join([r, r]),
+        lambda r: edit.resample(r, 500),
+        lambda r: edit.trim(r),
+        lambda r: edit.gain(r, 2),
+        lambda r: edit.mask(r, [1]),
+    ],
+    ids=["cut", "join", "resample", "trim", "gain", "mask"],
+)
+def test_every_edit_adds_its_step_and_keeps_the_life_before(act):
+    before = noise().provenance
+    after = act(noise()).provenance
+    assert (after.source, after.notes, after.simulated) == (before.source, before.notes, True)
+    assert after.steps[:-1] == before.steps
+    assert len(after.steps) == 2

@@ -1,0 +1,163 @@
+"""Which channel is which cell: wires that were mixed up, cut, and doubled are found, whatever neighbours feel."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midair.errors import InputError, ShapeError
+from midair.model import SensorGrid
+from midair.rig.bench.identify import findings, identify, tone_answers
+
+GRID = SensorGrid()
+NOISE = np.full(16, 1e-3)
+
+
+def answers(order, *, crosstalk=0.3, strength=None, gain=None):
+    """answer[cell, channel] where cell k is wired to channel order[k] and neighbours feel a part of a tap."""
+    row, column = np.divmod(np.arange(16), 4)
+    away = np.abs(row[:, None] - row) + np.abs(column[:, None] - column)
+    felt = np.where(away == 0, 1.0, crosstalk**away)
+    if strength is not None:
+        felt = felt * np.asarray(strength)[:, None]
+    answer = np.zeros((16, 16))
+    answer[:, list(order)] = felt
+    return answer if gain is None else answer * np.asarray(gain)
+
+
+def found(order, **options):
+    return identify(answers(order, **options), NOISE, GRID)
+
+
+def test_a_sensor_in_order_is_sound():
+    identity = found(range(16))
+    assert identity.channel == tuple(range(16))
+    assert identity.sound
+    assert identity.in_order
+    assert findings(identity) == []
+
+
+def test_the_margin_is_that_of_a_swap_of_neighbours():
+    """Two neighbours that feel .3 of each other's taps: both answers fall by 10.46 dB if they are exchanged."""
+    np.testing.assert_allclose(found(range(16)).margin, -20 * np.log10(0.3), atol=1e-9)
+
+
+@given(
+    order=st.permutations(range(16)),
+    strength=st.lists(st.floats(0.05, 1), min_size=16, max_size=16),
+    gain=st.lists(st.floats(0.1, 3), min_size=16, max_size=16),
+    crosstalk=st.floats(0, 0.6),
+)
+def test_any_order_is_found_whatever_strengths_gains_and_neighbours(order, strength, gain, crosstalk):
+    identity = found(order, strength=strength, gain=gain, crosstalk=crosstalk)
+    assert identity.channel == tuple(order)
+    assert identity.order == tuple(order)
+    assert identity.sound
+    assert identity.in_order == (list(order) == list(range(16)))
+
+
+def test_the_strongest_answer_alone_would_have_been_wrong():
+    """Channel 1 is ten times as sensitive as the rest: it answers most to the tap on cell 0, too."""
+    gain = np.ones(16)
+    gain[1] = 10
+    answer = answers(range(16), gain=gain)
+    assert answer[0].argmax() == 1
+    assert identify(answer, NOISE, GRID).channel == tuple(range(16))
+
+
+def test_a_swap_is_named():
+    order = list(range(16))
+    order[3], order[7] = 7, 3
+    assert findings(found(order)) == ["channels 3 and 7 are swapped"]
+
+
+@pytest.mark.parametrize(
+    ("turned", "words"),
+    [
+        (lambda cells: np.rot90(cells), "turned by 90 degrees"),
+        (lambda cells: np.rot90(cells, 2), "turned by 180 degrees"),
+        (lambda cells: np.rot90(cells, 3), "turned by 270 degrees"),
+        (lambda cells: cells[:, ::-1], "mirrored, left for right"),
+        (lambda cells: cells[::-1], "mirrored, top for bottom"),
+        (lambda cells: cells.T, "transposed, rows for columns"),
+    ],
+)
+def test_a_sensor_that_lies_wrong_is_named(turned, words):
+    order = turned(np.arange(16).reshape(4, 4)).ravel()
+    (said,) = findings(found(order))
+    assert words in said
+
+
+def test_other_orders_are_listed():
+    order = [1, 2, 0, *range(3, 16)]
+    (said,) = findings(found(order))
+    assert said == "3 channels are in another place (cell: channel that answers): 0: 1, 1: 2, 2: 0"
+
+
+@given(
+    order=st.permutations(range(16)),
+    dead=st.integers(0, 15),
+    strength=st.lists(st.floats(0.5, 1), min_size=16, max_size=16),
+)
+def test_a_dead_channel_is_found_and_its_cell_gets_it(order, dead, strength):
+    answer = answers(order, strength=strength)
+    answer[:, dead] = 0
+    identity = identify(answer, NOISE, GRID)
+    cell = list(order).index(dead)
+    assert identity.dead == (dead,)
+    assert identity.silent == (cell,)
+    assert identity.order == tuple(order), "the one channel that is left is the cell's"
+    assert not identity.sound
+    assert f"channel {dead} is dead" in findings(identity)[0]
+
+
+def test_a_doubled_channel_is_found():
+    """Channel 9 carries what channel 5 does; nothing carries cell 9."""
+    answer = answers(range(16))
+    answer[:, 9] = answer[:, 5]
+    signals = np.random.default_rng(0).normal(size=(500, 16))
+    signals[:, 9] = 0.5 * signals[:, 5] + 1
+    identity = identify(answer, NOISE, GRID, signals=signals)
+    assert identity.alike == ((5, 9),)
+    assert identity.silent == (9,)
+    assert identity.channel[5] == 5
+    assert findings(identity)[0] == "channels 5 and 9 carry the same signal: one wire goes to both"
+
+
+def test_a_cell_that_was_tapped_instead_of_another_is_doubtful():
+    """Somebody tapped cell 5 twice, and never cell 6: the two cannot be told apart for certain."""
+    answer = answers(range(16), crosstalk=0.9)
+    answer[6] = answer[5]
+    identity = identify(answer, NOISE, GRID)
+    assert {5, 6} <= set(identity.doubtful)
+    assert any("not certain" in said for said in findings(identity))
+
+
+def test_silence_is_an_error():
+    with pytest.raises(InputError, match="some channel to answer"):
+        identify(np.full((16, 16), 1e-3), NOISE, GRID)
+
+
+def test_shapes_are_checked():
+    with pytest.raises(ShapeError):
+        identify(np.zeros((16, 15)), NOISE, GRID)
+
+
+def test_tones_are_measured_among_each_other():
+    """Two tones of .5 and .2 V in noise of .01 V rms, on two channels with opposite parts."""
+    rate, frames = 1000.0, 2000
+    t = np.arange(frames) / rate
+    noise = np.random.default_rng(0).normal(0, 0.01, (frames, 2))
+    one, two = np.sin(2 * np.pi * 100 * t + 1), np.sin(2 * np.pi * 103 * t + 2)
+    samples = np.stack([0.5 * one + 0.2 * two, 0.2 * one + 0.5 * two], axis=1) + noise + 7
+    answer, floor = tone_answers(samples, rate, np.array([100.0, 103.0]))
+    np.testing.assert_allclose(answer, [[0.5, 0.2], [0.2, 0.5]], atol=4 * 0.01 * np.sqrt(2 / frames))
+    np.testing.assert_allclose(floor, 0.01 * np.sqrt(2 / frames), rtol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "frames"), [([0, 100], 2000), ([100, 500], 2000), ([100, 100.5], 2000), ([100, 200], 5)]
+)
+def test_tones_that_cannot_be_told_apart_are_refused(frequency, frames):
+    with pytest.raises(InputError, match="tones"):
+        tone_answers(np.zeros((frames, 2)), 1000.0, np.array(frequency, float))

@@ -1,0 +1,138 @@
+"""A sensor that is tapped cell by cell, or hears a tone in each: the whole way from frames to the order."""
+
+import numpy as np
+import pytest
+
+from midair.devices import ReplaySensor, Rewired
+from midair.errors import DeviceError, InputError
+from midair.model import Recording, SensorGrid, SensorWiring
+from midair.rig.bench.tap_test import TapTest, identify_by_taps, identify_by_tones
+from midair.rig.open.virtual_rig import VirtualRig
+
+RHYTHM = TapTest(every=1.0)
+ORDER = tuple(int(i) for i in np.random.default_rng(3).permutation(16))
+
+
+@pytest.fixture(scope="module")
+def tapped():
+    """What the virtual sensor said while every cell was tapped, neighbours feeling a quarter of it."""
+    with VirtualRig(seed=1).touched_by("taps") as sensor:
+        sensor.start()
+        return sensor.read(17_100).samples
+
+
+def sensor_of(samples, order=ORDER):
+    """A sensor whose cell k is wired to channel order[k]: channel order[k] gets cell k's signal."""
+    replay = ReplaySensor(Recording(samples=samples, rate=1000.0))
+    return Rewired(replay, SensorWiring(order=tuple(int(c) for c in np.argsort(order)), unit="V"))
+
+
+def heard(sensor, test=RHYTHM, skip=lambda: False):
+    prompts = []
+    with sensor:
+        identity = identify_by_taps(sensor, test, prompts.append, skip)
+    assert prompts == list(range(16)), "each cell is asked for once, in order"
+    return identity
+
+
+@pytest.mark.parametrize("test", [RHYTHM, TapTest()], ids=["in rhythm", "one by one"])
+def test_a_permuted_sensor_is_put_right(test, tapped):
+    identity = heard(sensor_of(tapped), test)
+    assert identity.channel == ORDER
+    assert identity.sound
+    right = Rewired(sensor_of(tapped), SensorWiring(order=identity.order, unit="V"))
+    assert heard(right, test).in_order
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_strengths_and_channels_that_differ_do_not_matter(seed):
+    with VirtualRig(seed=10 + seed).touched_by("taps") as sensor:
+        assert heard(sensor).channel == tuple(range(16))
+
+
+def test_a_dead_channel_is_found_in_the_rhythm(tapped):
+    samples = tapped.copy()
+    samples[:, 1, 2] = 0.125
+    identity = heard(sensor_of(samples))
+    assert identity.silent == (6,)
+    assert identity.dead == (ORDER[6],)
+    assert identity.order == ORDER
+
+
+def test_a_cut_wire_that_only_hums_is_dead(tapped):
+    samples = tapped.copy()
+    samples[:, 1, 2] = np.random.default_rng(5).normal(0, 1e-4, len(samples))
+    assert heard(sensor_of(samples)).dead == (ORDER[6],)
+
+
+def test_a_doubled_channel_is_found(tapped):
+    samples = tapped.copy()
+    samples[:, 3, 3] = 0.7 * samples[:, 0, 1]
+    identity = heard(sensor_of(samples))
+    assert identity.alike == (tuple(sorted((ORDER[1], ORDER[15]))),)
+    assert not identity.sound
+
+
+def test_strong_neighbours_do_not_fool_it(tapped):
+    """Every cell feels .6 of each neighbour's tap on top of what it felt."""
+    cells = tapped.reshape(len(tapped), 16)
+    row, column = np.divmod(np.arange(16), 4)
+    beside = np.abs(row[:, None] - row) + np.abs(column[:, None] - column) == 1
+    mixed = cells + 0.6 * cells @ beside
+    assert heard(sensor_of(mixed.reshape(-1, 4, 4))).channel == ORDER
+
+
+def test_a_cell_that_never_answers_is_left_out_after_a_while(tapped):
+    """Cells 14 and 15 are not tapped any more: the source is quiet to its end."""
+    samples = tapped.copy()
+    samples[15_000:] = np.tile(samples[:700], (3, 1, 1))
+    identity = heard(sensor_of(samples), TapTest(wait=1.5))
+    assert identity.silent == (14, 15)
+    assert identity.channel[:14] == ORDER[:14]
+
+
+def test_a_cell_can_be_left_out_by_hand(tapped):
+    """While cell 0 is due nothing is heard; the first tap, which is on cell 0, is then taken for cell 1's."""
+    asked = iter([True])
+    identity = heard(sensor_of(tapped, range(16)), TapTest(), lambda: next(asked, False))
+    assert identity.channel[1] == 0
+
+
+def test_a_source_that_ends_in_the_quiet_is_an_error(tapped):
+    with sensor_of(tapped[:500]) as sensor, pytest.raises(DeviceError, match="ended before"):
+        identify_by_taps(sensor, RHYTHM, lambda cell: None)
+
+
+def test_a_sensor_that_nobody_touches_is_an_error():
+    samples = np.random.default_rng(0).normal(0, 1e-3, (18_000, 4, 4))
+    with sensor_of(samples) as sensor, pytest.raises(InputError, match="none did"):
+        identify_by_taps(sensor, RHYTHM, lambda cell: None)
+
+
+def hums(order, seconds=2.0):
+    """A tone of 50 + 25 k Hz in cell k, a fifth of it in every other channel, and noise."""
+    t = np.arange(round(seconds * 1000)) / 1000
+    tones = np.sin(2 * np.pi * (50 + 25 * np.arange(16)) * t[:, None])
+    cells = tones + 0.2 * (tones.sum(axis=1, keepdims=True) - tones)
+    samples = np.empty_like(cells)
+    samples[:, list(order)] = cells
+    samples += np.random.default_rng(1).normal(0, 0.3, samples.shape)
+    return ReplaySensor(Recording(samples=samples.reshape(-1, 4, 4), rate=1000.0))
+
+
+def test_tones_tell_the_order():
+    with hums(ORDER) as sensor:
+        identity = identify_by_tones(sensor, np.linspace(50, 425, 16), 2.0)
+    assert identity.channel == ORDER
+    assert identity.sound
+
+
+def test_one_tone_for_each_cell_is_needed():
+    with hums(ORDER) as sensor, pytest.raises(InputError, match="expected 16"):
+        identify_by_tones(sensor, np.linspace(50, 425, 4), 2.0)
+
+
+def test_an_odd_grid_is_identified(tapped):
+    grid = SensorGrid(rows=2, columns=8)
+    identity = heard(Rewired(sensor_of(tapped, range(16)), SensorWiring(grid=grid, unit="V")))
+    assert identity.in_order

@@ -1,0 +1,85 @@
+import importlib.metadata
+
+import pytest
+
+from midair.rig.doctor import array_checkup
+from midair.rig.doctor.array_checkup import array_findings, device_findings
+
+
+@pytest.fixture(autouse=True)
+def _state(tmp_path, monkeypatch):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+
+
+def by_subject(findings):
+    return {finding.subject: finding for finding in findings}
+
+
+def test_what_is_installed_and_where_the_log_is(tmp_path):
+    found = by_subject(array_findings())
+    assert {"virtual array", "autd3", "pyautd3", "network", "log of what played", "playing now"} <= set(found)
+    assert str(tmp_path) in found["log of what played"].found
+    assert not [each for each in found.values() if each.state == "broken"]
+    assert all(each.advice for each in found.values() if each.state != "ok")
+
+
+@pytest.mark.parametrize(
+    ("version", "state", "word"), [(None, "missing", "not installed"), ("0.13.1", "broken", "0.12")]
+)
+def test_an_sdk_that_is_not_there_or_too_new(monkeypatch, version, state, word):
+    def installed(package):
+        if version is None:
+            raise importlib.metadata.PackageNotFoundError(package)
+        return version
+
+    monkeypatch.setattr(importlib.metadata, "version", installed)
+    finding = by_subject(array_findings())["autd3"]
+    assert finding.state == state
+    assert word in finding.found
+    assert 'pip install "midair[autd3]"' in finding.advice
+
+
+def test_a_log_that_cannot_be_written(tmp_path, monkeypatch):
+    (tmp_path / "state" / "played.jsonl").mkdir(parents=True)
+    finding = by_subject(array_findings())["log of what played"]
+    assert finding.state == "broken"
+    assert "MIDAIR_STATE" in finding.advice
+
+
+@pytest.mark.parametrize(("name", "package"), [("autd3:emulator", "autd3"), ("pyautd3:audit", "pyautd3")])
+def test_a_device_tells_of_itself(name, package):
+    pytest.importorskip(package)
+    found = by_subject(device_findings(name))
+    assert "4 answer" in found[f"{name}: units"].found
+    assert "mulator" in found[f"{name}: firmware"].found
+    assert f"{name}: failsafe" in found
+    assert not [each for each in found.values() if each.state == "broken"]
+
+
+def test_a_device_that_does_not_answer_comes_with_advice():
+    pytest.importorskip("autd3")
+    (finding,) = device_findings("autd3:[::1]:9")
+    assert finding.state == "broken"
+    assert "power" in finding.advice
+    (finding,) = device_findings("autd9")
+    assert finding.advice
+
+
+@pytest.mark.parametrize(
+    ("key", "well", "unwell"),
+    [
+        ("firmware", "0.12.0/0.12.0", "0.11.0/0.11.0, but the SDK supports 0.12"),
+        (
+            "link",
+            "19 frames, worst answer 2 ms, 0 heartbeats missed",
+            "19 frames, worst answer 2 ms, 10 heartbeats missed",
+        ),
+        ("failsafe", "it acted 0 times", "it acted 10 times"),
+        ("temperature", "fine", "too hot"),
+    ],
+)
+def test_reports_are_judged(key, well, unwell):
+    assert array_checkup._judged("x", key, well).state == "ok"
+    finding = array_checkup._judged("x", key, unwell)
+    assert finding.state == "broken"
+    assert finding.advice

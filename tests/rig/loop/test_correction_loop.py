@@ -1,0 +1,81 @@
+"""The whole loop on the virtual rig, on the stimuli of the paper's section 5.2."""
+
+import numpy as np
+import pytest
+
+from midair.errors import MismatchError
+from midair.flow import Settings, felt
+from midair.model import ControlGrid, Recording
+from midair.rig.loop.correction_loop import beam_test, run_loop
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.play.rerecord import rerecord
+from midair.rig.record.capture import record
+
+RIG = VirtualRig()
+# Half of the paper's points and few iterations: the fast suite asks for the right place and time, not for E.
+COARSE = Settings(grid=ControlGrid(rows=11, columns=11, pitch=5.5e-3), method="exact", iterations=(30, 3))
+PEAKS = {"am-i": [0], "am-ii": [0, 15], "am-iii": [0]}
+FREQUENCY = {"am-i": 100, "am-ii": 100, "am-iii": 25}
+
+
+def original(stimulus, settings, duration):
+    with RIG.touched_by(stimulus, duration=duration) as sensor:
+        return felt(record(sensor, duration), sensor.calibration, settings)
+
+
+def loop(stimulus, settings, duration):
+    skin = RIG.skin()
+    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
+        return run_loop(original(stimulus, settings, duration), array, sensor, settings)
+
+
+def check(done, stimulus):
+    first, last = done.passes
+    strongest = np.argsort((last.felt.pressure**2).mean(axis=0).ravel())[::-1][: len(PEAKS[stimulus])]
+    assert sorted(strongest) == PEAKS[stimulus]
+    assert last.comparison.frequency == (FREQUENCY[stimulus], FREQUENCY[stimulus])
+    assert last.comparison.correlation > 0.85
+    assert abs(last.comparison.gain - 1) < abs(first.comparison.gain - 1)
+    assert last.comparison.gain == pytest.approx(1, abs=0.1)
+    assert last.comparison.spectral_error < first.comparison.spectral_error
+    assert last.comparison.simulated
+
+
+@pytest.mark.parametrize("stimulus", PEAKS)
+def test_right_place_right_frequency_and_better_after_correction(stimulus):
+    check(loop(stimulus, COARSE, 0.2), stimulus)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stimulus", PEAKS)
+def test_the_same_with_the_paper_s_settings(stimulus):
+    done = loop(stimulus, Settings(method="exact"), 0.2)
+    check(done, stimulus)
+    assert done.passes[-1].reproduction.solution.error.mean() < 0.15
+
+
+def test_the_beam_s_gain_is_straight_and_repeats():
+    skin = RIG.skin()
+    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
+        tests = [beam_test(array, sensor, sensor.calibration, COARSE, top=top) for top in (100.0, 50.0)]
+    for test in tests:
+        assert test.channel == 5
+        assert abs(test.line.curvature) < 0.05
+        assert test.line.gain_error < 0.01 * test.line.gain
+    assert tests[0].line.gain == pytest.approx(tests[1].line.gain, rel=0.02)
+
+
+def test_the_steps_of_a_rerecording_tell_its_life():
+    done = loop("am-i", COARSE, 0.1)
+    stages = [step.stage for step in done.passes[-1].felt.provenance.steps]
+    assert stages == ["calibrate", "prepare", "solve", "play", "calibrate"]
+
+
+def test_a_real_sensor_cannot_hear_a_virtual_array():
+    from midair.devices import ReplaySensor
+
+    skin = RIG.skin()
+    drive = loop("am-i", COARSE, 0.05).passes[0].reproduction.solution.drive
+    real = ReplaySensor(Recording(samples=np.ones((9, 4, 4)), rate=1000.0))
+    with RIG.array_device(skin) as array, real as sensor, pytest.raises(MismatchError, match="both real or both"):
+        rerecord(drive, array, sensor)

@@ -1,0 +1,67 @@
+import re
+
+import numpy as np
+import pytest
+
+from midair.flow import Settings, felt
+from midair.model import ControlGrid
+from midair.rig.loop.correction_loop import run_loop
+from midair.rig.loop.loop_report import render, settings_rows, versions, write_report
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.record.capture import record
+
+SETTINGS = Settings(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="exact", iterations=2)
+
+
+@pytest.fixture(scope="module")
+def loop():
+    rig = VirtualRig()
+    skin = rig.skin()
+    with rig.touched_by("towel", duration=0.6) as sensor:
+        original = felt(record(sensor, 0.6), sensor.calibration, SETTINGS).cut(0.4, 0.06)
+    with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
+        return run_loop(original, array, sensor, SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def page(loop):
+    return render(loop, commands=("midair loop x.h5",))
+
+
+def test_needs_nothing_from_outside(page):
+    assert not re.search(r"(src|href)=\"(?!data:)", page)
+    assert not re.search(r"https?:", page)
+    assert page.count("data:image/png;base64,") == 7
+
+
+def test_holds_what_a_reader_looks_for(loop, page):
+    for words in (
+        "SIMULATED",
+        "Towel, reproduced in midair",
+        "Target and reproduced field",
+        "E, mean",
+        "midair loop x.h5",
+        "numpy",
+        "band",
+    ):
+        assert words in page
+    assert f"{100 * loop.passes[-1].reproduction.solution.error.mean():.3g}" in page
+
+
+def test_every_setting_is_told():
+    names = {name for name, _ in settings_rows(Settings())}
+    assert {"band", "grid.height", "medium.attenuation", "directivity", "iterations", "level"} <= names
+
+
+def test_versions_are_those_in_use():
+    assert dict(versions())["numpy"] == np.__version__
+
+
+def test_a_failed_write_leaves_the_old_report(loop, tmp_path):
+    old = tmp_path / "report.html"
+    old.write_text("old")
+    with pytest.raises(Exception, match="folder"):
+        write_report(loop, tmp_path / "nowhere" / "report.html")
+    write_report(loop, old)
+    assert "SIMULATED" in old.read_text(encoding="utf-8")
+    assert list(tmp_path.iterdir()) == [old]

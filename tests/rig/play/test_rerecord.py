@@ -1,0 +1,122 @@
+"""Re-recording on rigs that are not virtual: the gate, the latency, frames that get lost."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.datasets import probe_signal
+from midair.devices.arrays.gate import profile_named
+from midair.devices.interface import Block
+from midair.errors import DeviceError, DeviceStateError, InputError
+from midair.flow import Settings, felt, reproduce
+from midair.model import ControlGrid
+from midair.rig.loop.passes import Rig, play_pass, quiet
+from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.play.play_log import state_folder
+from midair.rig.play.rerecord import Gate, rerecord
+
+RIG = VirtualRig()
+SETTINGS = Settings(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast")
+PROFILE = profile_named("occupational-110")
+
+
+def original():
+    touch = probe_signal("25+250 Hz", duration=0.08, rest=0.02, rate=1000.0)
+    return replace(touch, provenance=replace(touch.provenance, simulated=False))
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return reproduce(original(), RIG.array, SETTINGS).solution.drive
+
+
+def real(latency=0.0, lost=None):
+    """A virtual rig that passes for a real one: it must be gated, and its sensor runs before the array begins."""
+    skin = RIG.skin()
+    array, sensor = RIG.array_device(skin), RIG.sensor(skin)
+    array.simulated, array.gated, sensor.simulated = False, True, False
+    emit, read = array.emit, sensor.read
+
+    def late(drive, progress, **others):
+        skin.press(np.zeros((round(latency * skin.rate), skin.points.count)))
+        return emit(drive, progress, **others)
+
+    def in_blocks(frames):
+        block = read(min(frames, 40))
+        return (
+            block
+            if lost is None or block.first < lost
+            else Block(samples=block.samples, first=block.first + 1, device_time=0, host_time=0, overflow=True)
+        )
+
+    array.emit, sensor.read = late, in_blocks
+    return array, sensor
+
+
+def test_a_real_array_is_not_played_without_a_gate(drive):
+    array, sensor = real()
+    with array, sensor, pytest.raises(DeviceStateError, match="gate"):
+        rerecord(drive, array, sensor)
+
+
+def test_what_exceeds_the_profile_is_refused_and_nothing_sounds(drive):
+    array, sensor = real()
+    with array, sensor, pytest.raises(InputError, match="exposure"):
+        rerecord(drive, array, sensor, gate=Gate(profile=PROFILE))
+    assert not array.emitting
+
+
+def test_what_a_person_answers_for_is_played_and_logged(drive):
+    array, sensor = real()
+    with array, sensor:
+        heard = rerecord(drive, array, sensor, gate=Gate(profile=PROFILE, override="A. Person"), tail=0.2)
+    assert heard.frames >= drive.frames
+    assert not heard.provenance.simulated
+    log = "".join(path.read_text(encoding="utf-8") for path in state_folder().glob("*.jsonl"))
+    assert "A. Person" in log
+    assert "played" in log
+
+
+def test_what_is_attenuated_says_so(drive):
+    array, sensor = real()
+    with array, sensor:
+        heard = rerecord(drive, array, sensor, gate=Gate(profile=PROFILE, attenuate=True), tail=0.2)
+    assert "attenuate" in [step.stage for step in heard.provenance.steps]
+
+
+def test_the_drive_is_found_in_what_a_real_sensor_heard(drive):
+    array, sensor = real(latency=0.07)
+    with array, sensor:
+        rig = Rig(array=array, sensor=sensor, gate=Gate(profile=PROFILE, override="A. Person"))
+        heard = rerecord(drive, array, sensor, gate=rig.gate, tail=0.3)
+        late = np.argmax(np.abs(heard.samples).max(axis=(1, 2)) > 0.01)
+        assert late >= 60
+        rig_pass = play_pass_with_tail(rig)
+    assert rig_pass.comparison.correlation > 0.65
+    assert abs(rig_pass.comparison.delay) < 5e-3
+
+
+def play_pass_with_tail(rig, tail=0.3):
+    import midair.rig.loop.passes as passes
+
+    kept = passes.rerecord
+    passes.rerecord = lambda *arguments, **others: kept(*arguments, tail=tail, **others)
+    try:
+        return play_pass(original(), original(), rig, SETTINGS, "pass", quiet)
+    finally:
+        passes.rerecord = kept
+
+
+def test_lost_frames_are_an_error(drive):
+    array, sensor = real(lost=80)
+    with array, sensor, pytest.raises(DeviceError, match="frames were lost"):
+        rerecord(drive, array, sensor, gate=Gate(profile=PROFILE, override="A. Person"), tail=0.2)
+
+
+def test_blocks_are_put_together(drive):
+    skin = RIG.skin()
+    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
+        whole = rerecord(drive, array, sensor)
+    assert whole.frames == drive.frames + 20
+    assert np.abs(felt(whole, sensor.calibration, SETTINGS).pressure).max() > 1

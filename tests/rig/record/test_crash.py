@@ -1,0 +1,195 @@
+"""A recording whose program is killed: the file opens, and at most a quarter of a second is gone.
+
+The killed program is a real process with a sensor that runs by the clock. It writes into shared memory, for each block,
+how many frames the source has given; that is what the file is held against.
+"""
+
+import json
+import mmap
+import os
+import random
+import signal
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midair.errors import BrokenFileError
+from midair.files import load, read, repair, save
+from midair.model import Recording
+
+RATE = 1000
+MIDAIR = (sys.executable, "-c", "from midair.cli import main; main()")
+
+PROGRAM = """
+import mmap, struct, sys, time
+import numpy as np
+from pathlib import Path
+from midair.devices import Block, SensorDevice
+from midair.model import SensorGrid
+from midair.rig.record.take import record_take
+from midair.rig.record.take_plan import TakePlan
+
+
+class Clock(SensorDevice):
+    name, grid, rate, unit = "clock", SensorGrid(), 1000.0, "V"
+
+    def __init__(self, given):
+        self.given = given
+
+    def open(self): ...
+    def stop(self): ...
+    def close(self): ...
+
+    def start(self):
+        self.taken, self.begin = 0, time.monotonic()
+        struct.pack_into("d", self.given, 8, self.begin)
+
+    def read(self, frames):
+        first, self.taken = self.taken, self.taken + frames
+        time.sleep(max(0, self.begin + self.taken / 1000 - time.monotonic()))
+        samples = np.arange(first, self.taken)[:, None, None] + np.arange(16).reshape(4, 4) / 16
+        struct.pack_into("q", self.given, 0, self.taken)
+        return Block(samples=samples, first=first, device_time=first / 1000, host_time=self.begin + first / 1000)
+
+
+class Nobody:
+    def order(self): ...
+    def show(self, view): ...
+    def tell(self, event, drift=None): ...
+
+
+with open(sys.argv[2], "r+b") as file, Clock(mmap.mmap(file.fileno(), 16)) as sensor:
+    record_take(sensor, TakePlan(path=Path(sys.argv[1])), Nobody())
+"""
+
+
+def killed_after(seconds, folder, *, minimum=0):
+    """Kill a recording so long after its sensor started: frames that were given, frames that were sampled, the file.
+
+    A busy machine may keep the program from running: no sooner than `minimum` frames were given.
+    """
+    path, shared = folder / "take.h5", folder / "given"
+    shared.write_bytes(bytes(16))
+    with shared.open("r+b") as file, mmap.mmap(file.fileno(), 16) as given:
+        with subprocess.Popen([sys.executable, "-c", PROGRAM, path, shared]) as program:
+            while not (begin := struct.unpack_from("d", given, 8)[0]):
+                assert program.poll() is None
+                time.sleep(0.001)
+            time.sleep(max(0.0, begin + seconds - time.monotonic()))
+            while struct.unpack_from("q", given, 0)[0] < minimum:
+                assert program.poll() is None
+                time.sleep(0.001)
+            now = time.monotonic()
+            program.send_signal(signal.SIGKILL)
+        assert program.returncode == -signal.SIGKILL
+        return struct.unpack_from("q", given, 0)[0], (now - begin) * RATE, path
+
+
+def check(path, given, *, busy=0.0):
+    """The file opens, holds what was given but for a quarter of a second, and can be repaired; frames that it holds.
+
+    With `busy`, the machine may have kept the program from running for so long, in s.
+    """
+    seen = read(path)
+    frames = seen.recording.frames
+    assert given - (0.25 + busy) * RATE <= frames <= given
+    expected = np.arange(frames)[:, None, None] + np.arange(16).reshape(4, 4) / 16
+    np.testing.assert_array_equal(seen.recording.samples, expected)
+    assert "was killed" in seen.report[0]
+    assert repair(path) == seen.report
+    assert load(path).frames == frames
+    assert read(path).report == ()
+    return frames
+
+
+@pytest.mark.parametrize("seconds", [0.6])
+def test_a_killed_recording_opens_and_lost_at_most_a_quarter_of_a_second(seconds, tmp_path):
+    given, _, path = killed_after(seconds, tmp_path, minimum=300)
+    check(path, given, busy=0.15)
+
+
+def begun(path, given):
+    """Frames in the file of a program killed in its first quarter of a second, which may not be there yet."""
+    assert given <= RATE // 4
+    if not path.exists():
+        return 0
+    try:
+        frames = read(path).recording.frames
+    except BrokenFileError as wrong:
+        assert "before its first frame" in str(wrong)
+        return 0
+    assert frames <= given
+    return frames
+
+
+def test_a_recording_killed_at_its_very_beginning_opens_or_is_not_there(tmp_path):
+    given, _, path = killed_after(0.06, tmp_path)
+    begun(path, given)
+
+
+@pytest.mark.slow
+def test_a_hundred_kills_at_random_moments(tmp_path, capsys):
+    """Against what the source had given, and against what it had sampled: that adds the block that it waits for."""
+    chance, lost, late = random.Random(20), [], []
+    opened = 0
+    for number in range(100):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        given, sampled, path = killed_after(chance.uniform(0.5, 2.5), folder)
+        # A machine that keeps the program from running may kill it before its first quarter of a second is over.
+        frames = check(path, given) if given > RATE // 4 else begun(path, given)
+        lost.append(given - frames)
+        late.append(sampled - frames)
+        opened += given > RATE // 4
+    with capsys.disabled():
+        print(
+            f"\n100 kills, {opened} after the first quarter of a second, all of those opened: "
+            f"lost at most {max(lost)} ms, mean {np.mean(lost):.0f} ms of what was given; "
+            f"at most {max(late):.0f} ms, mean {np.mean(late):.0f} ms of what was sampled"
+        )
+    assert opened >= 80
+    assert max(lost) > 0, "a kill that never loses anything was no kill"
+
+
+@pytest.mark.slow
+def test_the_command_itself_can_be_killed(tmp_path):
+    source = Recording(samples=np.random.default_rng(0).normal(size=(30_000, 4, 4)), rate=RATE)
+    save(source, tmp_path / "source.h5")
+    command = [*MIDAIR, "record", "replay:source.h5", "take.h5", "--real-time"]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as program:
+        path = tmp_path / "take.h5"
+        while not path.exists():
+            assert program.poll() is None
+            time.sleep(0.005)
+        time.sleep(0.5)
+        program.kill()
+    frames = load(path).frames
+    assert frames >= 250
+    np.testing.assert_array_equal(load(path).samples, source.samples[:frames])
+    info = [*MIDAIR, "info", path, "--json"]
+    told = json.loads(subprocess.run(info, check=True, capture_output=True).stdout)
+    assert told["frames"].startswith(f"{frames} at 1000 Hz")
+
+
+@pytest.mark.slow
+def test_a_request_to_end_closes_the_file_in_order(tmp_path):
+    source = Recording(samples=np.random.default_rng(0).normal(size=(30_000, 4, 4)), rate=RATE)
+    save(source, tmp_path / "source.h5")
+    command = [*MIDAIR, "record", "replay:source.h5", "take.h5", "--real-time"]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as program:
+        path: Path = tmp_path / "take.h5"
+        while not path.exists():
+            assert program.poll() is None
+            time.sleep(0.005)
+        time.sleep(0.3)
+        os.kill(program.pid, signal.SIGTERM)
+        _, said = program.communicate(timeout=30)
+    assert program.returncode == 130
+    assert f"midair: stopped; {load(path).frames} frames are in take.h5" in said
+    assert read(path).report == (), "closed in order"
+    assert load(path).frames > 0

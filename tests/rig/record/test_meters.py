@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+
+from midair.rig.record.meters import Meters
+
+RATE = 1000.0
+TIME = np.arange(2000) / RATE
+
+
+def heard(samples, block=50, **options):
+    meters, events = Meters(samples.shape[1], RATE, **options), []
+    for first in range(0, len(samples), block):
+        events += meters.add(samples[first : first + block, None, :])
+    return meters.levels, [(event.kind, event.channel, event.frame) for event in events]
+
+
+def test_levels_of_a_sine_about_its_rest():
+    """1 V peak at 2 V of rest: .7071 V rms, 1 V peak; the window of 300 frames holds whole periods of 50 Hz."""
+    samples = 2 + np.sin(2 * np.pi * 50 * TIME)[:, None] * np.array([1.0, 0.1])
+    levels, events = heard(samples)
+    np.testing.assert_allclose(levels.rms, np.array([1, 0.1]) / np.sqrt(2), rtol=1e-9)
+    np.testing.assert_allclose(levels.peak, [1, 0.1], rtol=1e-9)
+    assert events == []
+
+
+def test_the_window_forgets_and_the_highest_does_not():
+    samples = np.random.default_rng(0).normal(0, 1e-3, (2000, 1))
+    samples[500, 0] = 3.0
+    levels, _ = heard(samples)
+    assert levels.peak[0] < 0.01
+    assert levels.highest[0] == pytest.approx(3, rel=0.01)
+
+
+@pytest.mark.parametrize("block", [1, 7, 50, 2000])
+def test_clipping_at_a_known_limit(block):
+    samples = np.clip(1.3 * np.sin(2 * np.pi * 50 * TIME), -1, 1)[:, None] * np.array([1.0, 0.9])
+    levels, events = heard(samples, block, full_scale=1.0)
+    assert levels.clipped.tolist() == [int((np.abs(samples[:, 0]) >= 1).sum()), 0]
+    assert levels.clipping.tolist() == [True, False]
+    assert {event[:2] for event in events} == {("clipped", 0)}
+    assert events[0][2] == int(np.abs(samples[:, 0]).argmax()) or block > 1
+
+
+def test_clipping_at_a_limit_that_nobody_stated():
+    samples = np.stack([np.clip(1.3 * np.sin(2 * np.pi * 50.3 * TIME), -1, 1), np.sin(2 * np.pi * 50.3 * TIME)], axis=1)
+    levels, events = heard(samples)
+    assert levels.clipping.tolist() == [True, False]
+    assert {event[:2] for event in events} == {("clipped", 0)}
+
+
+def test_a_quiet_converter_that_repeats_its_few_codes_does_not_clip():
+    codes = np.random.default_rng(0).integers(0, 3, (2000, 4)).astype(float)
+    levels, events = heard(codes)
+    assert not levels.clipping.any()
+    assert events == []
+
+
+def test_dead_and_stuck_channels_are_told_once_when_they_have_been_still_for_half_a_second():
+    samples = np.random.default_rng(0).normal(size=(2000, 3))
+    samples[:, 0] = 7
+    samples[800:1500, 1] = samples[799, 1]
+    meters, told = Meters(3, RATE), []
+    for first in range(0, 2000, 50):
+        told += [
+            (first + 50, event.kind, event.channel, event.frame) for event in meters.add(samples[first : first + 50])
+        ]
+        if first == 1400:
+            assert meters.levels.stuck.tolist() == [False, True, False]
+    assert told == [(500, "dead", 0, 0), (1300, "stuck", 1, 799)]
+    assert meters.levels.dead.tolist() == [True, False, False]
+    assert not meters.levels.stuck.any(), "it moves again"
+
+
+def test_before_the_first_frame_everything_is_silent():
+    levels = Meters(4, RATE).levels
+    assert not levels.dead.any()
+    assert levels.rms.tolist() == [0, 0, 0, 0]
+    assert Meters(4, RATE).add(np.zeros((0, 2, 2))) == ()

@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.model import ControlGrid
+from midair.solvers import Guard
+from midair.solvers.terms.guard import GuardField, excess, excess_rows
+
+
+def test_the_ring_lies_around_the_square_and_no_wider_than_its_margin():
+    grid = ControlGrid(centre=(0.01, -0.02))
+    ring = Guard(margin=20e-3).ring(grid)
+    away = np.abs(ring[:, :2] - [0.01, -0.02]).max(axis=1)
+    assert away.min() == pytest.approx(27.5e-3 + 11e-3 / 3)
+    assert 27.5e-3 + 20e-3 - 11e-3 / 3 < away.max() <= 27.5e-3 + 20e-3
+    np.testing.assert_array_equal(ring[:, 2], 0.2)
+    # 26 x 26 points of the larger grid without the 16 x 16 of the square.
+    assert len(ring) == 26**2 - 16**2
+
+
+@pytest.mark.parametrize("pitch", [5e-3, 2e-3, 11e-3 / 6])
+def test_another_pitch_keeps_the_ring_outside_the_square(pitch):
+    ring = Guard(margin=20e-3, pitch=pitch).ring(ControlGrid())
+    away = np.abs(ring[:, :2]).max(axis=1)
+    assert away.min() > 27.5e-3 + 11e-3 / 6
+    assert away.min() <= 27.5e-3 + 11e-3 / 6 + pitch
+    assert 47.5e-3 - pitch < away.max() <= 47.5e-3 + 1e-9
+
+
+def test_a_grid_that_is_not_square_has_a_margin_on_each_side():
+    ring = Guard(margin=10e-3, pitch=5e-3).ring(ControlGrid(rows=3, columns=7, pitch=5e-3))
+    assert np.abs(ring[:, 0]).max() == pytest.approx(25e-3)
+    assert np.abs(ring[:, 1]).max() == pytest.approx(15e-3)
+
+
+def test_by_hand():
+    """|3j| is 2 above 1, |.5| is below: weight 3 times 4 / 2 = 6, slope 3 * 2 along 3j."""
+    cost, slope = excess(np, np.array([[3j, 0.5]]), np.array([[1.0]]), 3.0)
+    assert cost == pytest.approx(6)
+    np.testing.assert_allclose(slope, [[6j, 0]], atol=1e-12)
+
+
+def test_the_slope_is_the_derivative(complex_slope):
+    rng = np.random.default_rng(1)
+    y, ceiling = rng.normal(size=(3, 5)) + 1j * rng.normal(size=(3, 5)), np.array([[0.5], [1.0], [0.0]])
+    slope = excess(np, y, ceiling, 0.7)[1]
+    np.testing.assert_allclose(slope, complex_slope(lambda z: excess(np, z, ceiling, 0.7)[0], y), atol=1e-7)
+
+
+def test_as_residuals_it_is_the_same_cost_and_slope():
+    rng = np.random.default_rng(2)
+    G = rng.normal(size=(6, 4)) + 1j * rng.normal(size=(6, 4))
+    guard, theta = GuardField(G=G, ceiling=0.8, weight=2.0), rng.uniform(-3, 3, 4)
+    residual, slope = excess_rows(guard, theta, 0.5, peak=1.5)
+    assert 0 < len(residual) < 6
+    y = (0.5 * np.exp(1j * theta)) @ G.T
+    assert 0.5 * residual @ residual == pytest.approx(excess(np, y[None], np.array([[1.2]]), 2.0)[0][0])
+    for n in range(4):
+        step = np.zeros(4)
+        step[n] = 1e-6
+        ahead, behind = (excess_rows(guard, theta + s, 0.5, peak=1.5)[0] for s in (step, -step))
+        np.testing.assert_allclose(slope[:, n], (ahead - behind) / 2e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"margin": 0.0}, "margin of the guard: expected a number above 0 m"),
+        ({"pitch": -1.0}, "pitch of the guard"),
+        ({"weight": 0.0}, "weight of the guard"),
+        ({"ceiling": -0.1}, "ceiling of the guard: expected 0 or more"),
+        ({"ceiling": float("nan")}, "ceiling of the guard"),
+    ],
+)
+def test_wrong_settings_say_what_was_expected(settings, message):
+    with pytest.raises(InputError, match=message):
+        Guard(**settings)
+
+
+def test_a_margin_of_less_than_a_pitch_holds_no_points():
+    with pytest.raises(InputError, match=r"at least its pitch, 3.66667 mm, got 1 mm"):
+        Guard(margin=1e-3).ring(ControlGrid())

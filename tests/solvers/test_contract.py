@@ -1,0 +1,198 @@
+"""Every solver on every known problem: a new one is a line in `METHODS`, and its tests are here already."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.solvers import METHODS, TAKES, Problem, one_blas_thread, relative_error, solver
+from midair.solvers.methods import check_terms
+from midair.solvers.terms.amplitudes import doubled, halves
+from midair.solvers.terms.cells import CellTarget
+from midair.solvers.terms.guard import GuardField
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+def random_field(points, transducers, seed=0):
+    rng = np.random.default_rng(seed)
+    return (rng.normal(size=(points, transducers)) + 1j * rng.normal(size=(points, transducers))) / transducers
+
+
+def of(G, amplitude, **rest):
+    return Problem(G=G, amplitude=np.atleast_2d(np.asarray(amplitude, float)), **rest)
+
+
+def reachable():
+    """Targets that are fields of known phases, so that E = 0 is possible."""
+    G = random_field(9, 60)
+    theta = np.random.default_rng(1).uniform(-np.pi, np.pi, (3, 60))
+    return of(G, np.abs(np.exp(1j * theta) @ G.T))
+
+
+def rank_deficient():
+    G = random_field(12, 30)
+    G[6:] = G[:6] * np.exp(1j * np.arange(6))[:, None]
+    return of(G, 0.1 * np.ones((2, 12)))
+
+
+G = random_field(8, 24)
+PROBLEMS = {
+    "reachable": reachable(),
+    "all zero": of(G, np.zeros((2, 8))),
+    "silence between": of(G, [[0.1] * 8, [0] * 8, [0.05] * 8]),
+    "silence first": of(G, [[0] * 8, [0.1] * 8]),
+    "one point of many": of(G, [0, 0.2, 0, 0, 0, 0, 0, 0]),
+    "all points": of(G, np.full(8, 0.1)),
+    "ten times too strong": of(G, np.full(8, 10.0)),
+    "a billionth": of(G, np.full(8, 1e-9)),
+    "as good as nothing": of(G, np.full((2, 8), 1e-90)),
+    "from loud to nothing": of(G, np.full((3, 8), 0.1) * np.array([[1], [1e-30], [1]])),
+    "rank deficient": rank_deficient(),
+    "points twice": of(np.repeat(G[:1], 4, axis=0), [0.1, 0.1, 0.1, 0.1]),
+    "dead transducers": of(np.where(np.arange(24) % 2, G, 0), np.full(8, 0.1)),
+    "a point in the dark": of(np.where(np.arange(8)[:, None] == 3, 0, G), np.full(8, 0.1)),
+    "one transducer": of(random_field(5, 1), np.full(5, 0.2)),
+    "one point": of(random_field(1, 20), [0.05]),
+    "one of each": of(np.array([[0.5j]]), [0.3]),
+    "half level": of(G, np.full((2, 8), 0.05), level=0.5),
+}
+
+
+def guarded(problem):
+    ring = random_field(5, problem.transducers, seed=9)
+    return replace(problem, guard=GuardField(G=ring, ceiling=0.3, weight=1.0))
+
+
+def by_cells(problem):
+    weights = np.eye(problem.points)[::2] + 0.5 * np.eye(problem.points, k=1)[::2]
+    return replace(problem, cells=CellTarget(weights=weights, wanted=problem.amplitude**2 @ weights.T))
+
+
+def smoothed(problem):
+    return replace(problem, smooth=1e-2)
+
+
+WITH = {
+    "guard": guarded,
+    "cells": by_cells,
+    "smooth": smoothed,
+    "amplitudes": doubled,
+    "all": lambda problem: doubled(smoothed(by_cells(guarded(problem)))),
+}
+"""What makes a problem with a term of one without."""
+
+TAKEN = [
+    (method, term)
+    for method, taken in TAKES.items()
+    for term in WITH
+    if term in taken or (term == "all" and len(taken) == len(WITH) - 1)
+]
+
+
+@pytest.fixture(scope="module", params=list(METHODS), ids=str)
+def method(request):
+    if request.param == "live":
+        pytest.importorskip("numba")
+    return request.param
+
+
+@pytest.mark.parametrize("name", list(PROBLEMS), ids=str)
+def test_never_fails_and_never_gives_nan(method, name):
+    problem = PROBLEMS[name]
+    with one_blas_thread():
+        answer = solver(method).solve(problem)
+    frames = len(problem.amplitude)
+    assert answer.phase.shape == (frames, problem.transducers)
+    assert np.isfinite(answer.phase).all()
+    assert np.isfinite(relative_error(problem, answer.phase, answer.level)).all()
+    assert answer.level is None or (answer.level.min() >= 0 and answer.level.max() <= 1)
+    silent = ~problem.amplitude.any(axis=1)
+    assert [status == "silent" for status in answer.status] == list(silent)
+    assert not answer.iterations[silent].any()
+    assert (answer.iterations[~silent] >= 0).all()
+
+
+@pytest.mark.parametrize("name", list(PROBLEMS), ids=str)
+@pytest.mark.parametrize(("taker", "term"), TAKEN, ids=str)
+def test_no_term_makes_it_fail_or_give_nan(taker, term, name):
+    if taker == "live":
+        pytest.importorskip("numba")
+    plain = PROBLEMS[name]
+    problem = WITH[term](plain)
+    iterations = 6 if taker == "lm" else None
+    answer = solver(taker, iterations=iterations).solve(problem)
+    assert np.isfinite(answer.phase).all()
+    phase, level = answer.phase, answer.level
+    if problem.transducers != plain.transducers:
+        phase, level = halves(phase)
+        assert 0 <= level.min() <= level.max() <= 1
+    assert np.isfinite(relative_error(replace(problem, G=plain.G), phase, level)).all()
+    assert [status == "silent" for status in answer.status] == list(~plain.amplitude.any(axis=1))
+
+
+def test_what_a_method_does_not_take_it_refuses(method):
+    for term in ("guard", "cells", "smooth", "amplitudes"):
+        if term in TAKES[method]:
+            check_terms(method, {term})
+        else:
+            with pytest.raises(InputError, match=rf"method {method}: .* got {term}; choose .*fast"):
+                check_terms(method, {term})
+
+
+def test_a_problem_says_which_terms_it_has():
+    plain = PROBLEMS["all points"]
+    assert plain.terms == frozenset()
+    for term in ("guard", "cells", "smooth"):
+        assert WITH[term](plain).terms == {term}
+
+
+def test_every_method_says_what_it_takes():
+    assert set(TAKES) == set(METHODS)
+
+
+def test_silence_keeps_the_phases_of_the_frame_before(method):
+    answer = solver(method).solve(PROBLEMS["silence between"])
+    np.testing.assert_array_equal(answer.phase[1], answer.phase[0])
+
+
+def test_the_targets_are_left_as_they_were(method):
+    problem = PROBLEMS["reachable"]
+    G, amplitude = problem.G.copy(), problem.amplitude.copy()
+    solver(method).solve(problem)
+    np.testing.assert_array_equal(problem.G, G)
+    np.testing.assert_array_equal(problem.amplitude, amplitude)
+
+
+def test_the_same_twice(method):
+    problem = PROBLEMS["reachable"]
+    first, second = solver(method).solve(problem), solver(method).solve(problem)
+    np.testing.assert_array_equal(first.phase, second.phase)
+
+
+def test_progress_reaches_the_end(method):
+    seen = []
+    solver(method).solve(PROBLEMS["reachable"], progress=lambda *now: seen.append(now))
+    assert seen[-1] == (3, 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "worst"),
+    [("lm", 1e-3), ("exact", 1e-3), ("fast", 0.02), ("live", 0.1), ("wgs", 0.4), ("gs", 0.4), ("greedy", 0.6)],
+)
+def test_how_close_each_comes_to_a_field_that_exists(name, worst):
+    problem = PROBLEMS["reachable"]
+    if name == "live":
+        pytest.importorskip("numba")
+    answer = solver(name).solve(problem)
+    assert relative_error(problem, answer.phase, answer.level).max() < worst
+
+
+@pytest.mark.parametrize("name", ["lm", "exact", "fast", "live", "greedy"])
+def test_one_point_is_met_by_all_that_fit_amplitudes(name):
+    """One point of which the array can make 20 times more: every phase pattern of the right sum is a solution."""
+    if name == "live":
+        pytest.importorskip("numba")
+    problem = PROBLEMS["one point"]
+    assert relative_error(problem, solver(name).solve(problem).phase)[0] < 0.02

@@ -1,0 +1,106 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.model import ControlGrid
+from midair.solvers import Fast, Problem, relative_error
+from midair.solvers.lens import spreading_phase
+from midair.solvers.terms.cells import CellTarget
+from midair.solvers.terms.guard import GuardField
+
+TEN = (0x0001, 0x8001, 0x0660, 0xF99F, 0x5A5A, 0x1248, 0xFFFF, 0x00FF, 0x8421, 0x3C18)
+
+
+@pytest.mark.parametrize(
+    ("strength", "mean", "worst"),
+    [
+        # What the plain form of the paper's method reaches on the same ten patterns in 50 iterations.
+        (0.1, 0.0527, 0.0737),
+        (0.2, 0.1609, 0.2612),
+    ],
+)
+def test_no_worse_than_the_papers_method(transfer, patterns_to_points, array, lossless, strength, mean, worst):
+    psi = spreading_phase(ControlGrid(), array, lossless)
+    problem = Problem(G=transfer, amplitude=strength * patterns_to_points(TEN), psi=psi)
+    error = relative_error(problem, Fast().solve(problem).phase)
+    assert error.mean() <= mean
+    assert error.max() <= worst
+
+
+def test_single_and_double_precision_reach_the_same_error(transfer, patterns_to_points, array, lossless):
+    psi = spreading_phase(ControlGrid(), array, lossless)
+    problem = Problem(G=transfer, amplitude=0.1 * patterns_to_points(TEN[:4]), psi=psi)
+    single, double = (relative_error(problem, Fast(precision=p).solve(problem).phase) for p in ("single", "double"))
+    np.testing.assert_allclose(single, double, atol=0.002)
+
+
+def test_frames_do_not_depend_on_their_batch(transfer, patterns_to_points):
+    problem = Problem(G=transfer, amplitude=0.1 * patterns_to_points(TEN[:3]))
+    one, three = (
+        Fast(batch=batch, field_iterations=10, iterations=5, more_iterations=0, precision="double") for batch in (1, 3)
+    )
+    np.testing.assert_allclose(one.solve(problem).phase, three.solve(problem).phase, atol=1e-6)
+
+
+def small(seed=0, frames=6, **rest):
+    rng = np.random.default_rng(seed)
+    G = (rng.normal(size=(8, 24)) + 1j * rng.normal(size=(8, 24))) / 24
+    return Problem(G=G, amplitude=rng.uniform(0, 0.2, (frames, 8)), **rest)
+
+
+def change_of(phase):
+    return np.abs(np.exp(1j * phase[1:]) - np.exp(1j * phase[:-1])) ** 2
+
+
+def test_smooth_phases_change_less_and_the_sum_is_less():
+    """E^2 / 2 + mu mean(1 - cos) over all frames is no more than what frames on their own make of it."""
+    rng, mu = np.random.default_rng(3), 0.01
+    path = 0.1 + 0.05 * np.sin(0.1 * np.arange(20)[:, None] + rng.uniform(0, 6, 8))
+    alone = replace(small(frames=20), amplitude=path)
+    cost, jumps = [], []
+    for problem in (alone, replace(alone, smooth=mu)):
+        phase = Fast(precision="double").solve(problem).phase
+        jumps.append(change_of(phase).mean())
+        cost.append((relative_error(problem, phase) ** 2).sum() / 2 + mu * (change_of(phase) / 2).mean(axis=1).sum())
+    assert jumps[1] < 0.3 * jumps[0]
+    assert cost[1] < cost[0]
+
+
+def test_smooth_goes_on_from_one_batch_to_the_next():
+    """The first frame of a batch is tied to the last of the one before: the same target, the same phases."""
+    problem = replace(small(frames=1), smooth=1.0)
+    problem = replace(problem, amplitude=np.repeat(problem.amplitude, 6, axis=0))
+    tied = Fast(batch=2, precision="double").solve(problem).phase
+    assert change_of(tied).max() < 1e-3
+
+
+def test_smooth_does_not_freeze_a_faint_frame_next_to_a_loud_one():
+    problem = replace(small(frames=3), smooth=1e-3)
+    problem = replace(problem, amplitude=problem.amplitude * np.array([[1], [1e-3], [1]]))
+    phase = Fast(precision="double").solve(problem).phase
+    assert relative_error(problem, phase).max() < 0.2
+
+
+def test_a_guard_keeps_its_points_below_the_ceiling():
+    rng = np.random.default_rng(5)
+    ring = (rng.normal(size=(6, 24)) + 1j * rng.normal(size=(6, 24))) / 24
+    guard = GuardField(G=ring, ceiling=0.5, weight=1.0)
+    problem = small()
+    loudest = [
+        (np.abs(np.exp(1j * Fast().solve(one).phase) @ ring.T).max(axis=1) / one.amplitude.max(axis=1)).max()
+        for one in (problem, replace(problem, guard=guard))
+    ]
+    assert loudest[0] > 1
+    assert loudest[1] < 0.6
+
+
+def test_cells_are_met_where_points_are_too_many_to_be_met():
+    rng = np.random.default_rng(6)
+    G = (rng.normal(size=(32, 12)) + 1j * rng.normal(size=(32, 12))) / 12
+    weights = np.kron(np.eye(4), np.full(8, 0.125))
+    problem = Problem(G=G, amplitude=rng.uniform(0.3, 0.5, (3, 32)))
+    fitted = replace(problem, cells=CellTarget(weights=weights, wanted=problem.amplitude**2 @ weights.T))
+    by_points, by_cells = (relative_error(fitted, Fast().solve(one).phase).max() for one in (problem, fitted))
+    assert by_cells < 1e-3
+    assert by_points > 0.01

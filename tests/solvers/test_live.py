@@ -1,0 +1,108 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.model import ControlGrid
+from midair.solvers import Live, Problem, relative_error
+from midair.solvers.lens import spreading_phase
+
+pytest.importorskip("numba")
+
+
+@pytest.fixture(scope="module")
+def blob(transfer, channels_to_points, array, lossless):
+    """A spot of 11 mm that moves 11 mm in 40 frames while its amplitude swings at 100 Hz, strength .1."""
+    from midair.model import SensorGrid
+
+    sensor, frame = SensorGrid(), np.arange(40)
+    X, Y = np.meshgrid(sensor.x, sensor.y)
+    x = (frame / 40 - 0.5) * 0.011
+    shape = np.exp(-((X - x[:, None, None]) ** 2 + Y**2) / (2 * 0.011**2)).reshape(40, 16)
+    channels = shape * (0.55 + 0.45 * np.sin(2 * np.pi * frame / 10))[:, None]
+    psi = spreading_phase(ControlGrid(), array, lossless)
+    return Problem(G=transfer, amplitude=0.1 * channels_to_points(channels), psi=psi)
+
+
+def test_follows_a_moving_spot(blob):
+    error = relative_error(blob, Live().solve(blob).phase)
+    assert error[10:].mean() < 0.03
+    assert error[10:].max() < 0.1
+
+
+def test_more_time_a_frame_gives_less_error(blob):
+    short, long = (
+        relative_error(blob, Live(warm_iterations=field, warm_lift_iterations=lift).solve(blob).phase)[10:].mean()
+        for field, lift in ((2, 3), (20, 40))
+    )
+    assert long < 0.5 * short
+
+
+def test_frame_by_frame_is_the_same_as_all_at_once(blob):
+    follower = Live().begin(blob)
+    np.testing.assert_array_equal(np.stack([follower.follow(p) for p in blob.amplitude]), Live().solve(blob).phase)
+
+
+def test_silence_moves_nothing(blob):
+    follower = Live().begin(blob)
+    before = follower.follow(blob.amplitude[0])
+    np.testing.assert_array_equal(follower.follow(np.zeros(256)), before)
+
+
+def test_first_frames_get_the_iterations_of_first_frames(blob):
+    made = Live(iterations=30, warm_iterations=3).solve(blob).iterations
+    assert list(made[:3]) == [30, 3, 3]
+
+
+def test_a_target_that_only_fades_needs_no_new_field(blob):
+    """The field is kept in units of its target: without a single iteration of it, the phases alone follow."""
+    fading = replace(blob, amplitude=np.linspace(1, 0.5, 40)[:, None] * blob.amplitude[3])
+    error = relative_error(fading, Live(warm_iterations=0, warm_lift_iterations=20).solve(fading).phase)
+    assert error.max() < 1.3 * error[0] + 0.005
+
+
+def test_the_loops_allocate_nothing(blob):
+    """A call wraps its arrays, 24 of them; forty times the iterations wrap no more."""
+    from numba import njit
+    from numba.core.runtime import _nrt_python, rtsys
+
+    @njit
+    def allocates():
+        return np.empty(8).sum()
+
+    def allocated(work):
+        before = rtsys.get_allocation_stats().alloc
+        work()
+        return rtsys.get_allocation_stats().alloc - before
+
+    allocates()
+    counts = []
+    _nrt_python.memsys_enable_stats()
+    try:
+        for iterations in (1, 40):
+            follower = Live(warm_iterations=iterations, warm_lift_iterations=iterations).begin(blob)
+            follower.follow(blob.amplitude[0])
+            counts.append(allocated(lambda follower=follower: follower.follow(blob.amplitude[1])))
+        assert allocated(allocates) > 0
+    finally:
+        _nrt_python.memsys_disable_stats()
+    assert counts[0] == counts[1]
+
+
+@pytest.mark.slow
+def test_a_thousand_frames_do_not_drift(transfer, channels_to_points, array, lossless):
+    """The spot goes to and fro for a second; the last fifth is followed as well as the first."""
+    from midair.model import SensorGrid
+
+    sensor, time = SensorGrid(), np.arange(1000) / 1000
+    X, Y = np.meshgrid(sensor.x, sensor.y)
+    x = -0.011 * np.cos(0.25 / 0.011 * time)[:, None, None]
+    channels = np.exp(-((X - x) ** 2 + (Y - 0.3 * x) ** 2) / (2 * 0.011**2)).reshape(1000, 16)
+    channels *= (0.55 + 0.45 * np.sin(2 * np.pi * 100 * time))[:, None]
+    problem = Problem(
+        G=transfer, amplitude=0.1 * channels_to_points(channels), psi=spreading_phase(ControlGrid(), array, lossless)
+    )
+    error = relative_error(problem, Live().solve(problem).phase)[10:]
+    assert error.mean() < 0.025
+    assert error.max() < 0.1
+    assert error[-200:].mean() < 1.5 * error[:200].mean()

@@ -1,0 +1,29 @@
+import pytest
+
+from midair.errors import InputError
+from midair.solvers import METHODS, solver
+
+
+def test_every_name_makes_its_method():
+    for name in METHODS:
+        assert solver(name) == METHODS[name]()
+
+
+def test_iterations_and_start_reach_those_that_have_them():
+    assert (solver("lm", iterations=(7, 3), start="zero").iterations, solver("lm", start="zero").start) == (7, "zero")
+    assert solver("exact", iterations=4).warm_iterations == 4
+    assert solver("fast", iterations=4, start="previous").iterations == 4
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        ({"method": "ml"}, "method: expected one of lm, exact, fast"),
+        ({"method": "lm", "iterations": (3, 0)}, "iterations: expected 1 or more"),
+        ({"method": "fast", "iterations": (3, 2)}, "since fast solves all frames alike"),
+        ({"method": "lm", "start": "one"}, "start: expected previous or zero"),
+    ],
+)
+def test_wrong_settings_say_what_was_expected(call, message):
+    with pytest.raises(InputError, match=message):
+        solver(call.pop("method"), **call)

@@ -1,0 +1,118 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.study import proportion_correct
+from midair.study.design.adaptive_block import answered, rungs, threshold, thresholds_of
+from midair.study.design.blocks import Analysis, Block, Design, Stimulus
+from midair.study.design.plan import draw_plan
+from midair.study.design.question import Question
+from midair.study.design.standing import answers_table, replay
+from midair.study.findings.analysis import analyse
+from midair.study.findings.study_data import data_of_answers
+from midair.study.session.event_log import read_events
+from midair.study.session.participant import SimulatedParticipant
+from midair.study.session.presenters import NoPresenter
+from midair.study.session.simulated_screen import SimulatedScreen
+from midair.study.session.trials import Session, run
+
+STRENGTHS = [0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0]
+
+
+def design(adaptive, trials=60, strengths=STRENGTHS):
+    stimuli = [Stimulus(name=f"s{s}", source="x", levels={"strength": str(s), "place": "left"}) for s in strengths]
+    question = Question(name="where", kind="choice", text="?", options=("left", "right"), truth="place")
+    block = Block(
+        name="b",
+        stimuli=tuple(one.name for one in reversed(stimuli)),
+        questions=("where",),
+        repetitions=trials,
+        adaptive=adaptive,
+        strength="strength",
+    )
+    return Design(name="ladder", participants=8, seed=2, stimuli=tuple(stimuli), questions=(question,), blocks=(block,))
+
+
+def session(plan, number, path, stop_after=None):
+    presenter = NoPresenter()
+    person = SimulatedParticipant(d_prime=1.0, spread=0, taste=0, lapse=0, seed=number)
+    screen = SimulatedScreen(plan=plan, participant=person, presenter=presenter)
+    with Session(plan, number, path, presenter, simulated=True) as one:
+        while one.step.kind != "done" and stop_after != 0:
+            if one.step.kind == "ask" and stop_after is not None:
+                stop_after -= 1
+            one.present() if one.step.kind == "present" else one.answer(screen.ask(one.step))
+        if stop_after is None:
+            assert run(one, screen).kind == "done"
+    return replay(read_events(path), plan, number)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("adaptive", "target"), [("staircase", 0.5 ** (1 / 3)), ("quest+", 0.5 + 0.49 * (1 - np.exp(-1)))]
+)
+def test_finds_the_threshold_of_a_known_observer(tmp_path, adaptive, target):
+    plan = draw_plan(design(adaptive))
+    found = [threshold(plan, session(plan, n, tmp_path / f"{n}"), "b")[0] for n in range(1, 9)]
+    right = float(proportion_correct(np.exp(np.mean(np.log(found))), alternatives=2))
+    assert right == pytest.approx(target, abs=0.07)
+
+
+def test_the_ladder_goes_down_after_three_and_up_after_one(tmp_path):
+    plan = draw_plan(design("staircase"))
+    progress = session(plan, 1, tmp_path / "log")
+    ladder, strength = rungs(plan.design, plan.design.block("b"))
+    assert strength.tolist() == STRENGTHS
+    history = answered(plan, progress, plan.design.block("b"))
+    assert len(history) == 60
+    place = [ladder.index(name) for name, _ in history]
+    assert place[:3] == [8, 8, 8]
+    for before, after, (_, right) in zip(place, place[1:], history, strict=False):
+        assert after >= before if not right else after <= before
+
+
+def test_an_interrupted_staircase_goes_on_as_if_it_had_not_been(tmp_path):
+    plan = draw_plan(design("staircase", trials=30))
+    session(plan, 3, tmp_path / "a", stop_after=11)
+    first = session(plan, 3, tmp_path / "a")
+    whole = session(plan, 3, tmp_path / "b")
+    assert first.interruptions == 1
+    assert first.chosen == whole.chosen
+    assert answers_table(plan, [first])["stimulus"].tolist() == answers_table(plan, [whole])["stimulus"].tolist()
+    assert set(answers_table(plan, [whole])["correct"].tolist()) == {0, 1}
+
+
+def test_says_what_is_wrong(tmp_path):
+    plan = draw_plan(design("staircase", trials=4))
+    with pytest.raises(InputError, match="reversals"):
+        threshold(plan, session(plan, 1, tmp_path / "log"), "b")
+    with pytest.raises(InputError, match="strengths above 0"):
+        rungs(design("quest+", strengths=[0, 1, 2]), design("quest+", strengths=[0, 1, 2]).blocks[0])
+    with pytest.raises(InputError, match="three stimuli or more"):
+        design("quest+", strengths=[1, 2])
+
+
+def test_thresholds_reach_the_report(tmp_path):
+    analysed = replace(design("quest+", trials=40), analysis=Analysis(strength="strength"))
+    plan = draw_plan(analysed)
+    sessions = [session(plan, n, tmp_path / f"{n}") for n in range(1, 7)]
+    data = data_of_answers(answers_table(plan, sessions), analysed.analysis, thresholds=thresholds_of(plan, sessions))
+    report = analyse(data, draws=200)
+    function = next(one for one in report.findings if one.title == "Psychometric function")
+    assert "over people" in function.words
+    assert function.table["answers"].sum() == 240
+    adaptive = next(one for one in report.findings if one.title == "Thresholds of adaptive blocks")
+    assert adaptive.table.height == 6
+    assert (adaptive.table["sd"] > 0).all()
+    stated = float(function.words.split()[1])
+    blocks = np.exp(np.log(adaptive.table["threshold"]).mean())
+    assert stated == pytest.approx(blocks, rel=0.35)
+
+
+def test_a_short_staircase_has_a_note(tmp_path):
+    plan = draw_plan(design("staircase", trials=4))
+    table = thresholds_of(plan, [session(plan, 1, tmp_path / "log")])
+    assert np.isnan(table["threshold"][0])
+    assert "reversals" in table["note"][0]

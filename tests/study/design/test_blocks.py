@@ -1,0 +1,97 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midair.errors import InputError, MismatchError
+from midair.study.design.blocks import Analysis, Block, Design, Stimulus, right_answer
+from midair.study.design.question import Question
+
+CHOICE = Question(name="which", kind="choice", text="Which?", options=("brush", "towel"), truth="object")
+BRUSH = Stimulus(name="s1", kind="object", source="brush", levels={"object": "brush"})
+TOWEL = Stimulus(name="s2", source="towel.drive.h5", levels={"object": "towel"})
+
+
+def design(**changes):
+    parts = {
+        "name": "tiny",
+        "participants": 2,
+        "seed": 1,
+        "stimuli": (BRUSH, TOWEL),
+        "questions": (CHOICE,),
+        "blocks": (Block(name="b", stimuli=("s1", "s2"), questions=("which",)),),
+    }
+    return Design(**(parts | changes))
+
+
+def test_an_answer_may_be_a_name_its_beginning_or_its_number():
+    assert [CHOICE.read(text) for text in ("brush", " towel ", "2", "t", "BR")] == [
+        "brush",
+        "towel",
+        "towel",
+        "towel",
+        "brush",
+    ]
+    rating = Question(name="r", kind="rating", text="?", low=1, high=7)
+    assert rating.read("7") == "7"
+    magnitude = Question(name="m", kind="magnitude", text="?")
+    assert magnitude.read("2.50") == "2.5"
+    assert Question(name="y", kind="yes-no", text="?").read("y") == "yes"
+
+
+@pytest.mark.parametrize("text", ["", "3", "0", "x", "-1", "nan"])
+def test_what_is_no_answer_is_refused(text):
+    for question in (CHOICE, Question(name="r", kind="rating", text="?", low=4, high=7)):
+        with pytest.raises(InputError, match="expected one of"):
+            question.read(text)
+
+
+@pytest.mark.parametrize("text", ["", "many", "-1", "inf", "nan"])
+def test_what_is_no_magnitude_is_refused(text):
+    with pytest.raises(InputError, match="0 or more"):
+        Question(name="m", kind="magnitude", text="?").read(text)
+
+
+@given(low=st.integers(-5, 5), size=st.integers(1, 10), said=st.integers(-10, 20))
+def test_every_step_of_a_scale_is_an_answer_and_nothing_else(low, size, said):
+    question = Question(name="r", kind="rating", text="?", low=low, high=low + size)
+    if low <= said <= low + size:
+        assert question.read(str(said)) == str(said)
+    else:
+        with pytest.raises(InputError):
+            question.read(str(said))
+
+
+def test_right_answers():
+    assert right_answer(CHOICE, BRUSH, {"object": "brush"}) == "brush"
+    yes = Question(name="y", kind="yes-no", text="?")
+    assert right_answer(yes, BRUSH, {}) == "yes"
+    assert right_answer(yes, Stimulus(name="n", kind="silence"), {}) == "no"
+    same = Question(name="d", kind="same-different", text="?")
+    assert right_answer(same, Stimulus(name="p", kind="pair", members=("s1", "s1")), {}) == "same"
+    assert right_answer(same, Stimulus(name="p", kind="pair", members=("s1", "s2")), {}) == "different"
+    assert right_answer(Question(name="r", kind="rating", text="?"), BRUSH, {}) == ""
+
+
+def test_says_what_does_not_fit():
+    with pytest.raises(InputError, match="letters and digits"):
+        design(name="my study")
+    with pytest.raises(InputError, match="different names"):
+        design(stimuli=(BRUSH, BRUSH))
+    with pytest.raises(MismatchError, match="got 's3'"):
+        design(blocks=(Block(name="b", stimuli=("s3",), questions=("which",)),))
+    with pytest.raises(MismatchError, match="got 'how'"):
+        design(blocks=(Block(name="b", stimuli=("s1",), questions=("how",)),))
+    with pytest.raises(MismatchError, match="got 'surface'"):
+        design(analysis=Analysis(choice="which", condition="surface"))
+    with pytest.raises(MismatchError, match="got 'z'"):
+        design(counterbalanced=("z",))
+    with pytest.raises(MismatchError, match="other than those of columns"):
+        design(stimuli=(BRUSH, Stimulus(name="s2", kind="silence", levels={"trial": "x"})))
+    with pytest.raises(InputError, match="two members"):
+        Stimulus(name="p", kind="pair", members=("a",))
+    with pytest.raises(InputError, match="the source"):
+        Stimulus(name="p", kind="object")
+    with pytest.raises(InputError, match="kind: expected one of"):
+        Question(name="q", kind="essay", text="?")
+    with pytest.raises(InputError, match="low below high"):
+        Question(name="q", kind="rating", text="?", low=7, high=1)

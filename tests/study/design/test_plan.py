@@ -1,0 +1,112 @@
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from midair.errors import InputError, MismatchError
+from midair.study.design.order import longest_run_of
+from midair.study.design.plan import block_order, draw_plan
+from midair.study.design.standing import answers_table, replay
+from midair.study.folder import paper_design_text, read_design
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return draw_plan(read_design(paper_design_text()))
+
+
+def test_the_papers_numbers(plan):
+    # Section 5.3: 12 trials with real objects; each stimulus once; three kinds four times; two surfaces; 10 people.
+    assert plan.design.participants == 10
+    for number in range(1, 11):
+        trials = plan.of(number)
+        assert len(trials) == 12 + 2 * (3 + 12)
+        counts = Counter((trial.block, trial.stimulus) for trial in trials)
+        assert {counts[key] for key in counts if key[0] in ("real", "plain_scored", "grooved_scored")} == {4}
+        assert {counts[key] for key in counts if key[0].endswith("first")} == {1}
+        assert [trial.scored for trial in trials].count(False) == 6
+        for block in ("real", "plain_scored", "grooved_scored"):
+            assert longest_run_of([trial.stimulus for trial in trials if trial.block == block]) <= 3
+    reproduced = [trial for trial in plan.of(1) if trial.block == "plain_scored"]
+    assert {len(trial.questions) for trial in reproduced} == {4}
+
+
+def test_surfaces_are_counterbalanced_and_real_objects_come_first(plan):
+    first = Counter()
+    for number in range(1, 11):
+        groups = list(dict.fromkeys(block.group for block in block_order(plan.design, number)))
+        assert groups[0] == "real"
+        first[groups[1]] += 1
+    assert first == {"plain": 5, "grooved": 5}
+
+
+def test_the_seed_decides_and_more_people_change_nothing(plan):
+    assert draw_plan(plan.design) == plan
+    assert draw_plan(replace(plan.design, seed=1)).trials != plan.trials
+    more = draw_plan(replace(plan.design, participants=12))
+    assert more.of(7) == plan.of(7)
+    assert more.digest != plan.digest
+
+
+def test_codes_are_unique_and_tell_nothing(plan):
+    codes = [trial.code for trial in plan.trials]
+    assert len(set(codes)) == len(codes)
+    words = {word for trial in plan.trials for word in (trial.stimulus, trial.block, *trial.levels.values())}
+    assert not any(word in code for code in codes for word in words)
+
+
+def test_unknown_participant(plan):
+    with pytest.raises(InputError, match="expected 1 to 10, got 11"):
+        plan.of(11)
+    with pytest.raises(InputError, match="code"):
+        plan.trial("p99-t001")
+
+
+def opened(plan, participant=1):
+    return {"event": "open", "plan": plan.digest, "participant": participant, "simulated": False, "time": "t"}
+
+
+def answered(trial, question, answer="brush"):
+    return {
+        "event": "answer",
+        "trial": trial.code,
+        "question": question,
+        "answer": answer,
+        "reaction_s": 1.0,
+        "time": "t",
+    }
+
+
+def test_replay_goes_on_where_a_trial_lacks_an_answer(plan):
+    trials = plan.of(1)
+    events = [opened(plan)] + [answered(trial, "closest") for trial in trials[:13]]
+    progress = replay(events, plan, 1)
+    assert progress.next_trial == 12  # the first trial with four questions has one answer
+    assert set(progress.open_questions(trials[12])) == {"like_brush", "like_sponge", "like_towel"}
+    assert progress.redo("resume") == ()
+    assert progress.redo("block") == (trials[12].code,)
+    assert progress.redo("restart") == tuple(trial.code for trial in trials[:13])
+    later = replay([*events, {"event": "resume", "redo": [trials[12].code]}], plan, 1)
+    assert (later.withdrawn, later.interruptions, later.next_trial) == (1, 1, 12)
+    assert len(later.answers) == 12
+
+
+def test_a_log_of_another_plan_is_refused(plan):
+    with pytest.raises(MismatchError, match="plan has been changed"):
+        replay([opened(plan) | {"plan": "other"}], plan, 1)
+    with pytest.raises(MismatchError):
+        replay([opened(plan, participant=2)], plan, 1)
+
+
+def test_table_opens_the_key(plan):
+    trial = plan.of(1)[0]
+    right = trial.levels["object"]
+    wrong = "towel" if right != "towel" else "brush"
+    second = plan.of(1)[1]
+    events = [opened(plan), answered(trial, "closest", right), answered(second, "closest", wrong)]
+    table = answers_table(plan, [replay(events, plan, 1)])
+    row = table.rows[0]
+    assert (row["right"], row["answer"], row["correct"]) == (right, right, 1)
+    assert (row["object"], row["presentation"], row["surface"], row["rated"]) == (right, "real", "n/a", "n/a")
+    assert row["participant"] == "sub-01"
+    assert table["correct"][1] == int(second.levels["object"] == wrong)

@@ -1,0 +1,144 @@
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.study.design.blocks import Analysis
+from midair.study.findings.analysis import analyse
+from midair.study.findings.study_data import data_of_answers, data_of_columns
+from midair.study.statistics.table import Table
+
+OBJECTS = ["brush", "sponge", "towel"]
+
+
+def choices(people=6, skill=0.6, trials=12, seed=0):
+    rng = np.random.default_rng(seed)
+    n = people * 2 * trials
+    right = np.tile(OBJECTS, n // 3)
+    return {
+        "participant": np.repeat([f"s{i}" for i in range(people)], 2 * trials),
+        "surface": np.tile(np.repeat(["plain", "grooved"], trials), people),
+        "right": right,
+        "answer": np.where(rng.random(n) < skill, right, rng.choice(OBJECTS, n)),
+    }
+
+
+def ratings(people=6, seed=1):
+    rng = np.random.default_rng(seed)
+    who, surface, thing = np.indices((people, 2, 3)).reshape(3, -1)
+    score = np.clip(np.round(4 + (thing == 2) * 1.5 + rng.normal(0, 1, who.size)), 1, 7)
+    return {"participant": who, "surface": surface, "object": thing, "score": score}
+
+
+NAMES = {"participant": "participant", "presented": "right", "answered": "answer", "condition": "surface"}
+RATED = {"participant": "participant", "rating": "score", "within": ["surface", "object"]}
+
+
+def found(report, begin):
+    return next(one for one in report.findings if one.title.startswith(begin))
+
+
+def test_everything_is_found_in_whole_data():
+    report = analyse(data_of_columns(choices(), **NAMES), draws=500)
+    titles = [one.title for one in report.findings]
+    assert titles == [
+        "Who took part",
+        "Which object: plain",
+        "Which object: grooved",
+        "Over objects, as in the paper",
+        "Over people",
+        "Mixed model of right answers",
+    ]
+    assert "better than chance" in found(report, "Which object: plain").words
+    assert not any("Not computed" in one.words or "nan" in one.words for one in report.findings)
+    assert [one.name for one in report.choices] == ["plain", "grooved"]
+    rated = analyse(data_of_columns(ratings(), **RATED), draws=500)
+    assert "Ratings depend on object" in found(rated, "Ratings: analysis").words
+    assert rated.ratings.height == 6
+    assert (rated.ratings["low"] < rated.ratings["mean"]).all()
+
+
+def test_the_seed_decides():
+    first, second = (analyse(data_of_columns(choices(), **NAMES), seed=3, draws=200) for _ in range(2))
+    assert [one.words for one in first.findings] == [one.words for one in second.findings]
+
+
+def test_no_skill_is_not_called_skill():
+    report = analyse(data_of_columns(choices(skill=0, seed=5), **NAMES), draws=500)
+    assert "no better than chance" in found(report, "Which object: plain").words
+
+
+def test_one_participant():
+    report = analyse(data_of_columns(choices(people=1), **NAMES), draws=200)
+    assert "no tests over people" in found(report, "Who").words
+    assert "Not computed. Pairs: expected two or more people" in found(report, "Does the condition").words or any(
+        "two or more people" in one.words for one in report.findings
+    )
+    assert found(report, "Mixed").words.startswith("Not computed. Participants: expected two or more")
+    assert report.choices[0].f_limits is None
+    rated = analyse(data_of_columns(ratings(people=1), **RATED), draws=200)
+    assert found(rated, "Ratings: analysis").words.startswith("Not computed. Participants: expected two or more")
+
+
+def test_constant_answers():
+    table = choices() | {"answer": np.full(144, "brush")}
+    report = analyse(data_of_columns(table, **NAMES), draws=200)
+    words = " ".join(one.words for one in report.findings)
+    assert "no better than chance" in words
+    assert "expected differences that vary, got 0 from everyone" in words
+    assert "nan" not in words
+    same = ratings() | {"score": np.full(36, 4.0)}
+    assert (
+        "expected answers that vary, got 4 everywhere"
+        in found(analyse(data_of_columns(same, **RATED), draws=200), "Ratings: analysis").words
+    )
+
+
+def test_missing_cells():
+    table = {name: values[1:] for name, values in ratings().items()}
+    report = analyse(data_of_columns(table, **RATED), draws=200)
+    assert "got none from participant 0 at surface=0, object=0" in found(report, "Ratings: analysis").words
+    assert report.ratings is None
+    part = {name: values[:12] for name, values in choices().items()}  # one person, one surface
+    report = analyse(data_of_columns(part, **NAMES), draws=200)
+    assert [one.name for one in report.choices] == ["plain"]
+
+
+def test_an_object_that_was_never_presented_has_a_word():
+    table = choices()
+    table = table | {"right": np.where(table["right"] == "towel", "brush", table["right"])}
+    report = analyse(data_of_columns(table, **NAMES), draws=200)
+    assert "expected each to be presented, got no trial of ['towel']" in found(report, "Which object: plain").words
+
+
+def test_other_questions():
+    n = 40
+    rng = np.random.default_rng(2)
+    right = np.tile(["yes", "no"], n // 2)
+    rows = {
+        "participant": np.repeat(["a", "b"], n // 2),
+        "scored": np.ones(n, bool),
+        "simulated": np.zeros(n, bool),
+        "question": np.full(n, "felt"),
+        "kind": np.full(n, "yes-no"),
+        "answer": np.where(rng.random(n) < 0.8, right, "no"),
+        "right": right,
+        "stimulus": np.full(n, "x"),
+    }
+    report = analyse(data_of_answers(Table(rows), Analysis()), draws=100)
+    assert "d' = " in found(report, "Question felt").words
+    size = rows | {
+        "kind": np.full(n, "magnitude"),
+        "answer": np.tile(["10", "20"], n // 2),
+        "stimulus": np.tile(["weak", "strong"], n // 2),
+    }
+    table = found(analyse(data_of_answers(Table(size), Analysis()), draws=100), "Question felt").table
+    assert table["mean"] == pytest.approx([10, 20])
+
+
+def test_nothing_to_analyse():
+    with pytest.raises(InputError, match="got neither"):
+        data_of_columns(choices(), participant="participant")
+    with pytest.raises(InputError, match="scored"):
+        data_of_answers(Table({"scored": np.zeros(2, bool)}), Analysis())
+    with pytest.raises(InputError, match="expected ratings"):
+        data_of_columns(choices(), participant="participant", rating="answer", within=["surface"])

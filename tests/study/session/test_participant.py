@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.study import d_prime_same_different, d_prime_yes_no, proportion_correct
+from midair.study.design.blocks import Block, Design, Stimulus
+from midair.study.design.plan import draw_plan
+from midair.study.design.question import Question
+from midair.study.session.participant import SimulatedParticipant
+
+OBJECTS = ("brush", "sponge", "towel")
+
+
+def plan(question, stimuli, participants=20, repetitions=40):
+    block = Block(name="b", stimuli=tuple(s.name for s in stimuli), questions=(question.name,), repetitions=repetitions)
+    return draw_plan(
+        Design(name="try", participants=participants, seed=3, stimuli=stimuli, questions=(question,), blocks=(block,))
+    )
+
+
+def answers(person, drawn, question):
+    return [(trial, person.answer(drawn, trial, question.name)[0]) for trial in drawn.trials]
+
+
+def test_choices_have_the_stated_sensitivity():
+    question = Question(name="q", kind="choice", text="?", options=OBJECTS, truth="object")
+    stimuli = tuple(Stimulus(name=o, source="x", levels={"object": o}) for o in OBJECTS)
+    person = SimulatedParticipant(d_prime=1.0, spread=0, taste=0, lapse=0)
+    given = answers(person, plan(question, stimuli), question)
+    share = np.mean([answer == trial.levels["object"] for trial, answer in given])
+    assert share == pytest.approx(float(proportion_correct(1.0, alternatives=3)), abs=0.03)
+
+
+def test_yes_no_has_the_stated_sensitivity():
+    question = Question(name="q", kind="yes-no", text="?")
+    stimuli = (Stimulus(name="a", source="x"), Stimulus(name="n", kind="silence"))
+    given = answers(SimulatedParticipant(d_prime=1.5, spread=0, lapse=0), plan(question, stimuli), question)
+    hits = sum(answer == "yes" for trial, answer in given if trial.stimulus == "a")
+    alarms = sum(answer == "yes" for trial, answer in given if trial.stimulus == "n")
+    assert d_prime_yes_no(hits, 800, alarms, 800).d_prime == pytest.approx(1.5, abs=0.2)
+
+
+def test_same_different_has_the_stated_sensitivity():
+    question = Question(name="q", kind="same-different", text="?")
+    stimuli = (
+        Stimulus(name="a", source="x"),
+        Stimulus(name="b", source="y"),
+        Stimulus(name="aa", kind="pair", members=("a", "a")),
+        Stimulus(name="ab", kind="pair", members=("a", "b")),
+    )
+    block = Block(name="b", stimuli=("aa", "ab"), questions=("q",), repetitions=40)
+    drawn = draw_plan(
+        Design(name="try", participants=20, seed=3, stimuli=stimuli, questions=(question,), blocks=(block,))
+    )
+    given = answers(SimulatedParticipant(d_prime=2.5, spread=0, lapse=0), drawn, question)
+    hits = sum(answer == "different" for trial, answer in given if trial.stimulus == "ab")
+    alarms = sum(answer == "different" for trial, answer in given if trial.stimulus == "aa")
+    assert d_prime_same_different(hits, 800, alarms, 800).d_prime == pytest.approx(2.5, abs=0.3)
+
+
+def test_ratings_and_magnitudes_are_answers():
+    stimuli = tuple(Stimulus(name=o, source="x", levels={"object": o}) for o in OBJECTS)
+    rating = Question(name="q", kind="rating", text="?", levels={"rated": "towel"})
+    drawn = plan(rating, stimuli, repetitions=10)
+    given = answers(SimulatedParticipant(rating_effect=2.0), drawn, rating)
+    assert all(rating.read(answer) == answer for _, answer in given)
+    match = np.mean([int(answer) for trial, answer in given if trial.stimulus == "towel"])
+    other = np.mean([int(answer) for trial, answer in given if trial.stimulus != "towel"])
+    assert match - other == pytest.approx(2.0, abs=0.3)
+    magnitude = Question(name="q", kind="magnitude", text="?")
+    drawn = plan(magnitude, stimuli, repetitions=10)
+    given = answers(SimulatedParticipant(magnitude=20), drawn, magnitude)
+    assert np.median([float(magnitude.read(answer)) for _, answer in given]) == pytest.approx(20, rel=0.3)
+
+
+def test_an_answer_depends_on_nothing_that_came_before():
+    question = Question(name="q", kind="choice", text="?", options=OBJECTS, truth="object")
+    stimuli = tuple(Stimulus(name=o, source="x", levels={"object": o}) for o in OBJECTS)
+    drawn = plan(question, stimuli, participants=2, repetitions=5)
+    once = answers(SimulatedParticipant(seed=4), drawn, question)
+    backwards = [SimulatedParticipant(seed=4).answer(drawn, trial, "q")[0] for trial, _ in reversed(once)]
+    assert backwards[::-1] == [answer for _, answer in once]
+    assert answers(SimulatedParticipant(seed=5), drawn, question) != once
+
+
+def test_impossible_settings():
+    with pytest.raises(InputError, match="lapse"):
+        SimulatedParticipant(lapse=1.5)

@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+from midair.devices import VirtualArray
+from midair.errors import InputError
+from midair.model import Drive, TransducerArray
+from midair.study.design.blocks import Stimulus
+from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, NoPresenter
+
+ARRAY = TransducerArray.autd3(columns=1, rows=1)
+TONE = Stimulus(name="a", source="a.drive.h5")
+BRUSH = Stimulus(name="b", kind="object", source="brush")
+NOTHING = Stimulus(name="n", kind="silence")
+
+
+def drive(array=ARRAY):
+    return Drive(phase=np.zeros((4, array.count)), level=np.ones(4), rate=1000.0, array=array)
+
+
+def presenter(device, load, told):
+    by_hand = ExperimenterPresenter(tell=told.append, done=lambda: told.append("done"))
+    return ArrayPresenter(array=device, load=load, by_hand=by_hand)
+
+
+def test_an_array_plays_drives_and_the_experimenter_takes_up_objects():
+    told, loaded = [], []
+
+    def load(source):
+        loaded.append(source)
+        return drive()
+
+    with VirtualArray(ARRAY) as device:
+        one = presenter(device, load, told)
+        one.check((TONE, BRUSH, NOTHING))
+        assert loaded == ["a.drive.h5"]
+        one.present(TONE)
+        assert told == []
+        one.present(BRUSH)
+        assert told == ["present: brush", "done"]
+        one.present(NOTHING)
+        one.silence()
+    assert loaded == ["a.drive.h5", "a.drive.h5"]
+    assert told[2:] == ["nothing is to touch the participant now"]
+
+
+def test_a_drive_for_another_array_is_refused_before_the_session():
+    with VirtualArray(ARRAY) as device, pytest.raises(InputError, match="another array"):
+        presenter(device, lambda _: drive(TransducerArray.autd3(columns=2, rows=1)), []).check((TONE,))
+
+
+def test_nothing_is_told_for_silence_but_to_wait():
+    told = []
+    by_hand = ExperimenterPresenter(tell=told.append, done=lambda: None)
+    by_hand.present(NOTHING)
+    assert told == ["wait, present nothing"]
+    nobody = NoPresenter()
+    nobody.present(BRUSH)
+    assert nobody.felt == "b"

@@ -1,0 +1,52 @@
+import json
+
+import pytest
+
+from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
+from midair.study.folder import StudyFolder, paper_design_text, read_design
+
+
+def test_a_plan_comes_back_as_it_was_drawn(tmp_path):
+    text = paper_design_text()
+    design = read_design(text, name="mine", participants=3, seed=5)
+    assert (design.name, design.participants, design.seed) == ("mine", 3, 5)
+    folder = StudyFolder.create(tmp_path / "s", text, design)
+    assert folder.plan().design == design
+    assert (tmp_path / "s" / "plan.toml").read_text(encoding="utf-8") == text
+    with pytest.raises(FileError, match="holds something"):
+        StudyFolder.create(tmp_path / "s", text, design)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("seed = 2020", "sede = 2020", "seed: field required"),
+        ("seed = 2020", "seed = 2020\ncolour = 1", "colour: extra inputs"),
+        ('kind = "choice"', 'kind = "essay"', "questions.3.kind"),
+        ("repetitions = 4", "repetitions = 0", "repetitions of 1 or more"),
+        ("participants = 10", "participants = ", "expected TOML"),
+        ('truth = "object"', 'truth = "thing"', "got 'thing'"),
+    ],
+)
+def test_what_is_no_study_is_refused(old, new, why):
+    text = paper_design_text()
+    assert old in text
+    with pytest.raises(InputError, match=why):
+        read_design(text.replace(old, new, 1))
+
+
+def test_a_plan_that_was_changed_is_refused(tmp_path):
+    text = paper_design_text()
+    folder = StudyFolder.create(tmp_path / "s", text, read_design(text))
+    file = tmp_path / "s" / "plan.json"
+    whole = json.loads(file.read_text())
+    whole["trials"][0]["stimulus"] = "real_towel" if whole["trials"][0]["stimulus"] != "real_towel" else "real_brush"
+    file.write_text(json.dumps(whole))
+    with pytest.raises(BrokenFileError, match="changed since"):
+        folder.plan()
+    file.write_text("[]")
+    with pytest.raises(BrokenFileError, match="expected a plan"):
+        folder.plan()
+    file.unlink()
+    with pytest.raises(MissingFileError, match="midair study new"):
+        folder.plan()

@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.study import Chance, Table, confusion_matrix
+from midair.study.findings.finding import Choices
+from midair.study.study_figures import chance_figure, confusion_figure, f_figure, power_figure, rating_figure
+
+OBJECTS = ["brush", "sponge", "towel"]
+
+
+def choices(name):
+    answer = ["brush", "sponge", "towel", "towel", "sponge", "brush"]
+    confusion = confusion_matrix(OBJECTS * 2, answer, labels=OBJECTS)
+    return Choices(name=name, confusion=confusion, f_limits=None)
+
+
+def test_confusions_show_every_count():
+    figure = confusion_figure([choices("plain"), choices("grooved")], simulated=True)
+    assert [axes.get_title() for axes in figure.axes] == ["plain", "grooved"]
+    assert [text.get_text() for text in figure.axes[0].texts] == [str(n) for n in [1, 0, 1, 0, 2, 0, 1, 0, 1]]
+    assert any(text.get_text() == "SIMULATED" for text in figure.texts)
+
+
+def test_bars_are_the_f_measures_and_the_line_is_chance():
+    figure = f_figure([choices("plain"), choices("grooved")], simulated=False)
+    heights = [bar.get_height() for bar in figure.axes[0].patches]
+    assert heights == pytest.approx([0.5, 1, 0.5] * 2)
+    assert figure.axes[0].lines[0].get_ydata()[0] == pytest.approx(1 / 3)
+    assert not figure.texts
+
+
+@pytest.mark.parametrize(("factors", "panels"), [(1, 1), (2, 1), (3, 2)])
+def test_ratings_have_a_panel_a_level_of_the_first_of_three_factors(factors, panels):
+    names = ["surface", "object", "rated"][3 - factors :]
+    where = np.indices((2, 3, 3)[3 - factors :]).reshape(factors, -1)
+    columns = {name: np.array([f"{name}{i}" for i in row]) for name, row in zip(names, where, strict=True)}
+    mean = np.linspace(2, 6, where.shape[1])
+    ratings = Table({**columns, "mean": mean, "low": mean - 1, "high": mean + 1})
+    figure = rating_figure(ratings, names, simulated=False)
+    assert len(figure.axes) == panels
+    shown = [y for axes in figure.axes for box in axes.containers for y in box.lines[0].get_ydata()]
+    assert sorted(shown) == pytest.approx(mean.tolist())
+
+
+def test_four_factors_are_too_many():
+    with pytest.raises(InputError, match="one to three"):
+        rating_figure(Table({}), ["a", "b", "c", "d"], simulated=False)
+
+
+def test_chance_and_power():
+    chance = Chance(value=0.5, distribution=np.linspace(0.2, 0.4, 100), p=0.01)
+    figure = chance_figure(chance, simulated=False)
+    assert "0.205 to 0.395" in figure.axes[0].get_xlabel()
+    curve = Table({"participants": np.array([3, 10]), "power": np.array([0.1, 0.8])})
+    figure = power_figure([("d_z = 1", curve)])
+    assert figure.axes[0].lines[0].get_ydata().tolist() == [0.1, 0.8]

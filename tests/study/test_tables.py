@@ -1,0 +1,107 @@
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
+from midair.study.design.standing import answers_table
+from midair.study.folder import StudyFolder, paper_design_text, read_design
+from midair.study.session.participant import SimulatedParticipant
+from midair.study.session.presenters import NoPresenter
+from midair.study.session.simulated_screen import SimulatedScreen
+from midair.study.session.trials import Session, run
+from midair.study.statistics.table import Table
+from midair.study.tables import read_bids, read_csv, write_bids, write_csv
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    text = paper_design_text().replace("repetitions = 4", "repetitions = 1")
+    folder = StudyFolder.create(
+        tmp_path_factory.mktemp("study") / "s", text, read_design(text, name="small", participants=2)
+    )
+    plan = folder.plan()
+    for number in (1, 2):
+        with Session(plan, number, folder.log(number), NoPresenter(), simulated=True) as session:
+            run(session, SimulatedScreen(plan=plan, participant=SimulatedParticipant()))
+    return plan, answers_table(plan, folder.sessions())
+
+
+def test_bids_comes_back(study, tmp_path):
+    plan, answers = study
+    written = write_bids(answers, plan.design, tmp_path / "bids")
+    assert all(path.exists() for path in written)
+    back = read_bids(tmp_path / "bids")
+    assert set(back) == set(answers)
+    for name in answers:
+        assert back[name].tolist() == answers[name].tolist(), name
+
+
+def test_bids_has_what_it_must(study, tmp_path):
+    plan, answers = study
+    write_bids(answers, plan.design, tmp_path / "bids")
+    description = json.loads((tmp_path / "bids" / "dataset_description.json").read_text())
+    assert description["BIDSVersion"]
+    assert description["Name"].startswith("SIMULATED")
+    assert (tmp_path / "bids" / "README").read_text().startswith("SIMULATED")
+    table = tmp_path / "bids" / "sub-01" / "beh" / "sub-01_task-small_beh.tsv"
+    sidecar = json.loads(table.with_suffix(".json").read_text())
+    names = table.read_text().splitlines()[0].split("\t")
+    assert set(names) <= set(sidecar)
+    assert sidecar["response_time"]["Units"] == "s"
+    people = (tmp_path / "bids" / "participants.tsv").read_text().splitlines()
+    assert people[0].split("\t")[0] == "participant_id"
+    assert [line.split("\t")[0] for line in people[1:]] == ["sub-01", "sub-02"]
+
+
+@pytest.mark.skipif(shutil.which("bids-validator-deno") is None, reason="needs the public BIDS validator")
+def test_the_public_validator_finds_no_error(study, tmp_path):
+    plan, answers = study
+    write_bids(answers, plan.design, tmp_path / "bids")
+    done = subprocess.run(
+        ["bids-validator-deno", str(tmp_path / "bids"), "--json"], capture_output=True, text=True, check=False
+    )
+    issues = json.loads(done.stdout)["issues"]["issues"]
+    assert [issue for issue in issues if issue["severity"] == "error"] == []
+    assert done.returncode == 0
+
+
+def test_csv_comes_back(tmp_path):
+    table = Table(
+        {
+            "who": np.array(["a, b", 'say "x"']),
+            "score": np.array([0.1, 1 / 3]),
+            "n": np.array([1, 2]),
+            "ok": np.array([True, False]),
+        }
+    )
+    write_csv(table, tmp_path / "t.csv")
+    back = read_csv(tmp_path / "t.csv")
+    assert {name: back[name].tolist() for name in back} == {name: table[name].tolist() for name in table}
+    with pytest.raises(FileError, match="choose another name"):
+        write_csv(table, tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [(b"a,b\n1\n", "2 fields a line, got 1 in line 2"), (b"a,a\n1,2\n", "different names"), (b"", "got 0 lines")],
+)
+def test_what_is_no_table_is_refused(tmp_path, content, why):
+    (tmp_path / "t.csv").write_bytes(content)
+    with pytest.raises(BrokenFileError, match=why):
+        read_csv(tmp_path / "t.csv")
+
+
+def test_what_is_not_there(study, tmp_path):
+    plan, answers = study
+    with pytest.raises(MissingFileError):
+        read_csv(tmp_path / "no.csv")
+    with pytest.raises(MissingFileError, match="BIDS"):
+        read_bids(tmp_path)
+    (tmp_path / "x").write_text("")
+    with pytest.raises(FileError, match="new folder"):
+        write_bids(answers, plan.design, tmp_path)
+    with pytest.raises(InputError, match="got none"):
+        write_bids(answers.take(np.zeros(answers.height, bool)), plan.design, tmp_path / "b")

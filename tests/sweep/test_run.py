@@ -1,0 +1,146 @@
+"""The sweep on real Dask workers; what a kill costs, with a real kill."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import distributed
+import numpy as np
+import psutil
+import pytest
+import zarr
+
+from midair.errors import MidairError
+from midair.sweep import run as module
+from midair.sweep.pattern_sweep import PatternSweep, solve_patterns
+from midair.sweep.run import cluster, run_sweep
+from midair.sweep.store import load_sweep
+
+SWEEP = PatternSweep(count=10, curve_count=3, chunk=4, strengths=(0.1,), curve_heights=(0.3,), method="naive")
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    """A scheduler on this machine that clients reach over TCP, with one worker in a thread."""
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp",
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        silence_logs="CRITICAL",
+    ) as local:
+        yield local.scheduler_address
+
+
+def asked(sweep):
+    return sum(one.count for one in sweep.conditions())
+
+
+def expected(sweep):
+    """E of every task, solved here."""
+    error = np.full((len(sweep.conditions()), len(sweep.patterns())), np.nan)
+    for task in sweep.tasks():
+        some = sweep.patterns()[task.first : task.last]
+        solved = solve_patterns(sweep, sweep.conditions()[task.condition], some)
+        error[task.condition, task.first : task.last] = solved.error
+    return error
+
+
+def test_a_cluster_finds_what_one_process_finds(tmp_path, scheduler):
+    reports = []
+    solved = run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler, progress=lambda *said: reports.append(said))
+    results = load_sweep(tmp_path / "s.zarr")
+    np.testing.assert_allclose(results.error, expected(SWEEP), rtol=1e-9)
+    assert solved == asked(SWEEP) == results.known
+    assert reports[0] == (0, solved)
+    assert reports[-1] == (solved, solved)
+    assert len(reports) == len(SWEEP.tasks()) + 1
+
+
+def test_a_finished_sweep_asks_for_no_cluster(tmp_path, scheduler):
+    run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler)
+    assert run_sweep(SWEEP, tmp_path / "s.zarr", scheduler="tcp://127.0.0.1:1") == 0
+
+
+def test_stopped_and_started_again_it_does_only_what_is_missing(tmp_path, scheduler):
+    def stop(done, _):
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler, progress=stop)
+    before = load_sweep(tmp_path / "s.zarr").known
+    assert 0 < before < asked(SWEEP)
+    assert run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler) == asked(SWEEP) - before
+    np.testing.assert_allclose(load_sweep(tmp_path / "s.zarr").error, expected(SWEEP), rtol=1e-9)
+
+
+def test_a_task_that_fails_is_told_in_one_line_and_costs_nothing_else(tmp_path, scheduler, monkeypatch):
+    do = module.do
+    monkeypatch.setattr(module, "do", lambda job, task: 1 / 0 if task.first == 8 else do(job, task))
+    with pytest.raises(MidairError, match=r"ZeroDivisionError.*stored"):
+        run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler)
+    monkeypatch.undo()
+    run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler)
+    np.testing.assert_allclose(load_sweep(tmp_path / "s.zarr").error, expected(SWEEP), rtol=1e-9)
+
+
+def test_an_address_without_a_scheduler_is_told_in_one_line():
+    with pytest.raises(MidairError, match=r"tcp://127\.0\.0\.1:1"), cluster("tcp://127.0.0.1:1", patience=0.5):
+        pass
+
+
+def test_a_scheduler_without_workers_is_told_in_one_line():
+    with (
+        distributed.LocalCluster(
+            n_workers=0, protocol="tcp", host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs="CRITICAL"
+        ) as empty,
+        pytest.raises(MidairError, match="expected workers"),
+        cluster(empty.scheduler_address, patience=0.5),
+    ):
+        pass
+
+
+@pytest.mark.slow
+def test_killed_it_goes_on_without_losing_or_repeating_anything(tmp_path):
+    """SIGKILL while two worker processes are at it; every stored task keeps the very seconds it took before."""
+    path = tmp_path / "s.zarr"
+    sweep = PatternSweep(count=160, curve_count=0, chunk=8, strengths=(0.1,), method="fast")
+    command = ["sweep", "patterns", str(path), "--count", "160", "--curves", "0", "--chunk", "8", "--strength", "0.1"]
+    program = [sys.executable, "-c", "from midair.cli import main; main()", *command, "--workers", "2"]
+    running = subprocess.Popen(program, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    children = []
+    try:
+        _wait(lambda: path.exists() and load_sweep(path).known > 0)
+        children = psutil.Process(running.pid).children(recursive=True)
+    finally:
+        os.kill(running.pid, signal.SIGKILL)
+        running.wait()
+    before, done = _stored(path)
+    assert 0 < done.sum() < done.size
+    gone, alive = psutil.wait_procs(children, timeout=30)
+    assert len(gone) >= 2
+    assert not alive
+
+    again = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert again.returncode == 0, again.stderr
+    after, finished = _stored(path)
+    np.testing.assert_array_equal(after[done], before[done])
+    assert finished.all()
+    np.testing.assert_allclose(load_sweep(path).error, expected(sweep), rtol=1e-6)
+
+
+def _stored(path):
+    group = zarr.open_group(path, mode="r")
+    return group["seconds"][:], group["done"][:]
+
+
+def _wait(true, limit=120):
+    until = time.monotonic() + limit
+    while not true():
+        assert time.monotonic() < until
+        time.sleep(0.02)

@@ -1,0 +1,108 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import zarr
+
+from midair.errors import BrokenFileError, DeviceStateError, MismatchError, MissingFileError
+from midair.files.native.provenance_json import from_json
+from midair.sweep.pattern_report import PatternResults
+from midair.sweep.pattern_sweep import PatternSweep
+from midair.sweep.store import Result, load_sweep, open_sweep
+from midair.sweep.task import Found
+
+SWEEP = PatternSweep(count=10, curve_count=4, chunk=4, strengths=(0.1,), curve_heights=(0.3,), method="naive")
+
+
+def found(task):
+    error = 0.001 * np.arange(task.first, task.last) + task.condition
+    return Result(task=task, found=Found(error=error, rounded_error=error + 0.5, strength=0.1), seconds=2.0)
+
+
+def test_what_is_written_is_read_and_no_longer_missing(tmp_path):
+    path = tmp_path / "s.zarr"
+    with open_sweep(path, SWEEP) as store:
+        assert store.missing() == SWEEP.tasks()
+        last = store.missing()[-1]
+        store.write(found(last))
+        assert store.missing() == SWEEP.tasks()[:-1]
+    with open_sweep(path, SWEEP) as store:
+        assert store.missing() == SWEEP.tasks()[:-1]
+    results = PatternResults.of(load_sweep(path))
+    assert results.sweep == SWEEP
+    assert results.known == last.count
+    assert results.asked == sum(one.count for one in SWEEP.conditions())
+    assert results.seconds == 2.0
+    np.testing.assert_array_equal(results.error[last.condition, last.first : last.last], found(last).found.error)
+    np.testing.assert_array_equal(
+        results.rounded_error[last.condition, last.first : last.last], found(last).found.error + 0.5
+    )
+
+
+def test_results_without_a_flag_do_not_count(tmp_path):
+    """As if the program had been killed between a task's results and its flag."""
+    path = tmp_path / "s.zarr"
+    task = SWEEP.tasks()[0]
+    with open_sweep(path, SWEEP) as store:
+        store.write(found(task))
+    zarr.open_group(path, mode="r+")["done"][task.condition, 0] = False
+    with open_sweep(path, SWEEP) as store:
+        assert task in store.missing()
+    assert load_sweep(path).known == 0
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"strengths": (0.2,)}, {"count": 9}, {"seed": 1}, {"method": "gs-pat"}, {"chunk": 5}, {"bits": 4}],
+    ids=str,
+)
+def test_a_store_of_other_settings_is_refused_and_left_alone(tmp_path, change):
+    path = tmp_path / "s.zarr"
+    with open_sweep(path, SWEEP) as store:
+        store.write(found(SWEEP.tasks()[0]))
+    with pytest.raises(MismatchError, match=next(iter(change))), open_sweep(path, replace(SWEEP, **change)):
+        pass
+    assert load_sweep(path).known == SWEEP.tasks()[0].count
+
+
+def test_a_second_writer_is_refused_while_the_first_is_at_it(tmp_path):
+    pytest.importorskip("fcntl")
+    path = tmp_path / "s.zarr"
+    with open_sweep(path, SWEEP), pytest.raises(DeviceStateError, match="another program"), open_sweep(path, SWEEP):
+        pass
+    with open_sweep(path, SWEEP):
+        pass
+
+
+def test_other_programs_can_read_it(tmp_path):
+    xarray = pytest.importorskip("xarray")
+    path = tmp_path / "s.zarr"
+    with open_sweep(path, SWEEP) as store:
+        for task in store.missing():
+            store.write(found(task))
+    with xarray.open_zarr(path, consolidated=False) as data:
+        assert data.error.dims == ("condition", "pattern")
+        assert data.height.attrs["units"] == "m"
+        np.testing.assert_array_equal(data.pattern, SWEEP.patterns())
+        assert from_json(data.attrs["provenance"]).simulated
+
+
+def test_nothing_half_made_is_left(tmp_path):
+    with open_sweep(tmp_path / "s.zarr", SWEEP):
+        assert [path.name for path in tmp_path.iterdir()] == ["s.zarr"]
+
+
+def test_what_is_no_sweep_is_refused(tmp_path):
+    with pytest.raises(MissingFileError):
+        load_sweep(tmp_path / "none.zarr")
+    (tmp_path / "file.zarr").write_text("text")
+    with pytest.raises(BrokenFileError):
+        load_sweep(tmp_path / "file.zarr")
+    (tmp_path / "folder.zarr").mkdir()
+    with pytest.raises(BrokenFileError):
+        load_sweep(tmp_path / "folder.zarr")
+    zarr.create_group(tmp_path / "other.zarr")
+    with pytest.raises(BrokenFileError):
+        load_sweep(tmp_path / "other.zarr")
+    with pytest.raises(MissingFileError), open_sweep(tmp_path / "no" / "s.zarr", SWEEP):
+        pass

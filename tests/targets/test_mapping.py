@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import maximum_filter1d
+
+from midair.errors import InputError
+from midair.targets import MAPPINGS, SlowBias, constant_offset, half_wave, slow_bias
+
+RATES = st.sampled_from([500.0, 1000.0, 4000.0])
+
+
+def noise(frames=400, seed=0):
+    return np.random.default_rng(seed).normal(size=(frames, 2, 3))
+
+
+@pytest.mark.parametrize("name", MAPPINGS)
+def test_what_comes_out_pushes_and_has_the_shape_of_what_came_in(name):
+    pushed = MAPPINGS[name](noise(), 1000.0)
+    assert pushed.shape == (400, 2, 3)
+    assert pushed.min() >= 0
+
+
+@pytest.mark.parametrize("name", MAPPINGS)
+def test_what_only_pushes_is_left_as_it_is(name):
+    pressure = np.abs(noise())
+    np.testing.assert_array_equal(MAPPINGS[name](pressure, 1000.0), pressure)
+
+
+@pytest.mark.parametrize("name", MAPPINGS)
+def test_twice_the_pressure_is_twice_the_push(name):
+    np.testing.assert_allclose(MAPPINGS[name](2 * noise(), 1000.0), 2 * MAPPINGS[name](noise(), 1000.0), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", MAPPINGS)
+def test_cells_do_not_know_of_each_other(name):
+    whole = MAPPINGS[name](noise(), 1000.0)
+    np.testing.assert_array_equal(MAPPINGS[name](noise()[:, 1:], 1000.0), whole[:, 1:])
+
+
+def test_half_wave_keeps_half_of_the_wave_and_half_of_its_magnitude():
+    x = noise()
+    np.testing.assert_allclose(half_wave(x), x / 2 + np.abs(x) / 2, atol=1e-15)
+
+
+def test_a_given_offset_lifts_by_itself_and_cuts_what_pulls_harder():
+    np.testing.assert_array_equal(constant_offset(np.array([[1.0], [-2.0], [-5.0]]), offset=3.0), [[4.0], [1.0], [0.0]])
+    with pytest.raises(InputError, match="0 Pa or more, got -1 Pa"):
+        constant_offset(noise(), offset=-1.0)
+
+
+def test_a_sine_is_lifted_by_its_amplitude_at_all_times():
+    """The sliding maximum over 60 ms of a 25 Hz sine is its amplitude; so is its smooth form: P = x + 1."""
+    x = np.sin(2 * np.pi * 25 * np.arange(1000) / 1000)[:, None]
+    np.testing.assert_allclose(slow_bias(x, 1000.0)[100:-100], x[100:-100] + 1, atol=1e-12)
+
+
+def test_one_pull_is_bounded_by_a_plateau_with_smooth_shoulders():
+    """Sliding maximum over 61 frames, smoothed over 91: from 75 frames before to 75 after, not quite 1 at the top."""
+    x = np.zeros((401, 1))
+    x[200] = -1
+    bias = slow_bias(x, 1000.0)[:, 0]
+    assert (np.flatnonzero(bias)[0], np.flatnonzero(bias)[-1]) == (125, 275)
+    hann = np.hanning(93)[1:-1] / np.hanning(93).sum()
+    # at frame 140 the window from 95 to 185 sees the plateau from 170 to 230 with its last 16 weights
+    assert bias[140] == pytest.approx(hann[-16:].sum(), abs=1e-12)
+    # at the pull itself 61 of 91 weights are on the plateau: a + sin(pi a) / pi with a = 30.5 / 46; the rest is cut
+    assert hann[15:76].sum() == pytest.approx(0.9406, abs=1e-4)
+    assert bias[200] == 0
+
+
+@settings(max_examples=25, deadline=None)
+@given(RATES, st.floats(5e-3, 0.1), st.floats(0.72, 1.0), st.integers(0, 2**32 - 1))
+def test_a_window_as_long_as_the_smoothing_bounds_from_above(rate, window, ratio, seed):
+    """Then nothing is cut: P - x is the bias itself, at least -x and at least 0, and at most the largest pull."""
+    bias = SlowBias(window=window, corner=0.72 / (ratio * window))
+    x = np.random.default_rng(seed).normal(size=(300, 1))
+    if bias.lengths(rate)[1] > bias.lengths(rate)[0]:
+        return
+    added = bias(x, rate) - x
+    assert (added >= np.maximum(-x, 0) - 1e-12).all()
+    assert added.max() <= max(0, -x.min()) + 1e-12
+
+
+@settings(max_examples=25, deadline=None)
+@given(RATES, st.integers(0, 2**32 - 1))
+def test_the_bias_never_moves_faster_than_its_smoothing_allows(rate, seed):
+    """|b[i + 1] - b[i]| <= (range of the sliding maximum) * (largest weight): a mean whose window moves by one."""
+    x = np.random.default_rng(seed).normal(size=(300, 1))
+    longest, smooth = slow_bias.lengths(rate)
+    reach = slow_bias.reach(rate)
+    held = np.pad(x, ((reach, reach), (0, 0)), mode="edge")
+    pulls = maximum_filter1d(np.maximum(-held, 0), longest, axis=0)
+    pushed = slow_bias(x, rate)
+    uncut = ((pushed > 0)[1:] & (pushed > 0)[:-1])[:, 0]
+    moved = np.abs(np.diff(pushed - x, axis=0))[uncut]
+    hann = np.hanning(smooth + 2)[1:-1]
+    assert moved.max(initial=0) <= np.ptp(pulls) * hann.max() / hann.sum() + 1e-12
+
+
+def test_the_hann_window_is_three_decibels_down_at_the_corner():
+    _, smooth = SlowBias(corner=8.0).lengths(40e3)
+    hann = np.hanning(smooth + 2)[1:-1]
+    at = np.abs(np.sum(hann * np.exp(2j * np.pi * 8.0 * np.arange(smooth) / 40e3))) / hann.sum()
+    assert 20 * np.log10(at) == pytest.approx(-3.01, abs=0.05)
+
+
+def test_settings_that_make_no_sense_are_refused():
+    with pytest.raises(InputError, match="window of the bias"):
+        SlowBias(window=0.0)
+    with pytest.raises(InputError, match="corner of the bias"):
+        SlowBias(corner=-8.0)

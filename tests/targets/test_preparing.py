@@ -1,0 +1,121 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midair.errors import InputError
+from midair.model import ControlGrid, Medium, PressureFrames, SensorGrid
+from midair.physics import sound_amplitude
+from midair.targets import MAPPINGS, interpolation_matrix, prepare
+
+PITCH = 11e-3
+
+
+def frames(pressure, sensor=None):
+    return PressureFrames(pressure=np.asarray(pressure, float), rate=1000.0, sensor=sensor or SensorGrid())
+
+
+def one_channel(channel, pascal):
+    pressure = np.zeros((1, 16))
+    pressure[0, channel] = pascal
+    return frames(pressure.reshape(1, 4, 4))
+
+
+def test_one_channel_is_the_tent_of_the_hand():
+    """Cell 1 is half a pitch before the middle; point i is (i - 7.5) / 3 pitches behind it: point 6 is on cell 1."""
+    amplitude = prepare(one_channel(5, 100.0)).amplitude.reshape(16, 16)
+    tent = np.zeros(16)
+    tent[4:9] = [1 / 3, 2 / 3, 1, 2 / 3, 1 / 3]
+    # p_amp = 340 m/s * sqrt(2 * 1.25 kg/m3 * 100 Pa / 2) = 3801.3 Pa
+    np.testing.assert_allclose(amplitude, 340 * np.sqrt(125) * np.outer(tent, tent), rtol=1e-12)
+
+
+def test_a_hundred_pascal_is_3801_pascal_of_sound_on_its_cell():
+    assert prepare(one_channel(0, 100.0)).amplitude.max() == pytest.approx(3801.3, abs=0.05)
+
+
+def test_interpolating_pressure_converts_after():
+    by_pressure = prepare(one_channel(5, 100.0), interpolate="pressure").amplitude.reshape(16, 16)
+    assert by_pressure[6, 5] == pytest.approx(sound_amplitude(np.array(200 / 3), Medium()), rel=1e-12)
+
+
+@pytest.mark.parametrize("interpolate", ["amplitude", "pressure"])
+def test_half_wave_drops_suction(interpolate):
+    assert not prepare(one_channel(3, -50.0), interpolate=interpolate).amplitude.any()
+
+
+def test_constant_offset_keeps_the_differences():
+    pressure = np.random.default_rng(0).normal(size=(7, 4, 4))
+    lifted = MAPPINGS["constant-offset"](pressure)
+    assert lifted.min() >= 0
+    np.testing.assert_allclose(np.diff(lifted, axis=0), np.diff(pressure, axis=0), atol=1e-12)
+
+
+def test_constant_offset_leaves_a_cell_that_only_pushes():
+    pressure = np.full((3, 4, 4), 2.0)
+    np.testing.assert_array_equal(MAPPINGS["constant-offset"](pressure), pressure)
+
+
+def test_gain_multiplies_pressure_and_so_the_root_of_amplitude():
+    plain, louder = prepare(one_channel(9, 10.0)), prepare(one_channel(9, 10.0), gain=4.0)
+    np.testing.assert_allclose(louder.amplitude, 2 * plain.amplitude, rtol=1e-12)
+
+
+def test_the_border_of_the_grid_fades_to_the_ring_of_zeros():
+    """All channels equal: 1 on and between cells, 1/3 and 2/3 towards the ring; the ring itself is outside 16 x 16."""
+    fine = (interpolation_matrix(SensorGrid(), ControlGrid()) @ np.ones(16)).reshape(16, 16)
+    edge = np.array([0, 1 / 3, 2 / 3, *[1] * 10, 2 / 3, 1 / 3, 0])
+    np.testing.assert_allclose(fine, np.outer(edge, edge), atol=1e-12)
+
+
+def test_points_outside_the_ring_have_no_weight():
+    wide = ControlGrid(rows=3, columns=3, pitch=0.1)
+    weights = interpolation_matrix(SensorGrid(), wide)
+    assert weights[4].sum() == pytest.approx(1)
+    assert not np.delete(weights, 4, axis=0).any()
+
+
+@given(rows=st.integers(1, 5), columns=st.integers(1, 5), pitch=st.floats(1e-3, 5e-2))
+def test_points_on_the_cells_read_the_cells(rows, columns, pitch):
+    sensor = SensorGrid(rows=rows, columns=columns, pitch=pitch)
+    grid = ControlGrid(rows=rows, columns=columns, pitch=pitch, centre=(0.03, -0.01))
+    np.testing.assert_allclose(interpolation_matrix(sensor, grid), np.eye(rows * columns), atol=1e-9)
+
+
+@given(seed=st.integers(0, 2**32 - 1), points=st.integers(1, 9))
+def test_inside_the_cells_a_plane_stays_a_plane(seed, points):
+    sensor = SensorGrid(rows=3, columns=4)
+    slope = np.random.default_rng(seed).normal(size=2)
+    grid = ControlGrid(rows=points, columns=points, pitch=2 * PITCH / 9)
+    plane = (slope[0] * sensor.y[:, None] + slope[1] * sensor.x).ravel()
+    expected = (slope[0] * grid.y[:, None] + slope[1] * grid.x).ravel()
+    np.testing.assert_allclose(interpolation_matrix(sensor, grid) @ plane, expected, atol=1e-12)
+
+
+def test_any_sensor_and_any_grid():
+    sensor, grid = SensorGrid(rows=2, columns=5, pitch=4e-3), ControlGrid(rows=7, columns=3, pitch=2e-3, height=0.1)
+    ready = prepare(frames(np.ones((4, 2, 5)), sensor), grid=grid)
+    assert ready.amplitude.shape == (4, 21)
+    assert ready.grid is grid
+
+
+def test_the_step_is_written_down():
+    source = frames(np.ones((1, 4, 4)))
+    step = prepare(source, gain=1.5, interpolate="pressure").provenance.steps[-1]
+    assert step.stage == "prepare"
+    assert step.settings["gain"] == 1.5
+    assert step.settings["interpolate"] == "pressure"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mapping": "full-wave"}, "mapping: expected one of half-wave"),
+        ({"interpolate": "power"}, "interpolate: expected one of amplitude, pressure"),
+        ({"gain": 0.0}, "gain of the pressure: expected a number above 0"),
+        ({"gain": float("nan")}, "gain of the pressure: expected a number above 0"),
+    ],
+)
+def test_wrong_settings_say_what_was_expected(options, message):
+    with pytest.raises(InputError, match=message):
+        prepare(frames(np.ones((1, 4, 4))), **options)

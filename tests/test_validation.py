@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from midair.errors import InputError, NonFiniteError, ShapeError
+from midair.validation import frozen_array, positive
+
+
+@given(hnp.arrays(np.float64, hnp.array_shapes(min_dims=2, max_dims=2), elements=st.floats(-1e9, 1e9)))
+def test_a_copy_with_the_same_numbers_that_cannot_be_written(value):
+    frozen = frozen_array(value, "x", ("a", "b"))
+    assert (frozen == value).all()
+    assert not np.shares_memory(frozen, value)
+    with pytest.raises(ValueError, match="read-only"):
+        frozen[0, 0] = 1
+
+
+def test_takes_lists_and_changes_the_type():
+    assert frozen_array([1, 2], "x", (2,), np.complex128).dtype == np.complex128
+
+
+@pytest.mark.parametrize(
+    ("value", "axes", "says"),
+    [
+        (np.zeros(3), ("frame", 4), r"x: expected axes \(frame, 4\), got shape \(3,\)"),
+        (np.zeros((3, 5)), ("frame", 4), r"got shape \(3, 5\)"),
+        (np.zeros((0, 4)), ("frame", 4), r"got shape \(0, 4\)"),
+        ([[1, 2], [3]], ("a", "b"), "expected numbers.*got list"),
+        ("abc", ("a",), "expected numbers.*got str"),
+    ],
+)
+def test_a_wrong_shape_is_named(value, axes, says):
+    with pytest.raises(ShapeError, match=says):
+        frozen_array(value, "x", axes)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_is_named_with_its_place(bad):
+    value = np.zeros((3, 2))
+    value[2, 1] = bad
+    with pytest.raises(NonFiniteError, match=r"x: .*\(2, 1\)"):
+        frozen_array(value, "x", ("a", "b"))
+    assert frozen_array(value, "x", ("a", "b"), finite=False).shape == (3, 2)
+
+
+@given(st.floats(min_value=0, exclude_min=True, allow_infinity=False, allow_nan=False))
+def test_a_positive_number_passes(value):
+    assert positive(value, "rate", "Hz") == value
+
+
+@pytest.mark.parametrize("bad", [0, -1, np.nan, np.inf])
+def test_another_number_does_not(bad):
+    with pytest.raises(InputError, match="rate: expected a number above 0 Hz, got"):
+        positive(bad, "rate", "Hz")
