@@ -8,8 +8,8 @@ the brush. The synthetic strokes are made so; here they go through the virtual s
 
 import midair
 from midair.figures import spectra_figure
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.record.capture import record
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.takes.capture import record
 
 rig = VirtualRig(seed=1)
 felt = []

@@ -28,8 +28,7 @@ from midair.targets import prepare
 from midair.version import __version__
 
 if TYPE_CHECKING:
-    from midair import datasets, flow, study
-    from midair.recordings import edit, footprint
+    from midair import datasets, flow, recordings, study
 
 __all__ = [
     "__version__",

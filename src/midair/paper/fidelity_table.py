@@ -16,8 +16,8 @@ from midair.rig.loop.correction_loop import Loop, run_loop
 from midair.rig.loop.error_budget import BudgetPlan, error_budget
 from midair.rig.loop.iteration import lead_of
 from midair.rig.loop.passes import Stage, led_in, quiet
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.record.capture import record
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.takes.capture import record
 
 SIGNALS = ("25+250 Hz", "noise", "bursts")
 OBJECTS = ("brush", "sponge", "towel")

@@ -14,8 +14,8 @@ from midair.paper.result import PaperResult, Row
 from midair.rig.loop.correction_loop import Loop, run_loop
 from midair.rig.loop.iteration import lead_of
 from midair.rig.loop.passes import Stage, quiet
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.record.capture import record
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.takes.capture import record
 
 STIMULI: Mapping[str, str] = MappingProxyType(
     {"i: 100 Hz": "am-i", "ii: two points": "am-ii", "iii: 25 + 250 Hz": "am-iii"}

@@ -16,8 +16,8 @@ from midair.flow import Settings, felt
 from midair.model import PressureFrames
 from midair.modes import best_mode, paper_mode
 from midair.paper.result import PaperResult, Row
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.record.capture import record
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.takes.capture import record
 from midair.targets import MAPPINGS
 
 CHANNELS = (2, 6, 10, 14)

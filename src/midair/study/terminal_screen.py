@@ -15,8 +15,8 @@ from midair.devices.arrays.gate import Admission, admit, profile_named
 from midair.errors import InputError
 from midair.files import load_solution
 from midair.model import TransducerArray
-from midair.rig.open.array_names import array_named
-from midair.rig.play.admitted import play_admitted
+from midair.rig.names.array_names import array_named
+from midair.rig.playing.admitted import play_admitted
 from midair.study.design.plan import Plan
 from midair.study.folder import StudyFolder
 from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, Presenter

@@ -7,7 +7,7 @@ from midair.cli import run
 from midair.files import save
 from midair.files.toml.sensors import load_sensor, save_sensor
 from midair.model import Recording, SensorWiring
-from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.names.virtual_rig import VirtualRig
 
 RHYTHM = ["--every", "1s"]
 

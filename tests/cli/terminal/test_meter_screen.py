@@ -11,9 +11,9 @@ from midair.cli.terminal.meter_screen import MeterScreen, decibels, meters
 from midair.devices import ReplaySensor
 from midair.files.native.events import Event
 from midair.model import Recording, SensorGrid
-from midair.rig.record.clocks import Drift
-from midair.rig.record.meters import Meters
-from midair.rig.record.take_plan import View
+from midair.rig.takes.clocks import Drift
+from midair.rig.takes.meters import Meters
+from midair.rig.takes.take_plan import View
 
 
 def sensor_of(rows=4, columns=4):

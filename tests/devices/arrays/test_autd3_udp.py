@@ -25,7 +25,7 @@ import sys
 import numpy as np
 from midair.devices import Placement, autd3_array
 from midair.model import Drive
-from midair.rig.play.admitted import signals_end_the_program
+from midair.rig.playing.admitted import signals_end_the_program
 
 placement = Placement.grid(columns=1, rows=1)
 array = placement.array()

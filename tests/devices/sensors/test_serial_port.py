@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from midair.errors import DeviceError
-from midair.rig.open.source_names import source_sensor
+from midair.rig.names.source_names import source_sensor
 
 pytest.importorskip("serial")
 

@@ -7,7 +7,7 @@ from midair.devices import ReplaySensor, Rewired
 from midair.errors import DeviceError, InputError
 from midair.model import Recording, SensorGrid, SensorWiring
 from midair.rig.bench.tap_test import TapTest, identify_by_taps, identify_by_tones
-from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.names.virtual_rig import VirtualRig
 
 RHYTHM = TapTest(every=1.0)
 ORDER = tuple(int(i) for i in np.random.default_rng(3).permutation(16))

@@ -7,9 +7,9 @@ from midair.errors import MismatchError
 from midair.flow import Settings, felt
 from midair.model import ControlGrid, Recording
 from midair.rig.loop.correction_loop import beam_test, run_loop
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.play.rerecord import rerecord
-from midair.rig.record.capture import record
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.playing.rerecord import rerecord
+from midair.rig.takes.capture import record
 
 RIG = VirtualRig()
 # Half of the paper's points and few iterations: the fast suite asks for the right place and time, not for E.

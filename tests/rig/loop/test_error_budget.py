@@ -9,8 +9,8 @@ from midair.datasets import probe_signal
 from midair.flow import Settings, felt
 from midair.model import ControlGrid
 from midair.rig.loop.error_budget import BudgetPlan, error_budget, kept_in_band
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.record.capture import record
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.takes.capture import record
 
 RIG = VirtualRig()
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)

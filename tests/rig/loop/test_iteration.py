@@ -13,8 +13,8 @@ from midair.model import ControlGrid
 from midair.rig.loop.correction_loop import run_loop
 from midair.rig.loop.iteration import iterated, lead_of, playable
 from midair.rig.loop.passes import Rig, led_in
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.record.capture import record
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.takes.capture import record
 
 RIG = VirtualRig()
 COARSE = Settings(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast", interpolate="pressure")

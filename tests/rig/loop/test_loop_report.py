@@ -7,8 +7,8 @@ from midair.flow import Settings, felt
 from midair.model import ControlGrid
 from midair.rig.loop.correction_loop import run_loop
 from midair.rig.loop.loop_report import render, settings_rows, versions, write_report
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.record.capture import record
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.takes.capture import record
 
 SETTINGS = Settings(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="exact", iterations=2)
 

@@ -18,7 +18,7 @@ from midair.files import load
 from midair.files.atomic import whole_file
 from midair.rig.loop.error_budget import BudgetPlan, error_budget, kept_in_band
 from midair.rig.loop.iteration import lead_of
-from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.names.virtual_rig import VirtualRig
 
 
 @app.command(name="budget")

@@ -14,8 +14,8 @@ from midair.files import save, save_solution
 from midair.flow import felt
 from midair.rig.loop.correction_loop import Loop, run_loop
 from midair.rig.loop.loop_report import pictures, write_report
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.record.capture import record
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.takes.capture import record
 
 
 @Parameter(name="*")

@@ -20,8 +20,8 @@ from midair.files.toml.sensors import load_sensor, save_sensor
 from midair.model import SensorWiring
 from midair.rig.bench.identify import Identity, findings
 from midair.rig.bench.tap_test import TapTest, identify_by_taps, identify_by_tones
-from midair.rig.open.sensor_names import sensor_named
-from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.names.sensor_names import sensor_named
+from midair.rig.names.virtual_rig import VirtualRig
 
 Time = Annotated[float, quantity("s")]
 

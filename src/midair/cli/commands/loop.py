@@ -22,10 +22,10 @@ from midair.flow import Settings
 from midair.rig.loop.correction_loop import Loop, run_loop
 from midair.rig.loop.iteration import lead_of
 from midair.rig.loop.loop_report import card_of_loop, write_report
-from midair.rig.open.array_names import array_named
-from midair.rig.open.sensor_names import sensor_named
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.play.rerecord import Gate
+from midair.rig.names.array_names import array_named
+from midair.rig.names.sensor_names import sensor_named
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.playing.rerecord import Gate
 
 
 @Parameter(name="*")

@@ -14,7 +14,7 @@ from midair.paper.figure3 import figure_3
 from midair.paper.figure4 import StimuliPlan, figure_4
 from midair.paper.figure9 import figure_9
 from midair.paper.result import PaperResult
-from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.names.virtual_rig import VirtualRig
 
 Number = Literal[3, 4, 9]
 

@@ -19,12 +19,12 @@ from midair.devices import SensorDevice
 from midair.devices.sensors.paced import PacedSensor
 from midair.errors import DeviceError, InputError
 from midair.files.toml.sensors import load_sensor
-from midair.rig.open.sensor_names import sensor_named
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.record.take import record_take
-from midair.rig.record.take_names import Subject, remember, remembered, take_path
-from midair.rig.record.take_plan import Take, TakePlan
-from midair.rig.record.told import problems
+from midair.rig.names.sensor_names import sensor_named
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.takes.take import record_take
+from midair.rig.takes.take_names import Subject, remember, remembered, take_path
+from midair.rig.takes.take_plan import Take, TakePlan
+from midair.rig.takes.told import problems
 
 Time = Annotated[float | None, quantity("s")]
 

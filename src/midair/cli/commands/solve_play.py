@@ -16,8 +16,8 @@ from midair.devices import load_placement
 from midair.files import load_solution, save, save_solution
 from midair.flow import reproduce
 from midair.model import TransducerArray
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.play.rerecord import rerecord
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.playing.rerecord import rerecord
 
 
 @app.command(name="solve")

@@ -5,8 +5,8 @@ from pathlib import Path
 from midair.cli.app import app
 from midair.cli.terminal.console import print_rows
 from midair.devices import load_placement
-from midair.rig.open.array_names import array_named
-from midair.rig.play.stop_line import stop_playing
+from midair.rig.names.array_names import array_named
+from midair.rig.playing.stop_line import stop_playing
 
 
 @app.command(name="stop")

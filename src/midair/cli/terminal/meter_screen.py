@@ -13,10 +13,10 @@ from rich.text import Text
 from midair.cli.terminal.keys import Keys, Signals
 from midair.devices import SensorDevice
 from midair.files.native.events import Event
-from midair.rig.record.clocks import Drift
-from midair.rig.record.meters import Levels
-from midair.rig.record.take_plan import Order, View
-from midair.rig.record.told import told
+from midair.rig.takes.clocks import Drift
+from midair.rig.takes.meters import Levels
+from midair.rig.takes.take_plan import Order, View
+from midair.rig.takes.told import told
 
 WIDTH = 8
 """Of a bar, in characters."""

@@ -11,8 +11,8 @@ from midair.devices import PlayReport, SilencerChoice, load_placement
 from midair.devices.arrays.gate import DEFAULT_PROFILE, Admission, admit, profile_named
 from midair.files import load_solution
 from midair.model import Drive
-from midair.rig.open.array_names import array_named
-from midair.rig.play.admitted import play_admitted
+from midair.rig.names.array_names import array_named
+from midair.rig.playing.admitted import play_admitted
 
 
 @Parameter(name="*")

@@ -12,7 +12,7 @@ from midair.devices.arrays.frame_bytes import amplitude_of
 from midair.errors import DeviceError, RateError
 from midair.model import Calibration, Drive, Medium, Provenance, Recording
 from midair.physics import Directivity, TransducerDynamics, envelope, focus_phase
-from midair.rig.play.rerecord import Gate, rerecord
+from midair.rig.playing.rerecord import Gate, rerecord
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

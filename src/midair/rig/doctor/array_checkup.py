@@ -7,8 +7,8 @@ import sys
 
 from midair.errors import MidairError
 from midair.rig.doctor.check_result import Finding
-from midair.rig.open.array_names import array_named
-from midair.rig.play.play_log import state_folder
+from midair.rig.names.array_names import array_named
+from midair.rig.playing.play_log import state_folder
 
 _ADVICE = {
     "firmware": "update the units to series 0.12, or use pyautd3 for older ones",

@@ -9,7 +9,7 @@ import numpy as np
 from midair.errors import DeviceError, MidairError, MissingExtraError
 from midair.model import SensorWiring
 from midair.rig.doctor.check_result import Finding
-from midair.rig.open.source_names import KINDS, source_module, source_sensor
+from midair.rig.names.source_names import KINDS, source_module, source_sensor
 
 _PACKAGES = {"lsl": "pylsl", "audio": "sounddevice", "serial": "pyserial", "ni": "nidaqmx"}
 

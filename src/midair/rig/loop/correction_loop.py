@@ -12,7 +12,7 @@ from midair.flow import Settings, felt
 from midair.model import Calibration, PressureFrames
 from midair.rig.loop.iteration import iterated
 from midair.rig.loop.passes import Pass, Rig, Stage, led_in, play_pass, quiet
-from midair.rig.play.rerecord import Gate, rerecord
+from midair.rig.playing.rerecord import Gate, rerecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -17,7 +17,7 @@ from midair.model import Drive, PressureFrames, Recording
 from midair.physics import PlaybackChain, radiation_pressure, simulate, transfer_matrix
 from midair.physics.sensing import calibration_of, cell_weights, sense
 from midair.rig.loop.passes import Stage, led_in, quiet
-from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.names.virtual_rig import VirtualRig
 from midair.targets import prepare
 from midair.targets.mapping import mapping_of
 

@@ -9,7 +9,7 @@ from midair.errors import InputError
 from midair.evaluate import Comparison, compare, find_delay
 from midair.flow import Reproduction, Settings, at_rate, felt, reproduce
 from midair.model import PressureFrames, Recording
-from midair.rig.play.rerecord import Gate, rerecord
+from midair.rig.playing.rerecord import Gate, rerecord
 
 Stage = Callable[[str], Progress | None]
 """Told the name of each stage as it begins; gives the progress to report to."""

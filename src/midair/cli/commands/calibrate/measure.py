@@ -21,10 +21,10 @@ from midair.files import load
 from midair.rig.bench.beam_bench import calibrate_by_beam
 from midair.rig.bench.practice import write_practice
 from midair.rig.bench.reference_files import ReferenceChoice, read_quiet, read_takes
-from midair.rig.open.array_names import array_named
-from midair.rig.open.sensor_names import sensor_named
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.play.rerecord import Gate
+from midair.rig.names.array_names import array_named
+from midair.rig.names.sensor_names import sensor_named
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.playing.rerecord import Gate
 
 Files = Annotated[tuple[Path, ...], Parameter(consume_multiple=True)]
 Cells = Annotated[tuple[str, ...], Parameter(consume_multiple=True)]

@@ -2,8 +2,8 @@
 
 from midair.files.native.events import Event
 from midair.model import SensorGrid
-from midair.rig.record.clocks import Drift
-from midair.rig.record.take_plan import Take
+from midair.rig.takes.clocks import Drift
+from midair.rig.takes.take_plan import Take
 
 
 def told(event: Event, rate: float, grid: SensorGrid, drift: Drift | None = None) -> str:

@@ -1,4 +1,4 @@
-"""From a sensor to a recording in one go, for programs; `rig/record/take.py` is what a person has."""
+"""From a sensor to a recording in one go, for programs; `rig/takes/take.py` is what a person has."""
 
 from pathlib import Path
 

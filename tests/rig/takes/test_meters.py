@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.rig.record.meters import Meters
+from midair.rig.takes.meters import Meters
 
 RATE = 1000.0
 TIME = np.arange(2000) / RATE

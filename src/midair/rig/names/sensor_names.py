@@ -4,8 +4,8 @@ from midair.devices import ReplaySensor, Rewired, SensorDevice
 from midair.errors import UnknownDeviceError
 from midair.files import load, load_calibration
 from midair.model import SensorWiring
-from midair.rig.open.source_names import KINDS, source_sensor
-from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.names.source_names import KINDS, source_sensor
+from midair.rig.names.virtual_rig import VirtualRig
 
 
 def sensor_named(

@@ -8,9 +8,9 @@ from midair.devices.arrays.gate import admit, load_profiles, profile_named
 from midair.errors import ExposureError, FileError, InputError, MissingFileError, UnknownDeviceError
 from midair.model import Drive, Provenance, TransducerArray
 from midair.physics import exposure, focus_phase
-from midair.rig.open.array_names import array_named
-from midair.rig.play.play_log import log_order, make_state_folder
-from midair.rig.play.stop_line import stop_line, stop_playing
+from midair.rig.names.array_names import array_named
+from midair.rig.playing.play_log import log_order, make_state_folder
+from midair.rig.playing.stop_line import stop_line, stop_playing
 
 ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")

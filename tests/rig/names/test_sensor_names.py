@@ -4,8 +4,8 @@ import pytest
 from midair.errors import MissingFileError, UnknownDeviceError
 from midair.files import save
 from midair.model import Recording
-from midair.rig.open.sensor_names import check_array_name, sensor_named
-from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.names.sensor_names import check_array_name, sensor_named
+from midair.rig.names.virtual_rig import VirtualRig
 
 RIG = VirtualRig()
 

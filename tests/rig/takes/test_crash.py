@@ -31,8 +31,8 @@ import numpy as np
 from pathlib import Path
 from midair.devices import Block, SensorDevice
 from midair.model import SensorGrid
-from midair.rig.record.take import record_take
-from midair.rig.record.take_plan import TakePlan
+from midair.rig.takes.take import record_take
+from midair.rig.takes.take_plan import TakePlan
 
 
 class Clock(SensorDevice):

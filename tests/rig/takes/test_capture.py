@@ -5,7 +5,7 @@ from midair.devices import Block, ReplaySensor
 from midair.errors import DeviceError, InputError
 from midair.files import load
 from midair.model import Recording
-from midair.rig.record.capture import record
+from midair.rig.takes.capture import record
 
 TAKE = Recording(samples=np.random.default_rng(0).random((250, 4, 4)), rate=1000.0)
 

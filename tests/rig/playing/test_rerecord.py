@@ -12,9 +12,9 @@ from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.flow import Settings, felt, reproduce
 from midair.model import ControlGrid
 from midair.rig.loop.passes import Rig, play_pass, quiet
-from midair.rig.open.virtual_rig import VirtualRig
-from midair.rig.play.play_log import state_folder
-from midair.rig.play.rerecord import Gate, rerecord
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.playing.play_log import state_folder
+from midair.rig.playing.rerecord import Gate, rerecord
 
 RIG = VirtualRig()
 SETTINGS = Settings(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast")

@@ -6,8 +6,8 @@ import pytest
 
 from midair.devices import Block, SensorDevice
 from midair.model import SensorGrid
-from midair.rig.record.take import record_take
-from midair.rig.record.take_plan import TakePlan
+from midair.rig.takes.take import record_take
+from midair.rig.takes.take_plan import TakePlan
 
 MIB = 2**20
 

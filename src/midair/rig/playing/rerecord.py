@@ -11,7 +11,7 @@ from midair.devices.arrays.gate import admit
 from midair.errors import DeviceError, DeviceStateError, MismatchError
 from midair.model import Drive, Provenance, Recording
 from midair.physics import ExposureProfile
-from midair.rig.play.admitted import play_admitted
+from midair.rig.playing.admitted import play_admitted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,8 +10,8 @@ from types import FrameType
 
 from midair.devices import ArrayDevice, PlayReport, Progress
 from midair.devices.arrays.gate import Admission
-from midair.rig.play.play_log import log_end, log_order
-from midair.rig.play.stop_line import stop_line
+from midair.rig.playing.play_log import log_end, log_order
+from midair.rig.playing.stop_line import stop_line
 
 
 def play_admitted(

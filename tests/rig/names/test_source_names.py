@@ -6,9 +6,9 @@ import pytest
 from midair.devices.sensors.sources import Stream
 from midair.errors import InputError, MissingExtraError, UnknownDeviceError
 from midair.model import SensorGrid, SensorWiring
-from midair.rig.open.sensor_names import sensor_named
-from midair.rig.open.source_names import SourceOptions, source_sensor, split_name
-from midair.rig.open.virtual_rig import VirtualRig
+from midair.rig.names.sensor_names import sensor_named
+from midair.rig.names.source_names import SourceOptions, source_sensor, split_name
+from midair.rig.names.virtual_rig import VirtualRig
 
 
 @pytest.mark.parametrize(

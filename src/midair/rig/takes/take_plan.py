@@ -8,8 +8,8 @@ from typing import Literal, Protocol
 from midair.errors import InputError
 from midair.files.native.events import Event
 from midair.model import Setting
-from midair.rig.record.clocks import Drift
-from midair.rig.record.meters import Levels
+from midair.rig.takes.clocks import Drift
+from midair.rig.takes.meters import Levels
 from midair.validation import positive
 
 Order = Literal["toggle", "quit", "kill"]

@@ -3,10 +3,10 @@ import pytest
 
 from midair.files.native.events import Event
 from midair.model import SensorGrid
-from midair.rig.record.clocks import Drift
-from midair.rig.record.meters import Levels
-from midair.rig.record.take_plan import Take
-from midair.rig.record.told import problems, told
+from midair.rig.takes.clocks import Drift
+from midair.rig.takes.meters import Levels
+from midair.rig.takes.take_plan import Take
+from midair.rig.takes.told import problems, told
 
 NONE = np.zeros(16, bool)
 

@@ -19,10 +19,10 @@ from midair.errors import DeviceError, FileError, InputError
 from midair.files import RecordingWriter
 from midair.files.native.events import Event, EventKind
 from midair.model import Provenance, Setting
-from midair.rig.record.clocks import ClockWatch, Drift
-from midair.rig.record.meters import Meters
-from midair.rig.record.take_plan import End, Order, Take, TakePlan, View, Watcher
-from midair.rig.record.trigger import PreRoll, Trigger
+from midair.rig.takes.clocks import ClockWatch, Drift
+from midair.rig.takes.meters import Meters
+from midair.rig.takes.take_plan import End, Order, Take, TakePlan, View, Watcher
+from midair.rig.takes.trigger import PreRoll, Trigger
 
 Array = NDArray[np.float64]
 DRIFT_TOLD = 200.0
