@@ -18,7 +18,7 @@ from benchmarks.targets import AIR, ARRAY, GRID, TEN, beating_blob, binary, movi
 from midair.model import ControlGrid
 from midair.physics import quantise_phase, transfer_matrix
 from midair.solvers import Cells, Fast, Guard, LevenbergMarquardt, Problem, Solver, one_blas_thread, relative_error
-from midair.solvers.terms.amplitudes import doubled, halves
+from midair.solvers.amplitudes import doubled, halves
 from midair.solvers.terms.guard import GuardField
 from midair.solvers.terms.level import automatic_level
 

@@ -1,6 +1,5 @@
 """The paper on one page: from what the sensor said to what the array is told."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -15,6 +14,7 @@ from midair.model import (
     ControlGrid,
     Medium,
     PressureFrames,
+    Progress,
     Recording,
     Solution,
     TransducerArray,
@@ -22,8 +22,6 @@ from midair.model import (
 from midair.physics import Directivity, TransducerDynamics, check_frame_rate, focus_amplitude
 from midair.solvers import Amplitudes, Fit, Guard, solve
 from midair.targets import Circle, Interpolated, decouple, precompensate, precompensate_sound, prepare
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

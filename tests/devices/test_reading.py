@@ -3,14 +3,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.devices import Block
+from midair.devices import FrameBlock
 from midair.devices.reading import Seam
 from midair.errors import DeviceError
 
 
 def block(first, count):
     samples = np.arange(first, first + count, dtype=float).reshape(-1, 1, 1)
-    return Block(samples=samples, first=first, device_time=0, host_time=0)
+    return FrameBlock(samples=samples, first=first, device_time=0, host_time=0)
 
 
 def test_a_gap_is_held_at_the_last_frame():

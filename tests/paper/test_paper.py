@@ -12,10 +12,10 @@ from midair.errors import InputError
 from midair.flow import Settings
 from midair.model import ControlGrid
 from midair.modes import best_mode, coarser, paper_mode
-from midair.paper.fidelity_table import FidelityPlan, at_strength, fidelity_table, original_of, target_strength
 from midair.paper.figure3 import PATTERNS, figure_3
 from midair.paper.figure4 import StimuliPlan, figure_4
 from midair.paper.figure9 import figure_9
+from midair.paper.modes_compared import FidelityPlan, at_strength, fidelity_table, original_of, target_strength
 from midair.paper.result import PaperResult
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)

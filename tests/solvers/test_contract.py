@@ -7,8 +7,8 @@ import pytest
 
 from midair.errors import InputError
 from midair.solvers import METHODS, TAKES, Problem, one_blas_thread, relative_error, solver
+from midair.solvers.amplitudes import doubled, halves
 from midair.solvers.methods import check_terms
-from midair.solvers.terms.amplitudes import doubled, halves
 from midair.solvers.terms.cells import CellTarget
 from midair.solvers.terms.guard import GuardField
 

@@ -12,10 +12,10 @@ from midair.evaluate import relative_error
 from midair.flow import Settings, reproduce
 from midair.model import ControlGrid, TransducerArray
 from midair.physics import propagate, quantise_phase
-from midair.sweep.recording_sweep import RecordingSweep, Trial
+from midair.sweep.recording_report import trial_report, write_trial_report
+from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
 from midair.sweep.run import do, run_sweep
 from midair.sweep.store import load_sweep, open_sweep
-from midair.sweep.trial_report import trial_report, write_trial_report
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
 NAIVE = Settings(method="naive", grid=COARSE)
@@ -24,7 +24,7 @@ WARM = Settings(method="lm", grid=COARSE, iterations=(4, 2))
 
 def trial(name, settings=NAIVE, frames=10, variant=""):
     pressure = am_stimulus("i", peak=30.0, duration=frames / 1000, rate=1000.0)
-    return Trial(recording=name, variant=variant, pressure=pressure, settings=settings)
+    return SweepTrial(recording=name, variant=variant, pressure=pressure, settings=settings)
 
 
 SWEEP = RecordingSweep(

@@ -4,35 +4,65 @@ And before that: measure the calibration, against a reference (`measure_calibrat
 beam (`midair.calibration.measure.beam`).
 """
 
-from midair.calibration.apply.inverse import default_taps, inverse_fir, inverse_response
-from midair.calibration.apply.pressure import Method, calibrate, typical_uncertainty
-from midair.calibration.apply.streaming_inverse import StreamingInverse
-from midair.calibration.crosstalk import undo_crosstalk, undo_matrix
-from midair.calibration.measure.against_reference import measure_calibration, measure_response
-from midair.calibration.measure.evidence import MeasureSettings
-from midair.calibration.measure.noise import noise_equivalent_pressure
-from midair.calibration.measure.referenced_take import Reference, Take, split_channel
-from midair.calibration.measure.tone import anchored, measure_tone
-from midair.recordings.quality import clipped_share, dead_channels
+from midair.calibration.apply import (
+    Method,
+    StreamingInverse,
+    calibrate,
+    default_taps,
+    inverse_fir,
+    inverse_response,
+    typical_uncertainty,
+    undo_crosstalk,
+    undo_matrix,
+)
+from midair.calibration.measure import (
+    BeamPlan,
+    BeamReading,
+    BeamSetting,
+    MeasureSettings,
+    Reference,
+    ReferencedTake,
+    anchored,
+    beam_field,
+    find_lag,
+    focus_of,
+    measure_beam,
+    measure_calibration,
+    measure_response,
+    measure_tone,
+    noise_equivalent_pressure,
+    noise_signal,
+    split_channel,
+    sweep_signal,
+    tones_of,
+)
 
 __all__ = [
+    "BeamPlan",
+    "BeamReading",
+    "BeamSetting",
     "MeasureSettings",
     "Method",
     "Reference",
+    "ReferencedTake",
     "StreamingInverse",
-    "Take",
     "anchored",
+    "beam_field",
     "calibrate",
-    "clipped_share",
-    "dead_channels",
     "default_taps",
+    "find_lag",
+    "focus_of",
     "inverse_fir",
     "inverse_response",
+    "measure_beam",
     "measure_calibration",
     "measure_response",
     "measure_tone",
     "noise_equivalent_pressure",
+    "noise_signal",
     "split_channel",
+    "sweep_signal",
+    "tones_of",
     "typical_uncertainty",
     "undo_crosstalk",
     "undo_matrix",

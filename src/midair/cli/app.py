@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, Parameter
 from rich.console import Console
 
+from midair.cli.commands import COMMANDS, GROUPS
 from midair.errors import MidairError, UnknownDeviceError
 from midair.version import __version__
 
@@ -18,6 +19,10 @@ app = App(
     help_on_error=False,
     default_parameter=Parameter(negative=()),
 )
+for name, command in COMMANDS.items():
+    app.command(command, name=name)
+for group in GROUPS:
+    app.command(group)
 
 
 def main(tokens: Sequence[str] | None = None) -> None:

@@ -1,9 +1,10 @@
 """Data to try things on: seeded synthetic strokes and stimuli, and real samples."""
 
 from midair.datasets.catalogue import SAMPLES, Sample, sample, sample_path, samples
+from midair.datasets.patterns import binary_patterns, channel_amplitudes
 from midair.datasets.stimuli import Probe, Stimulus, am_stimulus, probe_signal
 from midair.datasets.strokes import Motion, Object, Texture, stroke
-from midair.datasets.taps import taps
+from midair.datasets.tap_sequence import taps
 
 __all__ = [
     "Motion",
@@ -14,6 +15,8 @@ __all__ = [
     "Stimulus",
     "Texture",
     "am_stimulus",
+    "binary_patterns",
+    "channel_amplitudes",
     "probe_signal",
     "sample",
     "sample_path",

@@ -1,34 +1,56 @@
 """Devices: the only files that touch hardware, and the virtual rig, which is a driver like any other."""
 
-from midair.devices.arrays.autd3 import autd3_array, autd3_firmware, pyautd3_array
-from midair.devices.arrays.banked_array import BankedArray
-from midair.devices.arrays.placement import Placement, load_placement
-from midair.devices.arrays.silencer import SilencerChoice
-from midair.devices.interface import ArrayDevice, Block, PlayReport, Progress, SensorDevice
-from midair.devices.sensors.replay import ReplaySensor
-from midair.devices.sensors.rewired import Rewired
-from midair.devices.sensors.streamed_sensor import StreamedSensor
-from midair.devices.virtual.virtual_array import VirtualArray
-from midair.devices.virtual.virtual_sensor import VirtualSensor
-from midair.devices.virtual.virtual_skin import VirtualSkin
+from midair.devices.arrays import (
+    DEFAULT_PROFILE,
+    Admission,
+    BankedArray,
+    Placement,
+    SilencerChoice,
+    admit,
+    amplitude_of,
+    autd3_array,
+    autd3_firmware,
+    choose_silencer,
+    intensity_bytes,
+    load_placement,
+    phase_bytes,
+    profile_named,
+    pyautd3_array,
+)
+from midair.devices.interface import ArrayDevice, FrameBlock, PlayReport, SensorDevice
+from midair.devices.reading import Seam
+from midair.devices.sensors import Decimated, PacedSensor, ReplaySensor, Rewired, Source, Stream, StreamedSensor
+from midair.devices.virtual import VirtualArray, VirtualSensor, VirtualSkin
 
 __all__ = [
+    "Admission",
     "ArrayDevice",
     "BankedArray",
-    "Block",
+    "DEFAULT_PROFILE",
+    "Decimated",
+    "FrameBlock",
+    "PacedSensor",
     "Placement",
     "PlayReport",
-    "Progress",
     "ReplaySensor",
     "Rewired",
+    "Seam",
     "SensorDevice",
     "SilencerChoice",
+    "Source",
+    "Stream",
     "StreamedSensor",
     "VirtualArray",
     "VirtualSensor",
     "VirtualSkin",
+    "admit",
+    "amplitude_of",
     "autd3_array",
     "autd3_firmware",
+    "choose_silencer",
+    "intensity_bytes",
     "load_placement",
+    "phase_bytes",
+    "profile_named",
     "pyautd3_array",
 ]

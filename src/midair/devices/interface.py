@@ -6,7 +6,6 @@ on errors too. A new device is a subclass in a file of its own that fills in the
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -15,14 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import DeviceError, InputError, MismatchError
-from midair.model import Calibration, Drive, SensorGrid, SensorWiring, TransducerArray, Unit
-
-Progress = Callable[[int, int], None]
-"""Called with (done, total) as work goes on."""
+from midair.model import Calibration, Drive, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Block:
+class FrameBlock:
     """Consecutive frames as a sensor gave them.
 
     Attributes
@@ -91,7 +87,7 @@ class SensorDevice(ABC):
         """Begin to sample: frame 0 is the first one after this."""
 
     @abstractmethod
-    def read(self, frames: int) -> Block:
+    def read(self, frames: int) -> FrameBlock:
         """The next frames, `frames` of them; fewer before a gap and at the end, none when the source has ended.
 
         Raises

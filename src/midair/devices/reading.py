@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import Block
+from midair.devices.interface import FrameBlock
 from midair.errors import DeviceError
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ class Seam:
         """How many frames there are so far, held ones included."""
         return self._next
 
-    def add(self, block: Block) -> Seamless:
+    def add(self, block: FrameBlock) -> Seamless:
         """The block with what was lost before it.
 
         Raises

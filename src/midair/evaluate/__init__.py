@@ -1,14 +1,14 @@
 """Evaluate: errors of a field, spectra, places of peaks, original against reproduction, what skin makes of it."""
 
 from midair.evaluate.alignment import advance, find_delay
-from midair.evaluate.budget import Budget, StageLoss, StageOutput, budget
 from midair.evaluate.card import CardFigure, PerceptualCard, perceptual_card
 from midair.evaluate.comparison import Comparison, compare
-from midair.evaluate.fidelity import Fidelity, fidelity, image_level, in_band
+from midair.evaluate.distortion import Fidelity, fidelity, image_level, in_band
 from midair.evaluate.field import peak_position, printed_error, relative_error
-from midair.evaluate.leak import Leak, leak, surroundings
+from midair.evaluate.leakage import Leak, leak, surroundings
 from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
+from midair.evaluate.stage_loss import Budget, StageLoss, StageOutput, budget
 
 __all__ = [
     "Budget",

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate.alignment import advance, find_delay
-from midair.evaluate.fidelity import decibels
+from midair.evaluate.distortion import decibels
 from midair.evaluate.field import peak_position
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
 from midair.model import PressureFrames, SensorGrid

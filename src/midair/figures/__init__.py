@@ -1,25 +1,45 @@
 """Figures: Matplotlib figures of nouns, each with units on its axes. Nothing here writes a file."""
 
+from midair.figures.calibration_sheet import calibration_figure
 from midair.figures.card_maps import card_figure
+from midair.figures.error_spread import ErrorSpread, trials_figure
 from midair.figures.loudness import exposure_figure
 from midair.figures.maps import maps_figure, phase_figure
+from midair.figures.page import render_page
+from midair.figures.paper_figures import FieldRow, fields_figure, objects_figure, stimuli_figure
+from midair.figures.pattern_curves import Curve, Example, curve_figure, examples_figure, histogram_figure
 from midair.figures.progress_by_pass import passes_figure
 from midair.figures.solve_errors import error_figure
-from midair.figures.style import Style, png
+from midair.figures.style import Style, new_figure, plain, png
 from midair.figures.traces import beam_figure, spectra_figure, traces_figure
 from midair.figures.waterfall import budget_figure
 
 __all__ = [
+    "Curve",
+    "ErrorSpread",
+    "Example",
+    "FieldRow",
     "Style",
     "beam_figure",
     "budget_figure",
+    "calibration_figure",
     "card_figure",
+    "curve_figure",
     "error_figure",
+    "examples_figure",
     "exposure_figure",
+    "fields_figure",
+    "histogram_figure",
     "maps_figure",
+    "new_figure",
+    "objects_figure",
     "passes_figure",
     "phase_figure",
+    "plain",
     "png",
+    "render_page",
     "spectra_figure",
+    "stimuli_figure",
     "traces_figure",
+    "trials_figure",
 ]

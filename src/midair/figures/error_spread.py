@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
+class ErrorSpread:
     """E of a trial's frames.
 
     Attributes
@@ -34,7 +34,7 @@ class Spread:
     strength: float
 
 
-def trials_figure(spreads: Sequence[Spread], *, style: Style | None = None) -> Figure:
+def trials_figure(spreads: Sequence[ErrorSpread], *, style: Style | None = None) -> Figure:
     """A line a trial: mean, the middle 90 % of the frames, and the worst frame, in %; its strength at the right."""
     style = style or Style()
     figure = new_figure(8.0, 1.2 + 0.26 * len(spreads), simulated=True, style=style)

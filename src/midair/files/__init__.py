@@ -1,22 +1,38 @@
 """Files: recordings, calibrations and drives in HDF5, and recordings in the formats of other programs."""
 
-from midair.files.contents import Contents, contents
-from midair.files.formats import FORMATS, load, read, save
+from midair.files.atomic import refusing, whole_file, writable_path
+from midair.files.formats import FORMATS, format_of, load, read, save
 from midair.files.imported import Imported
+from midair.files.listing import Contents, contents
 from midair.files.loss import Loss
-from midair.files.native.calibration_file import load_calibration, save_calibration
-from midair.files.native.drive_file import load_solution, load_target, save_solution
-from midair.files.native.recording_file import load_pressure, repair, save_pressure
-from midair.files.native.recording_writer import RecordingWriter
-from midair.files.toml.sensors import load_sensor, save_sensor
+from midair.files.native import (
+    CALIBRATION_SUFFIX,
+    Event,
+    EventKind,
+    RecordingWriter,
+    load_calibration,
+    load_pressure,
+    load_solution,
+    load_target,
+    repair,
+    save_calibration,
+    save_pressure,
+    save_solution,
+    to_json,
+)
+from midair.files.toml import load_sensor, save_sensor
 
 __all__ = [
-    "FORMATS",
+    "CALIBRATION_SUFFIX",
     "Contents",
+    "Event",
+    "EventKind",
+    "FORMATS",
     "Imported",
     "Loss",
     "RecordingWriter",
     "contents",
+    "format_of",
     "load",
     "load_calibration",
     "load_pressure",
@@ -24,10 +40,14 @@ __all__ = [
     "load_solution",
     "load_target",
     "read",
+    "refusing",
     "repair",
     "save",
     "save_calibration",
     "save_pressure",
     "save_sensor",
     "save_solution",
+    "to_json",
+    "whole_file",
+    "writable_path",
 ]

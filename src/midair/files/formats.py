@@ -9,22 +9,26 @@ import numpy as np
 
 from midair.errors import UnknownFormatError
 from midair.files.atomic import existing_file, refusing
-from midair.files.foreign.ahap_file import write_ahap
-from midair.files.foreign.csv_file import read_csv, write_csv
-from midair.files.foreign.hjif_file import write_hjif
-from midair.files.foreign.mat_file import read_mat, write_mat
-from midair.files.foreign.mcap_file import read_mcap
-from midair.files.foreign.npz_file import read_npz, write_npz
-from midair.files.foreign.tdms_file import read_tdms
-from midair.files.foreign.wav_file import read_wav, write_wav
-from midair.files.foreign.xdf_file import read_xdf
+from midair.files.foreign import (
+    read_csv,
+    read_mat,
+    read_mcap,
+    read_npz,
+    read_tdms,
+    read_wav,
+    read_xdf,
+    write_ahap,
+    write_csv,
+    write_hjif,
+    write_mat,
+    write_npz,
+    write_wav,
+)
 from midair.files.imported import Given, Imported
 from midair.files.loss import Loss
-from midair.files.native import calibration_file, drive_file
-from midair.files.native.netcdf_file import write_netcdf
-from midair.files.native.recording_file import read_recording, write_recording
+from midair.files.native import CALIBRATION_SUFFIX, DRIVE_SUFFIX, read_recording, write_netcdf, write_recording
 from midair.model import Calibration, Recording, SensorGrid, Unit
-from midair.recordings.suspicion import suspicious
+from midair.recordings import suspicious
 
 Reader = Callable[[Path, Given], Imported]
 Writer = Callable[[Recording, Path, Calibration | None], tuple[Loss, ...]]
@@ -68,8 +72,8 @@ FORMATS: Mapping[str, Format] = {
 """By the end of a file's name, in small letters."""
 
 OTHERS: Mapping[str, str] = {
-    drive_file.SUFFIX: "a drive: load_solution() and save_solution()",
-    calibration_file.SUFFIX: "a calibration: load_calibration() and save_calibration()",
+    DRIVE_SUFFIX: "a drive: load_solution() and save_solution()",
+    CALIBRATION_SUFFIX: "a calibration: load_calibration() and save_calibration()",
 }
 """Names that end like a recording's and mean something else."""
 

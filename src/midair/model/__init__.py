@@ -6,6 +6,7 @@ from midair.model.frames import AmplitudeFrames, PressureFrames
 from midair.model.geometry import ControlGrid, SensorGrid, TransducerArray
 from midair.model.measurement import Crosstalk, Linearity, Measurement
 from midair.model.medium import Medium
+from midair.model.progress import Progress
 from midair.model.provenance import Provenance, Setting, Step
 from midair.model.recording import Recording, Unit
 from midair.model.wiring import SensorWiring
@@ -20,6 +21,7 @@ __all__ = [
     "Measurement",
     "Medium",
     "PressureFrames",
+    "Progress",
     "Provenance",
     "Recording",
     "SensorGrid",

@@ -7,10 +7,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.datasets.patterns import channel_amplitudes
+from midair.datasets import channel_amplitudes
 from midair.evaluate import Leak, leak, printed_error, relative_error
-from midair.figures import png
-from midair.figures.paper_figures import FieldRow, fields_figure
+from midair.figures import FieldRow, fields_figure, png
 from midair.flow import Settings
 from midair.model import AmplitudeFrames, Drive, Medium, Provenance, SensorGrid, TransducerArray
 from midair.modes import best_mode, paper_mode

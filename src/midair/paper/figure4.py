@@ -5,17 +5,12 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from midair.evaluate import perceptual_card
-from midair.figures import png
-from midair.figures.paper_figures import stimuli_figure
+from midair.figures import png, stimuli_figure
 from midair.flow import Settings, felt
 from midair.model import PressureFrames
 from midair.modes import best_mode, paper_mode
 from midair.paper.result import PaperResult, Row
-from midair.rig.loop.correction_loop import Loop, run_loop
-from midair.rig.loop.iteration import lead_of
-from midair.rig.loop.passes import Stage, quiet
-from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import record
+from midair.rig import Loop, Stage, VirtualRig, lead_of, quiet, record, run_loop
 
 STIMULI: Mapping[str, str] = MappingProxyType(
     {"i: 100 Hz": "am-i", "ii: two points": "am-ii", "iii: 25 + 250 Hz": "am-iii"}

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from midair.datasets import Object
 from midair.dsp import band_energy
-from midair.figures import png
-from midair.figures.paper_figures import objects_figure
+from midair.figures import objects_figure, png
 from midair.flow import Settings, felt
 from midair.model import PressureFrames
 from midair.modes import best_mode, paper_mode
 from midair.paper.result import PaperResult, Row
-from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import record
+from midair.rig import VirtualRig, record
 from midair.targets import MAPPINGS
 
 CHANNELS = (2, 6, 10, 14)

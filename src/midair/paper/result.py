@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from midair.files.atomic import whole_file
+from midair.files import whole_file
 
 Row = Mapping[str, str | int | float | None]
 

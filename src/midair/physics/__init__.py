@@ -3,8 +3,8 @@
 from midair.physics.chain import Moment, PlaybackChain, radiate
 from midair.physics.directivity import Directivity, off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
-from midair.physics.exposure import Exposure, ExposureProfile, exposure, profiles_of, sound_level
-from midair.physics.playback import check_frame_rate, playback_response, simulate
+from midair.physics.exposure_level import Exposure, ExposureProfile, exposure, profiles_of, sound_level
+from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_a_frame
 from midair.physics.propagation import (
     focus_amplitude,
     focus_phase,
@@ -24,6 +24,7 @@ __all__ = [
     "Moment",
     "PlaybackChain",
     "SensorModel",
+    "Spread",
     "TransducerDynamics",
     "Transducers",
     "calibration_of",
@@ -43,8 +44,9 @@ __all__ = [
     "radiation_pressure",
     "sense",
     "simulate",
-    "sound_level",
     "sound_amplitude",
+    "sound_level",
+    "steps_a_frame",
     "transfer_matrix",
     "wavenumber",
 ]

@@ -1,4 +1,4 @@
-"""Channels that cannot be trusted: dead ones and clipped ones."""
+"""Channels that cannot be trusted: dead ones, clipped ones, and ones that hold nothing but noise."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,37 @@ def clipped_share(recording: Recording, *, full_scale: float | None = None) -> N
     at_top = _in_runs(samples == samples.max(axis=0))
     at_bottom = _in_runs(samples == samples.min(axis=0))
     return np.asarray(np.where(dead_channels(recording), 0.0, (at_top | at_bottom).mean(axis=0)), np.float64)
+
+
+def suspicious(recording: Recording) -> tuple[str, ...]:
+    """A sentence for the channels that never change and one for those that hold only a white floor.
+
+    A floor is a channel more than ten times quieter than the median channel whose successive differences are those of
+    independent numbers: von Neumann's ratio, their mean square over the variance, is within four standard errors of 2
+    (J. von Neumann, Ann. Math. Stat. 12, 1941: variance 4 (n - 2) / (n^2 - 1)).
+    """
+    samples = recording.samples.reshape(recording.frames, -1)
+    samples = samples / max(np.abs(samples).max(), np.finfo(float).tiny)
+    first = recording.samples[0].ravel()
+    spread = samples.std(axis=0)
+    dead = np.ptp(samples, axis=0) == 0
+    report: list[str] = []
+    if recording.frames > 1 and dead.any():
+        values = ", ".join(f"{i} ({first[i]:g} {recording.unit})" for i in np.flatnonzero(dead))
+        report.append(f"Channels that never change, dead or saturated: {values}.")
+    if recording.frames >= 100 and not dead.all():
+        floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _white(samples, spread)
+        if floor.any():
+            names = ", ".join(str(i) for i in np.flatnonzero(floor))
+            report.append(f"Channels that hold only a white floor, more than ten times below the others: {names}.")
+    return tuple(report)
+
+
+def _white(samples: NDArray[np.float64], spread: NDArray[np.float64]) -> NDArray[np.bool_]:
+    n = len(samples)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.square(np.diff(samples, axis=0)).mean(axis=0) / np.square(spread)
+    return np.abs(ratio - 2) < 4 * np.sqrt(4 * (n - 2) / (n**2 - 1))
 
 
 def _in_runs(flag: NDArray[np.bool_]) -> NDArray[np.bool_]:

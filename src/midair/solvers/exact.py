@@ -11,12 +11,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.model import Status
+from midair.model import Progress, Status
 from midair.solvers.fast import Fast
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt, damped
 from midair.solvers.mode_system import System
 from midair.solvers.modes import modes
-from midair.solvers.problem import Answer, Problem, Progress, Start
+from midair.solvers.problem import Answer, Problem, Start
 from midair.solvers.sequence import FrameAnswer, solve_in_turn
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ class Exact:
         plain = LevenbergMarquardt()
 
         def one(p: Array, x: Array, iterations: int) -> FrameAnswer:
-            state = State.at(system, p, x, self.tau * max(diagonal, float((p**2).max())))
+            state = ExactState.at(system, p, x, self.tau * max(diagonal, float((p**2).max())))
             while state.status is None and state.iterations < max(iterations - last, 1):
                 state = self.step(system, p, state)
             end = replace(plain.begin(problem, p, state.x), damping=state.damping)
@@ -84,7 +84,7 @@ class Exact:
             progress=progress,
         )
 
-    def step(self, system: System, p: Array, state: "State") -> "State":
+    def step(self, system: System, p: Array, state: "ExactState") -> "ExactState":
         """One iteration: a step that lowers the cost is taken, any other raises lambda."""
         K = system.normal(state.x) if state.normal is None else state.normal
         state = replace(state, iterations=state.iterations + 1, normal=K)
@@ -93,7 +93,7 @@ class Exact:
             return state.refused()
         if np.linalg.norm(h) <= self.step_tolerance * (np.linalg.norm(state.x) + self.step_tolerance):
             return replace(state, status="converged")
-        trial = State.at(system, p, state.x + h, state.damping)
+        trial = ExactState.at(system, p, state.x + h, state.damping)
         fall = state.cost - trial.cost
         promised = 0.5 * float(h @ (state.damping * h - system.gradient(p, state.x, state.residual)))
         gain = fall / promised if promised > 0 else -1.0
@@ -124,7 +124,7 @@ class Exact:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class State:
+class ExactState:
     """Where one frame stands; as in `levenberg_marquardt.State`, with what `mode_system` needs.
 
     Attributes
@@ -153,12 +153,12 @@ class State:
     normal: NDArray[np.floating[Any]] | None = None
 
     @classmethod
-    def at(cls, system: System, p: Array, x: Array, damping: float) -> "State":
+    def at(cls, system: System, p: Array, x: Array, damping: float) -> "ExactState":
         """The state of x before its first step."""
         residual = system.residual(p, x)
         return cls(x=x, residual=residual, cost=0.5 * float(np.vdot(residual, residual).real), damping=damping)
 
-    def refused(self) -> "State":
+    def refused(self) -> "ExactState":
         """The same place with more damping; stalled once lambda is beyond any step that could matter."""
         worse = self.damping * self.growth
         return replace(self, damping=worse, growth=2 * self.growth, status="stalled" if worse > 1e12 else None)

@@ -19,11 +19,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.model import Status
+from midair.model import Progress, Status
 from midair.solvers.backend import Rows, backend
 from midair.solvers.moves import Batch, Machine
 from midair.solvers.phases import hold
-from midair.solvers.problem import Answer, Problem, Progress
+from midair.solvers.problem import Answer, Problem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

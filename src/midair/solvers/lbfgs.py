@@ -20,7 +20,7 @@ Function = Callable[[Rows], tuple[Numbers, Rows]]
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class State:
+class RowsState:
     """Where all rows stand; `LBFGS.step` moves it on in place.
 
     Attributes
@@ -66,12 +66,12 @@ class LBFGS:
     grow: float = 3.0
     xp: Any = np
 
-    def begin(self, function: Function, x: Rows, step: Numbers) -> State:
+    def begin(self, function: Function, x: Rows, step: Numbers) -> RowsState:
         """The state at x; `step` (row,) is the length of the first step over that of the gradient."""
         cost, gradient = function(x)
-        return State(x=x, gradient=gradient, cost=cost, scale=step, length=self.xp.ones_like(cost), pairs=[])
+        return RowsState(x=x, gradient=gradient, cost=cost, scale=step, length=self.xp.ones_like(cost), pairs=[])
 
-    def step(self, function: Function, state: State) -> None:
+    def step(self, function: Function, state: RowsState) -> None:
         """One evaluation of all rows."""
         xp = self.xp
         direction = self._direction(state)
@@ -91,7 +91,7 @@ class LBFGS:
         state.x, state.cost, state.gradient = x, cost, gradient
         state.iterations += 1
 
-    def run(self, function: Function, x: Rows, step: Numbers, iterations: int) -> State:
+    def run(self, function: Function, x: Rows, step: Numbers, iterations: int) -> RowsState:
         """`iterations` steps from x."""
         state = self.begin(function, x, step)
         for _ in range(iterations):
@@ -102,7 +102,7 @@ class LBFGS:
         """Inner product of each row, shape (row,)."""
         return self.xp.vecdot(a, b)
 
-    def _remember(self, state: State, s: Rows, y: Rows) -> None:
+    def _remember(self, state: RowsState, s: Rows, y: Rows) -> None:
         """Keep the pair; where the curvature is not positive it counts as none."""
         xp = self.xp
         sy, yy = self._dot(s, y), self._dot(y, y)
@@ -113,7 +113,7 @@ class LBFGS:
         state.pairs.append((s, y, inverse))
         del state.pairs[: -self.memory]
 
-    def _direction(self, state: State) -> Rows:
+    def _direction(self, state: RowsState) -> Rows:
         """The two loops: minus the approximate inverse Hessian times the gradient."""
         d = -state.gradient
         weights: list[Numbers] = []

@@ -13,10 +13,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.model import Status
-from midair.solvers.problem import Answer, Problem, Progress, Start, jacobian, residual
+from midair.model import Progress, Status
+from midair.solvers.problem import Answer, Problem, Start, jacobian, residual
 from midair.solvers.sequence import FrameAnswer, solve_in_turn
-from midair.solvers.terms.guard import excess_rows
+from midair.solvers.terms import excess_rows
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import MissingExtraError
-from midair.model import Status
+from midair.model import Progress, Status
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
-from midair.solvers.problem import Answer, Problem, Progress
+from midair.solvers.problem import Answer, Problem
 
 Array = NDArray[np.float64]
 

@@ -14,10 +14,7 @@ from midair.solvers.lbfgs import LBFGS, Function
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
 from midair.solvers.problem import Problem
-from midair.solvers.terms.cells import cell_misfit
-from midair.solvers.terms.guard import excess
-from midair.solvers.terms.points import misfit
-from midair.solvers.terms.smooth import change
+from midair.solvers.terms import cell_misfit, change, excess, misfit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -12,9 +12,8 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.model import Status
-from midair.solvers.terms.cells import CellTarget
-from midair.solvers.terms.guard import GuardField
+from midair.model import Progress, Status
+from midair.solvers.terms import CellTarget, GuardField
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -114,14 +113,6 @@ class Answer:
     iterations: NDArray[np.int64]
     status: tuple[Status, ...]
     level: Array | None = None
-
-
-class Progress(Protocol):
-    """What a solver calls after each frame, or each batch of them."""
-
-    def __call__(self, done: int, total: int, /) -> None:
-        """Frames done, and frames in all."""
-        ...
 
 
 class Solver(Protocol):

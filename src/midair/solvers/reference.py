@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.model import Status
+from midair.model import Progress, Status
 from midair.solvers.phases import hold, unit
-from midair.solvers.problem import Answer, Problem, Progress
+from midair.solvers.problem import Answer, Problem
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]

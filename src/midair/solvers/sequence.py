@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.model import Status
-from midair.solvers.problem import Answer, Problem, Progress, Start
+from midair.model import Progress, Status
+from midair.solvers.problem import Answer, Problem, Start
 
 Array = NDArray[np.float64]
 

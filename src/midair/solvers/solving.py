@@ -7,16 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import AmplitudeFrames, Drive, Medium, Setting, Solution, TransducerArray
+from midair.model import AmplitudeFrames, Drive, Medium, Progress, Setting, Solution, TransducerArray
 from midair.physics import Directivity, quantise_phase, radiation_pressure, transfer_matrix
+from midair.solvers.amplitudes import Amplitudes, doubled, halves
 from midair.solvers.lens import spreading_phase
 from midair.solvers.methods import Method, check_terms
 from midair.solvers.methods import solver as solver_of
-from midair.solvers.problem import Answer, Problem, Progress, Start, Term, relative_error
-from midair.solvers.terms.amplitudes import Amplitudes, doubled, halves
-from midair.solvers.terms.cells import Cells
-from midair.solvers.terms.guard import Guard, GuardField
-from midair.solvers.terms.level import automatic_level
+from midair.solvers.problem import Answer, Problem, Start, Term, relative_error
+from midair.solvers.terms import Cells, Guard, GuardField, automatic_level
 from midair.solvers.threads import one_blas_thread
 
 Array = NDArray[np.float64]

@@ -1,51 +1,79 @@
 """Studies: design, simulated participants, and statistics. Pure: knows no file, clock, sound or device."""
 
-from midair.study.design.adaptive import QuestPlus, Staircase
-from midair.study.design.blocks import Analysis, Block, Design, Stimulus
-from midair.study.design.order import balanced_latin_square, constrained_shuffle
-from midair.study.design.plan import Plan, Trial, draw_plan
-from midair.study.design.question import Question
-from midair.study.design.standing import Progress, answers_table, replay
-from midair.study.findings.analysis import Report, analyse
-from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns
-from midair.study.session.participant import SimulatedParticipant
-from midair.study.statistics.anova import rm_anova
-from midair.study.statistics.confusion import (
-    Confusion,
-    chance_macro_f,
-    confusion_matrix,
-    f_measure,
-    mutual_information,
-    scores,
-    wilson,
+from midair.study.design import (
+    Analysis,
+    Block,
+    Design,
+    Plan,
+    Policy,
+    Question,
+    QuestPlus,
+    Staircase,
+    Standing,
+    Stimulus,
+    Trial,
+    answers_table,
+    balanced_latin_square,
+    block_order,
+    constrained_shuffle,
+    draw_plan,
+    replay,
+    thresholds_of,
 )
-from midair.study.statistics.detection import (
+from midair.study.findings import Report, StudyData, analyse, data_of_answers, data_of_columns
+from midair.study.folder import StudyFolder, paper_design_text, read_design
+from midair.study.session import ArrayPresenter, NoPresenter, Session, SimulatedParticipant, SimulatedScreen, run
+from midair.study.statistics import (
+    Chance,
     ChoiceModel,
+    Confusion,
+    Equivalence,
+    IdentificationExperiment,
+    Interval,
+    PairedT,
+    Power,
+    Psychometric,
+    PsychometricFit,
+    RatingExperiment,
     Sensitivity,
+    Table,
+    bayes_factor,
+    bootstrap,
+    chance_macro_f,
+    chance_of_published,
     choice_model,
+    confusion_matrix,
     d_prime_choice,
     d_prime_same_different,
     d_prime_yes_no,
-    proportion_correct,
-)
-from midair.study.statistics.mixed import logistic_mixed, logistic_posterior
-from midair.study.statistics.ordinal import ordinal_check
-from midair.study.statistics.paired import Equivalence, PairedT, bayes_factor, equivalence, holm, paired_t
-from midair.study.statistics.power import (
-    IdentificationExperiment,
-    Power,
-    RatingExperiment,
+    derive,
+    equivalence,
+    f_measure,
+    fit_psychometric,
+    holm,
+    logistic_mixed,
+    logistic_posterior,
+    mutual_information,
+    ordinal_check,
+    paired_t,
     participants_for_paired_t,
     power_curve,
     power_paired_t,
+    proportion_correct,
+    rm_anova,
+    scores,
+    sign_flip,
     simulated_power,
+    wilson,
 )
-from midair.study.statistics.psychometric import Psychometric, PsychometricFit, fit_psychometric
-from midair.study.statistics.resample import Chance, Interval, bootstrap, sign_flip
-from midair.study.statistics.table import Table
+from midair.study.study_figures import chance_figure, power_figure
+from midair.study.study_report import report_json, report_page, report_text
+from midair.study.tables import read_bids, read_csv, write_bids, write_csv
+from midair.study.terminal_screen import TerminalScreen, presenter_named, stops_on_signals
 
 __all__ = [
     "Analysis",
+    "ArrayPresenter",
     "Block",
     "Chance",
     "ChoiceModel",
@@ -54,10 +82,11 @@ __all__ = [
     "Equivalence",
     "IdentificationExperiment",
     "Interval",
+    "NoPresenter",
     "PairedT",
     "Plan",
+    "Policy",
     "Power",
-    "Progress",
     "Psychometric",
     "PsychometricFit",
     "QuestPlus",
@@ -65,18 +94,26 @@ __all__ = [
     "RatingExperiment",
     "Report",
     "Sensitivity",
+    "Session",
     "SimulatedParticipant",
+    "SimulatedScreen",
     "Staircase",
+    "Standing",
     "Stimulus",
     "StudyData",
+    "StudyFolder",
     "Table",
+    "TerminalScreen",
     "Trial",
     "analyse",
     "answers_table",
     "balanced_latin_square",
     "bayes_factor",
+    "block_order",
     "bootstrap",
+    "chance_figure",
     "chance_macro_f",
+    "chance_of_published",
     "choice_model",
     "confusion_matrix",
     "constrained_shuffle",
@@ -85,6 +122,7 @@ __all__ = [
     "d_prime_yes_no",
     "data_of_answers",
     "data_of_columns",
+    "derive",
     "draw_plan",
     "equivalence",
     "f_measure",
@@ -95,14 +133,28 @@ __all__ = [
     "mutual_information",
     "ordinal_check",
     "paired_t",
+    "paper_design_text",
     "participants_for_paired_t",
     "power_curve",
+    "power_figure",
     "power_paired_t",
+    "presenter_named",
     "proportion_correct",
+    "read_bids",
+    "read_csv",
+    "read_design",
     "replay",
+    "report_json",
+    "report_page",
+    "report_text",
     "rm_anova",
+    "run",
     "scores",
     "sign_flip",
     "simulated_power",
+    "stops_on_signals",
+    "thresholds_of",
     "wilson",
+    "write_bids",
+    "write_csv",
 ]

@@ -10,10 +10,22 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
-from midair.study.design.blocks import Adaptive, Analysis, Block, Design, Order, Stimulus, StimulusKind
-from midair.study.design.plan import Plan, digest_of, draw_plan
-from midair.study.design.question import Question, QuestionKind
-from midair.study.design.standing import Progress, replay
+from midair.study.design import (
+    Adaptive,
+    Analysis,
+    Block,
+    Design,
+    Order,
+    Plan,
+    Question,
+    QuestionKind,
+    Standing,
+    Stimulus,
+    StimulusKind,
+    digest_of,
+    draw_plan,
+    replay,
+)
 
 
 class _Text(BaseModel):
@@ -193,9 +205,9 @@ class StudyFolder:
         """Where the log of a participant is."""
         return self.path / "sessions" / f"sub-{participant:02d}.jsonl"
 
-    def sessions(self) -> list[Progress]:
+    def sessions(self) -> list[Standing]:
         """Where every session that was begun stands."""
-        from midair.study.session.event_log import read_events
+        from midair.study.session import read_events
 
         plan = self.plan()
         numbers = [n for n in range(1, plan.design.participants + 1) if self.log(n).exists()]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.errors import InputError
-from midair.figures.style import Style, new_figure, plain
+from midair.figures import Style, new_figure, plain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from midair.study.findings.analysis import Choices
-    from midair.study.statistics.resample import Chance
-    from midair.study.statistics.table import Table
+    from midair.study.findings import Choices
+    from midair.study.statistics import Chance, Table
 
 
 def confusion_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None = None) -> Figure:

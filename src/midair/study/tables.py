@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from midair import __version__
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
-from midair.study.design.blocks import Design
-from midair.study.statistics.table import Table
+from midair.study.design import Design
+from midair.study.statistics import Table
+from midair.version import __version__
 
 MEANING: Mapping[str, str] = {
     "trial": "Number of the trial within the session, from 1 on.",

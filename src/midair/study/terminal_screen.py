@@ -10,17 +10,14 @@ from types import FrameType
 from rich.console import Console
 from rich.markup import escape
 
-from midair.devices import VirtualArray
-from midair.devices.arrays.gate import Admission, admit, profile_named
+from midair.devices import Admission, VirtualArray, admit, profile_named
 from midair.errors import InputError
 from midair.files import load_solution
 from midair.model import TransducerArray
-from midair.rig.names.array_names import array_named
-from midair.rig.playing.admitted import play_admitted
-from midair.study.design.plan import Plan
+from midair.rig import array_named, play_admitted
+from midair.study.design import Plan
 from midair.study.folder import StudyFolder
-from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, Presenter
-from midair.study.session.trials import Reply, Step
+from midair.study.session import ArrayPresenter, ExperimenterPresenter, Presenter, Reply, TrialStep
 
 
 class TerminalScreen:
@@ -40,7 +37,7 @@ class TerminalScreen:
         self._console.print(f"\n{escape(text)}")
         self._console.input("[dim]Enter to go on, Ctrl-C to stop at any time[/] ")
 
-    def rest(self, step: Step) -> None:
+    def rest(self, step: TrialStep) -> None:
         """Hold the session until the shortest break is over and somebody presses Enter."""
         end = monotonic() + step.rest_s
         self._console.print(f"\nA break of at least {step.rest_s:g} s.")
@@ -50,7 +47,7 @@ class TerminalScreen:
                 return
             self._console.print(f"Please rest for another {end - monotonic():.0f} s.")
 
-    def ask(self, step: Step) -> Reply:
+    def ask(self, step: TrialStep) -> Reply:
         """Ask a question and read a line."""
         question = step.question
         if question is None:
@@ -64,10 +61,10 @@ class TerminalScreen:
                 self._console.print(f"  {number}  {escape(option)}")
         return Reply(text=self._console.input("> "))
 
-    def accepted(self, step: Step, answer: str) -> None:
+    def accepted(self, step: TrialStep, answer: str) -> None:
         """Nothing: feedback would teach the answers."""
 
-    def refused(self, step: Step, why: str) -> None:
+    def refused(self, step: TrialStep, why: str) -> None:
         """Say why the answer to this trial's question was none."""
         self._console.print(f"trial {step.number}: {escape(why)}")
 

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.datasets.patterns import channel_amplitudes
+from midair.datasets import channel_amplitudes
 from midair.errors import InputError
-from midair.figures.pattern_curves import Curve, Example, curve_figure, examples_figure, histogram_figure
-from midair.figures.style import png
-from midair.files.atomic import whole_file
+from midair.figures import Curve, Example, curve_figure, examples_figure, histogram_figure, png
+from midair.files import whole_file
 from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
 from midair.sweep.store import SweepResults
 
@@ -26,7 +25,7 @@ PUBLISHED = (0.05, 0.15)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class PatternReport:
     """The figures of a sweep.
 
     Attributes
@@ -100,7 +99,7 @@ class PatternResults:
         return sum(condition.count for condition in self.sweep.conditions())
 
 
-def report_of(results: PatternResults) -> Report:
+def report_of(results: PatternResults) -> PatternReport:
     """The figures of a sweep, as far as it is.
 
     Raises
@@ -110,7 +109,7 @@ def report_of(results: PatternResults) -> Report:
     """
     if not _main(results):
         raise InputError("sweep: expected solved patterns, got none so far; go on with midair sweep patterns")
-    return Report(
+    return PatternReport(
         conditions=tuple(_rows(results)),
         channels=tuple(row for number in _main(results) for row in _by_channels(results, number)),
         words=f"{results.known} of {results.asked} patterns solved, {results.seconds:.0f} s of processor time, "

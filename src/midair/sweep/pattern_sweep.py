@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.datasets.patterns import binary_patterns, channel_amplitudes
+from midair.datasets import binary_patterns, channel_amplitudes
 from midair.errors import InputError
 from midair.model import ControlGrid, Medium, Provenance, SensorGrid, Setting, TransducerArray
 from midair.physics import Directivity, quantise_phase, transfer_matrix
-from midair.solvers import Problem, one_blas_thread, relative_error
+from midair.solvers import Problem, one_blas_thread, relative_error, spreading_phase
 from midair.solvers import solver as solver_of
-from midair.solvers.lens import spreading_phase
 from midair.sweep.task import Coordinate, Found, Task, settings_of
 from midair.targets import interpolation_matrix
 from midair.validation import positive

@@ -16,7 +16,7 @@ from midair.sweep.task import Coordinate, Found, Task, settings_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trial:
+class SweepTrial:
     """One recording under one choice of settings.
 
     Attributes
@@ -43,7 +43,7 @@ class RecordingSweep:
 
     Attributes
     ----------
-    trials : tuple of Trial
+    trials : tuple of SweepTrial
         The conditions.
     columns, rows : int
         Units of the array.
@@ -56,7 +56,7 @@ class RecordingSweep:
         If there are no trials, one comes twice, or its solver does not take its settings.
     """
 
-    trials: tuple[Trial, ...]
+    trials: tuple[SweepTrial, ...]
     columns: int = 2
     rows: int = 2
     bits: int = 8
@@ -149,7 +149,7 @@ class RecordingSweep:
 class TrialJob:
     """A trial to be solved on a worker."""
 
-    trial: Trial
+    trial: SweepTrial
     array: TransducerArray
     bits: int
 

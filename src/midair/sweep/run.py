@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from midair.errors import ClusterError, MissingExtraError
-from midair.solvers import Progress
+from midair.model import Progress
 from midair.sweep.store import Result, open_sweep
 from midair.sweep.task import Job, Sweep, Task
 

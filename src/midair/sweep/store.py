@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, DeviceStateError, MismatchError, MissingExtraError, MissingFileError
-from midair.files.atomic import refusing, writable_path
-from midair.files.native.provenance_json import to_json
+from midair.files import refusing, to_json, writable_path
 from midair.sweep.task import Found, Sweep, Task
 from midair.version import __version__
 

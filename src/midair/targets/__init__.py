@@ -4,15 +4,15 @@ from midair.targets.compensation import precompensate, precompensate_sound
 from midair.targets.cost import MappingReport, mapping_report
 from midair.targets.decoupling import coupling, decouple
 from midair.targets.interpolation import interpolation_matrix, moved_interpolation
-from midair.targets.mapping import MAPPINGS, SlowBias, constant_offset, half_wave, slow_bias
+from midair.targets.mapping import MAPPINGS, SlowBias, constant_offset, half_wave, mapping_of, slow_bias
 from midair.targets.mapping_stream import MappingStream
 from midair.targets.motion import Circle
 from midair.targets.preparing import Interpolated, prepare
 
 __all__ = [
-    "MAPPINGS",
     "Circle",
     "Interpolated",
+    "MAPPINGS",
     "MappingReport",
     "MappingStream",
     "SlowBias",
@@ -21,6 +21,7 @@ __all__ = [
     "decouple",
     "half_wave",
     "interpolation_matrix",
+    "mapping_of",
     "mapping_report",
     "moved_interpolation",
     "precompensate",

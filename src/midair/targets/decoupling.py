@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.model import ControlGrid, PressureFrames
-from midair.physics.sensing import SensorModel, cell_weights
+from midair.physics import SensorModel, cell_weights
 from midair.targets.interpolation import interpolation_matrix
 
 Array = NDArray[np.float64]

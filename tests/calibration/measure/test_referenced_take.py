@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.calibration import Reference, Take, measure_calibration, split_channel
+from midair.calibration import Reference, ReferencedTake, measure_calibration, split_channel
 from midair.calibration.measure.excitation import noise_signal
 from midair.errors import BandError, InputError, MismatchError, ShapeError
 from midair.model import Provenance, Recording, SensorGrid
@@ -28,10 +28,10 @@ def test_volts_over_the_sensitivity_are_pascals():
 
 
 def test_a_level_is_the_rms_of_what_changes():
-    take = Take(recording=recording(), reference=reference(pressure=7 + 3 * np.tile([1.0, -1.0], 4000)))
+    take = ReferencedTake(recording=recording(), reference=reference(pressure=7 + 3 * np.tile([1.0, -1.0], 4000)))
     assert take.level == pytest.approx(3.0)
     assert take.presses().tolist() == [True, True]
-    assert Take(recording=recording(), reference=reference(), cell=1).presses().tolist() == [False, True]
+    assert ReferencedTake(recording=recording(), reference=reference(), cell=1).presses().tolist() == [False, True]
 
 
 @pytest.mark.parametrize(("count", "shape"), [(17, (4, 4)), (7, (1, 6))])
@@ -48,9 +48,13 @@ def test_a_spare_channel_is_taken_out(count, shape):
 @pytest.mark.parametrize(
     ("make", "error", "says"),
     [
-        (lambda: Take(recording=recording(7999), reference=reference()), MismatchError, "expected 7999 frames"),
-        (lambda: Take(recording=recording(), reference=reference(rate=500.0)), MismatchError, "at 500 Hz"),
-        (lambda: Take(recording=recording(), reference=reference(), cell=2), ShapeError, "0 to 1"),
+        (
+            lambda: ReferencedTake(recording=recording(7999), reference=reference()),
+            MismatchError,
+            "expected 7999 frames",
+        ),
+        (lambda: ReferencedTake(recording=recording(), reference=reference(rate=500.0)), MismatchError, "at 500 Hz"),
+        (lambda: ReferencedTake(recording=recording(), reference=reference(), cell=2), ShapeError, "0 to 1"),
         (lambda: reference(uncertainty=2.0), InputError, "0.01 for 1 %, got 2"),
         (lambda: Reference.read(recording(), sensitivity=0.0), InputError, "other than 0"),
         (lambda: Reference.read(recording(), sensitivity=1.0, channel=2), ShapeError, "0 to 1, got 2"),
@@ -71,7 +75,7 @@ def takes(bench, *cells, **changes):
 
 def test_takes_of_two_sensors_are_refused(bench):
     one = takes(bench, None)[0]
-    other = Take(recording=recording(), reference=reference())
+    other = ReferencedTake(recording=recording(), reference=reference())
     with pytest.raises(MismatchError, match=r"takes: expected all of sensor 'sensor' \(4, 4\)"):
         measure_calibration([one, other])
     with pytest.raises(MismatchError, match="quiet recording"):
@@ -87,7 +91,7 @@ def test_what_is_not_related_is_refused(bench):
     take = takes(bench, None)[0]
     other = Reference(pressure=noise_signal(5, 8, rng=np.random.default_rng(9)), rate=RATE)
     with pytest.raises(BandError, match=r"coherence of 0\.9 on every live channel, got [01];"):
-        measure_calibration([Take(recording=take.recording, reference=other)])
+        measure_calibration([ReferencedTake(recording=take.recording, reference=other)])
 
 
 def test_a_dead_channel_hears_nothing_and_is_not_sure(bench):
@@ -95,7 +99,7 @@ def test_a_dead_channel_hears_nothing_and_is_not_sure(bench):
     samples = np.array(take.recording.samples)
     samples[:, 2, 3] = 0.1
     dead = Recording(samples=samples, rate=RATE, sensor=take.recording.sensor)
-    found = measure_calibration([Take(recording=dead, reference=take.reference)])
+    found = measure_calibration([ReferencedTake(recording=dead, reference=take.reference)])
     assert not found.response[:, 2, 3].any()
     assert (found.measurement.magnitude_uncertainty[:, 2, 3] == 1).all()
     assert np.median(found.measurement.magnitude_uncertainty) < 3e-3
@@ -112,4 +116,4 @@ def test_what_was_done_is_written_down(bench):
     assert "repeatability is not known" in found.measurement.method
     real = Recording(samples=takes(bench, None)[0].recording.samples, rate=RATE, provenance=Provenance(source="lab"))
     told = Reference(pressure=takes(bench, None)[0].reference.pressure, rate=RATE)
-    assert not measure_calibration([Take(recording=real, reference=told)]).provenance.simulated
+    assert not measure_calibration([ReferencedTake(recording=real, reference=told)]).provenance.simulated

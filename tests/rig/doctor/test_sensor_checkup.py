@@ -5,7 +5,7 @@ from midair.devices import StreamedSensor
 from midair.devices.sensors.sources import Chunk, Stream
 from midair.errors import DeviceError, MissingExtraError
 from midair.rig.doctor import checkup, sensor_checkup
-from midair.rig.doctor.check_result import Finding
+from midair.rig.doctor.check import Check
 from midair.rig.doctor.checkup import check_up
 from midair.rig.doctor.sensor_checkup import live_sensor_findings, sensor_findings
 
@@ -70,7 +70,7 @@ class Sick:
 
 def test_a_live_sensor_is_listened_to(monkeypatch):
     for slow in ("_folder", "_field", "_solver", "_threads"):
-        monkeypatch.setattr(checkup, slow, lambda: Finding(subject="left out", state="ok", found=""))
+        monkeypatch.setattr(checkup, slow, lambda: Check(subject="left out", state="ok", found=""))
     monkeypatch.setattr(sensor_checkup, "source_sensor", lambda name, wiring: StreamedSensor(Sick(), name=name))
     found = {finding.subject.removeprefix("serial:COM3: "): finding for finding in check_up("serial:COM3")}
     assert (found["cells that never change"].state, found["cells that never change"].found) == ("broken", "1")

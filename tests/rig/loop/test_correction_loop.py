@@ -8,7 +8,7 @@ from midair.flow import Settings, felt
 from midair.model import ControlGrid, Recording
 from midair.rig.loop.correction_loop import beam_test, run_loop
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.playing.rerecord import rerecord
+from midair.rig.playing.rerecording import rerecord
 from midair.rig.takes.capture import record
 
 RIG = VirtualRig()

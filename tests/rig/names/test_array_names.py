@@ -9,7 +9,8 @@ from midair.errors import ExposureError, FileError, InputError, MissingFileError
 from midair.model import Drive, Provenance, TransducerArray
 from midair.physics import exposure, focus_phase
 from midair.rig.names.array_names import array_named
-from midair.rig.playing.play_log import log_order, make_state_folder
+from midair.rig.playing.play_log import log_order
+from midair.rig.state_folder import make_state_folder
 from midair.rig.playing.stop_line import stop_line, stop_playing
 
 ARRAY = TransducerArray.autd3()

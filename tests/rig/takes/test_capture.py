@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.devices import Block, ReplaySensor
+from midair.devices import FrameBlock, ReplaySensor
 from midair.errors import DeviceError, InputError
 from midair.files import load
 from midair.model import Recording
@@ -16,7 +16,7 @@ class Losing(ReplaySensor):
     def read(self, frames):
         block = super().read(frames)
         shift = 1 if block.first else 0
-        return Block(samples=block.samples, first=block.first + shift, device_time=0, host_time=0)
+        return FrameBlock(samples=block.samples, first=block.first + shift, device_time=0, host_time=0)
 
 
 def test_what_was_recorded_is_what_the_sensor_gave(tmp_path):

@@ -29,7 +29,7 @@ PROGRAM = """
 import mmap, struct, sys, time
 import numpy as np
 from pathlib import Path
-from midair.devices import Block, SensorDevice
+from midair.devices import FrameBlock, SensorDevice
 from midair.model import SensorGrid
 from midair.rig.takes.take import record_take
 from midair.rig.takes.take_plan import TakePlan
@@ -54,7 +54,7 @@ class Clock(SensorDevice):
         time.sleep(max(0, self.begin + self.taken / 1000 - time.monotonic()))
         samples = np.arange(first, self.taken)[:, None, None] + np.arange(16).reshape(4, 4) / 16
         struct.pack_into("q", self.given, 0, self.taken)
-        return Block(samples=samples, first=first, device_time=first / 1000, host_time=self.begin + first / 1000)
+        return FrameBlock(samples=samples, first=first, device_time=first / 1000, host_time=self.begin + first / 1000)
 
 
 class Nobody:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from midair.devices import Block, ReplaySensor
+from midair.devices import FrameBlock, ReplaySensor
 from midair.errors import DeviceError, InputError
 from midair.files import load, repair
 from midair.model import Recording
@@ -51,7 +51,9 @@ class Leaky(ReplaySensor):
             begin = self._taken = begin + self._gaps[begin]
         following = [first for first in self._gaps if first > begin]
         block = super().read(min([frames, *(first - begin for first in following)]))
-        return Block(samples=block.samples, first=block.first, device_time=block.first / RATE, host_time=begin / RATE)
+        return FrameBlock(
+            samples=block.samples, first=block.first, device_time=block.first / RATE, host_time=begin / RATE
+        )
 
 
 def take(sensor, path, watcher=None, **plan):
@@ -231,7 +233,7 @@ def test_a_full_disk_ends_the_take_and_keeps_it(path, monkeypatch):
 
 def test_a_sensor_that_gives_nothing_is_an_error(path):
     sensor = ReplaySensor(COUNT)
-    sensor.read = lambda frames: Block(samples=np.zeros((0, 4, 4)), first=0, device_time=0, host_time=0)
+    sensor.read = lambda frames: FrameBlock(samples=np.zeros((0, 4, 4)), first=0, device_time=0, host_time=0)
     with pytest.raises(DeviceError, match="expected frames, got none"):
         take(sensor, path)
     assert not path.exists()
@@ -252,7 +254,7 @@ class Fast(ReplaySensor):
     def read(self, frames):
         block = super().read(frames)
         late = 1e-3 * (block.first // 50 % 3)
-        return Block(
+        return FrameBlock(
             samples=block.samples,
             first=block.first,
             device_time=block.first / RATE * 1.001,

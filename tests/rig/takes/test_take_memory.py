@@ -4,7 +4,7 @@ import numpy as np
 import psutil
 import pytest
 
-from midair.devices import Block, SensorDevice
+from midair.devices import FrameBlock, SensorDevice
 from midair.model import SensorGrid
 from midair.rig.takes.take import record_take
 from midair.rig.takes.take_plan import TakePlan
@@ -31,7 +31,7 @@ class Endless(SensorDevice):
         self.first += 100 if self.first % 480_000 == 0 and self.first else 0
         first, self.first = self.first, self.first + frames
         at = first % (48_000 - frames)
-        return Block(
+        return FrameBlock(
             samples=self.noise[at : at + frames], first=first, device_time=first / 48e3, host_time=first / 48e3
         )
 

@@ -10,7 +10,7 @@ from midair.calibration.apply.streaming_inverse import mixing
 from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
 from midair.model import Calibration, PressureFrames, Recording, Setting
-from midair.recordings.quality import dead_channels
+from midair.recordings import dead_channels
 
 Method = Literal["fft", "fir"]
 

@@ -1,1 +1,34 @@
 """Measure a calibration: against a reference, with a tone of known pressure, or by a focused beam."""
+
+from midair.calibration.measure.against_reference import measure_calibration, measure_response
+from midair.calibration.measure.beam import BeamReading, find_lag, measure_beam, tones_of
+from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting, beam_field, focus_of
+from midair.calibration.measure.evidence import MeasureSettings
+from midair.calibration.measure.excitation import noise_signal, sweep_signal
+from midair.calibration.measure.frequency_response import FrequencyResponse
+from midair.calibration.measure.noise import noise_equivalent_pressure
+from midair.calibration.measure.referenced_take import Reference, ReferencedTake, split_channel
+from midair.calibration.measure.tone import anchored, measure_tone
+
+__all__ = [
+    "BeamPlan",
+    "BeamReading",
+    "BeamSetting",
+    "FrequencyResponse",
+    "MeasureSettings",
+    "Reference",
+    "ReferencedTake",
+    "anchored",
+    "beam_field",
+    "find_lag",
+    "focus_of",
+    "measure_beam",
+    "measure_calibration",
+    "measure_response",
+    "measure_tone",
+    "noise_equivalent_pressure",
+    "noise_signal",
+    "split_channel",
+    "sweep_signal",
+    "tones_of",
+]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from midair.calibration.measure.evidence import Evidence, MeasureSettings, sums_of
 from midair.calibration.measure.linearity import distinct
-from midair.calibration.measure.referenced_take import Take, check_alike
+from midair.calibration.measure.referenced_take import ReferencedTake, check_alike
 from midair.errors import MismatchError
 from midair.model import Calibration, PressureFrames, Provenance, Recording, Setting
 
@@ -59,7 +59,7 @@ def measure_response(
 
 
 def measure_calibration(
-    takes: Sequence[Take],
+    takes: Sequence[ReferencedTake],
     *,
     quiet: Recording | None = None,
     settings: MeasureSettings | None = None,
@@ -142,7 +142,7 @@ def _flat(recording: Recording) -> Array:
     return recording.samples.reshape(recording.frames, -1)
 
 
-def _pressed_alone(takes: Sequence[Take]) -> bool:
+def _pressed_alone(takes: Sequence[ReferencedTake]) -> bool:
     """Whether each cell was pressed on alone.
 
     Raises

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.calibration.crosstalk import crosstalk_of
+from midair.calibration.measure.crosstalk_matrix import crosstalk_of
 from midair.calibration.measure.delay import channel_delay, upper_half
 from midair.calibration.measure.frequency_response import (
     BandSums,
@@ -17,11 +17,11 @@ from midair.calibration.measure.frequency_response import (
 )
 from midair.calibration.measure.linearity import bend_uncertainty, fit_levels, followed_share, same_levels
 from midair.calibration.measure.noise import quiet_density, white_level
-from midair.calibration.measure.referenced_take import Take
+from midair.calibration.measure.referenced_take import ReferencedTake
 from midair.calibration.measure.repeatability import repeatability
 from midair.errors import BandError
 from midair.model import Calibration, Crosstalk, Linearity, Measurement, Provenance, Recording, SensorGrid, Setting
-from midair.recordings.quality import dead_channels
+from midair.recordings import dead_channels
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ class Evidence:
         Of those that the response rests on, 0 in the channels that a take does not press on.
     settings : MeasureSettings
         How spectra become a calibration.
-    takes : tuple of Take
+    takes : tuple of ReferencedTake
         That the parts come from; none for one recording of a pressure that differs from cell to cell.
     alone : bool
         Whether each cell was pressed on alone.
@@ -83,7 +83,7 @@ class Evidence:
     parts: tuple[BandSums, ...]
     own: tuple[BandSums, ...]
     settings: MeasureSettings
-    takes: tuple[Take, ...] = ()
+    takes: tuple[ReferencedTake, ...] = ()
     alone: bool = False
     quiet: Recording | None = None
     reference: str = ""

@@ -67,7 +67,7 @@ class Reference:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Take:
+class ReferencedTake:
     """A recording of a sensor, and of the reference at the same times.
 
     Attributes
@@ -148,7 +148,7 @@ def split_channel(
     )
 
 
-def check_alike(takes: Sequence[Take]) -> None:
+def check_alike(takes: Sequence[ReferencedTake]) -> None:
     """Refuse takes of different sensors, units or rates.
 
     Raises

@@ -5,23 +5,25 @@ from typing import Annotated
 
 from rich.table import Table
 
-from midair.cli.app import app
-from midair.cli.commands.import_export import may_write
-from midair.cli.terminal.console import banner, out, print_json, print_rows, stages
-from midair.cli.terminal.options import SolveOptions, Time
-from midair.cli.terminal.originals import felt_part
-from midair.cli.terminal.quantity import quantity
+from midair.cli.terminal import (
+    SolveOptions,
+    Time,
+    banner,
+    felt_part,
+    may_write,
+    out,
+    print_json,
+    print_rows,
+    quantity,
+    stages,
+)
 from midair.devices import SilencerChoice
 from midair.evaluate import Budget
 from midair.figures import budget_figure, png
-from midair.files import load
-from midair.files.atomic import whole_file
-from midair.rig.loop.error_budget import BudgetPlan, error_budget, kept_in_band
-from midair.rig.loop.iteration import lead_of
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.files import load, whole_file
+from midair.rig import BudgetPlan, VirtualRig, error_budget, kept_in_band, lead_of
 
 
-@app.command(name="budget")
 def budget_command(
     source: Path,
     figure: Path | None = None,

@@ -2,17 +2,22 @@
 
 from pathlib import Path
 
-from midair.cli.app import app
-from midair.cli.terminal.console import banner, out, print_figures, print_json
-from midair.cli.terminal.options import BandOptions
-from midair.cli.terminal.originals import felt_part, made_with, same_part
-from midair.errors import ShapeError
-from midair.evaluate import Comparison, PerceptualCard, compare, perceptual_card
+from midair.cli.terminal import (
+    BandOptions,
+    banner,
+    card_of,
+    felt_part,
+    made_with,
+    plain,
+    print_card,
+    print_figures,
+    print_json,
+    same_part,
+)
+from midair.evaluate import compare
 from midair.files import load
-from midair.model import PressureFrames
 
 
-@app.command(name="compare")
 def compare_command(
     original: Path,
     reproduced: Path,
@@ -48,26 +53,3 @@ def compare_command(
     if card is not None:
         print_card(card)
     return None
-
-
-def card_of(original: PressureFrames, reproduced: PressureFrames) -> PerceptualCard | None:
-    """The perceptual card; None for less than the 64 ms that its metrics need."""
-    try:
-        return perceptual_card(original, reproduced)
-    except ShapeError:
-        return None
-
-
-def print_card(card: PerceptualCard) -> None:
-    """Each figure over all cells, and what it means."""
-    out().print("\nwhat skin makes of it, over all cells")
-    for each in card.figures:
-        unit = f" {each.unit}" if each.unit else ""
-        out().print(f"  {each.name}: {each.overall:.3g}{unit}", style="bold", markup=False)
-        out().print(f"    {each.meaning}", markup=False)
-
-
-def plain(comparison: Comparison) -> dict[str, object]:
-    """A comparison for JSON."""
-    figures = {name: {"value": value, "unit": unit} for name, (value, unit) in comparison.figures().items()}
-    return {"simulated": comparison.simulated, "figures": figures}

@@ -6,16 +6,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from midair.cli.app import app
-from midair.cli.terminal.console import banner, out, print_figures, print_rows, stages
-from midair.cli.terminal.options import SolveOptions, Time
-from midair.cli.terminal.quantity import quantity
+from midair.cli.terminal import SolveOptions, Time, banner, out, print_figures, print_rows, quantity, stages
 from midair.files import save, save_solution
 from midair.flow import felt
-from midair.rig.loop.correction_loop import Loop, run_loop
-from midair.rig.loop.loop_report import pictures, write_report
-from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import record
+from midair.rig import Loop, VirtualRig, pictures, record, run_loop, write_report
 
 
 @Parameter(name="*")
@@ -32,7 +26,6 @@ class DemoOptions(SolveOptions):
     method: str = "exact"
 
 
-@app.command(name="demo")
 def demo_command(
     output: Path = Path("demo"),
     /,

@@ -4,12 +4,10 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from midair.cli.app import app
-from midair.cli.terminal.console import out, print_json
-from midair.rig.doctor.checkup import check_up
+from midair.cli.terminal import out, print_json
+from midair.rig import check_up
 
 
-@app.command(name="doctor")
 def doctor_command(*, device: str | None = None, json: bool = False) -> int:
     """Look at what is installed and what works here, and say what to do about what does not.
 

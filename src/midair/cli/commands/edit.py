@@ -7,22 +7,26 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from midair.cli.app import app
-from midair.cli.commands.import_export import may_write
-from midair.cli.commands.info import recording_rows
-from midair.cli.terminal.bringing import parse_names, parsed
-from midair.cli.terminal.keeping import STORED, keep, say
-from midair.cli.terminal.options import Frequency, Time
-from midair.cli.terminal.quantity import quantity
+from midair import recordings
+from midair.cli.terminal import (
+    STORED,
+    Frequency,
+    Time,
+    keep,
+    may_write,
+    parse_names,
+    parsed,
+    quantity,
+    recording_rows,
+    say_kept,
+)
 from midair.errors import InputError
 from midair.files import load, load_calibration, load_pressure
 from midair.model import Calibration, Recording
-from midair.recordings import edit
 
 Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
 
 
-@app.command(name="cut")
 def cut_command(
     source: Path,
     output: Path,
@@ -51,10 +55,9 @@ def cut_command(
         Print JSON for a program.
     """
     may_write(output, force)
-    _write(edit.cut(load(source), start, end), [source], output, json=json)
+    _write(recordings.cut(load(source), start, end), [source], output, json=json)
 
 
-@app.command(name="join")
 def join_command(*files: Path, force: bool = False, json: bool = False) -> None:
     """Put recordings of the same sensor one behind the other.
 
@@ -71,10 +74,9 @@ def join_command(*files: Path, force: bool = False, json: bool = False) -> None:
         raise InputError(f"join: expected two recordings or more and the name of the whole, got {len(files)} names")
     *sources, output = files
     may_write(output, force)
-    _write(edit.join([load(source) for source in sources]), sources, output, json=json)
+    _write(recordings.join([load(source) for source in sources]), sources, output, json=json)
 
 
-@app.command(name="resample")
 def resample_command(
     source: Path, output: Path, /, *, rate: Frequency, force: bool = False, json: bool = False
 ) -> None:
@@ -94,10 +96,9 @@ def resample_command(
         Print JSON for a program.
     """
     may_write(output, force)
-    _write(edit.resample(load(source), rate), [source], output, json=json)
+    _write(recordings.resample(load(source), rate), [source], output, json=json)
 
 
-@app.command(name="trim")
 def trim_command(
     source: Path,
     output: Path,
@@ -126,10 +127,9 @@ def trim_command(
         Print JSON for a program.
     """
     may_write(output, force)
-    _write(edit.trim(load(source), share=share, margin=margin), [source], output, json=json)
+    _write(recordings.trim(load(source), share=share, margin=margin), [source], output, json=json)
 
 
-@app.command(name="gain")
 def gain_command(
     source: Path,
     output: Path,
@@ -162,18 +162,17 @@ def gain_command(
     factor = _factor(by)
     factors = np.ones(recording.sensor.count)
     factors[list(_numbers(channels, recording)) or slice(None)] = factor
-    made = edit.gain(recording, factors.reshape(recording.sensor.shape) if channels else factor)
+    made = recordings.gain(recording, factors.reshape(recording.sensor.shape) if channels else factor)
     _write(made, [source], output, json=json)
 
 
-@app.command(name="mask")
 def mask_command(
     source: Path,
     output: Path,
     /,
     *,
     channels: Names,
-    fill: edit.Fill = "zero",
+    fill: recordings.Fill = "zero",
     force: bool = False,
     json: bool = False,
 ) -> None:
@@ -196,7 +195,7 @@ def mask_command(
     """
     may_write(output, force)
     recording = load(source)
-    _write(edit.mask(recording, _numbers(channels, recording), fill=fill), [source], output, json=json)
+    _write(recordings.mask(recording, _numbers(channels, recording), fill=fill), [source], output, json=json)
 
 
 def _write(recording: Recording, sources: list[Path], output: Path, *, json: bool) -> None:
@@ -211,7 +210,7 @@ def _write(recording: Recording, sources: list[Path], output: Path, *, json: boo
         notes.append("The calibrated pressure was left out: it belongs to the whole; run midair calibrate again.")
     lost = keep(recording, output, calibration=calibration)
     rows = [("recording", str(output)), *recording_rows(recording)]
-    say(rows, notes, lost, simulated=recording.provenance.simulated, json=json)
+    say_kept(rows, notes, lost, simulated=recording.provenance.simulated, json=json)
 
 
 def _same(calibrations: list[Calibration | None]) -> bool:

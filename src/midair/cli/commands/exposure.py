@@ -2,16 +2,13 @@
 
 from pathlib import Path
 
-from midair.cli.app import app
-from midair.cli.commands.import_export import may_write
-from midair.cli.terminal.console import print_figures, print_json, print_rows
-from midair.devices.arrays.gate import DEFAULT_PROFILE, profile_named
+from midair.cli.terminal import may_write, print_figures, print_json, print_rows
+from midair.devices import DEFAULT_PROFILE, profile_named
 from midair.figures import exposure_figure, png
 from midair.files import load_solution
 from midair.physics import Exposure, exposure
 
 
-@app.command(name="exposure")
 def exposure_command(
     source: Path,
     /,

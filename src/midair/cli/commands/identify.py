@@ -10,23 +10,16 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.text import Text
 
-from midair.cli.app import app
-from midair.cli.terminal.console import banner, out, print_json
-from midair.cli.terminal.keys import Keys
-from midair.cli.terminal.quantity import quantity
+from midair.cli.terminal import Keys, banner, out, print_json, quantity
 from midair.devices import SensorDevice
 from midair.errors import InputError
-from midair.files.toml.sensors import load_sensor, save_sensor
+from midair.files import load_sensor, save_sensor
 from midair.model import SensorWiring
-from midair.rig.bench.identify import Identity, findings
-from midair.rig.bench.tap_test import TapTest, identify_by_taps, identify_by_tones
-from midair.rig.names.sensor_names import sensor_named
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig import Identity, TapTest, VirtualRig, findings, identify_by_taps, identify_by_tones, sensor_named
 
 Time = Annotated[float, quantity("s")]
 
 
-@app.command(name="identify")
 def identify_command(
     sensor: str,
     /,

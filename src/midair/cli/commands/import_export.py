@@ -3,22 +3,28 @@
 from pathlib import Path
 from typing import Annotated
 
-from midair.cli.app import app
-from midair.cli.commands.info import calibrated_by, recording_rows
-from midair.cli.terminal.bringing import FileOptions, bring
-from midair.cli.terminal.console import out, print_rows
-from midair.cli.terminal.keeping import STORED, as_recording, keep, say
-from midair.cli.terminal.nominal import nominal_calibration
-from midair.cli.terminal.quantity import quantity
+from midair.cli.terminal import (
+    STORED,
+    FileOptions,
+    as_recording,
+    bring,
+    calibrated_by,
+    keep,
+    may_write,
+    nominal_calibration,
+    out,
+    print_rows,
+    quantity,
+    recording_rows,
+    say_kept,
+)
 from midair.datasets import sample_path
 from midair.errors import InputError
-from midair.files import load, load_calibration, load_pressure, repair
-from midair.files.formats import format_of
+from midair.files import format_of, load, load_calibration, load_pressure, repair
 
 Pressure = Annotated[float | None, quantity("Pa")]
 
 
-@app.command(name="import")
 def import_command(
     source: str,
     output: Path | None = None,
@@ -66,10 +72,9 @@ def import_command(
     rows = [("recording", str(target)), *recording_rows(imported.recording)]
     if imported.recording.unit != "Pa" or stated or calibration:
         rows.append(("calibration", calibrated_by(stated or calibration)))
-    say(rows, imported.report, lost, simulated=imported.recording.provenance.simulated, json=json)
+    say_kept(rows, imported.report, lost, simulated=imported.recording.provenance.simulated, json=json)
 
 
-@app.command(name="export")
 def export_command(
     source: Path, output: Path, /, *, pressure: bool = False, force: bool = False, json: bool = False
 ) -> None:
@@ -99,10 +104,9 @@ def export_command(
         recording, calibration, made = as_recording(made), None, None
     lost = keep(recording, output, calibration=calibration, pressure=made)
     rows = [("written", str(output)), ("format", format_of(output).name)]
-    say(rows, (), lost, simulated=recording.provenance.simulated, json=json)
+    say_kept(rows, (), lost, simulated=recording.provenance.simulated, json=json)
 
 
-@app.command(name="repair")
 def repair_command(source: Path, /) -> None:
     """Close a recording whose program was killed, so that any program can open it.
 
@@ -117,9 +121,3 @@ def repair_command(source: Path, /) -> None:
     print_rows([("recording", str(source)), ("state", "was closed in order" if not found else "repaired")])
     for sentence in found:
         out().print(f"note: {sentence}", markup=False)
-
-
-def may_write(path: Path, force: bool) -> None:
-    """Refuse to write over a file unless told to."""
-    if path.exists() and not force:
-        raise InputError(f"{path}: is there already; give another name, or --force to write over it")

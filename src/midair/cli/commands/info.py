@@ -5,16 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.calibration import dead_channels
-from midair.cli.app import app
-from midair.cli.terminal.console import banner, print_json, print_rows
-from midair.cli.terminal.quantity import spell
+from midair.cli.terminal import banner, calibrated_by, print_json, print_rows, recording_rows
 from midair.files import contents, load, load_calibration, load_pressure, load_solution
-from midair.model import Calibration, Provenance, Recording, Setting
-from midair.rig.bench.calibration_page import calibration_rows, uncertainty_of
+from midair.model import Provenance, Setting
+from midair.rig import calibration_rows, uncertainty_of
 
 
-@app.command(name="info")
 def info_command(source: Path, /, *, json: bool = False) -> None:
     """Say what a recording, a drive or a calibration holds, where it came from, and what was done to it.
 
@@ -32,19 +28,6 @@ def info_command(source: Path, /, *, json: bool = False) -> None:
     banner(provenance.simulated)
     print_rows([*rows, *((f"step: {step.stage}", _settings(step.settings)) for step in provenance.steps)])
     return None
-
-
-def recording_rows(recording: Recording) -> list[tuple[str, str]]:
-    """What a recording holds, as names and values."""
-    rows, columns = recording.sensor.shape
-    dead = np.flatnonzero(dead_channels(recording))
-    return [
-        ("frames", f"{recording.frames} at {recording.rate:.6g} Hz, {recording.duration:.3f} s"),
-        ("sensor", f"{recording.sensor.name}, {rows} x {columns}, pitch {spell(recording.sensor.pitch, 'm')}"),
-        ("unit", recording.unit),
-        ("range", f"{recording.samples.min():.4g} to {recording.samples.max():.4g} {recording.unit}"),
-        ("dead channels", ", ".join(str(channel) for channel in dead) or "none"),
-    ]
 
 
 def _rows_of_file(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
@@ -102,13 +85,6 @@ def _drive_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
         *((f"note: {name}", text) for name, text in drive.provenance.notes.items()),
     ]
     return rows, drive.provenance
-
-
-def calibrated_by(calibration: Calibration | None) -> str:
-    """Where a calibration comes from, or what to do without one."""
-    if calibration is None:
-        return "none; state one with midair calibrate --sensitivity or --peak"
-    return " ".join(part for part in (calibration.provenance.source, calibration.date) if part)
 
 
 def _settings(settings: Mapping[str, Setting]) -> str:

@@ -7,25 +7,25 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from midair.cli.app import app
-from midair.cli.commands.compare import plain, print_card
-from midair.cli.commands.import_export import may_write
-from midair.cli.terminal.console import banner, print_figures, print_json, print_rows, stages
-from midair.cli.terminal.options import SolveOptions, Time
-from midair.cli.terminal.originals import felt_part
-from midair.cli.terminal.quantity import quantity
-from midair.devices import ArrayDevice, SensorDevice, SilencerChoice, load_placement
-from midair.devices.arrays.gate import DEFAULT_PROFILE, profile_named
+from midair.cli.terminal import (
+    SolveOptions,
+    Time,
+    banner,
+    felt_part,
+    may_write,
+    plain,
+    print_card,
+    print_figures,
+    print_json,
+    print_rows,
+    quantity,
+    stages,
+)
+from midair.devices import DEFAULT_PROFILE, ArrayDevice, SensorDevice, SilencerChoice, load_placement, profile_named
 from midair.errors import InputError
 from midair.files import load_calibration
 from midair.flow import Settings
-from midair.rig.loop.correction_loop import Loop, run_loop
-from midair.rig.loop.iteration import lead_of
-from midair.rig.loop.loop_report import card_of_loop, write_report
-from midair.rig.names.array_names import array_named
-from midair.rig.names.sensor_names import sensor_named
-from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.playing.rerecord import Gate
+from midair.rig import Gate, Loop, VirtualRig, array_named, card_of_loop, lead_of, run_loop, sensor_named, write_report
 
 
 @Parameter(name="*")
@@ -95,7 +95,6 @@ class RigOptions:
         return array, sensor, gate
 
 
-@app.command(name="loop")
 def loop_command(
     source: Path,
     output: Path | None = None,

@@ -5,21 +5,13 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from midair.cli.app import app
-from midair.cli.commands.import_export import may_write
-from midair.cli.terminal.console import banner, out, print_json, print_rows, stages
-from midair.cli.terminal.quantity import quantity
-from midair.paper.fidelity_table import FidelityPlan, fidelity_table
-from midair.paper.figure3 import figure_3
-from midair.paper.figure4 import StimuliPlan, figure_4
-from midair.paper.figure9 import figure_9
-from midair.paper.result import PaperResult
-from midair.rig.names.virtual_rig import VirtualRig
+from midair.cli.terminal import banner, may_write, out, print_json, print_rows, quantity, stages
+from midair.paper import FidelityPlan, PaperResult, StimuliPlan, fidelity_table, figure_3, figure_4, figure_9
+from midair.rig import VirtualRig
 
 Number = Literal[3, 4, 9]
 
 
-@app.command(name="paper")
 def paper_command(
     folder: Path = Path("paper"),
     /,

@@ -10,21 +10,32 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from rich.console import Console
 
-from midair.cli.app import app
-from midair.cli.terminal.console import banner, print_json, print_rows
-from midair.cli.terminal.keys import Keys, signals_noted
-from midair.cli.terminal.meter_screen import MeterScreen
-from midair.cli.terminal.quantity import parse_quantity, quantity, spell
-from midair.devices import SensorDevice
-from midair.devices.sensors.paced import PacedSensor
+from midair.cli.terminal import (
+    Keys,
+    MeterScreen,
+    banner,
+    parse_quantity,
+    print_json,
+    print_rows,
+    quantity,
+    signals_noted,
+    spell,
+)
+from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError
-from midair.files.toml.sensors import load_sensor
-from midair.rig.names.sensor_names import sensor_named
-from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.take import record_take
-from midair.rig.takes.take_names import Subject, remember, remembered, take_path
-from midair.rig.takes.take_plan import Take, TakePlan
-from midair.rig.takes.told import problems
+from midair.files import load_sensor
+from midair.rig import (
+    Subject,
+    Take,
+    TakePlan,
+    VirtualRig,
+    problems,
+    record_take,
+    remember,
+    remembered,
+    sensor_named,
+    take_path,
+)
 
 Time = Annotated[float | None, quantity("s")]
 
@@ -89,7 +100,6 @@ class TakeOptions:
     pause: Time = None
 
 
-@app.command(name="record")
 def record_command(
     sensor: str,
     output: Path | None = None,

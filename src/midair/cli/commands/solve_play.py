@@ -5,22 +5,25 @@ from typing import Annotated
 
 import numpy as np
 
-from midair.cli.app import app
-from midair.cli.commands.import_export import may_write
-from midair.cli.terminal.console import banner, print_rows, stages
-from midair.cli.terminal.options import SolveOptions, Time
-from midair.cli.terminal.originals import felt_part
-from midair.cli.terminal.play_options import PlayOptions, play_on_array
-from midair.cli.terminal.quantity import quantity
+from midair.cli.terminal import (
+    PlayOptions,
+    SolveOptions,
+    Time,
+    banner,
+    felt_part,
+    may_write,
+    play_on_array,
+    print_rows,
+    quantity,
+    stages,
+)
 from midair.devices import load_placement
 from midair.files import load_solution, save, save_solution
 from midair.flow import reproduce
 from midair.model import TransducerArray
-from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.playing.rerecord import rerecord
+from midair.rig import VirtualRig, rerecord
 
 
-@app.command(name="solve")
 def solve_command(
     source: Path,
     output: Path | None = None,
@@ -74,7 +77,6 @@ def solve_command(
     )
 
 
-@app.command(name="play")
 def play_command(
     source: Path,
     /,

@@ -2,14 +2,11 @@
 
 from pathlib import Path
 
-from midair.cli.app import app
-from midair.cli.terminal.console import print_rows
+from midair.cli.terminal import print_rows
 from midair.devices import load_placement
-from midair.rig.names.array_names import array_named
-from midair.rig.playing.stop_line import stop_playing
+from midair.rig import array_named, stop_playing
 
 
-@app.command(name="stop")
 def stop_command(*, device: str | None = None, placement: Path | None = None) -> int:
     """Silence whatever plays, at once.
 

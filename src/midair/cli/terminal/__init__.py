@@ -1,1 +1,65 @@
 """What commands share: options, quantities, what is printed, keys and meters."""
+
+from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
+from midair.cli.terminal.calibration_output import OutputOptions, given_calibration, prepare_page, tell
+from midair.cli.terminal.comparisons import card_of, plain, print_card
+from midair.cli.terminal.console import banner, out, print_figures, print_json, print_rows, say, stages
+from midair.cli.terminal.keeping import STORED, as_recording, keep, may_write, say_kept
+from midair.cli.terminal.keys import Keys, signals_noted
+from midair.cli.terminal.meter_screen import MeterScreen
+from midair.cli.terminal.nominal import nominal_calibration, stated_sensitivity
+from midair.cli.terminal.options import BandOptions, Frequency, Length, SolveOptions, Time
+from midair.cli.terminal.originals import felt_part, made_with, same_part
+from midair.cli.terminal.play_options import PlayOptions, play_on_array
+from midair.cli.terminal.quantities import parse_quantity, quantity, spell
+from midair.cli.terminal.rows import calibrated_by, recording_rows
+from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
+
+__all__ = [
+    "BandOptions",
+    "FileOptions",
+    "Frequency",
+    "Keys",
+    "Length",
+    "MeterScreen",
+    "OutputOptions",
+    "PlayOptions",
+    "STORED",
+    "SolveOptions",
+    "Time",
+    "as_recording",
+    "banner",
+    "bring",
+    "calibrated_by",
+    "card_of",
+    "felt_part",
+    "given_calibration",
+    "keep",
+    "made_with",
+    "may_write",
+    "nominal_calibration",
+    "out",
+    "parse_names",
+    "parse_quantity",
+    "parsed",
+    "plain",
+    "play_on_array",
+    "prepare_page",
+    "print_card",
+    "print_figures",
+    "print_json",
+    "print_rows",
+    "quantity",
+    "recording_rows",
+    "same_part",
+    "say",
+    "say_kept",
+    "show_patterns",
+    "show_trials",
+    "signals_noted",
+    "spell",
+    "stages",
+    "stated_sensitivity",
+    "swept",
+    "tell",
+]

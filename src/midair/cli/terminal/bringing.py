@@ -8,11 +8,10 @@ from typing import Annotated, Any, get_args
 
 from cyclopts import Parameter, Token
 
-from midair.cli.terminal.quantity import parse_quantity, quantity, spell
+from midair.cli.terminal.quantities import parse_quantity, quantity, spell
 from midair.files import Imported, read
 from midair.model import Recording, SensorGrid, Unit
-from midair.recordings.edit import resample
-from midair.recordings.footprint import Footprint, Path, Shape, Turn, footprint_field
+from midair.recordings import Footprint, Path, Shape, Turn, footprint_field, resample
 
 Patch = tuple[str, float]
 """Shape and size (m) of a footprint."""

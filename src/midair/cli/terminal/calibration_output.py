@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 from cyclopts import Parameter
 
-from midair.cli.commands.calibrate.apply import finish, given_calibration, prepare_page
-from midair.cli.commands.import_export import may_write
-from midair.errors import MismatchError
-from midair.files.native.calibration_file import SUFFIX
+from midair.cli.terminal.console import banner, print_json, print_rows
+from midair.cli.terminal.keeping import may_write
+from midair.errors import MismatchError, MissingFileError
+from midair.files import CALIBRATION_SUFFIX, load_calibration, save_calibration
 from midair.model import Calibration, SensorGrid
+from midair.rig import calibration_rows, check_page_name, write_calibration_page
 
 
 @Parameter(name="*")
@@ -51,7 +52,7 @@ class OutputOptions:
     def path(self, sensor: SensorGrid) -> Path:
         """Where it is written, after checking that it may be."""
         name = re.sub(r"[^\w.-]+", "-", sensor.name).strip("-") or "sensor"
-        target = self.output or Path(f"{name}-{self.day}{SUFFIX}")
+        target = self.output or Path(f"{name}-{self.day}{CALIBRATION_SUFFIX}")
         may_write(target, self.force)
         prepare_page(self.figure, self.force)
         return target
@@ -98,3 +99,51 @@ def drift(old: Calibration, new: Calibration) -> str:
         return told
     score = np.abs(change) / np.maximum(2 * np.hypot(before, after), 1e-12)
     return f"{told}; E_n {np.median(score[heard]):.2g} (median), {100 * (score[heard] > 1).mean():.1f} % above 1"
+
+
+def given_calibration(path: Path) -> Calibration:
+    """The calibration of a file that must have one.
+
+    Raises
+    ------
+    MissingFileError
+        If it is a recording without one.
+    """
+    found = load_calibration(path)
+    if found is None:
+        raise MissingFileError(f"{path}: expected a calibration in it, found none; run midair calibrate measure")
+    return found
+
+
+def prepare_page(page: Path | None, force: bool) -> None:
+    """Refuse a page that could not be written, before the work is done."""
+    if page is not None:
+        check_page_name(page)
+        may_write(page, force)
+
+
+def finish(calibration: Calibration, output: Path, *, page: Path | None, json: bool, notes: list[str]) -> None:
+    """Write a calibration that was made and its page, and say what it is."""
+    save_calibration(calibration, output)
+    tell(calibration, [("written", str(output))], page=page, json=json, notes=notes)
+
+
+def tell(
+    calibration: Calibration,
+    rows: list[tuple[str, str]],
+    *,
+    page: Path | None,
+    json: bool,
+    notes: list[str] | None = None,
+) -> None:
+    """Print what a calibration is, and write its page if one is wanted."""
+    if page is not None:
+        write_calibration_page(calibration, page)
+        rows = [*rows, ("page", str(page))]
+    rows = [*calibration_rows(calibration), *rows]
+    simulated = calibration.provenance.simulated
+    if json:
+        return print_json({**dict(rows), "simulated": simulated, "notes": notes or []})
+    banner(simulated)
+    print_rows([*rows, *(("note", note) for note in notes or [])])
+    return None

@@ -10,8 +10,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Table
 from rich.text import Text
 
-from midair.devices import Progress as Report
-from midair.rig.loop.correction_loop import Stage
+from midair.model import Progress as Report
+from midair.rig import Stage
 
 
 class FramesPerSecond(ProgressColumn):
@@ -26,6 +26,11 @@ class FramesPerSecond(ProgressColumn):
 def out() -> Console:
     """Where results go."""
     return Console(highlight=False, soft_wrap=True)
+
+
+def say(line: str) -> None:
+    """A line of results."""
+    out().print(line, markup=False)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from midair.cli.terminal.console import banner, out, print_json, print_rows
+from midair.errors import InputError
 from midair.files import Loss, save, save_pressure
 from midair.model import Calibration, PressureFrames, Recording
 
@@ -35,7 +36,7 @@ def as_recording(pressure: PressureFrames) -> Recording:
     )
 
 
-def say(
+def say_kept(
     rows: list[tuple[str, str]], notes: Iterable[str], lost: Iterable[Loss], *, simulated: bool, json: bool
 ) -> None:
     """Print rows, notes and losses for a person, or for a program."""
@@ -49,3 +50,9 @@ def say(
     for loss in lost:
         out().print(f"lost: {loss}", markup=False)
     return None
+
+
+def may_write(path: Path, force: bool) -> None:
+    """Refuse to write over a file unless told to."""
+    if path.exists() and not force:
+        raise InputError(f"{path}: is there already; give another name, or --force to write over it")

@@ -12,11 +12,8 @@ from rich.text import Text
 
 from midair.cli.terminal.keys import Keys, Signals
 from midair.devices import SensorDevice
-from midair.files.native.events import Event
-from midair.rig.takes.clocks import Drift
-from midair.rig.takes.meters import Levels
-from midair.rig.takes.take_plan import Order, View
-from midair.rig.takes.told import told
+from midair.files import Event
+from midair.rig import Drift, Levels, TakeOrder, View, told
 
 WIDTH = 8
 """Of a bar, in characters."""
@@ -76,7 +73,7 @@ class MeterScreen:
             finally:
                 self._live = None
 
-    def order(self) -> Order | None:
+    def order(self) -> TakeOrder | None:
         """What a key or a signal asks for."""
         if self._signals.came:
             return "kill"

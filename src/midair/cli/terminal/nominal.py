@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from midair.cli.terminal.quantity import parse_quantity
+from midair.cli.terminal.quantities import parse_quantity
 from midair.errors import InputError, MismatchError
 from midair.model import Calibration, Provenance, Recording
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from midair.cli.terminal.quantity import quantity
+from midair.cli.terminal.quantities import quantity
 from midair.flow import Settings
 from midair.model import ControlGrid
 from midair.physics import Directivity

@@ -7,12 +7,10 @@ from cyclopts import Parameter
 
 from midair.cli.terminal.console import banner, print_rows, stages
 from midair.cli.terminal.options import Time
-from midair.devices import PlayReport, SilencerChoice, load_placement
-from midair.devices.arrays.gate import DEFAULT_PROFILE, Admission, admit, profile_named
+from midair.devices import DEFAULT_PROFILE, Admission, PlayReport, SilencerChoice, admit, load_placement, profile_named
 from midair.files import load_solution
 from midair.model import Drive
-from midair.rig.names.array_names import array_named
-from midair.rig.playing.admitted import play_admitted
+from midair.rig import array_named, play_admitted
 
 
 @Parameter(name="*")

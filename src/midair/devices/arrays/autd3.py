@@ -38,7 +38,7 @@ def autd3_firmware(placement: Placement | None = None, *, silencer: SilencerChoi
     """The firmware's emulator in virtual time; ``.banks.put_out()`` reads back what the transducers put out."""
 
     def connect(placement: Placement) -> Banks:
-        return _module("midair.devices.arrays.autd3_firmware", "autd3-emulator").Autd3Firmware(placement)
+        return _module("midair.devices.arrays.autd3_emulator", "autd3-emulator").Autd3Firmware(placement)
 
     return BankedArray(connect, placement or Placement.grid(), name="autd3:firmware", silencer=silencer, simulated=True)
 

@@ -8,10 +8,10 @@ from midair.devices.arrays.banks import Banks
 from midair.devices.arrays.frame_bytes import divider, intensity_bytes, phase_bytes
 from midair.devices.arrays.placement import Placement
 from midair.devices.arrays.silencer import SilencerChoice, choose_silencer
-from midair.devices.arrays.streaming import Stream, play_stream
-from midair.devices.interface import ArrayDevice, PlayReport, Progress
+from midair.devices.arrays.streaming import DriveStream, play_stream
+from midair.devices.interface import ArrayDevice, PlayReport
 from midair.errors import DeviceError, DeviceStateError
-from midair.model import Drive
+from midair.model import Drive, Progress
 
 
 class BankedArray(ArrayDevice):
@@ -84,7 +84,7 @@ class BankedArray(ArrayDevice):
                     raise DeviceError(f"{self.name}: silenced from elsewhere while it played")
                 banks.switch(bank, instant)
 
-        stream = Stream(
+        stream = DriveStream(
             phases=phases, intensity=intensity, divider=ticks, repeats=repeats, delay=delay, block=self.block
         )
         report = play_stream(stream, banks, progress=progress, switch=switch)

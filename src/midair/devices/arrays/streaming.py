@@ -11,8 +11,9 @@ import numpy as np
 
 from midair.devices.arrays.banks import Banks, TooLateError
 from midair.devices.arrays.frame_bytes import TICK, Bytes
-from midair.devices.interface import PlayReport, Progress
+from midair.devices.interface import PlayReport
 from midair.errors import DeviceError
+from midair.model import Progress
 
 MS = 1_000_000
 
@@ -21,7 +22,7 @@ Switch = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stream:
+class DriveStream:
     """What is to be played.
 
     Attributes
@@ -66,13 +67,13 @@ class Stream:
 
 
 def play_stream(
-    stream: Stream, banks: Banks, *, progress: Progress | None = None, switch: Switch | None = None
+    stream: DriveStream, banks: Banks, *, progress: Progress | None = None, switch: Switch | None = None
 ) -> PlayReport:
     """Play a stream to its end on banks of which 0 is active and silent.
 
     Parameters
     ----------
-    stream : Stream
+    stream : DriveStream
         What to play.
     banks : Banks
         Open.

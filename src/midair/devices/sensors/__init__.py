@@ -1,1 +1,18 @@
 """Sensors: live ones over a network, a sound card, a converter or a serial line, and replayed files."""
+
+from midair.devices.sensors.decimated import Decimated
+from midair.devices.sensors.paced import PacedSensor
+from midair.devices.sensors.replay import ReplaySensor
+from midair.devices.sensors.rewired import Rewired
+from midair.devices.sensors.sources import Source, Stream
+from midair.devices.sensors.streamed_sensor import StreamedSensor
+
+__all__ = [
+    "Decimated",
+    "PacedSensor",
+    "ReplaySensor",
+    "Rewired",
+    "Source",
+    "Stream",
+    "StreamedSensor",
+]

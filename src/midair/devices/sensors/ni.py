@@ -27,7 +27,7 @@ _WIRES = {
 }
 
 
-class Task(Protocol):
+class NiTask(Protocol):
     """What is used of `nidaqmx.Task`."""
 
     @property
@@ -91,11 +91,11 @@ class NiSource:
         rate: float = 1000.0,
         limit: float = 10.0,
         wires: Wires = "default",
-        make_task: Callable[[], Task] | None = None,
+        make_task: Callable[[], NiTask] | None = None,
     ) -> None:
         self._name, self._rate, self._limit, self._wires = channels, rate, limit, wires
         self._make = make_task or _real_task
-        self._task: Task | None = None
+        self._task: NiTask | None = None
         self._frames = 0
 
     def open(self) -> Stream:
@@ -167,7 +167,7 @@ class NiSource:
         except DaqmxError:
             return
 
-    def _opened(self) -> Task:
+    def _opened(self) -> NiTask:
         if self._task is None:
             raise DeviceStateError("ni: expected open first")
         return self._task
@@ -177,7 +177,7 @@ class NiSource:
         return DeviceError(f"ni: {self._name}: {said[0]}; check the name in NI MAX, the cable, and the rate")
 
 
-def _real_task() -> Task:
+def _real_task() -> NiTask:
     task: Any = nidaqmx.Task()
     return task
 

@@ -3,7 +3,7 @@
 import time
 from dataclasses import replace
 
-from midair.devices.interface import Block, SensorDevice
+from midair.devices.interface import FrameBlock, SensorDevice
 
 
 class PacedSensor(SensorDevice):
@@ -31,7 +31,7 @@ class PacedSensor(SensorDevice):
         self._sensor.start()
         self._begin = time.monotonic()
 
-    def read(self, frames: int) -> Block:
+    def read(self, frames: int) -> FrameBlock:
         """The next frames, when the last of them would have been taken."""
         block = self._sensor.read(frames)
         end = self._begin + (block.first + len(block.samples)) / self.rate

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from midair.devices.interface import Block, SensorDevice
+from midair.devices.interface import FrameBlock, SensorDevice
 from midair.errors import DeviceStateError
 from midair.model import Calibration, Recording
 
@@ -25,7 +25,7 @@ class ReplaySensor(SensorDevice):
         """Begin at the recording's first frame."""
         self._taken = 0
 
-    def read(self, frames: int) -> Block:
+    def read(self, frames: int) -> FrameBlock:
         """The next frames, until the recording ends."""
         if self._taken is None:
             raise DeviceStateError("replay: expected start before read")
@@ -33,7 +33,7 @@ class ReplaySensor(SensorDevice):
         samples: np.ndarray = self._recording.samples[first : first + frames]
         self._taken += len(samples)
         now = first / self.rate
-        return Block(samples=samples, first=first, device_time=now, host_time=now)
+        return FrameBlock(samples=samples, first=first, device_time=now, host_time=now)
 
     def stop(self) -> None:
         """End."""

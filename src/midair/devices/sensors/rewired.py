@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from midair.devices.interface import Block, SensorDevice
+from midair.devices.interface import FrameBlock, SensorDevice
 from midair.model import SensorWiring
 
 
@@ -33,7 +33,7 @@ class Rewired(SensorDevice):
         """Start the sensor."""
         self._sensor.start()
 
-    def read(self, frames: int) -> Block:
+    def read(self, frames: int) -> FrameBlock:
         """The sensor's next frames, channels in the other order."""
         block = self._sensor.read(frames)
         samples = np.asarray(block.samples, np.float64).reshape(len(block.samples), self._sensor.grid.count)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from midair.devices.interface import Block, SensorDevice
+from midair.devices.interface import FrameBlock, SensorDevice
 from midair.devices.sensors.reader import Reader
 from midair.devices.sensors.sources import Chunk, Source, Stream
 from midair.errors import DeviceError, DeviceStateError, InputError, MismatchError
@@ -78,7 +78,7 @@ class StreamedSensor(SensorDevice):
         self.source.start()
         self._reader = Reader(self.source, stream.rate, limit=self._memory)
 
-    def read(self, frames: int) -> Block:
+    def read(self, frames: int) -> FrameBlock:
         """The next frames: `frames` of them, or those up to a gap or to the loss of the source."""
         if self._reader is None:
             raise DeviceStateError(f"{self.name}: expected start before read")
@@ -89,7 +89,7 @@ class StreamedSensor(SensorDevice):
         self._next = parts[-1].first + len(parts[-1])
         self._lost += lost
         samples = np.concatenate([part.samples for part in parts]).astype(np.float64) * self._scale
-        return Block(
+        return FrameBlock(
             samples=self._wired.arrange(samples),
             first=first.first,
             device_time=first.device_time,

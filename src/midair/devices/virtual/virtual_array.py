@@ -4,23 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from midair.devices.arrays.frame_bytes import intensity_bytes, phase_bytes
-from midair.devices.arrays.silencer import Silencer, SilencerChoice, choose_silencer
-from midair.devices.interface import ArrayDevice, PlayReport, Progress
+from midair.devices.arrays import Silencer, SilencerChoice, choose_silencer, intensity_bytes, phase_bytes
+from midair.devices.interface import ArrayDevice, PlayReport
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError
-from midair.model import Drive, Medium, TransducerArray
+from midair.model import Drive, Medium, Progress, TransducerArray
 from midair.physics import (
     Directivity,
     Moment,
     PlaybackChain,
+    Spread,
     TransducerDynamics,
     Transducers,
     radiate,
     simulate,
+    steps_a_frame,
     transfer_matrix,
 )
-from midair.physics.playback import Spread, steps_a_frame
 
 
 class VirtualArray(ArrayDevice):

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from midair.devices.interface import Block, SensorDevice
+from midair.devices.interface import FrameBlock, SensorDevice
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError
 from midair.model import PressureFrames
-from midair.physics.sensing import calibration_of, sense
+from midair.physics import calibration_of, sense
 
 
 class VirtualSensor(SensorDevice):
@@ -56,7 +56,7 @@ class VirtualSensor(SensorDevice):
         self._samples = np.zeros((0, *self.grid.shape))
         self._taken, self._sampling = 0, True
 
-    def read(self, frames: int) -> Block:
+    def read(self, frames: int) -> FrameBlock:
         """The next frames. What presses on the skin must have done so before the first read."""
         if not self._sampling:
             raise DeviceStateError("virtual sensor: expected start before read")
@@ -64,7 +64,7 @@ class VirtualSensor(SensorDevice):
         if len(self._samples) < self._taken:
             self._samples = self._sense(self._taken)
         now = first / self.rate
-        return Block(samples=self._samples[first : self._taken], first=first, device_time=now, host_time=now)
+        return FrameBlock(samples=self._samples[first : self._taken], first=first, device_time=now, host_time=now)
 
     def stop(self) -> None:
         """End sampling."""

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from midair.errors import RateError, ShapeError
 from midair.model import ControlGrid, PressureFrames
-from midair.physics.sensing import SensorModel, cell_weights
+from midair.physics import SensorModel, cell_weights
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,27 @@
 """Formats of other programs, one file each."""
+
+from midair.files.foreign.ahap_file import write_ahap
+from midair.files.foreign.csv_file import read_csv, write_csv
+from midair.files.foreign.hjif_file import write_hjif
+from midair.files.foreign.mat_file import read_mat, write_mat
+from midair.files.foreign.mcap_file import read_mcap
+from midair.files.foreign.npz_file import read_npz, write_npz
+from midair.files.foreign.tdms_file import read_tdms
+from midair.files.foreign.wav_file import read_wav, write_wav
+from midair.files.foreign.xdf_file import read_xdf
+
+__all__ = [
+    "read_csv",
+    "read_mat",
+    "read_mcap",
+    "read_npz",
+    "read_tdms",
+    "read_wav",
+    "read_xdf",
+    "write_ahap",
+    "write_csv",
+    "write_hjif",
+    "write_mat",
+    "write_npz",
+    "write_wav",
+]

@@ -10,7 +10,7 @@ from midair.errors import BrokenFileError
 from midair.files.atomic import whole_file
 from midair.files.foreign import fabricslide
 from midair.files.foreign.header import header_of, parse_header, recording_from
-from midair.files.foreign.text_table import Table, read_table
+from midair.files.foreign.text_table import TextTable, read_table
 from midair.files.imported import Foreign, Given, Imported
 from midair.files.loss import Loss, calibration_lost
 from midair.files.stamps import uniform
@@ -65,7 +65,7 @@ def _own(text: str, path: Path, given: Given) -> Imported:
     return Imported(recording=recording)
 
 
-def _foreign(table: Table, given: Given) -> Foreign:
+def _foreign(table: TextTable, given: Given) -> Foreign:
     clock = next((i for i, name in enumerate(table.names) if _TIME.fullmatch(name)), None)
     if clock is None:
         return Foreign(samples=table.values, form="CSV", names=table.names, units=_units(table.names))
@@ -87,7 +87,7 @@ _TIME = re.compile(r"(?:time|timestamp|t)[\s_]*(?:[\[(/]?\s*(s|sec|seconds|ms|us
 _SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 
 
-def _seconds(table: Table, clock: int) -> tuple[np.ndarray, tuple[str, ...]]:
+def _seconds(table: TextTable, clock: int) -> tuple[np.ndarray, tuple[str, ...]]:
     """The stamps in s, and a sentence when their unit had to be guessed: whole numbers two or more apart are ms."""
     stamps = table.values[:, clock]
     name = table.names[clock]

@@ -7,7 +7,7 @@ in raw counts, at about 35.6 Hz. A name says material_F<force set-point>_V<veloc
 import re
 from pathlib import Path
 
-from midair.files.foreign.text_table import Table
+from midair.files.foreign.text_table import TextTable
 from midair.files.imported import Foreign, Given
 from midair.files.stamps import uniform
 from midair.model import SensorGrid
@@ -27,7 +27,7 @@ def wrote(names: tuple[str, ...]) -> bool:
     return names == COLUMNS
 
 
-def foreign(table: Table, path: Path, given: Given) -> Foreign:
+def foreign(table: TextTable, path: Path, given: Given) -> Foreign:
     """The 16 taxels at a fixed rate; the proximity readings are left out.
 
     Raises

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, UnknownFormatError
-from midair.files.native.provenance_json import from_plain, to_plain
-from midair.files.native.schema import FORMAT
+from midair.files.native import FORMAT, from_plain, to_plain
 from midair.model import Recording, SensorGrid
 from midair.version import __version__
 

@@ -22,7 +22,7 @@ _WAVE64 = b"riff\x2e\x91\xcf\x11\xa5\xd6\x28\xdb\x04\xc1\x00\x00"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Chunk:
+class RiffChunk:
     """Where one lies in a file: its letters, and start and length of its content in bytes."""
 
     letters: bytes
@@ -30,7 +30,7 @@ class Chunk:
     length: int
 
 
-def chunks(path: Path) -> tuple[Chunk, ...]:
+def chunks(path: Path) -> tuple[RiffChunk, ...]:
     """The chunks of a WAV, RF64 or Wave64 file, in order.
 
     Raises
@@ -47,7 +47,7 @@ def chunks(path: Path) -> tuple[Chunk, ...]:
             walk = _walk_riff
         else:
             raise BrokenFileError(f"{path}: expected a WAV, got a file that begins with {start[:12]!r}")
-        found: list[Chunk] = []
+        found: list[RiffChunk] = []
         for chunk in walk(_Bytes(file=file, size=size)):
             if chunk.length < 0 or chunk.start + chunk.length > size:
                 raise BrokenFileError(
@@ -68,7 +68,7 @@ def append_chunk(path: Path, content: bytes) -> None:
         file.write(struct.pack("<I", length))
 
 
-def content(path: Path, chunk: Chunk) -> bytes:
+def content(path: Path, chunk: RiffChunk) -> bytes:
     """What a chunk holds."""
     with path.open("rb") as file:
         file.seek(chunk.start)
@@ -87,7 +87,7 @@ class _Bytes:
         return self.file.read(count)
 
 
-def _walk_riff(data: _Bytes) -> Iterator[Chunk]:
+def _walk_riff(data: _Bytes) -> Iterator[RiffChunk]:
     place, long = 12, 0
     while place + 8 <= data.size:
         letters, length = struct.unpack("<4sI", data.at(place, 8))
@@ -95,13 +95,13 @@ def _walk_riff(data: _Bytes) -> Iterator[Chunk]:
             long = struct.unpack("<Q", data.at(place + 16, 8))[0]
         if letters == b"data" and length == _LONG and long:
             length = long
-        yield Chunk(letters=letters, start=place + 8, length=length)
+        yield RiffChunk(letters=letters, start=place + 8, length=length)
         place += 8 + length + length % 2
 
 
-def _walk_wave64(data: _Bytes) -> Iterator[Chunk]:
+def _walk_wave64(data: _Bytes) -> Iterator[RiffChunk]:
     place = 40
     while place + 24 <= data.size:
         letters, length = struct.unpack("<4s12xQ", data.at(place, 24))
-        yield Chunk(letters=letters, start=place + 24, length=length - 24)
+        yield RiffChunk(letters=letters, start=place + 24, length=length - 24)
         place += -(-length // 8) * 8

@@ -12,7 +12,7 @@ from midair.errors import BrokenFileError, NonFiniteError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Table:
+class TextTable:
     """Columns of numbers with names.
 
     Attributes
@@ -33,7 +33,7 @@ class _Row:
     fields: list[str]
 
 
-def read_table(text: str, path: Path) -> Table:
+def read_table(text: str, path: Path) -> TextTable:
     """The numbers in a text with commas, semicolons or tabs between them, with or without a row of names.
 
     Spaces around fields, empty lines and lines that begin with # are skipped. A comma at the end of a row is no field:
@@ -53,7 +53,7 @@ def read_table(text: str, path: Path) -> Table:
     width = len(names) or len(_stripped(rows[0].fields))
     for row in rows:
         _fit(row, width, path)
-    return Table(names=names, values=_numbers(rows, names, path))
+    return TextTable(names=names, values=_numbers(rows, names, path))
 
 
 def _rows(text: str, path: Path) -> Iterator[_Row]:

@@ -1,1 +1,40 @@
 """midair's own files: HDF5 by one table of names, and NetCDF."""
+
+from midair.files.native.calibration_file import CALIBRATION_SUFFIX, load_calibration, save_calibration
+from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution, load_target, save_solution
+from midair.files.native.events import Event, EventKind
+from midair.files.native.hdf5 import check_kind, kind_of, open_file, plain_text, stored_dataset
+from midair.files.native.netcdf_file import write_netcdf
+from midair.files.native.provenance_json import from_plain, to_json, to_plain
+from midair.files.native.recording_file import load_pressure, read_recording, repair, save_pressure, write_recording
+from midair.files.native.recording_writer import RecordingWriter
+from midair.files.native.schema import FORMAT, Kind
+
+__all__ = [
+    "CALIBRATION_SUFFIX",
+    "DRIVE_SUFFIX",
+    "Event",
+    "EventKind",
+    "FORMAT",
+    "Kind",
+    "RecordingWriter",
+    "check_kind",
+    "from_plain",
+    "kind_of",
+    "load_calibration",
+    "load_pressure",
+    "load_solution",
+    "load_target",
+    "open_file",
+    "plain_text",
+    "read_recording",
+    "repair",
+    "save_calibration",
+    "save_pressure",
+    "save_solution",
+    "stored_dataset",
+    "to_json",
+    "to_plain",
+    "write_netcdf",
+    "write_recording",
+]

@@ -17,7 +17,7 @@ from midair.model import Calibration, Crosstalk, Linearity, Measurement
 if TYPE_CHECKING:
     import h5py
 
-SUFFIX = ".calibration.h5"
+CALIBRATION_SUFFIX = ".calibration.h5"
 """Of a calibration's file."""
 
 MEASUREMENT: Mapping[str, str] = {field.name: field.name for field in fields(Measurement)}
@@ -48,8 +48,8 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
     FileError
         If the file cannot be written.
     """
-    if not os.fspath(path).lower().endswith(SUFFIX):
-        raise UnknownFormatError(f"{path}: expected a name that ends in {SUFFIX} for a calibration")
+    if not os.fspath(path).lower().endswith(CALIBRATION_SUFFIX):
+        raise UnknownFormatError(f"{path}: expected a name that ends in {CALIBRATION_SUFFIX} for a calibration")
     with new_file(path) as file:
         write_calibration(file, calibration)
 

@@ -17,7 +17,7 @@ from midair.files.native.hdf5 import fixed_text, new_file, open_file, plain_text
 from midair.files.native.provenance_json import from_json, to_json
 from midair.model import AmplitudeFrames, ControlGrid, Drive, Solution, Status, TransducerArray
 
-SUFFIX = ".drive.h5"
+DRIVE_SUFFIX = ".drive.h5"
 """Of a drive's file."""
 
 
@@ -42,8 +42,8 @@ def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: A
     FileError
         If the file cannot be written.
     """
-    if not os.fspath(path).lower().endswith(SUFFIX):
-        raise UnknownFormatError(f"{path}: expected a name that ends in {SUFFIX} for a drive")
+    if not os.fspath(path).lower().endswith(DRIVE_SUFFIX):
+        raise UnknownFormatError(f"{path}: expected a name that ends in {DRIVE_SUFFIX} for a drive")
     values = {**_drive_values(solution.drive), **_solution_values(solution)}
     if target is not None:
         _check_target(target, solution.drive)

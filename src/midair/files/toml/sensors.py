@@ -25,8 +25,7 @@ from typing import Any
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
 from midair.files.atomic import whole_file
-from midair.model import SensorGrid
-from midair.model.wiring import SensorWiring
+from midair.model import SensorGrid, SensorWiring
 
 _NUMBERS = {"rows", "columns", "pitch_mm", "full_scale", "sensitivity"}
 _KEYS = {"name", "unit", "order", *_NUMBERS}

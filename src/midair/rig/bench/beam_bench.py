@@ -5,14 +5,21 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.calibration.measure.beam import BeamReading, find_lag, measure_beam, tones_of
-from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting, beam_field, focus_of
-from midair.devices import ArrayDevice, Progress, SensorDevice
-from midair.devices.arrays.frame_bytes import amplitude_of
+from midair.calibration import (
+    BeamPlan,
+    BeamReading,
+    BeamSetting,
+    beam_field,
+    find_lag,
+    focus_of,
+    measure_beam,
+    tones_of,
+)
+from midair.devices import ArrayDevice, SensorDevice, amplitude_of
 from midair.errors import DeviceError, RateError
-from midair.model import Calibration, Drive, Medium, Provenance, Recording
+from midair.model import Calibration, Drive, Medium, Progress, Provenance, Recording
 from midair.physics import Directivity, TransducerDynamics, envelope, focus_phase
-from midair.rig.playing.rerecord import Gate, rerecord
+from midair.rig.playing import Gate, rerecord
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -7,10 +7,8 @@ import numpy as np
 
 from midair.calibration import noise_equivalent_pressure, typical_uncertainty
 from midair.errors import BandError, UnknownFormatError
-from midair.figures import png
-from midair.figures.calibration_sheet import calibration_figure
-from midair.figures.page import render_page
-from midair.files.atomic import whole_file
+from midair.figures import calibration_figure, png, render_page
+from midair.files import whole_file
 from midair.model import Calibration
 
 Rows = list[tuple[str, str]]

@@ -8,13 +8,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.calibration import Reference, Take
-from midair.calibration.measure.excitation import noise_signal, sweep_signal
-from midair.devices import Progress
+from midair.calibration import Reference, ReferencedTake, noise_signal, sweep_signal
 from midair.errors import FileError
 from midair.files import save
-from midair.model import Provenance, Recording, SensorGrid
-from midair.physics.sensing import SensorModel, sense
+from midair.model import Progress, Provenance, Recording, SensorGrid
+from midair.physics import SensorModel, sense
 
 Array = NDArray[np.float64]
 
@@ -52,7 +50,7 @@ class CalibrationBench:
     seating: float = 0.0
     seed: int = 0
 
-    def take(self, pressure: Array, *, cell: int | None = None, number: int = 0) -> Take:
+    def take(self, pressure: Array, *, cell: int | None = None, number: int = 0) -> ReferencedTake:
         """A take in which `pressure`, shape (frame,), in Pa, acts on all cells or on one.
 
         `number` tells takes of the same kind apart: each has its own noise and seating.
@@ -61,7 +59,7 @@ class CalibrationBench:
         reference = Reference.read(
             said, sensitivity=self.reference_sensitivity, uncertainty=self.reference_uncertainty, name=said.sensor.name
         )
-        return Take(recording=recording, reference=reference, cell=cell)
+        return ReferencedTake(recording=recording, reference=reference, cell=cell)
 
     def recordings(self, pressure: Array, *, cell: int | None = None, number: int = 0) -> tuple[Recording, Recording]:
         """What the sensor and the reference say while `pressure` acts, both in V."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from midair.calibration import Reference, Take, split_channel
+from midair.calibration import Reference, ReferencedTake, split_channel
 from midair.dsp import resample
 from midair.errors import InputError, MismatchError, UnitError
 from midair.files import load
@@ -39,7 +39,7 @@ def read_takes(
     choice: ReferenceChoice,
     *,
     cells: Sequence[int | None] | None = None,
-) -> tuple[list[Take], list[str]]:
+) -> tuple[list[ReferencedTake], list[str]]:
     """The takes in files, and one sentence for each thing that was changed to make them fit.
 
     Parameters
@@ -69,7 +69,7 @@ def read_takes(
     for name, given in (("--reference", references or None), ("--cell", cells)):
         if given is not None and len(given) != len(recordings):
             raise MismatchError(f"{name}: expected one for each of {len(recordings)} recordings, got {len(given)}")
-    takes: list[Take] = []
+    takes: list[ReferencedTake] = []
     notes: list[str] = []
     for index, path in enumerate(recordings):
         recording = load(path)
@@ -83,7 +83,7 @@ def read_takes(
         reference = Reference.read(
             said, sensitivity=_sensitivity(said, choice), uncertainty=choice.uncertainty, name=choice.name
         )
-        takes.append(Take(recording=_named(recording, path), reference=reference, cell=cell))
+        takes.append(ReferencedTake(recording=_named(recording, path), reference=reference, cell=cell))
     return takes, notes
 
 

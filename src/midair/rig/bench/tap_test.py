@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import SensorDevice
-from midair.devices.reading import Seam
+from midair.devices import Seam, SensorDevice
 from midair.errors import DeviceError, InputError
 from midair.rig.bench.identify import Identity, identify, tone_answers
 

@@ -6,9 +6,9 @@ import socket
 import sys
 
 from midair.errors import MidairError
-from midair.rig.doctor.check_result import Finding
-from midair.rig.names.array_names import array_named
-from midair.rig.playing.play_log import state_folder
+from midair.rig.doctor.check import Check
+from midair.rig.names import array_named
+from midair.rig.state_folder import state_folder
 
 _ADVICE = {
     "firmware": "update the units to series 0.12, or use pyautd3 for older ones",
@@ -19,10 +19,10 @@ _ADVICE = {
 """What to do when a unit's own report does not look well."""
 
 
-def array_findings(device: str | None = None) -> list[Finding]:
+def array_findings(device: str | None = None) -> list[Check]:
     """Software, rights and network; and what a device says of itself if one is named."""
     return [
-        Finding(subject="virtual array", state="ok", found="AUTD3 2 x 2; always there"),
+        Check(subject="virtual array", state="ok", found="AUTD3 2 x 2; always there"),
         _sdk("autd3", ("0.12",), "firmware series 0.12, over Ethernet; and its emulator"),
         _sdk("pyautd3", ("36", "38"), "older firmware, over EtherCAT"),
         _interfaces(),
@@ -33,27 +33,25 @@ def array_findings(device: str | None = None) -> list[Finding]:
     ]
 
 
-def device_findings(name: str) -> list[Finding]:
+def device_findings(name: str) -> list[Check]:
     """Open a device, ask what it is, and close it; it stays silent."""
     try:
         with array_named(name) as array:
             said = array.banks.describe()
     except MidairError as wrong:
         found, _, advice = str(wrong).partition("; ")
-        return [Finding(subject=name, state="broken", found=found, advice=advice or "midair play --help names arrays")]
+        return [Check(subject=name, state="broken", found=found, advice=advice or "midair play --help names arrays")]
     findings = [_judged(f"{name}: {subject}", subject, found) for subject, found in said.items()]
-    rate = Finding(
+    rate = Check(
         subject=f"{name}: rate",
         state="ok",
         found="any that is 40 kHz / N: 1000 Hz is N = 40; silencer chosen from steps",
     )
-    power = Finding(
-        subject=f"{name}: power", state="ok", found="cannot be asked; a unit takes up to 50 W at full drive"
-    )
+    power = Check(subject=f"{name}: power", state="ok", found="cannot be asked; a unit takes up to 50 W at full drive")
     return [*findings, rate, power]
 
 
-def _judged(subject: str, key: str, found: str) -> Finding:
+def _judged(subject: str, key: str, found: str) -> Check:
     unwell = {
         "firmware": "but the SDK supports" in found,
         "link": "heartbeats missed" in found and " 0 heartbeats missed" not in found,
@@ -61,9 +59,7 @@ def _judged(subject: str, key: str, found: str) -> Finding:
         "temperature": found == "too hot",
     }
     wrong = unwell.get(key, False)
-    return Finding(
-        subject=subject, state="broken" if wrong else "ok", found=found, advice=_ADVICE[key] if wrong else ""
-    )
+    return Check(subject=subject, state="broken" if wrong else "ok", found=found, advice=_ADVICE[key] if wrong else "")
 
 
 def _installed(package: str) -> str | None:
@@ -73,27 +69,27 @@ def _installed(package: str) -> str | None:
         return None
 
 
-def _sdk(package: str, series: tuple[str, ...], use: str) -> Finding:
+def _sdk(package: str, series: tuple[str, ...], use: str) -> Check:
     version = _installed(package)
     if version is None:
         advice = f'pip install "midair[{package}]" if you have such units'
-        return Finding(subject=package, state="missing", found=f"not installed; {use}", advice=advice)
+        return Check(subject=package, state="missing", found=f"not installed; {use}", advice=advice)
     if not any(version.startswith(one + ".") for one in series):
         advice, expected = f'pip install "midair[{package}]"', " or ".join(f"{one}.*" for one in series)
-        return Finding(subject=package, state="broken", found=f"{version}, expected {expected}; {use}", advice=advice)
-    return Finding(subject=package, state="ok", found=f"{version}; {use}")
+        return Check(subject=package, state="broken", found=f"{version}, expected {expected}; {use}", advice=advice)
+    return Check(subject=package, state="ok", found=f"{version}; {use}")
 
 
-def _interfaces() -> Finding:
+def _interfaces() -> Check:
     names = [name for _, name in socket.if_nameindex() if not name.startswith("lo")]
     if not names:
-        return Finding(
+        return Check(
             subject="network",
             state="missing",
             found="no interface but loopback",
             advice="plug in a network card for units",
         )
-    return Finding(
+    return Check(
         subject="network",
         state="ok",
         found=", ".join(names),
@@ -101,35 +97,33 @@ def _interfaces() -> Finding:
     )
 
 
-def _raw_sockets() -> Finding:
+def _raw_sockets() -> Check:
     """EtherCAT needs raw sockets, and on Linux a right to open them."""
     subject, family = "EtherCAT rights", getattr(socket, "AF_PACKET", None)
     if sys.platform != "linux" or family is None:
-        return Finding(subject=subject, state="ok", found="not looked at on this system; Npcap is needed on Windows")
+        return Check(subject=subject, state="ok", found="not looked at on this system; Npcap is needed on Windows")
     try:
         socket.socket(family, socket.SOCK_RAW).close()
     except PermissionError:
         advice = "sudo setcap cap_net_raw,cap_sys_nice=ep on the python that .venv/bin/python links to"
-        return Finding(subject=subject, state="missing", found="may not open raw sockets", advice=advice)
+        return Check(subject=subject, state="missing", found="may not open raw sockets", advice=advice)
     except OSError as wrong:
-        return Finding(
-            subject=subject, state="missing", found=wrong.strerror or str(wrong), advice="use a wired network"
-        )
-    return Finding(subject=subject, state="ok", found="may open raw sockets")
+        return Check(subject=subject, state="missing", found=wrong.strerror or str(wrong), advice="use a wired network")
+    return Check(subject=subject, state="ok", found="may open raw sockets")
 
 
-def _log() -> Finding:
+def _log() -> Check:
     """Whether it could be written; nothing is."""
     path = state_folder() / "played.jsonl"
     nearest = next(parent for parent in (path, *path.parents) if parent.exists())
     if path.is_dir() or (nearest != path and not nearest.is_dir()) or not os.access(nearest, os.W_OK):
         advice = "set MIDAIR_STATE to a folder you can write to; nothing plays without a log"
-        return Finding(subject="log of what played", state="broken", found=f"cannot write {path}", advice=advice)
-    return Finding(subject="log of what played", state="ok", found=str(path))
+        return Check(subject="log of what played", state="broken", found=f"cannot write {path}", advice=advice)
+    return Check(subject="log of what played", state="ok", found=str(path))
 
 
-def _playing() -> Finding:
+def _playing() -> Check:
     files = list(state_folder().glob("playing-*.json"))
     if files:
-        return Finding(subject="playing now", state="ok", found=f"{len(files)} say so", advice="midair stop silences")
-    return Finding(subject="playing now", state="ok", found="nothing")
+        return Check(subject="playing now", state="ok", found=f"{len(files)} say so", advice="midair stop silences")
+    return Check(subject="playing now", state="ok", found="nothing")

@@ -14,12 +14,12 @@ from midair.files import load, save
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.rig.doctor.array_checkup import array_findings
-from midair.rig.doctor.check_result import Finding
+from midair.rig.doctor.check import Check
 from midair.rig.doctor.sensor_checkup import is_live_sensor, live_sensor_findings, sensor_findings
 from midair.solvers import solve
 
 
-def check_up(device: str | None = None) -> list[Finding]:
+def check_up(device: str | None = None) -> list[Check]:
     """Everything that can be looked at without hardware, and an array or a live sensor if one is named.
 
     Parameters
@@ -42,27 +42,27 @@ def check_up(device: str | None = None) -> list[Finding]:
     ]
 
 
-def _python() -> Finding:
+def _python() -> Check:
     found = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    return Finding(subject="Python", state="ok", found=found)
+    return Check(subject="Python", state="ok", found=found)
 
 
-def _library(name: str) -> Finding:
+def _library(name: str) -> Check:
     try:
-        return Finding(subject=name, state="ok", found=importlib.metadata.version(name))
+        return Check(subject=name, state="ok", found=importlib.metadata.version(name))
     except importlib.metadata.PackageNotFoundError:
-        return Finding(subject=name, state="broken", found="not installed", advice=f"pip install {name}")
+        return Check(subject=name, state="broken", found="not installed", advice=f"pip install {name}")
 
 
-def _extra(name: str, extra: str, use: str) -> Finding:
+def _extra(name: str, extra: str, use: str) -> Check:
     if importlib.util.find_spec(name) is None:
-        return Finding(
+        return Check(
             subject=name, state="missing", found=f"not installed; {use}", advice=f'pip install "midair[{extra}]"'
         )
-    return Finding(subject=name, state="ok", found=f"{importlib.metadata.version(name)}; {use}")
+    return Check(subject=name, state="ok", found=f"{importlib.metadata.version(name)}; {use}")
 
 
-def _folder() -> Finding:
+def _folder() -> Check:
     """Whether a recording can be written where we are and read back."""
     recording = Recording(samples=np.arange(32.0).reshape(2, 4, 4), rate=1000.0)
     try:
@@ -71,17 +71,15 @@ def _folder() -> Finding:
             same = np.array_equal(load(Path(folder) / "check.h5").samples, recording.samples)
     except OSError as wrong:
         reason = wrong.strerror or str(wrong)
-        return Finding(
-            subject="this folder", state="broken", found=reason, advice="change to a folder you can write to"
-        )
+        return Check(subject="this folder", state="broken", found=reason, advice="change to a folder you can write to")
     if not same:
-        return Finding(
+        return Check(
             subject="this folder", state="broken", found="a recording came back changed", advice="check the disk"
         )
-    return Finding(subject="this folder", state="ok", found="a recording was written and read back")
+    return Check(subject="this folder", state="ok", found="a recording was written and read back")
 
 
-def _field() -> Finding:
+def _field() -> Check:
     """The field of four units at their focus against the figure of AUTD3's own emulator."""
     array, medium, point = TransducerArray.autd3(), Medium(attenuation=0), np.array([[0, 0, 0.2]])
     matrix = transfer_matrix(point, array, medium=medium, directivity="point")
@@ -89,11 +87,11 @@ def _field() -> Finding:
     rms = float(np.abs(matrix @ q)[0] / np.sqrt(2))
     found = f"{rms:.2f} Pa rms at the focus; AUTD3's emulator says 12875.04"
     if abs(rms - 12875.038) > 0.1:
-        return Finding(subject="field model", state="broken", found=found, advice="reinstall NumPy")
-    return Finding(subject="field model", state="ok", found=found)
+        return Check(subject="field model", state="broken", found=found, advice="reinstall NumPy")
+    return Check(subject="field model", state="ok", found=found)
 
 
-def _solver() -> Finding:
+def _solver() -> Check:
     """One focus, solved."""
     grid, array = ControlGrid(), TransducerArray.autd3()
     amplitude = np.zeros((1, grid.count))
@@ -103,11 +101,11 @@ def _solver() -> Finding:
     begin = time.perf_counter()
     solution = solve(target, array, iterations=20)
     took = (time.perf_counter() - begin) / max(1, int(solution.iterations[0]))
-    return Finding(subject="solver", state="ok", found=f"{1e3 * took:.1f} ms for an iteration of 996 x 256")
+    return Check(subject="solver", state="ok", found=f"{1e3 * took:.1f} ms for an iteration of 996 x 256")
 
 
-def _threads() -> Finding:
+def _threads() -> Check:
     from threadpoolctl import threadpool_info
 
     pools = ", ".join(f"{pool['internal_api']} {pool['num_threads']}" for pool in threadpool_info()) or "none loaded"
-    return Finding(subject="threads", state="ok", found=f"{os.cpu_count()} cores; {pools}; solvers use one BLAS thread")
+    return Check(subject="threads", state="ok", found=f"{os.cpu_count()} cores; {pools}; solvers use one BLAS thread")

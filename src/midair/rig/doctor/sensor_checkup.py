@@ -8,16 +8,16 @@ import numpy as np
 
 from midair.errors import DeviceError, MidairError, MissingExtraError
 from midair.model import SensorWiring
-from midair.rig.doctor.check_result import Finding
-from midair.rig.names.source_names import KINDS, source_module, source_sensor
+from midair.rig.doctor.check import Check
+from midair.rig.names import KINDS, source_module, source_sensor
 
 _PACKAGES = {"lsl": "pylsl", "audio": "sounddevice", "serial": "pyserial", "ni": "nidaqmx"}
 
 
-def sensor_findings() -> list[Finding]:
+def sensor_findings() -> list[Check]:
     """The virtual sensor, and each kind of live ones: its package, the library that it needs, what is plugged in."""
     return [
-        Finding(subject="virtual sensor", state="ok", found="always there; so is replay:FILE"),
+        Check(subject="virtual sensor", state="ok", found="always there; so is replay:FILE"),
         *(_kind(kind, said) for kind, said in _SEEN.items()),
     ]
 
@@ -27,7 +27,7 @@ def is_live_sensor(name: str) -> bool:
     return name.partition(":")[0] in KINDS
 
 
-def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[Finding]:
+def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[Check]:
     """Open a live sensor, listen for half a second, and say what came."""
     plain = name.partition("?")[0]
     try:
@@ -38,14 +38,14 @@ def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[
             unit, full_scale = sensor.unit, sensor.full_scale
     except MidairError as wrong:
         found, _, advice = str(wrong).partition("; ")
-        return [Finding(subject=plain, state="broken", found=found, advice=advice or "see docs, build a sensor")]
+        return [Check(subject=plain, state="broken", found=found, advice=advice or "see docs, build a sensor")]
     low, high = block.samples.min(axis=0), block.samples.max(axis=0)
     still = [str(channel) for channel in np.flatnonzero(low.ravel() == high.ravel())]
     return [
-        *(Finding(subject=f"{plain}: {subject}", state="ok", found=found) for subject, found in said.items()),
+        *(Check(subject=f"{plain}: {subject}", state="ok", found=found) for subject, found in said.items()),
         _counted(plain, "cells that never change", still, "look at their wires and their supply"),
         _counted(plain, "cells that clip", _clipping(low, high, full_scale), "lower the gain"),
-        Finding(subject=f"{plain}: samples", state="ok", found=f"{low.min():.4g} to {high.max():.4g} {unit}"),
+        Check(subject=f"{plain}: samples", state="ok", found=f"{low.min():.4g} to {high.max():.4g} {unit}"),
     ]
 
 
@@ -56,28 +56,28 @@ def _clipping(low: Any, high: Any, full_scale: float | None) -> list[str]:
     return [str(channel) for channel in np.flatnonzero(largest >= full_scale * (1 - 1e-4))]
 
 
-def _counted(name: str, subject: str, cells: list[str], advice: str) -> Finding:
+def _counted(name: str, subject: str, cells: list[str], advice: str) -> Check:
     if not cells:
-        return Finding(subject=f"{name}: {subject}", state="ok", found="none")
-    return Finding(subject=f"{name}: {subject}", state="broken", found=", ".join(cells), advice=advice)
+        return Check(subject=f"{name}: {subject}", state="ok", found="none")
+    return Check(subject=f"{name}: {subject}", state="broken", found=", ".join(cells), advice=advice)
 
 
-def _kind(kind: str, seen: Callable[[Any], str]) -> Finding:
+def _kind(kind: str, seen: Callable[[Any], str]) -> Check:
     package = _PACKAGES[kind]
     try:
         found = seen(source_module(kind))
     except MissingExtraError:
         advice = f'pip install "midair[{kind}]" if you have such a sensor'
-        return Finding(subject=f"{kind}: sensors", state="missing", found=f"{package} is not installed", advice=advice)
+        return Check(subject=f"{kind}: sensors", state="missing", found=f"{package} is not installed", advice=advice)
     except DeviceError as wrong:
-        return Finding(
+        return Check(
             subject=f"{kind}: sensors",
             state="missing",
             found=str(wrong),
             advice="only needed if you have such a sensor",
         )
     version = importlib.metadata.version(package)
-    return Finding(subject=f"{kind}: sensors", state="ok", found=f"{package} {version}; {found}")
+    return Check(subject=f"{kind}: sensors", state="ok", found=f"{package} {version}; {found}")
 
 
 def _lsl(module: Any) -> str:

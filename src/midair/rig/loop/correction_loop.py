@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure
-from midair.devices import ArrayDevice, Progress, SensorDevice
+from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError
 from midair.flow import Settings, felt
-from midair.model import Calibration, PressureFrames
+from midair.model import Calibration, PressureFrames, Progress
 from midair.rig.loop.iteration import iterated
 from midair.rig.loop.passes import Pass, Rig, Stage, led_in, play_pass, quiet
-from midair.rig.playing.rerecord import Gate, rerecord
+from midair.rig.playing import Gate, rerecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

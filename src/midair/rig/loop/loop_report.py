@@ -19,11 +19,11 @@ from midair.figures import (
     passes_figure,
     phase_figure,
     png,
+    render_page,
     spectra_figure,
     traces_figure,
 )
-from midair.figures.page import render_page
-from midair.files.atomic import whole_file
+from midair.files import whole_file
 from midair.flow import Settings
 from midair.physics import propagate
 from midair.rig.loop.correction_loop import Loop

@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from midair.devices import ArrayDevice, Progress, SensorDevice
+from midair.devices import ArrayDevice, SensorDevice
 from midair.dsp import extend
 from midair.errors import InputError
 from midair.evaluate import Comparison, compare, find_delay
 from midair.flow import Reproduction, Settings, at_rate, felt, reproduce
-from midair.model import PressureFrames, Recording
-from midair.rig.playing.rerecord import Gate, rerecord
+from midair.model import PressureFrames, Progress, Recording
+from midair.rig.playing import Gate, rerecord
 
 Stage = Callable[[str], Progress | None]
 """Told the name of each stage as it begins; gives the progress to report to."""

@@ -10,9 +10,7 @@ from typing import Any, cast, get_args
 
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt, ValidationError
 
-from midair.devices import StreamedSensor
-from midair.devices.sensors.decimated import Decimated
-from midair.devices.sensors.sources import Source, Stream
+from midair.devices import Decimated, Source, Stream, StreamedSensor
 from midair.errors import DeviceError, InputError, MissingExtraError
 from midair.model import SensorGrid, SensorWiring, Unit
 

@@ -6,8 +6,7 @@ from midair.datasets import am_stimulus, stroke, taps
 from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
 from midair.errors import UnknownDeviceError
 from midair.model import Medium, PressureFrames, SensorGrid, TransducerArray
-from midair.physics import Directivity, TransducerDynamics
-from midair.physics.sensing import SensorModel
+from midair.physics import Directivity, SensorModel, TransducerDynamics
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,8 +8,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from types import FrameType
 
-from midair.devices import ArrayDevice, PlayReport, Progress
-from midair.devices.arrays.gate import Admission
+from midair.devices import Admission, ArrayDevice, PlayReport
+from midair.model import Progress
 from midair.rig.playing.play_log import log_end, log_order
 from midair.rig.playing.stop_line import stop_line
 

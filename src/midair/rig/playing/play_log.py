@@ -1,42 +1,12 @@
 """What was played, when, how loud, and who answered for it: one line of JSON a time, never rewritten."""
 
 import json
-import os
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
-from midair.devices import PlayReport
-from midair.devices.arrays.gate import Admission
+from midair.devices import Admission, PlayReport
 from midair.errors import FileError
-
-
-def state_folder() -> Path:
-    """Where midair keeps its log and tells other terminals what plays: ``MIDAIR_STATE``, or the user's state folder.
-
-    It need not be there yet.
-    """
-    if chosen := os.environ.get("MIDAIR_STATE"):
-        return Path(chosen)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "midair"
-    return Path(os.environ.get("XDG_STATE_HOME", Path.home() / ".local" / "state")) / "midair"
-
-
-def make_state_folder() -> Path:
-    """The same folder, made if it was not there, for this user only.
-
-    Raises
-    ------
-    FileError
-        If it cannot be made.
-    """
-    folder = state_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    except OSError as wrong:
-        raise FileError(f"{folder}: {wrong.strerror}; set MIDAIR_STATE to a folder you can write to") from wrong
-    return folder
+from midair.rig.state_folder import make_state_folder
 
 
 def log_order(source: str, device: str, admission: Admission, *, repeats: int) -> Path:

@@ -1,1 +1,26 @@
 """Record: takes of a sensor, watched while they run."""
+
+from midair.rig.takes.capture import record
+from midair.rig.takes.clocks import Drift
+from midair.rig.takes.meters import Levels
+from midair.rig.takes.take import record_take
+from midair.rig.takes.take_names import Subject, remember, remembered, take_path
+from midair.rig.takes.take_plan import Take, TakeOrder, TakePlan, View
+from midair.rig.takes.words import problems, told
+
+__all__ = [
+    "Drift",
+    "Levels",
+    "Subject",
+    "Take",
+    "TakeOrder",
+    "TakePlan",
+    "View",
+    "problems",
+    "record",
+    "record_take",
+    "remember",
+    "remembered",
+    "take_path",
+    "told",
+]

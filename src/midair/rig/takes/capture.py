@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.devices import Progress, SensorDevice
+from midair.devices import SensorDevice
 from midair.errors import DeviceError, InputError
 from midair.files import RecordingWriter, load
-from midair.model import Provenance, Recording
+from midair.model import Progress, Provenance, Recording
 
 
 def record(

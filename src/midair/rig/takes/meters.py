@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.files.native.events import Event
+from midair.files import Event
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -13,15 +13,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import Block, SensorDevice
-from midair.devices.reading import Seam
+from midair.devices import FrameBlock, Seam, SensorDevice
 from midair.errors import DeviceError, FileError, InputError
-from midair.files import RecordingWriter
-from midair.files.native.events import Event, EventKind
+from midair.files import Event, EventKind, RecordingWriter
 from midair.model import Provenance, Setting
 from midair.rig.takes.clocks import ClockWatch, Drift
 from midair.rig.takes.meters import Meters
-from midair.rig.takes.take_plan import End, Order, Take, TakePlan, View, Watcher
+from midair.rig.takes.take_plan import End, Take, TakeOrder, TakePlan, View, Watcher
 from midair.rig.takes.trigger import PreRoll, Trigger
 
 Array = NDArray[np.float64]
@@ -105,7 +103,7 @@ class _Taking:
         self._show()
         return end
 
-    def _receive(self, block: Block) -> Array:
+    def _receive(self, block: FrameBlock) -> Array:
         """A block without its gap; what is to be told about it is told."""
         seamless = self._seam.add(block)
         if seamless.lost or block.overflow:
@@ -118,7 +116,7 @@ class _Taking:
             self._tell_drift()
         return seamless.samples
 
-    def _wait(self, samples: Array, order: Order | None) -> End | None:
+    def _wait(self, samples: Array, order: TakeOrder | None) -> End | None:
         """Begin if this is the moment, else keep the frames for the pre-roll."""
         past = np.zeros(len(samples), bool) if self._trigger is None else self._trigger.exceeded(samples)
         if self._plan.start == "touch" and order is None:
@@ -174,7 +172,7 @@ class _Taking:
                 self._note([replace(event, frame=max(event.frame, origin), frames=min(event.frames, after))])
         self._early.clear()
 
-    def _keep(self, samples: Array, order: Order | None, past: NDArray[np.bool_] | None = None) -> End | None:
+    def _keep(self, samples: Array, order: TakeOrder | None, past: NDArray[np.bool_] | None = None) -> End | None:
         """Write frames; why the take has ended, if it has."""
         if self._wanted is not None:
             samples = samples[: self._wanted - self._frames]

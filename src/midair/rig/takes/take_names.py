@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 from midair.errors import InputError, MissingFileError
-from midair.rig.playing.play_log import make_state_folder, state_folder
+from midair.rig.state_folder import make_state_folder, state_folder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

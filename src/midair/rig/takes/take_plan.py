@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from midair.errors import InputError
-from midair.files.native.events import Event
+from midair.files import Event
 from midair.model import Setting
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Levels
 from midair.validation import positive
 
-Order = Literal["toggle", "quit", "kill"]
+TakeOrder = Literal["toggle", "quit", "kill"]
 """What a person can say: start or stop this take; stop, and no more takes; stop, for a signal came."""
 End = Literal["duration", "source", "toggle", "quiet", "quit", "kill", "failure"]
 """Why a take ended: its time was over, the source ended, a key, silence, or what was in its way."""
@@ -133,7 +133,7 @@ class Take:
 class Watcher(Protocol):
     """Who looks on, and may say something."""
 
-    def order(self) -> Order | None:
+    def order(self) -> TakeOrder | None:
         """What was said since the last time."""
         ...
 

@@ -3,3 +3,22 @@
 The functions of a term work on arrays of any library of the array API standard; rows are frames. Which solver takes
 which term: `midair.solvers.methods.TAKES`.
 """
+
+from midair.solvers.terms.cells import Cells, CellTarget, cell_misfit
+from midair.solvers.terms.guard import Guard, GuardField, excess, excess_rows
+from midair.solvers.terms.level import automatic_level
+from midair.solvers.terms.points import misfit
+from midair.solvers.terms.smooth import change
+
+__all__ = [
+    "CellTarget",
+    "Cells",
+    "Guard",
+    "GuardField",
+    "automatic_level",
+    "cell_misfit",
+    "change",
+    "excess",
+    "excess_rows",
+    "misfit",
+]

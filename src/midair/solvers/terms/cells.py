@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import ControlGrid, PressureFrames
-from midair.physics.sensing import SensorModel, cell_weights
+from midair.physics import SensorModel, cell_weights
 from midair.solvers.backend import Numbers, Rows
 from midair.validation import frozen_array
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.study.statistics.psychometric import Shape, steepness
+from midair.study.statistics import CurveShape, steepness
 
 Array = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ class QuestPlus:
     slopes: Array
     lapses: Array
     guess: float
-    shape: Shape = "weibull"
+    shape: CurveShape = "weibull"
     posterior: Array | None = None
 
     def __post_init__(self) -> None:

@@ -10,15 +10,15 @@ from midair.errors import InputError
 from midair.study.design.adaptive import QuestPlus, Staircase
 from midair.study.design.blocks import Block, Design, right_answer
 from midair.study.design.plan import Plan, Trial
-from midair.study.design.standing import Progress
-from midair.study.statistics.table import Table
+from midair.study.design.standing import Standing
+from midair.study.statistics import Table
 
 Array = NDArray[np.float64]
 History = list[tuple[str, bool]]
 """Stimulus and whether its answer was right, in order."""
 
 
-def next_stimulus(plan: Plan, progress: Progress, trial: Trial) -> str:
+def next_stimulus(plan: Plan, progress: Standing, trial: Trial) -> str:
     """Name of the stimulus of a trial; drawn already, or chosen from the answers so far of its block."""
     drawn = trial.stimulus or progress.chosen.get(trial.code, "")
     if drawn:
@@ -32,7 +32,7 @@ def next_stimulus(plan: Plan, progress: Progress, trial: Trial) -> str:
     return ladder[int(np.argmin(np.abs(strength - level)))]
 
 
-def threshold(plan: Plan, progress: Progress, block_name: str) -> tuple[float, float]:
+def threshold(plan: Plan, progress: Standing, block_name: str) -> tuple[float, float]:
     """Threshold of one participant from an adaptive block, and its standard deviation, in the unit of the strengths.
 
     From QUEST+ mean and deviation of the posterior; from a staircase the mean of the strengths at the last six
@@ -55,7 +55,7 @@ def threshold(plan: Plan, progress: Progress, block_name: str) -> tuple[float, f
     return float(np.mean(strength[np.rint(state.turned[-6:]).astype(int)])), float("nan")
 
 
-def thresholds_of(plan: Plan, sessions: Sequence[Progress]) -> Table | None:
+def thresholds_of(plan: Plan, sessions: Sequence[Standing]) -> Table | None:
     """Thresholds of every adaptive block of every session; None if the plan has no such block.
 
     Columns participant, block, threshold, sd, note; a threshold that cannot be had is NaN, and the note says why.
@@ -92,7 +92,7 @@ def rungs(design: Design, block: Block) -> tuple[list[str], Array]:
     return [block.stimuli[i] for i in order], strength[order]
 
 
-def answered(plan: Plan, progress: Progress, block: Block) -> History:
+def answered(plan: Plan, progress: Standing, block: Block) -> History:
     """The answers of a block to its first question, as right or wrong."""
     question = plan.design.question(block.questions[0])
     history: History = []

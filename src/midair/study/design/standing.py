@@ -7,14 +7,14 @@ from typing import Any, Literal
 from midair.errors import MismatchError
 from midair.study.design.blocks import right_answer
 from midair.study.design.plan import Plan, Trial
-from midair.study.statistics.table import Table
+from midair.study.statistics import Table
 
 Policy = Literal["resume", "restart", "block"]
 """After an interruption: go on with the trial that was not finished; begin again; begin the block again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class GivenAnswer:
     """One answer that counts.
 
     Attributes
@@ -33,7 +33,7 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
+class Standing:
     """Where a session stands.
 
     Attributes
@@ -51,7 +51,7 @@ class Progress:
     """
 
     trials: tuple[Trial, ...]
-    answers: Mapping[tuple[str, str], Answer]
+    answers: Mapping[tuple[str, str], GivenAnswer]
     chosen: Mapping[str, str]
     interruptions: int = 0
     withdrawn: int = 0
@@ -80,7 +80,7 @@ class Progress:
         return ()
 
 
-def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) -> Progress:
+def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) -> Standing:
     """Where a session stands after its events.
 
     Parameters
@@ -97,7 +97,7 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
     MismatchError
         If the log follows another plan, or belongs to another participant.
     """
-    answers: dict[tuple[str, str], Answer] = {}
+    answers: dict[tuple[str, str], GivenAnswer] = {}
     chosen: dict[str, str] = {}
     interruptions = withdrawn = 0
     simulated = False
@@ -119,8 +119,8 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
             chosen[event["trial"]] = event["stimulus"]
         elif event["event"] == "answer":
             key = (event["trial"], event["question"])
-            answers[key] = Answer(answer=event["answer"], reaction_s=event["reaction_s"], time=event["time"])
-    return Progress(
+            answers[key] = GivenAnswer(answer=event["answer"], reaction_s=event["reaction_s"], time=event["time"])
+    return Standing(
         trials=plan.of(participant),
         answers=answers,
         chosen=chosen,
@@ -130,7 +130,7 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
     )
 
 
-def answers_table(plan: Plan, sessions: Sequence[Progress]) -> Table:
+def answers_table(plan: Plan, sessions: Sequence[Standing]) -> Table:
     """Every answer that counts as a row; the key that opens the blinding.
 
     Returns
@@ -150,7 +150,7 @@ def answers_table(plan: Plan, sessions: Sequence[Progress]) -> Table:
     return Table.from_rows(rows)
 
 
-def _answer_row(plan: Plan, session: Progress, trial: Trial, name: str) -> dict[str, Any]:
+def _answer_row(plan: Plan, session: Standing, trial: Trial, name: str) -> dict[str, Any]:
     question = plan.design.question(name)
     given = session.answers[trial.code, name]
     stimulus = plan.design.stimulus(trial.stimulus or session.chosen[trial.code])

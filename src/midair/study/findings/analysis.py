@@ -9,7 +9,7 @@ from midair.study.findings.finding import Choices, Finding, attempt
 from midair.study.findings.rating_findings import anova, other_questions, ranks, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.findings.threshold_findings import adaptive, psychometric
-from midair.study.statistics.table import Table
+from midair.study.statistics import Table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

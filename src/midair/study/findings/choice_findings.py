@@ -6,19 +6,24 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.study.findings.finding import Choices, Finding, attempt, p_words
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics.confusion import (
+from midair.study.statistics import (
     Confusion,
+    Table,
+    bayes_factor,
+    bootstrap,
     chance_macro_f,
+    choice_model,
     confusion_matrix,
+    d_prime_choice,
+    equivalence,
     f_measure,
+    levels,
+    logistic_mixed,
     mutual_information,
+    paired_t,
     scores,
+    sign_flip,
 )
-from midair.study.statistics.detection import choice_model, d_prime_choice
-from midair.study.statistics.mixed import logistic_mixed
-from midair.study.statistics.paired import bayes_factor, equivalence, paired_t
-from midair.study.statistics.resample import bootstrap, sign_flip
-from midair.study.statistics.table import Table, levels
 
 
 def confusions(data: StudyData, *, rng: np.random.Generator, draws: int) -> tuple[tuple[Choices, ...], list[Finding]]:

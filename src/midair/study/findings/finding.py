@@ -4,9 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from midair.errors import InputError
-from midair.study.statistics.confusion import Confusion
-from midair.study.statistics.resample import Interval
-from midair.study.statistics.table import Table
+from midair.study.statistics import Confusion, Interval, Table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

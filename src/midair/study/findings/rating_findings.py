@@ -5,11 +5,16 @@ import numpy as np
 from midair.errors import InputError
 from midair.study.findings.finding import Finding, attempt, p_words
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics.anova import rm_anova
-from midair.study.statistics.detection import d_prime_same_different, d_prime_yes_no
-from midair.study.statistics.ordinal import ordinal_check
-from midair.study.statistics.paired import holm
-from midair.study.statistics.table import Table, cell_means, levels
+from midair.study.statistics import (
+    Table,
+    cell_means,
+    d_prime_same_different,
+    d_prime_yes_no,
+    holm,
+    levels,
+    ordinal_check,
+    rm_anova,
+)
 
 
 def anova(data: StudyData) -> list[Finding]:

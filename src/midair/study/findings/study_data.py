@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.design.blocks import Analysis
-from midair.study.statistics.table import Columns, Table
+from midair.study.design import Analysis
+from midair.study.statistics import Columns, Table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -6,9 +6,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.study.findings.finding import Finding
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics.psychometric import fit_psychometric, fit_threshold
-from midair.study.statistics.resample import bootstrap
-from midair.study.statistics.table import Table, levels
+from midair.study.statistics import Table, bootstrap, fit_psychometric, fit_threshold, levels
 
 
 def psychometric(data: StudyData, *, rng: np.random.Generator, draws: int = 400) -> list[Finding]:

@@ -6,9 +6,7 @@ from hashlib import sha256
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.design.blocks import Stimulus, right_answer
-from midair.study.design.plan import Plan, Trial
-from midair.study.design.question import Question
+from midair.study.design import Plan, Question, Stimulus, Trial, right_answer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

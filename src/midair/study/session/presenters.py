@@ -7,7 +7,7 @@ from typing import Protocol
 from midair.devices import ArrayDevice
 from midair.errors import InputError
 from midair.model import Drive
-from midair.study.design.blocks import Stimulus
+from midair.study.design import Stimulus
 
 
 class Presenter(Protocol):

@@ -3,10 +3,10 @@
 from dataclasses import dataclass, field
 
 from midair.errors import DeviceStateError
-from midair.study.design.plan import Plan
+from midair.study.design import Plan
 from midair.study.session.participant import SimulatedParticipant
 from midair.study.session.presenters import NoPresenter
-from midair.study.session.trials import Reply, Step
+from midair.study.session.trials import Reply, TrialStep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,20 +30,20 @@ class SimulatedScreen:
     def show(self, text: str) -> None:
         """Does not read."""
 
-    def rest(self, step: Step) -> None:
+    def rest(self, step: TrialStep) -> None:
         """Does not tire."""
 
-    def ask(self, step: Step) -> Reply:
+    def ask(self, step: TrialStep) -> Reply:
         """Answers by the model."""
         trial = self.plan.trial(step.code)
         name = step.question.name if step.question else ""
         text, reaction = self.participant.answer(self.plan, trial, name, felt=self.presenter.felt)
         return Reply(text=text, reaction_s=reaction)
 
-    def accepted(self, step: Step, answer: str) -> None:
+    def accepted(self, step: TrialStep, answer: str) -> None:
         """Does not care."""
 
-    def refused(self, step: Step, why: str) -> None:
+    def refused(self, step: TrialStep, why: str) -> None:
         """Its answers are answers; a refusal is a defect of the model.
 
         Raises

@@ -14,11 +14,7 @@ from types import TracebackType
 from typing import Any, Literal, Protocol, Self
 
 from midair.errors import DeviceStateError, InputError
-from midair.study.design.adaptive_block import next_stimulus
-from midair.study.design.blocks import Stimulus
-from midair.study.design.plan import Plan, Trial
-from midair.study.design.question import Question
-from midair.study.design.standing import Policy, Progress, replay
+from midair.study.design import Plan, Policy, Question, Standing, Stimulus, Trial, next_stimulus, replay
 from midair.study.session.event_log import EventLog, read_events
 from midair.study.session.presenters import Presenter
 
@@ -48,7 +44,7 @@ class SystemClock:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class TrialStep:
     """What is due, without a word on the condition.
 
     Attributes
@@ -91,19 +87,19 @@ class Screen(Protocol):
         """Show a text; return when it has been read."""
         ...
 
-    def rest(self, step: Step) -> None:
+    def rest(self, step: TrialStep) -> None:
         """Return when the break is over."""
         ...
 
-    def ask(self, step: Step) -> Reply:
+    def ask(self, step: TrialStep) -> Reply:
         """Ask the question of the step."""
         ...
 
-    def accepted(self, step: Step, answer: str) -> None:
+    def accepted(self, step: TrialStep, answer: str) -> None:
         """Tell that the answer is stored."""
         ...
 
-    def refused(self, step: Step, why: str) -> None:
+    def refused(self, step: TrialStep, why: str) -> None:
         """Tell that it was no answer; the question comes again."""
         ...
 
@@ -151,9 +147,9 @@ class Session:
         self._stopped = False
         self._entered = False
         self._ending = RLock()  # a stop from another thread is in the log before the log closes
-        self._step = Step(kind="show")
+        self._step = TrialStep(kind="show")
         self._since = 0.0
-        self._script: Iterator[Step] = iter(())
+        self._script: Iterator[TrialStep] = iter(())
         self._trials: dict[str, Trial] = {}
 
     def __enter__(self) -> Self:
@@ -187,9 +183,9 @@ class Session:
                 self._log.close()
 
     @property
-    def step(self) -> Step:
+    def step(self) -> TrialStep:
         """What is due."""
-        return Step(kind="stopped") if self._stopped else self._step
+        return TrialStep(kind="stopped") if self._stopped else self._step
 
     def acknowledge(self) -> None:
         """The text was read, or the break is over."""
@@ -247,7 +243,7 @@ class Session:
         self._write("present", trial=trial.code, stimulus=name)
         return self.plan.design.stimulus(name)
 
-    def _expect(self, *kinds: str) -> Step:
+    def _expect(self, *kinds: str) -> TrialStep:
         if not self._entered:
             raise DeviceStateError("session: expected to be entered; use it as a context manager")
         if self.step.kind not in kinds:
@@ -255,7 +251,7 @@ class Session:
         return self.step
 
     def _advance(self) -> None:
-        self._step = next(self._script, Step(kind="done"))
+        self._step = next(self._script, TrialStep(kind="done"))
         self._since = self._clock.elapsed()
         if self._step.kind == "done":
             self._write("done")
@@ -263,28 +259,28 @@ class Session:
     def _write(self, event: str, **fields: Any) -> None:
         self._log.append({"event": event, **fields, "time": self._clock.now()})
 
-    def _steps(self, progress: Progress) -> Iterator[Step]:
+    def _steps(self, progress: Standing) -> Iterator[TrialStep]:
         design, trials = self.plan.design, progress.trials
         first = progress.next_trial
         if design.consent and first < len(trials):
-            yield Step(kind="show", text=design.consent)
+            yield TrialStep(kind="show", text=design.consent)
         for index in range(first, len(trials)):
             trial = trials[index]
             block = design.block(trial.block)
             place: dict[str, Any] = {"code": trial.code, "number": trial.number, "total": len(trials)}
             if block.text and (index == first or trials[index - 1].block != trial.block):
-                yield Step(kind="show", text=block.text)
-            yield Step(kind="present", **place)
+                yield TrialStep(kind="show", text=block.text)
+            yield TrialStep(kind="present", **place)
             for name in progress.open_questions(trial):
-                yield Step(kind="ask", question=design.question(name), **place)
+                yield TrialStep(kind="ask", question=design.question(name), **place)
             last = index + 1 == len(trials)
             if block.rest_s and not last and trials[index + 1].block != trial.block:
-                yield Step(kind="rest", rest_s=block.rest_s, **place)
+                yield TrialStep(kind="rest", rest_s=block.rest_s, **place)
         if design.debrief and first < len(trials):
-            yield Step(kind="show", text=design.debrief)
+            yield TrialStep(kind="show", text=design.debrief)
 
 
-def run(session: Session, screen: Screen) -> Step:
+def run(session: Session, screen: Screen) -> TrialStep:
     """Drive a session that was entered to its end, or to a stop.
 
     Returns

@@ -1,1 +1,94 @@
 """Statistics: numbers in, numbers out."""
+
+from midair.study.statistics.anova import rm_anova
+from midair.study.statistics.confusion import (
+    Confusion,
+    chance_macro_f,
+    confusion_matrix,
+    f_measure,
+    mutual_information,
+    scores,
+    wilson,
+)
+from midair.study.statistics.detection import (
+    ChoiceModel,
+    Sensitivity,
+    choice_model,
+    d_prime_choice,
+    d_prime_same_different,
+    d_prime_yes_no,
+    proportion_correct,
+)
+from midair.study.statistics.mixed import logistic_mixed, logistic_posterior
+from midair.study.statistics.ordinal import ordinal_check
+from midair.study.statistics.paired import Equivalence, PairedT, bayes_factor, equivalence, holm, paired_t
+from midair.study.statistics.power import (
+    IdentificationExperiment,
+    Power,
+    RatingExperiment,
+    participants_for_paired_t,
+    power_curve,
+    power_paired_t,
+    simulated_power,
+)
+from midair.study.statistics.psychometric import (
+    CurveShape,
+    Psychometric,
+    PsychometricFit,
+    fit_psychometric,
+    fit_threshold,
+    steepness,
+)
+from midair.study.statistics.published import chance_of_published, derive
+from midair.study.statistics.resample import Chance, Interval, bootstrap, sign_flip
+from midair.study.statistics.table import Columns, Table, cell_means, levels
+
+__all__ = [
+    "Chance",
+    "ChoiceModel",
+    "Columns",
+    "Confusion",
+    "CurveShape",
+    "Equivalence",
+    "IdentificationExperiment",
+    "Interval",
+    "PairedT",
+    "Power",
+    "Psychometric",
+    "PsychometricFit",
+    "RatingExperiment",
+    "Sensitivity",
+    "Table",
+    "bayes_factor",
+    "bootstrap",
+    "cell_means",
+    "chance_macro_f",
+    "chance_of_published",
+    "choice_model",
+    "confusion_matrix",
+    "d_prime_choice",
+    "d_prime_same_different",
+    "d_prime_yes_no",
+    "derive",
+    "equivalence",
+    "f_measure",
+    "fit_psychometric",
+    "fit_threshold",
+    "holm",
+    "levels",
+    "logistic_mixed",
+    "logistic_posterior",
+    "mutual_information",
+    "ordinal_check",
+    "paired_t",
+    "participants_for_paired_t",
+    "power_curve",
+    "power_paired_t",
+    "proportion_correct",
+    "rm_anova",
+    "scores",
+    "sign_flip",
+    "simulated_power",
+    "steepness",
+    "wilson",
+]

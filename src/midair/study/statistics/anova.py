@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.study.statistics.table import Cells, Columns, Table, cell_means
+from midair.study.statistics.table import CellMeans, Columns, Table, cell_means
 
 Array = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def contrasts(shape: Sequence[int], effect: Sequence[int]) -> Array:
     return product
 
 
-def _rows(cells: Cells, within: list[str]) -> list[dict[str, object]]:
+def _rows(cells: CellMeans, within: list[str]) -> list[dict[str, object]]:
     people = len(cells.participants)
     answers = cells.mean.reshape(people, -1)
     shape = cells.mean.shape[1:]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError, ShapeError
 
 Array = NDArray[np.float64]
-Shape = Literal["logistic", "normal", "weibull"]
+CurveShape = Literal["logistic", "normal", "weibull"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,11 +36,11 @@ class Psychometric:
     slope: float
     guess: float = 0.0
     lapse: float = 0.0
-    shape: Shape = "logistic"
+    shape: CurveShape = "logistic"
 
     def __post_init__(self) -> None:
-        if self.shape not in get_args(Shape):
-            raise InputError(f"shape: expected one of {', '.join(get_args(Shape))}, got {self.shape!r}")
+        if self.shape not in get_args(CurveShape):
+            raise InputError(f"shape: expected one of {', '.join(get_args(CurveShape))}, got {self.shape!r}")
         if min(self.guess, self.lapse) < 0 or self.guess + self.lapse >= 1:
             raise InputError(f"guess and lapse: expected 0 or more, together below 1, got {self.guess}, {self.lapse}")
 
@@ -72,7 +72,7 @@ class PsychometricFit:
     deviance_p: float
 
 
-def steepness(level: Any, threshold: Any, slope: Any, shape: Shape) -> Array:
+def steepness(level: Any, threshold: Any, slope: Any, shape: CurveShape) -> Array:
     """F of `Psychometric`, 0 to 1; all arguments broadcast."""
     from scipy.special import expit, ndtr
 
@@ -92,7 +92,7 @@ def fit_psychometric(
     *,
     rng: np.random.Generator,
     guess: float = 0.0,
-    shape: Shape = "logistic",
+    shape: CurveShape = "logistic",
     lapse_most: float = 0.05,
     draws: int = 200,
 ) -> PsychometricFit:
@@ -145,7 +145,7 @@ def fit_psychometric(
 
 
 def fit_threshold(
-    level: Array, correct: Array, total: Array, *, guess: float, shape: Shape, near: Psychometric
+    level: Array, correct: Array, total: Array, *, guess: float, shape: CurveShape, near: Psychometric
 ) -> float:
     """The threshold alone, from one start near a function that is known to fit: for resampling.
 
@@ -178,7 +178,7 @@ def _merge(level: Any, correct: Any, total: Any) -> tuple[Array, Array, Array]:
 
 
 def _fit(
-    x: Array, k: Array, n: Array, guess: float, shape: Shape, lapse_most: float, *, start: Array | None = None
+    x: Array, k: Array, n: Array, guess: float, shape: CurveShape, lapse_most: float, *, start: Array | None = None
 ) -> tuple[Psychometric, float, Array]:
     """Function, deviance, and where the optimiser ended; from one start if given, from six if not."""
     from scipy.optimize import minimize

@@ -117,7 +117,7 @@ def levels(values: NDArray[Any]) -> tuple[list[Any], NDArray[np.int64]]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Cells:
+class CellMeans:
     """Mean of every participant in every cell of a within-participant design.
 
     Attributes
@@ -135,7 +135,7 @@ class Cells:
     levels: tuple[tuple[Any, ...], ...]
 
 
-def cell_means(table: Columns, *, value: str, participant: str, within: Sequence[str]) -> Cells:
+def cell_means(table: Columns, *, value: str, participant: str, within: Sequence[str]) -> CellMeans:
     """Average the trials of each participant in each cell.
 
     Parameters
@@ -176,7 +176,7 @@ def cell_means(table: Columns, *, value: str, participant: str, within: Sequence
             f"cells: expected an answer in every cell, got none from participant {people[where[0][0]]} at {what}"
             f" ({len(where)} empty in all); leave the participant out, or use the mixed model"
         )
-    return Cells(mean=total / count, participants=tuple(people), levels=tuple(tuple(order) for order, _ in found))
+    return CellMeans(mean=total / count, participants=tuple(people), levels=tuple(tuple(order) for order, _ in found))
 
 
 def numbers(table: Table, name: str) -> Array:

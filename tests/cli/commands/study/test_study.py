@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from midair.cli.commands.study.study import app
+from midair.cli.commands.study import study_app as app
 from midair.errors import InputError, MissingFileError, UnknownDeviceError
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray

@@ -4,31 +4,26 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from cyclopts import App
 
 from midair.calibration import calibrate
-from midair.cli.commands.import_export import may_write
-from midair.cli.commands.info import calibrated_by
-from midair.cli.terminal.console import banner, print_json, print_rows
-from midair.cli.terminal.keeping import keep
-from midair.cli.terminal.nominal import nominal_calibration
-from midair.cli.terminal.options import BandOptions
-from midair.cli.terminal.quantity import quantity
-from midair.errors import MissingFileError
-from midair.files import load, load_calibration, save_calibration
-from midair.model import Calibration
-from midair.rig.bench.calibration_page import calibration_rows, check_page_name, uncertainty_of, write_calibration_page
-
-app = App(
-    name="calibrate",
-    help="Turn a recording into pressure: midair calibrate RECORDING. What a calibration is measured with: against a "
-    "reference (measure), by a tone of known level (tone), by a focused beam (beam).",
+from midair.cli.terminal import (
+    BandOptions,
+    banner,
+    calibrated_by,
+    given_calibration,
+    keep,
+    nominal_calibration,
+    prepare_page,
+    print_rows,
+    quantity,
+    tell,
 )
+from midair.files import load, load_calibration
+from midair.rig import uncertainty_of
 
 Pressure = Annotated[float | None, quantity("Pa")]
 
 
-@app.default
 def apply_command(
     source: Path,
     /,
@@ -82,7 +77,6 @@ def apply_command(
     )
 
 
-@app.command(name="show")
 def show_command(source: Path, page: Path | None = None, /, *, force: bool = False, json: bool = False) -> None:
     """Say what a calibration is worth, and draw its page.
 
@@ -99,51 +93,3 @@ def show_command(source: Path, page: Path | None = None, /, *, force: bool = Fal
     """
     prepare_page(page, force)
     tell(given_calibration(source), [], page=page, json=json)
-
-
-def given_calibration(path: Path) -> Calibration:
-    """The calibration of a file that must have one.
-
-    Raises
-    ------
-    MissingFileError
-        If it is a recording without one.
-    """
-    found = load_calibration(path)
-    if found is None:
-        raise MissingFileError(f"{path}: expected a calibration in it, found none; run midair calibrate measure")
-    return found
-
-
-def prepare_page(page: Path | None, force: bool) -> None:
-    """Refuse a page that could not be written, before the work is done."""
-    if page is not None:
-        check_page_name(page)
-        may_write(page, force)
-
-
-def finish(calibration: Calibration, output: Path, *, page: Path | None, json: bool, notes: list[str]) -> None:
-    """Write a calibration that was made and its page, and say what it is."""
-    save_calibration(calibration, output)
-    tell(calibration, [("written", str(output))], page=page, json=json, notes=notes)
-
-
-def tell(
-    calibration: Calibration,
-    rows: list[tuple[str, str]],
-    *,
-    page: Path | None,
-    json: bool,
-    notes: list[str] | None = None,
-) -> None:
-    """Print what a calibration is, and write its page if one is wanted."""
-    if page is not None:
-        write_calibration_page(calibration, page)
-        rows = [*rows, ("page", str(page))]
-    rows = [*calibration_rows(calibration), *rows]
-    simulated = calibration.provenance.simulated
-    if json:
-        return print_json({**dict(rows), "simulated": simulated, "notes": notes or []})
-    banner(simulated)
-    print_rows([*rows, *(("note", note) for note in notes or [])])
-    return None

@@ -7,31 +7,38 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from midair.calibration import MeasureSettings, anchored, measure_calibration, measure_tone
-from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting
-from midair.cli.commands.calibrate.apply import app, given_calibration
-from midair.cli.terminal.calibration_output import OutputOptions
-from midair.cli.terminal.console import out, stages
-from midair.cli.terminal.nominal import stated_sensitivity
-from midair.cli.terminal.options import Frequency, Length, Time
-from midair.cli.terminal.quantity import quantity
-from midair.devices.arrays.gate import DEFAULT_PROFILE, profile_named
+from midair.calibration import BeamPlan, BeamSetting, MeasureSettings, anchored, measure_calibration, measure_tone
+from midair.cli.terminal import (
+    Frequency,
+    Length,
+    OutputOptions,
+    Time,
+    given_calibration,
+    out,
+    quantity,
+    stages,
+    stated_sensitivity,
+)
+from midair.devices import DEFAULT_PROFILE, profile_named
 from midair.errors import InputError
 from midair.files import load
-from midair.rig.bench.beam_bench import calibrate_by_beam
-from midair.rig.bench.practice import write_practice
-from midair.rig.bench.reference_files import ReferenceChoice, read_quiet, read_takes
-from midair.rig.names.array_names import array_named
-from midair.rig.names.sensor_names import sensor_named
-from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.playing.rerecord import Gate
+from midair.rig import (
+    Gate,
+    ReferenceChoice,
+    VirtualRig,
+    array_named,
+    calibrate_by_beam,
+    read_quiet,
+    read_takes,
+    sensor_named,
+    write_practice,
+)
 
 Files = Annotated[tuple[Path, ...], Parameter(consume_multiple=True)]
 Cells = Annotated[tuple[str, ...], Parameter(consume_multiple=True)]
 """Cells as a person counts them: a channel's number, or all."""
 
 
-@app.command(name="measure")
 def measure_command(
     *recordings: Path,
     reference: Files = (),
@@ -99,7 +106,6 @@ def measure_command(
     options.write(calibration, notes)
 
 
-@app.command(name="tone")
 def tone_command(
     recording: Path,
     /,
@@ -145,7 +151,6 @@ def tone_command(
     options.write(calibration if shape is None else anchored(given_calibration(shape), calibration), [])
 
 
-@app.command(name="beam")
 def beam_command(
     sensor: str = "virtual",
     /,
@@ -218,7 +223,6 @@ def beam_command(
     options.write(calibration, [])
 
 
-@app.command(name="bench")
 def bench_command(
     folder: Path, /, *, kind: Literal["noise", "sweep"] = "noise", duration: Time = 15.0, seed: int = 0
 ) -> None:

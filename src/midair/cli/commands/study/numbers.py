@@ -4,19 +4,21 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from rich.console import Console
 
-from midair.figures.style import png
-from midair.study.statistics.power import (
+from midair.cli.terminal import say
+from midair.figures import png
+from midair.study import (
     IdentificationExperiment,
     RatingExperiment,
+    Table,
+    chance_figure,
+    chance_of_published,
+    derive,
     participants_for_paired_t,
     power_curve,
+    power_figure,
     power_paired_t,
 )
-from midair.study.statistics.published import chance_of_published, derive
-from midair.study.statistics.table import Table
-from midair.study.study_figures import chance_figure, power_figure
 
 
 def power_command(
@@ -90,8 +92,3 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
     (output / "paper-chance.png").write_bytes(png(chance_figure(chance, simulated=True)))
     (output / "paper-power.png").write_bytes(png(power_figure(curves)))
     say(f"{output}: paper-chance.png, paper-power.png")
-
-
-def say(line: str) -> None:
-    """A line of results."""
-    Console(highlight=False, soft_wrap=True).print(line, markup=False)

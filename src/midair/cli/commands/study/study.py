@@ -3,32 +3,45 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 from rich.console import Console
 
-from midair.cli.commands.study.numbers import paper_command, power_command, say
+from midair.cli.terminal import say
 from midair.errors import InputError, MissingFileError
-from midair.study.design.adaptive_block import thresholds_of
-from midair.study.design.plan import Plan, block_order
-from midair.study.design.standing import Policy, answers_table
-from midair.study.findings.analysis import Report, analyse
-from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns
-from midair.study.folder import StudyFolder, paper_design_text, read_design
-from midair.study.report_page import report_json, report_page, report_text
-from midair.study.session.participant import SimulatedParticipant
-from midair.study.session.presenters import ArrayPresenter, NoPresenter
-from midair.study.session.simulated_screen import SimulatedScreen
-from midair.study.session.trials import Session, run
-from midair.study.statistics.table import Table
-from midair.study.tables import read_bids, read_csv, write_bids, write_csv
-from midair.study.terminal_screen import TerminalScreen, presenter_named, stops_on_signals
+from midair.study import (
+    ArrayPresenter,
+    NoPresenter,
+    Plan,
+    Policy,
+    Report,
+    Session,
+    SimulatedParticipant,
+    SimulatedScreen,
+    StudyData,
+    StudyFolder,
+    Table,
+    TerminalScreen,
+    analyse,
+    answers_table,
+    block_order,
+    data_of_answers,
+    data_of_columns,
+    paper_design_text,
+    presenter_named,
+    read_bids,
+    read_csv,
+    read_design,
+    report_json,
+    report_page,
+    report_text,
+    run,
+    stops_on_signals,
+    thresholds_of,
+    write_bids,
+    write_csv,
+)
 
-app = App(name="study", help="Plan a study on people, run it one participant at a time, and analyse it.")
-app.command(power_command, name="power")
-app.command(paper_command, name="paper")
 
-
-@app.command(name="new")
 def new_command(
     name: str,
     /,
@@ -64,7 +77,6 @@ def new_command(
     say(f"Next: midair study run {path} --participant 1, or try it with --simulate.")
 
 
-@app.command(name="run")
 def run_command(
     study: Path,
     /,
@@ -124,7 +136,6 @@ def run_command(
     return 0 if step.kind == "done" else 1
 
 
-@app.command(name="analyse")
 def analyse_command(
     source: Path,
     /,
@@ -196,7 +207,6 @@ def analyse_command(
     _print_report(report, data, target, json=json)
 
 
-@app.command(name="export")
 def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv"] = "bids") -> None:
     """Write the answers of a study as a BIDS dataset or as one CSV table.
 

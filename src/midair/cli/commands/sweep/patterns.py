@@ -1,32 +1,15 @@
 """Commands for sweeps: many patterns on many processes, and what came out."""
 
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App, Parameter, Token
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
-from rich.table import Table as Shown
-from rich.text import Text
+from cyclopts import Parameter, Token
 
-from midair.cli.terminal.console import banner, out
-from midair.cli.terminal.quantity import parse_quantity, spell
+from midair.cli.terminal import out, parse_quantity, show_patterns, spell, swept
 from midair.model import Medium
 from midair.physics import Directivity
-from midair.solvers import Progress as Advance
-from midair.sweep.pattern_report import PatternResults, Report, report_of
-from midair.sweep.pattern_sweep import PatternSweep
-from midair.sweep.run import run_sweep
-from midair.sweep.store import load_sweep
-from midair.sweep.task import Sweep
-
-app = App(
-    name="sweep",
-    help="Solve many targets on many processes, and report E: all binary patterns of the paper's simulation (5.1) over "
-    "strengths and heights, or recordings under many settings.",
-)
+from midair.sweep import PatternResults, PatternSweep, load_sweep, report_of
 
 
 def _lengths(_: Any, tokens: Sequence[Token]) -> tuple[float, ...]:
@@ -44,20 +27,6 @@ Lengths = Annotated[
 ]
 
 
-class PerSecond(ProgressColumn):
-    """How fast the work goes."""
-
-    def __init__(self, items: str) -> None:
-        super().__init__()
-        self._items = items
-
-    def render(self, task: Task) -> Text:
-        """Items per second, once there is something to tell."""
-        speed = task.finished_speed or task.speed
-        return Text("" if speed is None else f"{speed:6.1f} {self._items}/s", style="cyan")
-
-
-@app.command(name="patterns")
 def patterns_command(
     output: Path,
     /,
@@ -138,54 +107,3 @@ def patterns_command(
         show_patterns(report_of(PatternResults.of(load_sweep(output))))
         out().print(f"Next: midair sweep report {output}", markup=False)
     return status
-
-
-def swept(sweep: Sweep, path: Path, *, scheduler: str | None, workers: int | None) -> int:
-    """Run a sweep with a progress bar; its exit status."""
-    try:
-        with sweep_bar(f"{sweep.item}s") as progress:
-            run_sweep(sweep, path, scheduler=scheduler, workers=workers, progress=progress)
-    except KeyboardInterrupt:
-        _say("stopped; what was solved is stored, and the same command goes on")
-        return 130
-    return 0
-
-
-@contextmanager
-def sweep_bar(items: str) -> Generator[Advance]:
-    """A progress bar on the error stream: patterns or frames, how many per second, time left."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        PerSecond(items),
-        TimeRemainingColumn(elapsed_when_finished=True),
-    )
-    with Progress(*columns, console=Console(stderr=True), speed_estimate_period=120) as bars:
-        task = bars.add_task("sweep", total=None, start=False)
-
-        def report(done: int, total: int) -> None:
-            if bars.tasks[0].total is None:
-                bars.reset(task, total=total, completed=done)
-            else:
-                bars.update(task, completed=done)
-
-        yield report
-
-
-def _say(words: str) -> None:
-    Console(stderr=True, highlight=False, soft_wrap=True).print(f"midair: {words}", markup=False)
-
-
-def show_patterns(report: Report) -> None:
-    """A table of conditions."""
-    banner(True)
-    table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
-    for name in ("strength", "height", "patterns", "mean", "sd", "median", "95 %", "worst", "rounded", "worst"):
-        table.add_column(name, justify="right")
-    for row in report.conditions:
-        where = (f"{row['strength']:g}", f"{row['height_mm']:g}mm", f"{row['patterns']}")
-        shares = ("mean", "sd", "median", "p95", "worst", "mean_rounded", "worst_rounded")
-        table.add_row(*where, *(f"{100 * row[name]:.2f}" for name in shares))
-    out().print(table)
-    out().print(report.words, markup=False)

@@ -7,23 +7,16 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
-from rich.table import Table as Shown
 
-from midair.cli.commands.sweep.patterns import app, swept
-from midair.cli.terminal.console import banner, out
-from midair.cli.terminal.options import SolveOptions, Time
-from midair.cli.terminal.quantity import quantity
+from midair.cli.terminal import SolveOptions, Time, out, quantity, show_trials, swept
 from midair.errors import InputError
 from midair.files import load, load_calibration
 from midair.flow import felt
-from midair.sweep.recording_sweep import RecordingSweep, Trial
-from midair.sweep.store import load_sweep
-from midair.sweep.trial_report import TrialReport, trial_report
+from midair.sweep import RecordingSweep, SweepTrial, load_sweep, trial_report
 
 Choice = tuple[str, Any]
 
 
-@app.command(name="recordings")
 def recordings_command(
     output: Path,
     /,
@@ -74,29 +67,12 @@ def recordings_command(
     return status
 
 
-def show_trials(report: TrialReport) -> None:
-    """A table of trials."""
-    banner(True)
-    table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
-    for name in ("recording", "variant"):
-        table.add_column(name, no_wrap=True)
-    for name in ("frames", "strength", "mean", "95 %", "worst", "rounded", "worst"):
-        table.add_column(name, justify="right")
-    shares = ("mean", "p95", "worst", "mean_rounded", "worst_rounded")
-    for row in report.rows:
-        figures = (f"{row['frames']}", f"{row['strength']:.3f}", *(f"{100 * row[name]:.2f}" for name in shares))
-        table.add_row(row["recording"], row["variant"], *figures)
-    console = out()
-    console.print(table, width=max(console.width, 120), crop=False)
-    out().print(report.words, markup=False)
-
-
-def _trial(source: Path, variant: str, options: SolveOptions, start: float, duration: float | None) -> Trial:
+def _trial(source: Path, variant: str, options: SolveOptions, start: float, duration: float | None) -> SweepTrial:
     settings = options.settings()
     calibration = load_calibration(source) if source.suffix in (".h5", ".hdf5") else None
     pressure = felt(load(source), calibration, settings)
     whole = start == 0 and duration is None
-    return Trial(
+    return SweepTrial(
         recording=source.name,
         variant=variant,
         pressure=pressure if whole else pressure.cut(start, duration),

@@ -2,15 +2,18 @@
 
 from pathlib import Path
 
-from midair.cli.commands.sweep.patterns import app, show_patterns
-from midair.cli.commands.sweep.recordings import show_trials
-from midair.cli.terminal.console import out, print_json
-from midair.sweep.pattern_report import PatternResults, report_of, write_sweep_report
-from midair.sweep.store import load_sweep
-from midair.sweep.trial_report import TrialReport, trial_report, write_trial_report
+from midair.cli.terminal import out, print_json, show_patterns, show_trials
+from midair.sweep import (
+    PatternResults,
+    TrialReport,
+    load_sweep,
+    report_of,
+    trial_report,
+    write_sweep_report,
+    write_trial_report,
+)
 
 
-@app.command(name="report")
 def report_command(source: Path, /, *, output: Path | None = None, json: bool = False) -> None:
     """Tables (CSV) and figures (PNG) of a sweep, finished or not.
 

@@ -3,7 +3,7 @@ import pytest
 
 from midair.errors import MismatchError
 from midair.evaluate import advance, fidelity
-from midair.evaluate.fidelity import decibels, image_level, map_correlation
+from midair.evaluate.distortion import decibels, image_level, map_correlation
 from midair.model import PressureFrames, SensorGrid
 
 RATE = 4000.0

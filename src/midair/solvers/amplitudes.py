@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.solvers.problem import Problem
-from midair.solvers.terms.guard import GuardField
+from midair.solvers.terms import GuardField
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

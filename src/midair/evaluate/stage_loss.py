@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from midair.evaluate.fidelity import Band, Fidelity, fidelity
-from midair.evaluate.leak import Leak
+from midair.evaluate.distortion import Band, Fidelity, fidelity
+from midair.evaluate.leakage import Leak
 from midair.model import PressureFrames
 
 

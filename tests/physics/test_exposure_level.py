@@ -4,7 +4,7 @@ import pytest
 from midair.errors import InputError
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import ExposureProfile, exposure, focus_phase, profiles_of, sound_level, transfer_matrix
-from midair.physics.exposure import Place, nonlinearity_index
+from midair.physics.exposure_level import Place, nonlinearity_index
 
 ONE = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]]), pressure=4.0)
 AIR = Medium(attenuation=0)

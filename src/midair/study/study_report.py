@@ -5,13 +5,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from midair import __version__
-from midair.figures.page import render_page
-from midair.figures.style import png
-from midair.rig.loop.loop_report import Picture
-from midair.study.findings.analysis import Report
-from midair.study.findings.finding import Finding
+from midair.figures import png, render_page
+from midair.rig import Picture
+from midair.study.findings import Finding, Report
 from midair.study.study_figures import confusion_figure, f_figure, rating_figure
+from midair.version import __version__
 
 
 def report_page(report: Report, *, title: str, within: tuple[str, ...] = ()) -> str:

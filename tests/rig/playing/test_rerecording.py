@@ -7,14 +7,14 @@ import pytest
 
 from midair.datasets import probe_signal
 from midair.devices.arrays.gate import profile_named
-from midair.devices.interface import Block
+from midair.devices.interface import FrameBlock
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.flow import Settings, felt, reproduce
 from midair.model import ControlGrid
 from midair.rig.loop.passes import Rig, play_pass, quiet
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.playing.play_log import state_folder
-from midair.rig.playing.rerecord import Gate, rerecord
+from midair.rig.playing.rerecording import Gate, rerecord
+from midair.rig.state_folder import state_folder
 
 RIG = VirtualRig()
 SETTINGS = Settings(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast")
@@ -47,7 +47,7 @@ def real(latency=0.0, lost=None):
         return (
             block
             if lost is None or block.first < lost
-            else Block(samples=block.samples, first=block.first + 1, device_time=0, host_time=0, overflow=True)
+            else FrameBlock(samples=block.samples, first=block.first + 1, device_time=0, host_time=0, overflow=True)
         )
 
     array.emit, sensor.read = late, in_blocks

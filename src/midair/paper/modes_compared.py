@@ -12,12 +12,7 @@ from midair.model import PressureFrames
 from midair.modes import best_mode, coarser, paper_mode
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude
-from midair.rig.loop.correction_loop import Loop, run_loop
-from midair.rig.loop.error_budget import BudgetPlan, error_budget
-from midair.rig.loop.iteration import lead_of
-from midair.rig.loop.passes import Stage, led_in, quiet
-from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import record
+from midair.rig import BudgetPlan, Loop, Stage, VirtualRig, error_budget, lead_of, led_in, quiet, record, run_loop
 
 SIGNALS = ("25+250 Hz", "noise", "bursts")
 OBJECTS = ("brush", "sponge", "towel")

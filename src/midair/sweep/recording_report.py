@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from midair.errors import InputError
-from midair.figures.error_spread import Spread, trials_figure
-from midair.figures.style import png
-from midair.files.atomic import whole_file
+from midair.figures import ErrorSpread, png, trials_figure
+from midair.files import whole_file
 from midair.sweep.store import SweepResults
 
 Row = dict[str, Any]
@@ -60,7 +59,7 @@ def write_trial_report(results: SweepResults, folder: Path) -> list[Path]:
     for row in report.rows:
         writer.writerow({name: f"{value:.6g}" if isinstance(value, float) else value for name, value in row.items()})
     spreads = [
-        Spread(
+        ErrorSpread(
             name=f"{row['recording']} {row['variant']}".strip(),
             low=row["p5"],
             middle=row["mean"],

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import ArrayDevice, PlayReport, Progress, SensorDevice
-from midair.devices.arrays.gate import admit
+from midair.devices import ArrayDevice, PlayReport, SensorDevice, admit
 from midair.errors import DeviceError, DeviceStateError, MismatchError
-from midair.model import Drive, Provenance, Recording
+from midair.model import Drive, Progress, Provenance, Recording
 from midair.physics import ExposureProfile
 from midair.rig.playing.admitted import play_admitted
 

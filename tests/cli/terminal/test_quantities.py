@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.cli.terminal.quantity import parse_quantity, spell
+from midair.cli.terminal.quantities import parse_quantity, spell
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import get_args
 
 from midair.errors import BrokenFileError
-from midair.files.native.hdf5 import check_kind, kind_of, open_file, plain_text, stored_dataset
-from midair.files.native.schema import Kind
+from midair.files.native import Kind, check_kind, kind_of, open_file, plain_text, stored_dataset
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ from midair.model import SensorGrid
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Levels
 from midair.rig.takes.take_plan import Take
-from midair.rig.takes.told import problems, told
+from midair.rig.takes.words import problems, told
 
 NONE = np.zeros(16, bool)
 

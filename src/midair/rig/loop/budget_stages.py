@@ -7,19 +7,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.calibration import calibrate
-from midair.devices import SilencerChoice
-from midair.devices.arrays.frame_bytes import intensity_bytes, phase_bytes
-from midair.devices.arrays.silencer import choose_silencer
+from midair.devices import SilencerChoice, choose_silencer, intensity_bytes, phase_bytes
 from midair.dsp import band_edges, band_energy, band_window, filter_response
 from midair.evaluate import Budget, StageOutput, budget, leak
 from midair.flow import Reproduction, Settings, at_rate, reproduce, to_play
 from midair.model import Drive, PressureFrames, Recording
-from midair.physics import PlaybackChain, radiation_pressure, simulate, transfer_matrix
-from midair.physics.sensing import calibration_of, cell_weights, sense
+from midair.physics import (
+    PlaybackChain,
+    calibration_of,
+    cell_weights,
+    radiation_pressure,
+    sense,
+    simulate,
+    transfer_matrix,
+)
 from midair.rig.loop.passes import Stage, led_in, quiet
-from midair.rig.names.virtual_rig import VirtualRig
-from midair.targets import prepare
-from midair.targets.mapping import mapping_of
+from midair.rig.names import VirtualRig
+from midair.targets import mapping_of, prepare
 
 Array = NDArray[np.float64]
 

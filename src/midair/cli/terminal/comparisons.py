@@ -1,0 +1,29 @@
+"""A comparison and its perceptual card, for people and for programs."""
+
+from midair.cli.terminal.console import out
+from midair.errors import ShapeError
+from midair.evaluate import Comparison, PerceptualCard, perceptual_card
+from midair.model import PressureFrames
+
+
+def card_of(original: PressureFrames, reproduced: PressureFrames) -> PerceptualCard | None:
+    """The perceptual card; None for less than the 64 ms that its metrics need."""
+    try:
+        return perceptual_card(original, reproduced)
+    except ShapeError:
+        return None
+
+
+def print_card(card: PerceptualCard) -> None:
+    """Each figure over all cells, and what it means."""
+    out().print("\nwhat skin makes of it, over all cells")
+    for each in card.figures:
+        unit = f" {each.unit}" if each.unit else ""
+        out().print(f"  {each.name}: {each.overall:.3g}{unit}", style="bold", markup=False)
+        out().print(f"    {each.meaning}", markup=False)
+
+
+def plain(comparison: Comparison) -> dict[str, object]:
+    """A comparison for JSON."""
+    figures = {name: {"value": value, "unit": unit} for name, (value, unit) in comparison.figures().items()}
+    return {"simulated": comparison.simulated, "figures": figures}

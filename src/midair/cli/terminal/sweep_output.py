@@ -1,0 +1,95 @@
+"""What commands of sweeps show: a bar while one runs, a table of what came out."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.table import Table as Shown
+from rich.text import Text
+
+from midair.cli.terminal.console import banner, out
+from midair.model import Progress as Advance
+from midair.sweep import PatternReport, Sweep, TrialReport, run_sweep
+
+
+class PerSecond(ProgressColumn):
+    """How fast the work goes."""
+
+    def __init__(self, items: str) -> None:
+        super().__init__()
+        self._items = items
+
+    def render(self, task: Task) -> Text:
+        """Items per second, once there is something to tell."""
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:6.1f} {self._items}/s", style="cyan")
+
+
+def swept(sweep: Sweep, path: Path, *, scheduler: str | None, workers: int | None) -> int:
+    """Run a sweep with a progress bar; its exit status."""
+    try:
+        with sweep_bar(f"{sweep.item}s") as progress:
+            run_sweep(sweep, path, scheduler=scheduler, workers=workers, progress=progress)
+    except KeyboardInterrupt:
+        _say("stopped; what was solved is stored, and the same command goes on")
+        return 130
+    return 0
+
+
+@contextmanager
+def sweep_bar(items: str) -> Generator[Advance]:
+    """A progress bar on the error stream: patterns or frames, how many per second, time left."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        PerSecond(items),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    with Progress(*columns, console=Console(stderr=True), speed_estimate_period=120) as bars:
+        task = bars.add_task("sweep", total=None, start=False)
+
+        def report(done: int, total: int) -> None:
+            if bars.tasks[0].total is None:
+                bars.reset(task, total=total, completed=done)
+            else:
+                bars.update(task, completed=done)
+
+        yield report
+
+
+def _say(words: str) -> None:
+    Console(stderr=True, highlight=False, soft_wrap=True).print(f"midair: {words}", markup=False)
+
+
+def show_patterns(report: PatternReport) -> None:
+    """A table of conditions."""
+    banner(True)
+    table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
+    for name in ("strength", "height", "patterns", "mean", "sd", "median", "95 %", "worst", "rounded", "worst"):
+        table.add_column(name, justify="right")
+    for row in report.conditions:
+        where = (f"{row['strength']:g}", f"{row['height_mm']:g}mm", f"{row['patterns']}")
+        shares = ("mean", "sd", "median", "p95", "worst", "mean_rounded", "worst_rounded")
+        table.add_row(*where, *(f"{100 * row[name]:.2f}" for name in shares))
+    out().print(table)
+    out().print(report.words, markup=False)
+
+
+def show_trials(report: TrialReport) -> None:
+    """A table of trials."""
+    banner(True)
+    table = Shown(title="E = || |Gq| - p || / ||p||, in %", title_justify="left", box=None, pad_edge=False)
+    for name in ("recording", "variant"):
+        table.add_column(name, no_wrap=True)
+    for name in ("frames", "strength", "mean", "95 %", "worst", "rounded", "worst"):
+        table.add_column(name, justify="right")
+    shares = ("mean", "p95", "worst", "mean_rounded", "worst_rounded")
+    for row in report.rows:
+        figures = (f"{row['frames']}", f"{row['strength']:.3f}", *(f"{100 * row[name]:.2f}" for name in shares))
+        table.add_row(row["recording"], row["variant"], *figures)
+    console = out()
+    console.print(table, width=max(console.width, 120), crop=False)
+    out().print(report.words, markup=False)
