@@ -3,12 +3,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from midair.calibration import calibrate, dead_channels
+from midair.calibration import calibrate
 from midair.datasets import sample
 from midair.dsp import band_edges, band_window, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
 from midair.model import Calibration, Provenance, Recording, SensorGrid
 from midair.physics import SensorModel, calibration_of, sense
+from midair.recordings import dead_channels
 
 RATE = 1000.0
 BAND = (20.0, 470.0)
