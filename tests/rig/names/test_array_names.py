@@ -10,8 +10,8 @@ from midair.model import Drive, Provenance, TransducerArray
 from midair.physics import exposure, focus_phase
 from midair.rig.names.array_names import array_named
 from midair.rig.playing.play_log import log_order
-from midair.rig.state_folder import make_state_folder
 from midair.rig.playing.stop_line import stop_line, stop_playing
+from midair.rig.state_folder import make_state_folder
 
 ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")
