@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from midair.datasets import stroke
-from midair.model import ControlGrid, Medium, SensorGrid, TransducerArray
+from midair.model import Acoustics, ControlGrid, Medium, SensorGrid, TransducerArray
 from midair.physics import transfer_matrix
 from midair.solvers import Problem
 from midair.solvers.lens import spreading_phase
@@ -25,7 +25,7 @@ def patterns(others: int, seed: int = 2024) -> list[int]:
 
 def problem_of(channels: np.ndarray, strength: float) -> Problem:
     """Point sources in air without loss, the paper's array and grid; `strength` is amplitude 1 over the focus."""
-    G = transfer_matrix(GRID, ARRAY, medium=AIR, directivity="point")
+    G = transfer_matrix(GRID, ARRAY, acoustics=Acoustics(medium=AIR, directivity="point"))
     weights = interpolation_matrix(SensorGrid(), GRID)
     return Problem(
         G=G / np.abs(G).sum(axis=1).max(),

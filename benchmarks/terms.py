@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.targets import AIR, ARRAY, GRID, TEN, beating_blob, binary, moving_blob, problem_of
-from midair.model import ControlGrid
+from midair.model import Acoustics, ControlGrid
 from midair.physics import quantise_phase, transfer_matrix
 from midair.solvers import Cells, Fast, Guard, LevenbergMarquardt, Problem, Solver, one_blas_thread, relative_error
 from midair.solvers.amplitudes import doubled, halves
@@ -103,7 +103,7 @@ class _Looking:
     """Looks at a drive's field on the wide plane, in the units of a problem."""
 
     def __init__(self, scale: float) -> None:
-        G = transfer_matrix(PLANE, ARRAY, medium=AIR, directivity="point")
+        G = transfer_matrix(PLANE, ARRAY, acoustics=Acoustics(medium=AIR, directivity="point"))
         self.G = (scale * G).astype(np.complex64)
         away = np.abs(PLANE.position[:, :2]).max(axis=1)
         self.parts = [(away > EDGE) & (away <= 47.5e-3 + 1e-6), away > 47.5e-3 + 1e-6]
@@ -130,12 +130,14 @@ def solved(problem: Problem, method: Solver, bounded: bool) -> tuple[np.ndarray,
 
 
 def guarded(problem: Problem, guard: Guard) -> Problem:
-    G = transfer_matrix(guard.ring(GRID), ARRAY, medium=AIR, directivity="point")
+    G = transfer_matrix(guard.ring(GRID), ARRAY, acoustics=Acoustics(medium=AIR, directivity="point"))
     return replace(problem, guard=GuardField(G=G / _focus(), ceiling=guard.ceiling, weight=guard.weight))
 
 
 def _focus() -> float:
-    return float(np.abs(transfer_matrix(GRID, ARRAY, medium=AIR, directivity="point")).sum(axis=1).max())
+    return float(
+        np.abs(transfer_matrix(GRID, ARRAY, acoustics=Acoustics(medium=AIR, directivity="point"))).sum(axis=1).max()
+    )
 
 
 if __name__ == "__main__":

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError, RateError
-from midair.flow import Settings, at_rate, felt, reproduce, wanted
+from midair.flow import at_rate, felt, reproduce, wanted
 from midair.model import ControlGrid, PressureFrames, Provenance, Recording, TransducerArray
 from midair.physics import focus_amplitude
+from midair.settings import Settings
 from midair.targets import Circle
 
 SMALL = TransducerArray.autd3(columns=1, rows=1)
@@ -18,13 +19,13 @@ def recording(frequency=100.0, rate=1000.0):
 
 
 def test_the_pages_of_the_paper_in_order():
-    settings = Settings(iterations=3)
+    settings = Settings().but(iterations=3)
     pressure = felt(recording(), None, settings).cut(0.1, 0.02)
     made = reproduce(pressure, SMALL, settings)
     stages = [step.stage for step in made.solution.drive.provenance.steps]
-    assert stages == ["calibrate", "cut", "prepare", "solve"]
+    assert stages == ["calibrate", "cut", "settings", "prepare", "solve"]
     assert made.target.frames == made.solution.drive.frames == 20
-    assert made.strength(settings) == pytest.approx(made.target.amplitude.max() / focus_amplitude(ControlGrid(), SMALL))
+    assert made.strength() == pytest.approx(made.target.amplitude.max() / focus_amplitude(ControlGrid(), SMALL))
 
 
 def test_another_rate_keeps_the_wave():
@@ -45,13 +46,13 @@ def test_the_same_rate_is_left_alone():
 def test_progress_reaches_the_end():
     seen = []
     pressure = felt(recording(), None, Settings()).cut(0.1, 0.01)
-    reproduce(pressure, SMALL, Settings(iterations=1), progress=lambda done, total: seen.append((done, total)))
+    reproduce(pressure, SMALL, Settings().but(iterations=1), progress=lambda done, total: seen.append((done, total)))
     assert seen[-1] == (10, 10)
 
 
 def played(**settings):
     """The steps that a reproduction at 4 kHz has gone through."""
-    chosen = Settings(iterations=1, rate=4000.0, grid=ControlGrid(rows=6, columns=6, pitch=11e-3), **settings)
+    chosen = Settings().but(iterations=1, rate=4000.0, grid=ControlGrid(rows=6, columns=6, pitch=11e-3), **settings)
     pressure = felt(recording(), None, chosen).cut(0.1, 0.01)
     made = reproduce(pressure, SMALL, chosen)
     assert made.target.frames == made.solution.drive.frames == 40
@@ -62,20 +63,20 @@ def played(**settings):
 def test_each_choice_adds_its_step_in_its_place():
     steps = played(mapping="slow-bias", decouple=True, precompensate=True, circle=Circle())
     assert [step.stage for step in steps] == [
-        "calibrate", "resample", "cut", "decouple", "prepare", "precompensate sound", "solve",
+        "calibrate", "resample", "cut", "settings", "decouple", "prepare", "precompensate sound", "solve",
     ]  # fmt: skip
-    prepared = steps[4].settings
+    prepared = steps[5].settings
     assert prepared["mapping"] == "slow-bias"
     assert "not validated on people" in str(prepared["motion"])
 
 
 def test_pressure_is_compensated_before_it_is_mapped():
     stages = [step.stage for step in played(precompensate=True, compensate="pressure")]
-    assert stages == ["calibrate", "resample", "cut", "precompensate", "prepare", "solve"]
+    assert stages == ["calibrate", "resample", "cut", "settings", "precompensate", "prepare", "solve"]
 
 
 def test_with_a_slow_bias_sound_stays_positive_where_pressure_was_compensated():
-    chosen = Settings(mapping="slow-bias", precompensate=True, compensate="pressure", decouple=True)
+    chosen = Settings().but(mapping="slow-bias", precompensate=True, compensate="pressure", decouple=True)
     pressure = felt(recording(), None, chosen)
     target = wanted(pressure, chosen).amplitude[100:-100]
     peaks = target.max(axis=0)
@@ -87,16 +88,16 @@ def test_with_a_slow_bias_sound_stays_positive_where_pressure_was_compensated():
 @pytest.mark.parametrize("rate", [1000.0, 2000.0, 4000.0, 8000.0])
 def test_every_rate_that_divides_the_ultrasound_is_solved(rate):
     pressure = at_rate(felt(recording(), None, Settings()), rate).cut(0.1, 0.002)
-    made = reproduce(pressure, SMALL, Settings(iterations=1, rate=rate))
+    made = reproduce(pressure, SMALL, Settings().but(iterations=1, rate=rate))
     assert made.solution.drive.frames == round(0.002 * rate)
 
 
 def test_a_rate_that_no_array_takes_is_refused_before_anything_is_solved():
     pressure = PressureFrames(pressure=np.ones((3, 4, 4)), rate=3000.0)
     with pytest.raises(RateError, match=r"frame rate: expected 40000 Hz over a whole number, got 3000 Hz"):
-        reproduce(pressure, SMALL, Settings(rate=3000.0))
+        reproduce(pressure, SMALL, Settings().but(rate=3000.0))
 
 
 def test_an_unknown_place_of_compensation_is_refused():
     with pytest.raises(InputError, match="compensate: expected sound or pressure"):
-        wanted(PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0), Settings(compensate="field"))
+        wanted(PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0), Settings().but(compensate="field"))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.evaluate import leak, surroundings
-from midair.model import ControlGrid, Drive, Medium, TransducerArray
+from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import focus_phase, radiation_pressure, transfer_matrix
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
@@ -31,7 +31,7 @@ def test_the_surroundings_are_outside_the_square_and_nowhere_else():
 def test_a_focus_outside_by_hand():
     place = (0.04, 0.0)
     found = leak(focused(place), wanted(2000.0), GRID)
-    G = transfer_matrix(np.array([[*place, GRID.height]]), ARRAY, directivity="t4010a1")
+    G = transfer_matrix(np.array([[*place, GRID.height]]), ARRAY, acoustics=Acoustics(directivity="t4010a1"))
     pressure = radiation_pressure(np.abs(G).sum(axis=1), Medium())[0]
     assert found.peak == pytest.approx(pressure / radiation_pressure(np.array(2000.0), Medium()), rel=1e-3)
     assert found.place == pytest.approx(place, abs=1.3e-3)

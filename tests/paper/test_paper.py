@@ -3,24 +3,22 @@
 import csv
 import io
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.flow import Settings
 from midair.model import ControlGrid
-from midair.modes import best_mode, coarser, paper_mode
 from midair.paper.figure3 import PATTERNS, figure_3
 from midair.paper.figure4 import StimuliPlan, figure_4
 from midair.paper.figure9 import figure_9
 from midair.paper.modes_compared import FidelityPlan, at_strength, fidelity_table, original_of, target_strength
 from midair.paper.result import PaperResult
+from midair.settings import Settings
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
-PAPER = Settings(grid=COARSE, method="fast")
-BEST = Settings(grid=COARSE, method="fast", mapping="slow-bias", interpolate="pressure", precompensate=True)
+PAPER = Settings().but(grid=COARSE, method="fast")
+BEST = Settings().but(grid=COARSE, method="fast", mapping="slow-bias", interpolate="pressure", precompensate=True)
 
 
 def check(result, rows):
@@ -31,22 +29,9 @@ def check(result, rows):
     assert {row["mode"].split()[0] for row in result.rows} == {"paper", "best"}
 
 
-def test_the_modes_are_what_they_say():
-    paper, best = paper_mode(), best_mode()
-    assert (paper.mapping, paper.rate, paper.level, paper.amplitudes) == ("half-wave", 1000.0, 1.0, "equal")
-    assert paper.guard is None
-    assert not paper.precompensate
-    assert (best.mapping, best.rate) == ("slow-bias", 4000.0)
-    assert best.guard is not None
-    assert best.precompensate
-    rough = coarser(paper, 11)
-    assert rough.grid.x[[0, -1]] == pytest.approx(paper.grid.x[[0, -1]])
-    assert rough.grid.count == 121
-
-
 @pytest.mark.slow
 def test_figure_3_has_every_pattern_in_both_modes():
-    result = figure_3(paper=replace(PAPER, iterations=5), best=replace(BEST, iterations=5))
+    result = figure_3(paper=PAPER.but(iterations=5), best=BEST.but(iterations=5))
     check(result, 2 * len(PATTERNS))
     first = result.rows[0]
     assert first["error_as_printed"] == pytest.approx(first["error"] / COARSE.count)
@@ -85,7 +70,7 @@ def test_both_modes_are_compared_at_the_same_strength():
     for settings in plan.modes.values():
         original = original_of("bursts", plan, settings)
         scaled = at_strength(original, settings, plan)
-        assert target_strength(original, replace(scaled, precompensate=False), plan.rig) == pytest.approx(0.1, rel=0.25)
+        assert target_strength(original, scaled.but(precompensate=False), plan.rig) == pytest.approx(0.1, rel=0.25)
 
 
 @pytest.mark.slow

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.model import Drive, Medium, TransducerArray
+from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics import ExposureProfile, exposure, focus_phase, profiles_of, sound_level, transfer_matrix
 from midair.physics.exposure_level import Place, nonlinearity_index
 
@@ -43,9 +43,11 @@ def test_level_of_one_pascal_is_94_db():
 
 def test_one_transducer_by_hand():
     """4 Pa m at 2 m on the axis is 2 Pa peak: 20 lg(2 / sqrt(2) / 20e-6) = 96.99 dB; half the level is 6.02 dB less."""
-    found = exposure(steady(1.0), profile(ear()), medium=AIR)
+    found = exposure(steady(1.0), profile(ear()), acoustics=Acoustics(medium=AIR))
     assert found.peak[0] == pytest.approx(96.99, abs=0.005)
-    assert exposure(steady(0.5), profile(ear()), medium=AIR).peak[0] == pytest.approx(90.97, abs=0.005)
+    assert exposure(steady(0.5), profile(ear()), acoustics=Acoustics(medium=AIR)).peak[0] == pytest.approx(
+        90.97, abs=0.005
+    )
     assert found.excess == pytest.approx(-3.01, abs=0.005)
     assert "kept" in found.verdict()
 
@@ -53,7 +55,7 @@ def test_one_transducer_by_hand():
 def test_mean_energy_dose_and_day():
     """A quarter of the frames at 2 Pa peak, the rest silent: mean square 0.5 Pa2, 93.98 - 3.01 dB."""
     drive = Drive(phase=np.zeros((1000, 1)), level=np.repeat([1.0, 0.0], [250, 750]), rate=1000.0, array=ONE)
-    found = exposure(drive, profile(ear()), medium=AIR, repeats=10)
+    found = exposure(drive, profile(ear()), acoustics=Acoustics(medium=AIR), repeats=10)
     assert found.mean[0] == pytest.approx(90.969, abs=0.005)
     assert found.duration == 10
     assert found.dose[0] == pytest.approx(0.5 * 10, rel=1e-6)
@@ -76,7 +78,9 @@ def test_the_loudest_point_of_the_cube_and_the_loudest_frame_count():
 
 
 def test_places_that_only_advise_do_not_count():
-    found = exposure(steady(1.0), profile(ear(limit=110.0), ear(z=0.1, limit=50.0, enforced=False)), medium=AIR)
+    found = exposure(
+        steady(1.0), profile(ear(limit=110.0), ear(z=0.1, limit=50.0, enforced=False)), acoustics=Acoustics(medium=AIR)
+    )
     assert found.excess < 0
     assert found.worst[0].limit == 110
 

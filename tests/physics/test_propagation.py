@@ -4,7 +4,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from midair.errors import InputError, ShapeError
-from midair.model import ControlGrid, Drive, Medium, TransducerArray
+from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import (
     focus_amplitude,
     focus_phase,
@@ -30,7 +30,9 @@ def sources(*places, normal=(0.0, 0.0, 1.0)):
 
 def focus_rms(array, phase, medium=LOSSLESS):
     drive = Drive(phase=phase[None], level=np.ones(1), rate=1000.0, array=array)
-    return np.abs(propagate(drive, FOCUS[None], medium=medium, directivity="point")[0, 0]) / np.sqrt(2)
+    return np.abs(
+        propagate(drive, FOCUS[None], acoustics=Acoustics(medium=medium, directivity="point"))[0, 0]
+    ) / np.sqrt(2)
 
 
 def test_focus_of_four_units_with_exact_phases(array):
@@ -47,7 +49,7 @@ def test_one_transducer_on_its_axis():
     one = sources((0.0, 0.0, 0.0))
     medium = Medium(attenuation=0.15)
     distance = 0.25
-    field = transfer_matrix(np.array([[0, 0, distance]]), one, medium=medium)[0, 0]
+    field = transfer_matrix(np.array([[0, 0, distance]]), one, acoustics=Acoustics(medium=medium))[0, 0]
     k = 2 * np.pi * 40e3 / 340
     assert wavenumber(one, medium) == pytest.approx(739.198, abs=1e-3)
     assert field == pytest.approx(4.385900 / distance * np.exp((1j * k - 0.15) * distance), rel=1e-6)
@@ -56,8 +58,8 @@ def test_one_transducer_on_its_axis():
 @given(st.tuples(*[st.floats(-0.2, 0.2)] * 2, st.floats(0.05, 0.4)), st.tuples(*[st.floats(-0.2, 0.2)] * 3))
 def test_a_point_source_and_a_point_change_places(point, source):
     assume(np.linalg.norm(np.subtract(point, source)) > 1e-3)
-    there = transfer_matrix(np.array([point]), sources(source), directivity="point")
-    back = transfer_matrix(np.array([source]), sources(point), directivity="point")
+    there = transfer_matrix(np.array([point]), sources(source), acoustics=Acoustics(directivity="point"))
+    back = transfer_matrix(np.array([source]), sources(point), acoustics=Acoustics(directivity="point"))
     assert there == pytest.approx(back, rel=1e-12)
 
 
@@ -72,7 +74,9 @@ def test_the_array_mirrors_left_and_right():
 def test_a_tilted_transducer_radiates_along_its_normal():
     normal = np.array([0.6, 0.0, 0.8])
     tilted = sources((0.0, 0.0, 0.0), normal=normal)
-    ahead, aside = transfer_matrix(np.array([0.2 * normal, [0.0, 0.0, 0.2]]), tilted, medium=LOSSLESS)[:, 0]
+    ahead, aside = transfer_matrix(
+        np.array([0.2 * normal, [0.0, 0.0, 0.2]]), tilted, acoustics=Acoustics(medium=LOSSLESS)
+    )[:, 0]
     assert abs(ahead) == pytest.approx(tilted.pressure / 0.2)
     assert abs(aside) < 0.85 * abs(ahead)
 
@@ -91,7 +95,9 @@ def test_the_field_is_linear_in_the_drive(array):
 
 def test_attenuation_takes_nepers_per_metre(array):
     far = np.array([[0.0, 0.0, 0.3]])
-    quiet, loud = (transfer_matrix(far, array, medium=Medium(attenuation=beta)) for beta in (0.3, 0.0))
+    quiet, loud = (
+        transfer_matrix(far, array, acoustics=Acoustics(medium=Medium(attenuation=beta))) for beta in (0.3, 0.0)
+    )
     distance = np.linalg.norm(far - array.position, axis=1)
     assert np.abs(quiet / loud)[0] == pytest.approx(np.exp(-0.3 * distance), rel=1e-12)
 
@@ -128,3 +134,10 @@ def test_a_point_on_a_transducer_is_refused(array):
 def test_points_need_three_coordinates(array):
     with pytest.raises(ShapeError, match=r"\(point, 3\).*\(5, 2\)"):
         transfer_matrix(np.zeros((5, 2)), array)
+
+
+def test_a_drive_is_heard_in_the_air_that_it_was_solved_for(array):
+    warm = Acoustics(medium=Medium.at(temperature=25.0), directivity="point")
+    drive = Drive(phase=np.zeros((1, array.count)), level=np.ones(1), rate=1000.0, array=array, acoustics=warm)
+    np.testing.assert_array_equal(propagate(drive, FOCUS[None]), propagate(drive, FOCUS[None], acoustics=warm))
+    assert np.abs(propagate(drive, FOCUS[None]) / propagate(drive, FOCUS[None], acoustics=Acoustics()) - 1).max() > 0.1

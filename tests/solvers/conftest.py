@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from midair.model import AmplitudeFrames, ControlGrid, Medium, SensorGrid, TransducerArray
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, SensorGrid, TransducerArray
 from midair.physics import focus_amplitude, transfer_matrix
 from midair.solvers import one_blas_thread
 from midair.targets import interpolation_matrix
@@ -27,7 +27,7 @@ def lossless():
 
 @pytest.fixture(scope="session")
 def transfer(array, lossless):
-    matrix = transfer_matrix(ControlGrid(), array, medium=lossless, directivity="point")
+    matrix = transfer_matrix(ControlGrid(), array, acoustics=Acoustics(medium=lossless, directivity="point"))
     return matrix / np.abs(matrix).sum(axis=1).max()
 
 
@@ -47,7 +47,7 @@ def patterns_to_points(channels_to_points):
 @pytest.fixture(scope="session")
 def in_pascal(array, lossless):
     """(frame, point) of strengths -> AmplitudeFrames of the paper's grid."""
-    focus = focus_amplitude(ControlGrid(), array, medium=lossless, directivity="point")
+    focus = focus_amplitude(ControlGrid(), array, acoustics=Acoustics(medium=lossless, directivity="point"))
     return lambda strength: AmplitudeFrames(amplitude=focus * strength, rate=1000.0)
 
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from midair.model import Acoustics
 from midair.physics import focus_phase
 from midair.solvers import Problem, relative_error, solver
 from midair.solvers.reference import GSPAT, GerchbergSaxton, Greedy, Naive, WeightedGerchbergSaxton, best_level
@@ -25,7 +26,7 @@ def test_a_focus_of_the_array_is_the_focus_of_physics(array, lossless, transfer)
     from midair.model import ControlGrid
 
     theta = Naive().solve(Problem(G=transfer[:1], amplitude=np.array([[0.1]]))).phase[0]
-    expected = focus_phase(array, ControlGrid().position[0], medium=lossless)
+    expected = focus_phase(array, ControlGrid().position[0], acoustics=Acoustics(medium=lossless))
     np.testing.assert_allclose(np.exp(1j * (theta - expected)), np.exp(1j * (theta - expected))[0], atol=1e-9)
 
 

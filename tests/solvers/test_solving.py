@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, TransducerArray
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, TransducerArray
 from midair.physics import focus_amplitude, propagate, radiation_pressure
 from midair.physics.sensing import SensorModel, cell_weights
 from midair.solvers import Cells, Guard, solve
@@ -69,7 +69,7 @@ def test_iterations_for_first_and_warm_frames(iterations, made):
 
 
 def test_phases_are_within_a_turn_and_the_life_is_written_down():
-    solution = solve(target(wave(), simulated=True), UNIT, iterations=5, directivity="point")
+    solution = solve(target(wave(), simulated=True), UNIT, iterations=5, acoustics=Acoustics(directivity="point"))
     assert solution.drive.phase.min() >= 0
     assert solution.drive.phase.max() < 2 * np.pi
     assert solution.drive.provenance.simulated

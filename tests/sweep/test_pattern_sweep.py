@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.model import AmplitudeFrames, Medium, TransducerArray
+from midair.model import Acoustics, AmplitudeFrames, Medium, TransducerArray
 from midair.physics import focus_amplitude
 from midair.solvers import solve
 from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
@@ -17,8 +17,8 @@ def test_the_default_is_the_paper_s_experiment():
     sweep = PatternSweep()
     assert len(sweep.patterns()) == 65535
     assert sweep.conditions()[0] == Condition(strength=0.1, height=0.2, count=65535)
-    assert sweep.directivity == "point"
-    assert sweep.medium.attenuation == 0
+    assert sweep.acoustics.directivity == "point"
+    assert sweep.acoustics.medium.attenuation == 0
 
 
 def test_each_pair_of_strength_and_height_comes_once():
@@ -63,13 +63,15 @@ def test_agrees_with_the_stage_of_the_pipeline():
     patterns, condition = SMALL.patterns()[:3], Condition(strength=0.1, height=0.2, count=3)
     array, grid, air = TransducerArray.autd3(), SMALL.grid(0.2), Medium(attenuation=0)
     loud = (patterns[:, None] >> np.arange(16)) & 1
-    focus = focus_amplitude(grid, array, medium=air, directivity="point")
+    focus = focus_amplitude(grid, array, acoustics=Acoustics(medium=air, directivity="point"))
     target = AmplitudeFrames(
         amplitude=0.1 * focus * loud @ interpolation_matrix(SMALL.sensor, grid).T, rate=1.0, grid=grid
     )
     sweep = PatternSweep(method="gs-pat")
     for bits, name in ((None, "error"), (8, "rounded_error")):
-        solution = solve(target, array, method="gs-pat", medium=air, directivity="point", bits=bits)
+        solution = solve(
+            target, array, method="gs-pat", acoustics=Acoustics(medium=air, directivity="point"), bits=bits
+        )
         np.testing.assert_allclose(getattr(solve_patterns(sweep, condition, patterns), name), solution.error, rtol=1e-9)
 
 

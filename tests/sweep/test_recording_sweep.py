@@ -9,17 +9,18 @@ import pytest
 from midair.datasets import am_stimulus
 from midair.errors import InputError, MismatchError
 from midair.evaluate import relative_error
-from midair.flow import Settings, reproduce
+from midair.flow import reproduce
 from midair.model import ControlGrid, TransducerArray
 from midair.physics import propagate, quantise_phase
+from midair.settings import Settings
 from midair.sweep.recording_report import trial_report, write_trial_report
 from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
 from midair.sweep.run import do, run_sweep
 from midair.sweep.store import load_sweep, open_sweep
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
-NAIVE = Settings(method="naive", grid=COARSE)
-WARM = Settings(method="lm", grid=COARSE, iterations=(4, 2))
+NAIVE = Settings().but(method="naive", grid=COARSE)
+WARM = Settings().but(method="lm", grid=COARSE, iterations=(4, 2))
 
 
 def trial(name, settings=NAIVE, frames=10, variant=""):
@@ -49,7 +50,7 @@ def test_finds_what_the_pipeline_finds(tmp_path):
         frames = one.pressure.frames
         np.testing.assert_allclose(results.error[number, :frames], made.solution.error, rtol=1e-9)
         assert np.isnan(results.error[number, frames:]).all()
-        assert results.strength[number, 0] == pytest.approx(made.strength(one.settings))
+        assert results.strength[number, 0] == pytest.approx(made.strength())
         drive = replace(made.solution.drive, phase=quantise_phase(made.solution.drive.phase, bits=8))
         rounded = relative_error(propagate(drive, COARSE), made.target.amplitude)
         np.testing.assert_allclose(results.rounded_error[number, :frames], rounded, rtol=1e-9)
@@ -97,7 +98,7 @@ def test_settings_survive_json():
 
 @pytest.mark.parametrize(
     "trials",
-    [(), (trial("a"), trial("a")), (trial("a", settings=Settings(method="magic")),)],
+    [(), (trial("a"), trial("a")), (trial("a", settings=Settings().but(method="magic")),)],
     ids=["none", "twice", "unknown method"],
 )
 def test_what_cannot_be_swept_is_refused(trials):

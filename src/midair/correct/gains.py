@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model import Drive, Medium, Provenance, TransducerArray
-from midair.physics import Directivity, focus_phase, radiation_pressure, transfer_matrix
+from midair.model import Acoustics, Drive, Provenance, TransducerArray
+from midair.physics import focus_phase, radiation_pressure, transfer_matrix
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def beam_drive(
     frequency: float = 100.0,
     cycles: int = 20,
     rate: float = 1000.0,
-    medium: Medium | None = None,
+    acoustics: Acoustics | None = None,
 ) -> Drive:
     """A focus that beats at each level in turn, with which the beam gain is measured.
 
@@ -67,8 +67,8 @@ def beam_drive(
         Of each level.
     rate : float
         Frames per second, in Hz.
-    medium : Medium, optional
-        The speed of sound that the focus is made for.
+    acoustics : Acoustics, optional
+        That the focus is made for.
 
     Returns
     -------
@@ -82,8 +82,15 @@ def beam_drive(
         )
     beat = np.sqrt((1 - np.cos(2 * np.pi * np.arange(cycles * round(period)) / period)) / 2)
     level = (np.asarray(levels, float)[:, None] * beat).ravel()
-    phase = np.broadcast_to(focus_phase(array, point, medium=medium), (len(level), array.count))
-    return Drive(phase=phase, level=level, rate=rate, array=array, provenance=Provenance(source="beam test"))
+    phase = np.broadcast_to(focus_phase(array, point, acoustics=acoustics), (len(level), array.count))
+    return Drive(
+        phase=phase,
+        level=level,
+        rate=rate,
+        array=array,
+        acoustics=acoustics or Acoustics(),
+        provenance=Provenance(source="beam test"),
+    )
 
 
 def commanded_pressure(
@@ -91,12 +98,11 @@ def commanded_pressure(
     point: Array,
     levels: Array,
     *,
-    medium: Medium | None = None,
-    directivity: Directivity = "t4010a1",
+    acoustics: Acoustics | None = None,
 ) -> Array:
     """Radiation pressure that the model says a focus has at its point at each level, shape (level,), in Pa."""
-    matrix = transfer_matrix(np.reshape(point, (1, 3)), array, medium=medium, directivity=directivity)
-    return radiation_pressure(np.abs(matrix).sum() * np.asarray(levels, float), medium or Medium())
+    matrix = transfer_matrix(np.reshape(point, (1, 3)), array, acoustics=acoustics)
+    return radiation_pressure(np.abs(matrix).sum() * np.asarray(levels, float), (acoustics or Acoustics()).medium)
 
 
 def beat_amplitude(signal: Array, rate: float, *, frequency: float, parts: int) -> Array:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.model import ControlGrid, Drive, Medium
-from midair.physics import Directivity, propagate, radiation_pressure
+from midair.model import Acoustics, ControlGrid, Drive
+from midair.physics import propagate, radiation_pressure
 
 Array = NDArray[np.float64]
 
@@ -67,8 +67,7 @@ def leak(
     amplitude: Array,
     grid: ControlGrid,
     *,
-    medium: Medium | None = None,
-    directivity: Directivity = "t4010a1",
+    acoustics: Acoustics | None = None,
     frames: int = 64,
     reach: float = 0.02,
 ) -> Leak:
@@ -82,21 +81,21 @@ def leak(
         What was wanted, peak, in Pa.
     grid : ControlGrid
         Where it was wanted.
-    medium, directivity
-        As in `transfer_matrix`.
+    acoustics : Acoustics, optional
+        As in `propagate`.
     frames : int
         How many frames are looked at, evenly spread, and the strongest one.
     reach : float
         How far outside is looked, in m.
     """
-    medium = medium or Medium()
-    wanted = radiation_pressure(amplitude, medium)
+    acoustics = acoustics or drive.acoustics
+    wanted = radiation_pressure(amplitude, acoustics.medium)
     chosen = np.unique(np.linspace(0, drive.frames - 1, min(frames, drive.frames)).astype(int))
     chosen = np.union1d(chosen, [int(np.argmax(wanted.max(axis=1)))])
     around, outside = surroundings(grid, reach=reach)
     part = Drive(phase=drive.phase[chosen], level=drive.level[chosen], rate=drive.rate, array=drive.array)
-    field = propagate(part, around, medium=medium, directivity=directivity)
-    pressure = np.where(outside, radiation_pressure(field, medium), 0.0)
+    field = propagate(part, around, acoustics=acoustics)
+    pressure = np.where(outside, radiation_pressure(field, acoustics.medium), 0.0)
     top = float(wanted.max())
     hottest = pressure.max(axis=1)
     where = int(np.argmax(pressure[int(np.argmax(hottest))]))

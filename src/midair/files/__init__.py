@@ -20,7 +20,7 @@ from midair.files.native import (
     save_solution,
     to_json,
 )
-from midair.files.toml import load_sensor, save_sensor
+from midair.files.toml import from_plain, load_sensor, save_sensor, to_plain
 
 __all__ = [
     "CALIBRATION_SUFFIX",
@@ -33,6 +33,7 @@ __all__ = [
     "RecordingWriter",
     "contents",
     "format_of",
+    "from_plain",
     "load",
     "load_calibration",
     "load_pressure",
@@ -48,6 +49,7 @@ __all__ = [
     "save_sensor",
     "save_solution",
     "to_json",
+    "to_plain",
     "whole_file",
     "writable_path",
 ]

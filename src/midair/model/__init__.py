@@ -1,5 +1,6 @@
 """The nouns: frozen dataclasses on NumPy arrays that the stages hand to each other."""
 
+from midair.model.acoustics import Acoustics, Directivity
 from midair.model.calibration import Calibration
 from midair.model.drive import Drive, Solution, Status
 from midair.model.frames import AmplitudeFrames, PressureFrames
@@ -12,10 +13,12 @@ from midair.model.recording import Recording, Unit
 from midair.model.wiring import SensorWiring
 
 __all__ = [
+    "Acoustics",
     "AmplitudeFrames",
     "Calibration",
     "ControlGrid",
     "Crosstalk",
+    "Directivity",
     "Drive",
     "Linearity",
     "Measurement",

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
+from midair.model.acoustics import Acoustics
 from midair.model.geometry import TransducerArray
 from midair.model.provenance import Provenance
 from midair.validation import frozen_array, positive
@@ -32,6 +33,8 @@ class Drive:
         Frames per second, in Hz.
     array : TransducerArray
         The array that the phases are for, and for no other.
+    acoustics : Acoustics
+        The air and the directivity that the phases are for.
     provenance : Provenance
         Where it came from and what was done to it.
     """
@@ -40,6 +43,7 @@ class Drive:
     level: Array
     rate: float
     array: TransducerArray
+    acoustics: Acoustics = field(default_factory=Acoustics)
     provenance: Provenance = field(default_factory=Provenance)
 
     def __post_init__(self) -> None:

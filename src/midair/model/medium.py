@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from midair.errors import InputError
+from midair.model.air import STANDARD_PRESSURE, attenuation, check_air, density, speed_of_sound
 from midair.validation import positive
 
 
@@ -15,17 +16,23 @@ class Medium:
     density : float
         rho, in kg/m3.
     speed : float
-        Speed of sound c, in m/s.
+        Speed of sound c, in m/s; the paper's 340 m/s is that of air at 14 degrees Celsius.
     attenuation : float
         Amplitude attenuation beta, in Np/m (ISO 9613-1: .15 at 40 kHz, 20-25 °C, 40-60 % humidity).
     alpha : float
         1 + R, with R the power reflection coefficient of the surface: 1 to 2.
+    temperature : float or None
+        In degrees Celsius, where the medium was made by `at`; None where its constants were stated.
+    humidity : float or None
+        Relative, 0 to 1; likewise.
     """
 
     density: float = 1.25
     speed: float = 340.0
     attenuation: float = 0.15
     alpha: float = 2.0
+    temperature: float | None = None
+    humidity: float | None = None
 
     def __post_init__(self) -> None:
         positive(self.density, "density", "kg/m3")
@@ -34,3 +41,43 @@ class Medium:
             raise InputError(f"attenuation: expected 0 Np/m or more, got {self.attenuation:g}")
         if not 1 <= self.alpha <= 2:
             raise InputError(f"alpha: expected 1 to 2 (1 + power reflection coefficient), got {self.alpha:g}")
+
+    @classmethod
+    def at(
+        cls,
+        *,
+        temperature: float = 22.0,
+        humidity: float = 0.5,
+        pressure: float = STANDARD_PRESSURE,
+        frequency: float = 40e3,
+        alpha: float = 2.0,
+    ) -> "Medium":
+        """Air of a laboratory: speed of sound by Cramer (1993), attenuation by ISO 9613-1, density of moist air.
+
+        Parameters
+        ----------
+        temperature : float
+            In degrees Celsius, 0 to 50.
+        humidity : float
+            Relative, 0 to 1.
+        pressure : float
+            Of the air, in Pa.
+        frequency : float
+            At which sound weakens, in Hz.
+        alpha : float
+            1 + R of the surface.
+
+        Raises
+        ------
+        InputError
+            If the air is outside of what the formulas hold for.
+        """
+        check_air(temperature, humidity, pressure)
+        return cls(
+            density=density(temperature, humidity, pressure),
+            speed=speed_of_sound(temperature, humidity, pressure),
+            attenuation=attenuation(frequency, temperature, humidity, pressure),
+            alpha=alpha,
+            temperature=float(temperature),
+            humidity=float(humidity),
+        )

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from midair.datasets import channel_amplitudes
 from midair.evaluate import Leak, leak, printed_error, relative_error
 from midair.figures import FieldRow, fields_figure, png
-from midair.flow import Settings
-from midair.model import AmplitudeFrames, Drive, Medium, Provenance, SensorGrid, TransducerArray
-from midair.modes import best_mode, paper_mode
+from midair.flow import solved
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, Provenance, SensorGrid, TransducerArray
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude, propagate
-from midair.solvers import solve
+from midair.settings import Settings, best_mode, paper_mode
 from midair.targets import interpolation_matrix
 
 Array = NDArray[np.float64]
@@ -43,28 +42,30 @@ def figure_3(*, strength: float = 0.15, paper: Settings | None = None, best: Set
     paper, best : Settings, optional
         The two modes; their grid, solver and terms count here.
     """
-    array, sensor, medium = TransducerArray.autd3(), SensorGrid(), Medium(attenuation=0.0)
+    array, sensor = TransducerArray.autd3(), SensorGrid()
+    acoustics = Acoustics(medium=Medium(attenuation=0.0), directivity="point")
     modes = {
-        "paper": replace(paper or replace(paper_mode(), method="lm", iterations=(50, 50)), start="zero"),
-        "best": replace(best or best_mode(), smooth=0.0),
+        "paper": (paper or paper_mode().but(method="lm", iterations=(50, 50))).but(start="zero", acoustics=acoustics),
+        "best": (best or best_mode()).but(smooth=0.0, acoustics=acoustics),
     }
     rows: list[Row] = []
     shown: list[FieldRow] = []
     for mode, settings in modes.items():
-        focus = focus_amplitude(settings.grid, array, medium=medium, directivity="point")
+        grid = settings.target.grid
+        focus = focus_amplitude(grid, array, acoustics=acoustics)
         cells = channel_amplitudes(np.array(list(PATTERNS.values())), sensor)
-        amplitude = strength * focus * cells @ interpolation_matrix(sensor, settings.grid).T
+        amplitude = strength * focus * cells @ interpolation_matrix(sensor, grid).T
         target = AmplitudeFrames(
-            amplitude=amplitude, rate=1.0, grid=settings.grid, provenance=Provenance(source="patterns", simulated=True)
+            amplitude=amplitude, rate=1.0, grid=grid, provenance=Provenance(source="patterns", simulated=True)
         )
-        drive = _solved(target, array, settings, medium)
-        field = propagate(drive, settings.grid, medium=medium, directivity="point")
+        drive = solved(target, array, settings).drive
+        field = propagate(drive, grid)
         error, printed = relative_error(field, amplitude), printed_error(field, amplitude)
         if not shown:
-            shown.append(FieldRow(name="target", fields=amplitude / focus, grid=settings.grid, notes=tuple(PATTERNS)))
+            shown.append(FieldRow(name="target", fields=amplitude / focus, grid=grid, notes=tuple(PATTERNS)))
         notes: list[str] = []
         for number, name in enumerate(PATTERNS):
-            outside = _leak(drive, amplitude, number, settings, medium)
+            outside = _leak(drive, amplitude, number, grid)
             notes.append(f"E {100 * error[number]:.1f} %, leak {100 * outside.peak:.0f} %")
             rows.append(
                 {
@@ -76,9 +77,7 @@ def figure_3(*, strength: float = 0.15, paper: Settings | None = None, best: Set
                     "leak": outside.peak,
                 }
             )
-        shown.append(
-            FieldRow(name=f"{mode} mode", fields=np.abs(field) / focus, grid=settings.grid, notes=tuple(notes))
-        )
+        shown.append(FieldRow(name=f"{mode} mode", fields=np.abs(field) / focus, grid=grid, notes=tuple(notes)))
     return PaperResult(
         name="figure3",
         title="Binary patterns and their fields, as in the paper's Fig. 3",
@@ -88,24 +87,7 @@ def figure_3(*, strength: float = 0.15, paper: Settings | None = None, best: Set
     )
 
 
-def _solved(target: AmplitudeFrames, array: TransducerArray, settings: Settings, medium: Medium) -> Drive:
-    return solve(
-        target,
-        array,
-        method=settings.method,
-        medium=medium,
-        directivity="point",
-        iterations=settings.iterations,
-        start=settings.start,
-        level=settings.level,
-        amplitudes=settings.amplitudes,
-        guard=settings.guard,
-        fit=settings.fit,
-        backend=settings.backend,
-    ).drive
-
-
-def _leak(drive: Drive, amplitude: Array, number: int, settings: Settings, medium: Medium) -> Leak:
+def _leak(drive: Drive, amplitude: Array, number: int, grid: ControlGrid) -> Leak:
     part = slice(number, number + 1)
     one = replace(drive, phase=drive.phase[part], level=drive.level[part])
-    return leak(one, amplitude[part], settings.grid, medium=medium, directivity="point")
+    return leak(one, amplitude[part], grid)

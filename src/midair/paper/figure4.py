@@ -1,16 +1,16 @@
 """The paper's experiment 5.2 again: modulated foci, recorded, reproduced and recorded again, as in its Fig. 4."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from midair.evaluate import perceptual_card
 from midair.figures import png, stimuli_figure
-from midair.flow import Settings, felt
+from midair.flow import felt
 from midair.model import PressureFrames
-from midair.modes import best_mode, paper_mode
 from midair.paper.result import PaperResult, Row
 from midair.rig import Loop, Stage, VirtualRig, lead_of, quiet, record, run_loop
+from midair.settings import Settings, best_mode, paper_mode
 
 STIMULI: Mapping[str, str] = MappingProxyType(
     {"i: 100 Hz": "am-i", "ii: two points": "am-ii", "iii: 25 + 250 Hz": "am-iii"}
@@ -106,7 +106,7 @@ def _row(thing: str, mode: str, loop: Loop) -> Row:
         "stimulus": thing,
         "mode": mode,
         "passes": len(loop.passes),
-        "strength": last.reproduction.strength(replace(loop.settings, gain=last.gain)),
+        "strength": last.reproduction.strength(),
         "solver_error": float(last.reproduction.solution.error.mean()),
         "correlation": comparison.correlation,
         "gain": comparison.gain,

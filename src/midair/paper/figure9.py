@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from midair.datasets import Object
 from midair.dsp import band_energy
 from midair.figures import objects_figure, png
-from midair.flow import Settings, felt
+from midair.flow import felt
 from midair.model import PressureFrames
-from midair.modes import best_mode, paper_mode
 from midair.paper.result import PaperResult, Row
 from midair.rig import VirtualRig, record
+from midair.settings import Settings, best_mode, paper_mode
 from midair.targets import MAPPINGS
 
 CHANNELS = (2, 6, 10, 14)
@@ -41,13 +41,13 @@ def figure_9(*, takes: int = 5, paper: Settings | None = None, best: Settings | 
     for surface, name in product(("plain", "groove"), get_args(Object)):
         strokes = [_stroke(name, surface, modes["paper"], seed) for seed in range(takes)]
         for mode, settings in modes.items():
-            pushed = [_pushed(stroke, settings.mapping) for stroke in strokes]
-            shown.setdefault(f"{surface}, {settings.mapping}", {})[name] = pushed[0]
+            pushed = [_pushed(stroke, settings.target.mapping) for stroke in strokes]
+            shown.setdefault(f"{surface}, {settings.target.mapping}", {})[name] = pushed[0]
             levels = {
                 f"level_{band}_db": float(10 * np.log10(np.mean([_power(each, BANDS[band]) for each in pushed])))
                 for band in BANDS
             }
-            rows.append({"object": name, "surface": surface, "mode": mode, "mapping": settings.mapping} | levels)
+            rows.append({"object": name, "surface": surface, "mode": mode, "mapping": settings.target.mapping} | levels)
     return PaperResult(
         name="figure9",
         title="Spectra of the synthetic objects, as in the paper's Fig. 9",

@@ -1,18 +1,18 @@
 """Both modes side by side on test signals and objects: what a palm gets of what the sensor felt."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from midair.datasets import probe_signal
 from midair.errors import InputError
 from midair.evaluate import Budget
 from midair.figures import budget_figure, passes_figure, png
-from midair.flow import Settings, felt, wanted
+from midair.flow import felt, wanted
 from midair.model import PressureFrames
-from midair.modes import best_mode, coarser, paper_mode
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude
 from midair.rig import BudgetPlan, Loop, Stage, VirtualRig, error_budget, lead_of, led_in, quiet, record, run_loop
+from midair.settings import Settings, best_mode, coarser, paper_mode
 
 SIGNALS = ("25+250 Hz", "noise", "bursts")
 OBJECTS = ("brush", "sponge", "towel")
@@ -121,19 +121,19 @@ def at_strength(original: PressureFrames, settings: Settings, plan: FidelityPlan
     """The settings with the gain at which the target has the plan's strength."""
     asked = led_in(original, lead_of(settings))
     strength = target_strength(asked, settings, plan.rig)
-    return replace(settings, gain=settings.gain * (plan.strength / strength) ** 2)
+    return settings.but(gain=settings.target.gain * (plan.strength / strength) ** 2)
 
 
 def target_strength(asked: PressureFrames, settings: Settings, rig: VirtualRig) -> float:
     """Strength of the target that is made of a pressure."""
     target = wanted(asked, settings)
-    focus = focus_amplitude(settings.grid, rig.array, medium=settings.medium, directivity=settings.directivity)
+    focus = focus_amplitude(settings.target.grid, rig.array, acoustics=settings.acoustics)
     return float(target.amplitude.max() / focus)
 
 
 def iterated_loop(plan: FidelityPlan, settings: Settings, stage: Stage = quiet) -> Loop:
     """A loop on the noise with iterative correction, on fewer points and without a guard."""
-    settings = coarser(replace(settings, guard=None, smooth=0.0), plan.points)
+    settings = coarser(settings.but(guard=None, smooth=0.0), plan.points)
     original = original_of("noise", plan, settings)
     skin = plan.rig.skin()
     with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:

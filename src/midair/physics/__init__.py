@@ -1,7 +1,7 @@
 """The laws: radiation pressure, directivity, propagation, transducer dynamics, sensing, exposure. Pure functions."""
 
 from midair.physics.chain import Moment, PlaybackChain, radiate
-from midair.physics.directivity import Directivity, off_axis
+from midair.physics.directivity import off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
 from midair.physics.exposure_level import Exposure, ExposureProfile, exposure, profiles_of, sound_level
 from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_a_frame
@@ -18,7 +18,6 @@ from midair.physics.sensing import SensorModel, calibration_of, cell_weights, ch
 from midair.physics.transducers import Transducers
 
 __all__ = [
-    "Directivity",
     "Exposure",
     "ExposureProfile",
     "Moment",

@@ -1,14 +1,14 @@
 """How much a transducer radiates off its axis: D(theta) of the paper's eq. (3)."""
 
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
+from midair.model import Directivity
 
 Array = NDArray[np.float64]
-Directivity = Literal["point", "piston", "t4010a1"]
 
 
 def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: float = 4.5e-3) -> Array:

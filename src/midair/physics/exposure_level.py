@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import Drive, Medium
-from midair.physics.directivity import Directivity
+from midair.model import Acoustics, Drive, Medium
 from midair.physics.propagation import transfer_matrix
 from midair.validation import frozen_array
 
@@ -176,8 +175,7 @@ def exposure(
     profile: ExposureProfile,
     *,
     repeats: int = 1,
-    medium: Medium | None = None,
-    directivity: Directivity = "t4010a1",
+    acoustics: Acoustics | None = None,
 ) -> Exposure:
     """What a drive exposes people to at the places of a profile.
 
@@ -189,17 +187,17 @@ def exposure(
         Places and limits.
     repeats : int
         How often it is played.
-    medium, directivity
-        As in `transfer_matrix`.
+    acoustics : Acoustics, optional
+        As in `propagate`.
 
     Returns
     -------
     Exposure
         Of every frame at every place.
     """
-    medium = medium or Medium()
+    acoustics = acoustics or drive.acoustics
     points = np.concatenate([place.points for place in profile.places])
-    matrix = transfer_matrix(points, drive.array, medium=medium, directivity=directivity).T
+    matrix = transfer_matrix(points, drive.array, acoustics=acoustics).T
     level = np.empty((drive.frames, len(profile.places)))
     for first in range(0, drive.frames, 256):
         part = slice(first, first + 256)
@@ -210,7 +208,7 @@ def exposure(
         level=level,
         rate=drive.rate,
         repeats=repeats,
-        nonlinearity=_nonlinearity(drive, profile, medium, directivity, level),
+        nonlinearity=_nonlinearity(drive, profile, acoustics, level),
     )
 
 
@@ -297,17 +295,15 @@ def _only(entry: Mapping[str, Any], known: set[str]) -> None:
         raise InputError(f"expected {', '.join(sorted(known))}, got {', '.join(sorted(unknown))}")
 
 
-def _nonlinearity(
-    drive: Drive, profile: ExposureProfile, medium: Medium, directivity: Directivity, level: Array
-) -> float:
+def _nonlinearity(drive: Drive, profile: ExposureProfile, acoustics: Acoustics, level: Array) -> float:
     """Of the frame that is strongest at the lowest place, which is the palm, along the line that leads there."""
     number = int(np.argmin([np.linalg.norm(place.position) for place in profile.places]))
     strongest = int(level[:, number].argmax())
     end = np.array(profile.places[number].position)
     share = np.linspace(0.02, 1, 200)
-    matrix = transfer_matrix(share[:, None] * end, drive.array, medium=medium, directivity=directivity)
+    matrix = transfer_matrix(share[:, None] * end, drive.array, acoustics=acoustics)
     pressure = np.abs(matrix @ _drive(drive, slice(strongest, strongest + 1))[0])
-    return nonlinearity_index(pressure, share * float(np.linalg.norm(end)), medium, drive.array.frequency)
+    return nonlinearity_index(pressure, share * float(np.linalg.norm(end)), acoustics.medium, drive.array.frequency)
 
 
 def _drive(drive: Drive, frames: slice) -> NDArray[np.complex128]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from midair.dsp import resample
 from midair.errors import RateError, ShapeError
-from midair.model import Drive, Medium
+from midair.model import Acoustics, Drive, Medium
 from midair.physics.chain import PlaybackChain, Precision, Waves, radiate
 from midair.physics.dynamics import TransducerDynamics
 from midair.physics.radiation import radiation_pressure
@@ -24,7 +24,7 @@ def simulate(
     *,
     chain: PlaybackChain | None = None,
     rate: float,
-    medium: Medium | None = None,
+    acoustics: Acoustics | None = None,
     weights: Array | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Array:
@@ -40,8 +40,8 @@ def simulate(
         What is simulated; 8-bit phases that step, and transducers that follow at once, if None.
     rate : float
         Moments per second, in Hz: a whole multiple of the drive's rate.
-    medium : Medium, optional
-        Of the radiation pressure.
+    acoustics : Acoustics, optional
+        Its medium tells the radiation pressure; the one that the drive was solved for if None.
     weights : ndarray, shape (cell, point), optional
         Cells that average over the points, from `cell_weights`.
     progress : callable, optional
@@ -59,10 +59,10 @@ def simulate(
     ShapeError
         If G, the weights or the chain's transducers are for another number of transducers or points.
     """
-    chain, medium = chain or PlaybackChain(), medium or Medium()
+    chain, acoustics = chain or PlaybackChain(), acoustics or drive.acoustics
     steps = steps_a_frame(drive.rate, rate)
     _check(drive, G, chain, weights)
-    spread = Spread.of(G, medium, weights, chain.precision)
+    spread = Spread.of(G, acoustics.medium, weights, chain.precision)
     if chain.hold == "ideal":
         return np.maximum(resample(_still(drive, chain, spread), drive.rate, rate), 0.0)
     out = np.empty((drive.frames * steps, spread.width))

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model import ControlGrid, Drive, Medium, TransducerArray
-from midair.physics.directivity import Directivity, off_axis
+from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
+from midair.physics.directivity import off_axis
 
 Complex = NDArray[np.complex128]
 Points = ControlGrid | NDArray[np.float64]
@@ -16,9 +16,7 @@ def wavenumber(array: TransducerArray, medium: Medium) -> float:
     return 2 * np.pi * array.frequency / medium.speed
 
 
-def transfer_matrix(
-    points: Points, array: TransducerArray, *, medium: Medium | None = None, directivity: Directivity = "t4010a1"
-) -> Complex:
+def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoustics | None = None) -> Complex:
     """Sound pressure at each point for each transducer at full drive and phase 0, paper eq. (3).
 
     G_mn = C D(theta_mn) exp(-beta r_mn) exp(j k r_mn) / r_mn, with C the pressure of one transducer at 1 m.
@@ -29,10 +27,8 @@ def transfer_matrix(
         Where, in m.
     array : TransducerArray
         What radiates.
-    medium : Medium, optional
-        Speed and attenuation; the defaults of `Medium` if None.
-    directivity : {"point", "piston", "t4010a1"}
-        D.
+    acoustics : Acoustics, optional
+        Speed and attenuation of the air, and D; the paper's if None.
 
     Returns
     -------
@@ -44,21 +40,19 @@ def transfer_matrix(
     InputError
         If a point lies on a transducer.
     """
-    medium = medium or Medium()
+    acoustics = acoustics or Acoustics()
     places = _places(points)
     away = places[:, None, :] - array.position[None, :, :]
     distance = np.sqrt(np.einsum("mnx,mnx->mn", away, away))
     if distance.min() <= 0:
         raise InputError("points: expected none on a transducer, got distance 0; move the grid away from the array")
-    k = wavenumber(array, medium)
+    k = wavenumber(array, acoustics.medium)
     cosine = np.clip(np.einsum("mnx,nx->mn", away, array.normal) / distance, -1, 1)
-    radiated = array.pressure * off_axis(np.arccos(cosine), directivity, wavenumber=k)
-    return radiated * np.exp((1j * k - medium.attenuation) * distance) / distance
+    radiated = array.pressure * off_axis(np.arccos(cosine), acoustics.directivity, wavenumber=k)
+    return radiated * np.exp((1j * k - acoustics.medium.attenuation) * distance) / distance
 
 
-def propagate(
-    drive: Drive, points: Points, *, medium: Medium | None = None, directivity: Directivity = "t4010a1"
-) -> Complex:
+def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = None) -> Complex:
     """The field of each frame of a drive, as if every frame lasted for ever: p = G q, paper eq. (1).
 
     Parameters
@@ -67,33 +61,31 @@ def propagate(
         What the array is told.
     points : ControlGrid or ndarray, shape (point, 3)
         Where, in m.
-    medium, directivity
-        As in `transfer_matrix`.
+    acoustics : Acoustics, optional
+        Through which the sound goes; the one that the drive was solved for if None.
 
     Returns
     -------
     ndarray of complex, shape (frame, point)
         Peak, in Pa.
     """
-    return drive.q @ transfer_matrix(points, drive.array, medium=medium, directivity=directivity).T
+    return drive.q @ transfer_matrix(points, drive.array, acoustics=acoustics or drive.acoustics).T
 
 
 def focus_phase(
-    array: TransducerArray, point: NDArray[np.float64], *, medium: Medium | None = None
+    array: TransducerArray, point: NDArray[np.float64], *, acoustics: Acoustics | None = None
 ) -> NDArray[np.float64]:
     """Phases with which all transducers meet in step at one point: theta_n = -k r_n, shape (transducer,), in rad."""
     distance = np.linalg.norm(np.asarray(point, float) - array.position, axis=1)
-    return np.mod(-wavenumber(array, medium or Medium()) * distance, 2 * np.pi)
+    return np.mod(-wavenumber(array, (acoustics or Acoustics()).medium) * distance, 2 * np.pi)
 
 
-def focus_amplitude(
-    points: Points, array: TransducerArray, *, medium: Medium | None = None, directivity: Directivity = "t4010a1"
-) -> float:
+def focus_amplitude(points: Points, array: TransducerArray, *, acoustics: Acoustics | None = None) -> float:
     """Peak sound pressure of the strongest single focus that the whole array at full drive can make, in Pa.
 
     The largest row sum of ``|G|`` over the points. `strength` is a target's peak over this.
     """
-    matrix = transfer_matrix(points, array, medium=medium, directivity=directivity)
+    matrix = transfer_matrix(points, array, acoustics=acoustics)
     return float(np.abs(matrix).sum(axis=1).max())
 
 

@@ -6,7 +6,7 @@ from midair.solvers.fast import Fast
 from midair.solvers.lens import spreading_phase
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Follower, Live
-from midair.solvers.methods import METHODS, TAKES, solver
+from midair.solvers.methods import METHODS, TAKES, Method, name_of, solver
 from midair.solvers.problem import Answer, Problem, Solver, Start, relative_error
 from midair.solvers.solving import Fit, solve
 from midair.solvers.terms import Cells, Guard
@@ -22,12 +22,14 @@ __all__ = [
     "Follower",
     "Guard",
     "LevenbergMarquardt",
+    "Method",
     "Live",
     "METHODS",
     "Problem",
     "Solver",
     "Start",
     "TAKES",
+    "name_of",
     "one_blas_thread",
     "relative_error",
     "solve",

@@ -47,7 +47,7 @@ TAKES: Mapping[str, frozenset[Term]] = MappingProxyType(
 """Terms that each method takes beside the paper's error; the published ones stay as published."""
 
 
-def check_terms(method: str, asked: Iterable[Term]) -> None:
+def check_terms(method: str | Method, asked: Iterable[Term]) -> None:
     """Refuse terms that the method would not look at.
 
     Raises
@@ -55,6 +55,7 @@ def check_terms(method: str, asked: Iterable[Term]) -> None:
     InputError
         If there are any.
     """
+    method = name_of(method)
     left = sorted(set(asked) - TAKES[method])
     if left:
         able = [name for name, taken in TAKES.items() if taken >= set(left)]
@@ -65,19 +66,36 @@ def check_terms(method: str, asked: Iterable[Term]) -> None:
         )
 
 
+def name_of(method: str | Method) -> str:
+    """The name in `METHODS` of a configured solver; a name as it is.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    if isinstance(method, str):
+        return method
+    for name, kind in METHODS.items():
+        if type(method) is kind:
+            return name
+    raise InputError(f"method: expected one of {', '.join(METHODS)} or a solver of midair.solvers, got {method!r}")
+
+
 def solver(
-    method: str,
+    method: str | Method,
     *,
     iterations: int | tuple[int, int] | None = None,
     start: Start | None = None,
     backend: str | None = None,
 ) -> Method:
-    """The method of this name with other iterations and another start, where it has them.
+    """The method of this name, or the configured one, with other iterations and another start where it has them.
 
     Parameters
     ----------
-    method : str
-        A name in `METHODS`.
+    method : str or a solver
+        A name in `METHODS`, or a solver of this package such as ``Fast(iterations=60)``, kept as it is but for what
+        is given here.
     iterations : int or tuple of int, optional
         At most: for every frame, or for frames that start at zero and for those that start at the previous one.
     start : {"previous", "zero"}, optional
@@ -92,21 +110,22 @@ def solver(
         If the method or the start is unknown, the iterations are below 1, two numbers of iterations are given to
         a method that has one, or a backend to one that has none.
     """
-    if method not in METHODS:
+    if isinstance(method, str) and method not in METHODS:
         raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+    name = name_of(method)
     if start not in (None, "previous", "zero"):
         raise InputError(f"start: expected previous or zero, got {start!r}")
-    settings = METHODS[method]()
+    settings = METHODS[method]() if isinstance(method, str) else method
     has = {field.name for field in fields(settings)}
     changes: dict[str, Any] = {}
     if start is not None and "start" in has:
         changes["start"] = start
     if backend is not None:
         if "backend" not in has:
-            raise InputError(f"backend: expected method fast, got {method}; the others are NumPy's or Numba's")
+            raise InputError(f"backend: expected method fast, got {name}; the others are NumPy's or Numba's")
         changes["backend"] = backend
     if iterations is not None:
-        changes |= _iterations(method, iterations, "warm_iterations" in has)
+        changes |= _iterations(name, iterations, "warm_iterations" in has)
     return replace(settings, **changes)
 
 

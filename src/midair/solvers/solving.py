@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import AmplitudeFrames, Drive, Medium, Progress, Setting, Solution, TransducerArray
-from midair.physics import Directivity, quantise_phase, radiation_pressure, transfer_matrix
+from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, Solution, TransducerArray
+from midair.physics import quantise_phase, radiation_pressure, transfer_matrix
 from midair.solvers.amplitudes import Amplitudes, doubled, halves
 from midair.solvers.lens import spreading_phase
-from midair.solvers.methods import Method, check_terms
+from midair.solvers.methods import Method, check_terms, name_of
 from midair.solvers.methods import solver as solver_of
 from midair.solvers.problem import Answer, Problem, Start, Term, relative_error
 from midair.solvers.terms import Cells, Guard, GuardField, automatic_level
@@ -26,14 +26,13 @@ def solve(
     target: AmplitudeFrames,
     array: TransducerArray,
     *,
-    method: str = "lm",
-    medium: Medium | None = None,
-    directivity: Directivity = "t4010a1",
+    method: str | Method = "lm",
+    acoustics: Acoustics | None = None,
     iterations: int | tuple[int, int] | None = None,
-    start: Start = "previous",
+    start: Start | None = None,
     level: float | Literal["auto"] = 1.0,
     amplitudes: Amplitudes = "equal",
-    guard: Guard | None = None,
+    guard: float | Guard | None = None,
     fit: Fit = "points",
     smooth: float = 0.0,
     bits: int | None = None,
@@ -48,26 +47,27 @@ def solve(
         Peak sound pressure wanted at each control point, in Pa.
     array : TransducerArray
         What is to make it.
-    method : str
-        A name in `methods.METHODS`. "lm": the paper's Levenberg-Marquardt. "exact": the same in the modes of G
-        above .5 % of the strongest, cheaper. "fast":
-        many frames at once, each on its own. "live": within a millisecond a frame. "naive", "gs", "wgs", "gs-pat",
-        "greedy": published methods to compare with.
-    medium, directivity
-        As in `physics.transfer_matrix`.
+    method : str or a solver
+        A name in `methods.METHODS`, or a configured solver of `midair.solvers` such as ``Exact(tolerance=1e-3)``.
+        "lm": the paper's Levenberg-Marquardt. "exact": the same in the modes of G above .5 % of the strongest,
+        cheaper. "fast": many frames at once, each on its own. "live": within a millisecond a frame. "naive", "gs",
+        "wgs", "gs-pat", "greedy": published methods to compare with.
+    acoustics : Acoustics, optional
+        The air and the directivity of a transducer; the paper's if None. The drive carries it.
     iterations : int or tuple of int, optional
         At most, for every frame; or for frames that start at zero and for those that start at the previous frame.
         The method's own (lm: 50 and 20) if None.
-    start : {"previous", "zero"}
-        Of every frame after the first; "zero" makes the frames independent. Only "lm" and "exact" have the choice.
+    start : {"previous", "zero"}, optional
+        Of every frame after the first; "zero" makes the frames independent. Only "lm" and "exact" have the choice;
+        the solver's own, "previous" unless configured, if None.
     level : float or "auto"
         Drive of every transducer, above 0 to 1. "auto": as much as the loudest target needs, see
         `terms.level.automatic_level`. Frames with nothing to play get 0.
     amplitudes : {"equal", "bounded"}
         All transducers at `level`, as in the paper; or each at its own, between 0 and `level`, and the drive's level
         is then (frame, transducer).
-    guard : Guard, optional
-        Keeps a ring around the control points quiet.
+    guard : float or Guard, optional
+        Keeps a ring around the control points quiet: its width in m, or the term with all its settings.
     fit : {"points", "cells"} or Cells
         What is to be met: the target at the control points, or what the cells of a sensor read of it. The error is
         that of what was to be met.
@@ -96,10 +96,11 @@ def solve(
     """
     solver = solver_of(method, iterations=iterations, start=start, backend=backend)
     _check(level, bits, amplitudes, fit, smooth)
-    medium = medium or Medium()
+    acoustics = acoustics or Acoustics()
+    ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
     asked: set[Term] = {"amplitudes"} if amplitudes == "bounded" else set()
-    scene = _Scene.of(target, array, medium, directivity)
-    problem = scene.problem(level, guard, Cells() if fit == "cells" else None if fit == "points" else fit, smooth)
+    scene = _Scene.of(target, array, acoustics)
+    problem = scene.problem(level, ring, Cells() if fit == "cells" else None if fit == "points" else fit, smooth)
     check_terms(method, asked | problem.terms)
     with one_blas_thread():
         if amplitudes == "bounded":
@@ -112,21 +113,23 @@ def solve(
     audible = np.array([status != "silent" for status in answer.status], float)
     played = problem.level * (audible if part is None else (audible * part.T).T)
     settings: dict[str, Setting] = {
-        "method": method,
+        "method": name_of(method),
         "level": problem.level,
         "amplitudes": amplitudes,
         "fit": "points" if problem.cells is None else "cells",
         "smooth": smooth,
         "bits": bits,
-        "directivity": directivity,
+        "directivity": acoustics.directivity,
+        "speed_m_s": acoustics.medium.speed,
     }
-    if guard is not None:
-        settings |= {f"guard_{name}": value for name, value in _settings(guard).items()}
+    if ring is not None:
+        settings |= {f"guard_{name}": value for name, value in _settings(ring).items()}
     drive = Drive(
         phase=phase,
         level=played,
         rate=target.rate,
         array=array,
+        acoustics=acoustics,
         provenance=target.provenance.then("solve", settings | {"array": array.name} | _settings(solver)),
     )
     return Solution(drive=drive, error=error, iterations=answer.iterations, status=answer.status)
@@ -138,27 +141,26 @@ class _Scene:
 
     target: AmplitudeFrames
     array: TransducerArray
-    medium: Medium
-    directivity: Directivity
+    acoustics: Acoustics
     G: NDArray[np.complex128]
     focus: float
 
     @classmethod
-    def of(cls, target: AmplitudeFrames, array: TransducerArray, medium: Medium, directivity: Directivity) -> "_Scene":
-        G = transfer_matrix(target.grid, array, medium=medium, directivity=directivity)
+    def of(cls, target: AmplitudeFrames, array: TransducerArray, acoustics: Acoustics) -> "_Scene":
+        G = transfer_matrix(target.grid, array, acoustics=acoustics)
         focus = float(np.abs(G).sum(axis=1).max())
-        return cls(target=target, array=array, medium=medium, directivity=directivity, G=G / focus, focus=focus)
+        return cls(target=target, array=array, acoustics=acoustics, G=G / focus, focus=focus)
 
     def problem(
         self, level: float | Literal["auto"], guard: Guard | None, cells: Cells | None, smooth: float
     ) -> Problem:
         amplitude, grid = self.target.amplitude / self.focus, self.target.grid
-        unit = float(radiation_pressure(np.array(self.focus), self.medium))
+        unit = float(radiation_pressure(np.array(self.focus), self.acoustics.medium))
         return Problem(
             G=self.G,
             amplitude=amplitude,
             level=automatic_level(amplitude) if level == "auto" else level,
-            psi=spreading_phase(grid, self.array, self.medium),
+            psi=spreading_phase(grid, self.array, self.acoustics.medium),
             guard=None if guard is None else self._guarded(guard),
             cells=None if cells is None else cells.target(amplitude, grid, unit),
             smooth=smooth,
@@ -166,7 +168,7 @@ class _Scene:
 
     def _guarded(self, guard: Guard) -> GuardField:
         ring = guard.ring(self.target.grid)
-        G = transfer_matrix(ring, self.array, medium=self.medium, directivity=self.directivity)
+        G = transfer_matrix(ring, self.array, acoustics=self.acoustics)
         return GuardField(G=G / self.focus, ceiling=guard.ceiling, weight=guard.weight)
 
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from midair.datasets import binary_patterns, channel_amplitudes
 from midair.errors import InputError
-from midair.model import ControlGrid, Medium, Provenance, SensorGrid, Setting, TransducerArray
-from midair.physics import Directivity, quantise_phase, transfer_matrix
+from midair.files import from_plain
+from midair.model import Acoustics, ControlGrid, Medium, Provenance, SensorGrid, Setting, TransducerArray
+from midair.physics import quantise_phase, transfer_matrix
 from midair.solvers import Problem, one_blas_thread, relative_error, spreading_phase
 from midair.solvers import solver as solver_of
 from midair.sweep.task import Coordinate, Found, Task, settings_of
@@ -59,10 +60,8 @@ class PatternSweep:
         A name in `solve.METHODS`.
     iterations : int or None
         Of the method; its own if None.
-    directivity : {"point", "piston", "t4010a1"}
-        Of a transducer.
-    medium : Medium
-        The paper's simulation knows no attenuation.
+    acoustics : Acoustics
+        Point sources without attenuation, as in the paper's simulation.
     columns, rows : int
         Units of the array.
     bits : int
@@ -80,8 +79,7 @@ class PatternSweep:
     seed: int = 2024
     method: str = "fast"
     iterations: int | None = None
-    directivity: Directivity = "point"
-    medium: Medium = field(default_factory=lambda: Medium(attenuation=0.0))
+    acoustics: Acoustics = field(default_factory=lambda: Acoustics(medium=Medium(attenuation=0.0), directivity="point"))
     columns: int = 2
     rows: int = 2
     bits: int = 8
@@ -176,7 +174,9 @@ class PatternSweep:
         said: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()
         }
-        said["medium"] = Medium(**settings["medium"])
+        # A store of before acoustics were one value has both parts beside each other.
+        both = {"medium": said.pop("medium", None), "directivity": said.pop("directivity", "point")}
+        said["acoustics"] = from_plain(Acoustics, settings.get("acoustics", both))
         del said["solver"]
         return cls(**said)
 
@@ -231,12 +231,12 @@ def problem_of(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.i
     strength.
     """
     array, grid = TransducerArray.autd3(columns=sweep.columns, rows=sweep.rows), sweep.grid(condition.height)
-    G = transfer_matrix(grid, array, medium=sweep.medium, directivity=sweep.directivity)
+    G = transfer_matrix(grid, array, acoustics=sweep.acoustics)
     shape = channel_amplitudes(patterns, sweep.sensor) @ interpolation_matrix(sweep.sensor, grid).T
     return Problem(
         G=G / np.abs(G).sum(axis=1).max(),
         amplitude=condition.strength * shape,
-        psi=spreading_phase(grid, array, sweep.medium),
+        psi=spreading_phase(grid, array, sweep.acoustics.medium),
     )
 
 

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from midair.errors import InputError
-from midair.flow import Settings, reproduce
+from midair.flow import reproduce
 from midair.model import PressureFrames, Provenance, TransducerArray
 from midair.physics import propagate, quantise_phase
+from midair.settings import Settings
 from midair.solvers import solver as solver_of
 from midair.sweep.task import Coordinate, Found, Task, settings_of
 
@@ -71,7 +72,7 @@ class RecordingSweep:
             if names.count((recording, variant)) > 1:
                 raise InputError(f"sweep: expected each recording and setting once, got {recording} {variant} twice")
         for settings in (trial.settings for trial in self.trials):
-            solver_of(settings.method, iterations=settings.iterations, start=settings.start)
+            solver_of(settings.solver.method, iterations=settings.solver.iterations, start=settings.solver.start)
 
     @property
     def kind(self) -> str:
@@ -161,13 +162,12 @@ class TrialJob:
         rounded = propagate(
             replace(drive, phase=quantise_phase(drive.phase, bits=self.bits)),
             made.target.grid,
-            medium=settings.medium,
-            directivity=settings.directivity,
+            acoustics=settings.acoustics,
         )
         missed = np.linalg.norm(np.abs(rounded) - wanted, axis=1)
         size = np.linalg.norm(wanted, axis=1)
         return Found(
             error=made.solution.error,
             rounded_error=np.divide(missed, size, out=np.zeros_like(size), where=size > 0),
-            strength=made.strength(settings),
+            strength=made.strength(),
         )

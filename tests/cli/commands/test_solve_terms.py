@@ -18,7 +18,7 @@ def stroke(tmp_path_factory):
 
 
 def test_a_margin_makes_a_guard():
-    assert SolveOptions(guard=0.02).settings().guard == Guard(margin=0.02)
+    assert SolveOptions(guard=0.02).settings().solver.guard == Guard(margin=0.02)
 
 
 def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):

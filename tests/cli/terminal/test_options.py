@@ -3,7 +3,7 @@ import pytest
 from midair.cli import run
 from midair.cli.terminal.options import SolveOptions
 from midair.files import load_solution
-from midair.flow import Settings
+from midair.settings import Settings
 from midair.targets import Circle
 
 
@@ -16,7 +16,7 @@ def test_the_options_that_nobody_gave_are_the_paper_s():
 
 
 def test_a_radius_makes_a_circle():
-    assert SolveOptions(circle=2e-3, circle_rate=4.0).settings().circle == Circle(radius=2e-3, frequency=4.0)
+    assert SolveOptions(circle=2e-3, circle_rate=4.0).settings().target.circle == Circle(radius=2e-3, frequency=4.0)
 
 
 @pytest.fixture

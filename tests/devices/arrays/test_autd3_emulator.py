@@ -6,7 +6,7 @@ import pytest
 from midair.devices import Placement, autd3_firmware
 from midair.devices.arrays.frame_bytes import amplitude_of, phase_bytes
 from midair.devices.arrays.silencer import Silencer
-from midair.model import Drive, Medium
+from midair.model import Acoustics, Drive, Medium
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 
 pytest.importorskip("autd3_emulator")
@@ -166,7 +166,7 @@ def test_the_emulator_s_own_field_is_ours():
     """Rms at 16 x 16 points over one unit and over four; no attenuation and 340 m/s are the emulator's constants."""
     placement = Placement.grid()
     array = placement.array()
-    phase = focus_phase(array, np.array([0.01, -0.02, 0.2]), medium=Medium(attenuation=0))
+    phase = focus_phase(array, np.array([0.01, -0.02, 0.2]), acoustics=Acoustics(medium=Medium(attenuation=0)))
     drive = Drive(phase=np.tile(phase, (20, 1)), level=np.ones(20), rate=1000.0, array=array)
     device = autd3_firmware(placement, silencer="off")
     with device:
@@ -177,7 +177,9 @@ def test_the_emulator_s_own_field_is_ours():
         device.banks.wait_until(first + 35 * MS)
         field = device.banks.rms_field((-0.0375, 0.0375), (-0.0375, 0.0375), 0.2, 0.005)
     assert len(field) == 256
-    matrix = transfer_matrix(field[:, :3], array, medium=Medium(attenuation=0), directivity="point")
+    matrix = transfer_matrix(
+        field[:, :3], array, acoustics=Acoustics(medium=Medium(attenuation=0), directivity="point")
+    )
     ours = np.abs(matrix @ np.exp(1j * quantise_phase(phase))) / np.sqrt(2)
     assert np.linalg.norm(field[:, 3] - ours) / np.linalg.norm(ours) < 1e-5
     assert np.abs(field[:, 3] - ours).max() / ours.max() < 1e-5

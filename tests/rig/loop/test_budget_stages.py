@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from midair.datasets import probe_signal
-from midair.flow import Settings, felt
+from midair.flow import felt
 from midair.model import ControlGrid
 from midair.rig.loop.budget_stages import BudgetPlan, error_budget, kept_in_band
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.takes.capture import record
+from midair.settings import Settings
 
 RIG = VirtualRig()
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
-PAPER = Settings(grid=COARSE, method="fast")
-BEST = Settings(
+PAPER = Settings().but(grid=COARSE, method="fast")
+BEST = Settings().but(
     grid=COARSE,
     method="fast",
     mapping="slow-bias",

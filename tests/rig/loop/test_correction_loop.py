@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 
 from midair.errors import MismatchError
-from midair.flow import Settings, felt
+from midair.flow import felt
 from midair.model import ControlGrid, Recording
 from midair.rig.loop.correction_loop import beam_test, run_loop
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.playing.rerecording import rerecord
 from midair.rig.takes.capture import record
+from midair.settings import Settings
 
 RIG = VirtualRig()
 # Half of the paper's points and few iterations: the fast suite asks for the right place and time, not for E.
-COARSE = Settings(grid=ControlGrid(rows=11, columns=11, pitch=5.5e-3), method="exact", iterations=(30, 3))
+COARSE = Settings().but(grid=ControlGrid(rows=11, columns=11, pitch=5.5e-3), method="exact", iterations=(30, 3))
 PEAKS = {"am-i": [0], "am-ii": [0, 15], "am-iii": [0]}
 FREQUENCY = {"am-i": 100, "am-ii": 100, "am-iii": 25}
 
@@ -49,7 +50,7 @@ def test_right_place_right_frequency_and_better_after_correction(stimulus):
 @pytest.mark.slow
 @pytest.mark.parametrize("stimulus", PEAKS)
 def test_the_same_with_the_paper_s_settings(stimulus):
-    done = loop(stimulus, Settings(method="exact"), 0.2)
+    done = loop(stimulus, Settings().but(method="exact"), 0.2)
     check(done, stimulus)
     assert done.passes[-1].reproduction.solution.error.mean() < 0.15
 
@@ -68,7 +69,7 @@ def test_the_beam_s_gain_is_straight_and_repeats():
 def test_the_steps_of_a_rerecording_tell_its_life():
     done = loop("am-i", COARSE, 0.1)
     stages = [step.stage for step in done.passes[-1].felt.provenance.steps]
-    assert stages == ["calibrate", "prepare", "solve", "play", "calibrate"]
+    assert stages == ["calibrate", "settings", "prepare", "solve", "play", "calibrate"]
 
 
 def test_a_real_sensor_cannot_hear_a_virtual_array():

@@ -8,16 +8,17 @@ import pytest
 from midair.correct import IterativeCorrection
 from midair.datasets import probe_signal
 from midair.errors import InputError
-from midair.flow import Settings, felt
+from midair.flow import felt
 from midair.model import ControlGrid
 from midair.rig.loop.correction_loop import run_loop
 from midair.rig.loop.iteration import iterated, lead_of, playable
 from midair.rig.loop.passes import Rig, led_in
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.takes.capture import record
+from midair.settings import Settings
 
 RIG = VirtualRig()
-COARSE = Settings(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast", interpolate="pressure")
+COARSE = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast", interpolate="pressure")
 
 
 def original(settings, duration=0.08):
@@ -69,7 +70,7 @@ def test_the_life_of_a_corrected_pass_tells_its_steps(corrected):
 @pytest.mark.slow
 @pytest.mark.parametrize("mapping", ["half-wave", "slow-bias"])
 def test_five_passes_at_the_paper_s_grid(mapping):
-    settings = Settings(method="fast", mapping=mapping, interpolate="pressure")
+    settings = Settings().but(method="fast", mapping=mapping, interpolate="pressure")
     errors = [one.comparison.waveform_error for one in loop(settings, 5).passes[1:]]
     assert len(errors) == 6
     assert (np.diff(errors) < 0).all()

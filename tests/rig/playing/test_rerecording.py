@@ -9,15 +9,16 @@ from midair.datasets import probe_signal
 from midair.devices.arrays.gate import profile_named
 from midair.devices.interface import FrameBlock
 from midair.errors import DeviceError, DeviceStateError, InputError
-from midair.flow import Settings, felt, reproduce
+from midair.flow import felt, reproduce
 from midair.model import ControlGrid
 from midair.rig.loop.passes import Rig, play_pass, quiet
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.playing.rerecording import Gate, rerecord
 from midair.rig.state_folder import state_folder
+from midair.settings import Settings
 
 RIG = VirtualRig()
-SETTINGS = Settings(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast")
+SETTINGS = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast")
 PROFILE = profile_named("occupational-110")
 
 

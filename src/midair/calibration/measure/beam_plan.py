@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import ControlGrid, Medium, SensorGrid, TransducerArray
-from midair.physics import Directivity, SensorModel, cell_weights, focus_phase, radiation_pressure, transfer_matrix
+from midair.model import Acoustics, ControlGrid, SensorGrid, TransducerArray
+from midair.physics import SensorModel, cell_weights, focus_phase, radiation_pressure, transfer_matrix
 from midair.validation import positive
 
 Array = NDArray[np.float64]
@@ -179,8 +179,7 @@ def beam_field(
     sensor: SensorGrid,
     setting: BeamSetting,
     *,
-    medium: Medium | None = None,
-    directivity: Directivity = "t4010a1",
+    acoustics: Acoustics | None = None,
 ) -> BeamField:
     """The field of a focus on each cell.
 
@@ -192,10 +191,10 @@ def beam_field(
         What lies there.
     setting : BeamSetting
         Where.
-    medium, directivity
+    acoustics : Acoustics, optional
         As in `transfer_matrix`.
     """
-    medium = medium or Medium()
+    acoustics = acoustics or Acoustics()
     around = ControlGrid(
         rows=12 * (sensor.rows + 2),
         columns=12 * (sensor.columns + 2),
@@ -204,16 +203,16 @@ def beam_field(
         centre=setting.centre,
     )
     foci = np.array([focus_of(sensor, cell, setting) for cell in range(sensor.count)])
-    drives = np.exp(1j * np.array([focus_phase(array, focus, medium=medium) for focus in foci])).T
+    drives = np.exp(1j * np.array([focus_phase(array, focus, acoustics=acoustics) for focus in foci])).T
     # Some hundred points at a time: the whole matrix of a fine grid would take hundreds of megabytes.
     parts = [
-        transfer_matrix(some, array, medium=medium, directivity=directivity) @ drives
+        transfer_matrix(some, array, acoustics=acoustics) @ drives
         for some in np.array_split(around.position, max(1, around.count // 512))
     ]
-    middle = np.abs(transfer_matrix(foci, array, medium=medium, directivity=directivity)).sum(axis=1)
+    middle = np.abs(transfer_matrix(foci, array, acoustics=acoustics)).sum(axis=1)
     return BeamField(
         sensor=sensor,
         points=around,
-        pressure=radiation_pressure(np.concatenate(parts), medium),
-        middle=radiation_pressure(middle, medium),
+        pressure=radiation_pressure(np.concatenate(parts), acoustics.medium),
+        middle=radiation_pressure(middle, acoustics.medium),
     )

@@ -72,13 +72,13 @@ def budget_command(
     original = felt_part(source, settings, start_at, duration)
     plan = BudgetPlan(
         settings=settings,
-        rig=VirtualRig(seed=seed, height=settings.grid.height),
+        rig=VirtualRig(seed=seed, height=settings.target.grid.height),
         silencer=silencer,
         lead=lead_of(settings) if lead is None else lead,
     )
     banner(True)
     with stages() as stage:
-        made = error_budget(original, plan, kept=kept_in_band(load(source), settings.band), stage=stage)
+        made = error_budget(original, plan, kept=kept_in_band(load(source), settings.calibration.band), stage=stage)
     if figure is not None:
         with whole_file(figure) as partial:
             partial.write_bytes(png(budget_figure([(source.name, made)])))

@@ -1,29 +1,12 @@
 """The command `demo`: the whole pipeline on a virtual rig, ending in a report."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
-
-from cyclopts import Parameter
 
 from midair.cli.terminal import SolveOptions, Time, banner, out, print_figures, print_rows, quantity, stages
 from midair.files import save, save_solution
 from midair.flow import felt
 from midair.rig import Loop, VirtualRig, pictures, record, run_loop, write_report
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DemoOptions(SolveOptions):
-    """The options of every stage; the solver is the paper's in its faster form.
-
-    Parameters
-    ----------
-    method
-        The solver; exact is the paper's Levenberg-Marquardt (lm) in the modes of the field above .5 % of the strongest.
-    """
-
-    method: str = "exact"
 
 
 def demo_command(
@@ -33,7 +16,7 @@ def demo_command(
     object_name: str = "towel",
     start_at: Time = 0.4,
     duration: Annotated[float, quantity("s")] = 0.5,
-    options: DemoOptions | None = None,
+    options: SolveOptions | None = None,
     seed: int = 0,
 ) -> None:
     """Record a virtual towel stroke, reproduce it on a virtual array, re-record, correct, compare, and report.
@@ -56,10 +39,10 @@ def demo_command(
     seed
         Of everything random.
     """
-    settings = (options or DemoOptions()).settings()
+    settings = (options or SolveOptions()).settings()
     output.mkdir(parents=True, exist_ok=True)
     (output / "stroke.h5").unlink(missing_ok=True)
-    rig = VirtualRig(seed=seed, height=settings.grid.height)
+    rig = VirtualRig(seed=seed, height=settings.target.grid.height)
     out().print(f"sensor: none found, virtual {object_name} on {rig.sensor_model.grid.name}", markup=False)
     out().print(f"array: none found, virtual {rig.array.name} units, {rig.array.count} transducers", markup=False)
     banner(True)
@@ -82,7 +65,7 @@ def demo_command(
         [
             (
                 "solver",
-                f"{settings.method}, at most {warm} iterations a frame, {last.target.frames} frames",
+                f"{settings.solver.method}, at most {warm} iterations a frame, {last.target.frames} frames",
             ),
             (
                 "E",

@@ -24,8 +24,8 @@ from midair.cli.terminal import (
 from midair.devices import DEFAULT_PROFILE, ArrayDevice, SensorDevice, SilencerChoice, load_placement, profile_named
 from midair.errors import InputError
 from midair.files import load_calibration
-from midair.flow import Settings
 from midair.rig import Gate, Loop, VirtualRig, array_named, card_of_loop, lead_of, run_loop, sensor_named, write_report
+from midair.settings import Settings
 
 
 @Parameter(name="*")
@@ -70,7 +70,7 @@ class RigOptions:
 
     def devices(self, settings: Settings) -> tuple[ArrayDevice, SensorDevice, Gate | None]:
         """The array, the sensor, neither open yet, and the gate between them where it is a duty."""
-        rig = VirtualRig(seed=self.seed, height=settings.grid.height)
+        rig = VirtualRig(seed=self.seed, height=settings.target.grid.height)
         if self.device == "virtual":
             if self.sensor or self.calibration or self.placement:
                 raise InputError("virtual array: expected no sensor, calibration or placement; it brings its own")

@@ -69,10 +69,10 @@ def solve_command(
     print_rows(
         [
             ("drive", f"{target} for {array.name}, {array.count} transducers"),
-            ("frames", f"{made.target.frames} at {settings.rate:g} Hz, {int((~plays).sum())} silent"),
-            ("strength", f"{made.strength(settings):.3f} of a single full focus"),
+            ("frames", f"{made.target.frames} at {settings.target.rate:g} Hz, {int((~plays).sum())} silent"),
+            ("strength", f"{made.strength():.3f} of a single full focus"),
             ("E", f"mean {error.mean():.1f} %, worst {error.max():.1f} %"),
-            ("solver", f"{settings.method}, {solution.iterations[plays].mean():.1f} iterations a frame"),
+            ("solver", f"{settings.solver.method}, {solution.iterations[plays].mean():.1f} iterations a frame"),
         ]
     )
 

@@ -1,142 +1,143 @@
-"""Options that several commands share."""
+"""Options that several commands share; those of the way from recording to drive are made from `settings.CHOICES`."""
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from dataclasses import field, make_dataclass
+from functools import reduce
+from operator import or_
+from pathlib import Path
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from cyclopts import Parameter
 
-from midair.cli.terminal.quantities import quantity
-from midair.flow import Settings
-from midair.model import ControlGrid
-from midair.physics import Directivity
-from midair.solvers import Amplitudes, Guard
-from midair.targets import Circle
+from midair.cli.terminal.quantities import quantity, spell
+from midair.errors import InputError
+from midair.files import load_solution
+from midair.settings import CHOICES, MODES, Choice, Mode, Settings, paper_mode
 
 Length = Annotated[float, quantity("m")]
 Frequency = Annotated[float, quantity("Hz")]
 Time = Annotated[float, quantity("s")]
-Band = Annotated[tuple[float, float], quantity("Hz", many=2)]
+Force = Annotated[bool, Parameter(help="Write over a file that is there.")]
+Json = Annotated[bool, Parameter(help="Print JSON for a program.")]
+Quiet = Annotated[bool, Parameter(help="Show nothing while it runs.")]
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BandOptions:
-    """Which part of a recording counts.
-
-    Parameters
-    ----------
-    band
-        Lowest and highest frequency that is kept; the paper's microphones hear 20 to 470 Hz.
-    rate
-        Frames per second of what is played.
-    inverse
-        How the sensor's response is undone: by a zero-phase FFT, or by a linear-phase FIR filter.
-    """
-
-    band: Band = (20.0, 470.0)
-    rate: Frequency = 1000.0
-    inverse: Literal["fft", "fir"] = "fft"
+class _Chosen:
+    """What a person chose, on top of a mode or of a file of settings; None is what nobody chose."""
 
     def settings(self) -> Settings:
-        """The settings of the flow that these options mean."""
-        return Settings(band=self.band, rate=self.rate, inverse=self.inverse)
+        """The settings that these options mean.
+
+        Raises
+        ------
+        InputError
+            If a value is out of range, or both a mode and a file are given.
+        MissingFileError, BrokenFileError
+            If there are no settings in the file.
+        """
+        mode, path = getattr(self, "mode", None), getattr(self, "settings_file", None)
+        if mode is not None and path is not None:
+            raise InputError(f"expected --mode or --settings, got --mode {mode} and --settings {path}")
+        made = MODES[mode]() if mode else paper_mode() if path is None else _stored(path)
+        for choice in CHOICES:
+            value = getattr(self, choice.name.replace("-", "_"), None)
+            if value is not None:
+                made = choice.put(made, value)
+        return made
 
 
-@Parameter(name="*")
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SolveOptions(BandOptions):
-    """How pressure becomes sound.
+def _stored(path: Path) -> Settings:
+    """The settings of a TOML file, or those by which a drive was made."""
+    if not path.name.lower().endswith(".h5"):
+        return Settings.load(path)
+    found = Settings.of(load_solution(path).drive.provenance)
+    if found is None:
+        raise InputError(f"{path}: expected a drive that tells its settings, got one of an older midair")
+    return found
 
-    Parameters
-    ----------
-    height
-        Of the palm above the array.
-    pitch
-        Between the control points.
-    points
-        Rows and columns of the control points.
-    mapping
-        From pressure of both signs to pressure that pushes: half-wave (the paper's), constant-offset or slow-bias.
-    decouple
-        Undo that a cell also feels what is played for its neighbours.
-    precompensate
-        Make louder beforehand what holding frames and the transducers' envelope make quieter.
-    compensate
-        Where: on the sound at all frequencies, or on the pressure within 20 to 480 Hz.
-    circle
-        Radius of a slow circle on which the pattern moves, for touch below 20 Hz; not validated on people.
-    circle_rate
-        Turns per second on that circle.
-    interpolate
-        Whether sound amplitude (as in the paper) or pressure is interpolated between the cells.
-    gain
-        Multiplies the pressure.
-    directivity
-        Of a transducer.
-    method
-        The solver; lm is the paper's Levenberg-Marquardt.
-    iterations
-        At most, for the first frame and for each later one; 50 and 20 in the paper.
-    start
-        Where a frame starts from: the frame before it, or zero.
-    level
-        Drive of all transducers, 0 to 1; auto takes what the loudest frame needs.
-    amplitudes
-        All transducers at that level (equal, as in the paper), or each at its own up to it (bounded).
-    guard
-        Width of a ring around the control points in which the field is kept quiet; none if not given.
-    fit
-        Whether the control points are met (as in the paper) or the sensor's cells.
-    smooth
-        Weight of the change of phase from frame to frame; 0.01 is much.
-    backend
-        What does the arithmetic of fast: numpy, torch, torch:cuda or cupy; numpy if not given.
-    """
 
-    height: Length = 0.2
-    pitch: Length = 11e-3 / 3
-    points: int = 16
-    mapping: str = "half-wave"
-    decouple: bool = False
-    precompensate: bool = False
-    compensate: Literal["sound", "pressure"] = "sound"
-    circle: Annotated[float | None, quantity("m")] = None
-    circle_rate: Frequency = 5.0
-    interpolate: Literal["amplitude", "pressure"] = "amplitude"
-    gain: float = 1.0
-    directivity: Directivity = "t4010a1"
-    method: str = "lm"
-    iterations: tuple[int, int] | None = None
-    start: Literal["previous", "zero"] = "previous"
-    level: float | Literal["auto"] = 1.0
-    amplitudes: Amplitudes = "equal"
-    guard: Annotated[float | None, quantity("m")] = None
-    fit: Literal["points", "cells"] = "points"
-    smooth: float = 0.0
-    backend: str | None = None
+def _parameter(choice: Choice) -> Any:
+    """The option of a choice: optional, with the paper's value shown and the best mode's where it is another."""
+    kind = _kind(choice)
 
-    def settings(self) -> Settings:
-        """The settings of the flow that these options mean."""
-        return Settings(
-            band=self.band,
-            rate=self.rate,
-            inverse=self.inverse,
-            mapping=self.mapping,
-            decouple=self.decouple,
-            precompensate=self.precompensate,
-            compensate=self.compensate,
-            circle=None if self.circle is None else Circle(radius=self.circle, frequency=self.circle_rate),
-            interpolate=self.interpolate,
-            gain=self.gain,
-            grid=ControlGrid(rows=self.points, columns=self.points, pitch=self.pitch, height=self.height),
-            directivity=self.directivity,
-            method=self.method,
-            iterations=self.iterations,
-            start=self.start,
-            level=self.level,
-            amplitudes=self.amplitudes,
-            guard=None if self.guard is None else Guard(margin=self.guard),
-            fit=self.fit,
-            smooth=self.smooth,
-            backend=self.backend,
+    shown = {name: _spelt(choice.of(MODES[name]()), choice.unit) for name in ("paper", "best")}
+    default = shown["paper"] + (f"; best: {shown['best']}" if shown["best"] != shown["paper"] else "")
+
+    negative = f"--no-{choice.name}" if kind is bool else ()
+    said = Parameter(name=f"--{choice.name}", help=choice.help, show_default=_fixed(default), negative=negative)
+    if not choice.unit:
+        return Annotated[kind | None, said]
+    pair = get_origin(kind) is tuple
+    return Annotated[kind | None, quantity(choice.unit, many=2 if pair else None), said]
+
+
+def _fixed(default: str) -> Any:
+    """Always this as the default in the help; nothing at all where the solver has a default of its own."""
+
+    def shown(_: object) -> str:
+        return default
+
+    return False if default == "its own" else shown
+
+
+def _kind(choice: Choice) -> Any:
+    """The type of a choice, as far as a person can type it: no objects, and the longer of number and tuple."""
+    hint: Any = Settings
+    for part in choice.path.split("."):
+        holder = next(each for each in _alternatives(hint) if hasattr(each, "__dataclass_fields__"))
+        hint = get_type_hints(holder)[part]
+    plain = [
+        each for each in _alternatives(hint) if not hasattr(each, "__dataclass_fields__") and each is not type(None)
+    ]
+    pairs = [each for each in plain if get_origin(each) is tuple]
+    return pairs[0] if pairs else reduce(or_, plain)
+
+
+def _alternatives(hint: Any) -> Sequence[Any]:
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+
+
+def _spelt(value: Any, unit: str) -> str:
+    if value is None:
+        return "none" if unit else "its own"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if unit:
+        return " ".join(spell(each, unit) for each in (value if isinstance(value, tuple) else (value,)))
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: bool = False) -> Any:
+    """A dataclass of options, all None unless given."""
+    chosen = [choice for choice in CHOICES if names is None or choice.name in names]
+    first: list[Any] = []
+    if modes:
+        mode = Parameter(
+            help="paper, best, or quick (the best with fewer iterations); single options go on top.",
+            show_default=_fixed("paper"),
         )
+        path = Parameter(
+            name="--settings", help="TOML of settings, or a drive, that it is to be made like.", show_default=False
+        )
+        first = [
+            ("mode", Annotated[Mode | None, mode], field(default=None)),
+            ("settings_file", Annotated[Path | None, path], field(default=None)),
+        ]
+    rest = [(choice.name.replace("-", "_"), _parameter(choice), field(default=None)) for choice in chosen]
+    space = {"__doc__": doc, "__module__": __name__}
+    made = make_dataclass(name, [*first, *rest], bases=(_Chosen,), frozen=True, kw_only=True, namespace=space)
+    return Parameter(name="*")(made)
+
+
+if TYPE_CHECKING:
+
+    class BandOptions(_Chosen):
+        """Which part of a recording counts."""
+
+    class SolveOptions(_Chosen):
+        """How pressure becomes sound."""
+
+else:
+    BandOptions = _options("BandOptions", "Which part of a recording counts.", ("band", "rate", "inverse"))
+    SolveOptions = _options("SolveOptions", "How pressure becomes sound.", modes=True)

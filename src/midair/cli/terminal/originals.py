@@ -1,12 +1,12 @@
 """What commands that compare need to know of a recording's past: band, rate, and the part that was played."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 from midair.files import load, load_calibration
-from midair.flow import Settings, felt
+from midair.flow import felt
 from midair.model import PressureFrames, Provenance, Setting
+from midair.settings import Settings
 
 
 def felt_part(source: Path, settings: Settings, start: float = 0.0, duration: float | None = None) -> PressureFrames:
@@ -21,8 +21,8 @@ def made_with(provenance: Provenance, settings: Settings) -> Settings:
     band, rate = _step(provenance, "calibrate").get("band_hz"), _step(provenance, "play").get("rate_hz")
     if isinstance(band, tuple) and len(band) == 2:
         low, high = (float(edge) for edge in band if isinstance(edge, int | float))
-        settings = replace(settings, band=(low, high))
-    return replace(settings, rate=float(rate)) if isinstance(rate, int | float) else settings
+        settings = settings.but(band=(low, high))
+    return settings.but(rate=float(rate)) if isinstance(rate, int | float) else settings
 
 
 def same_part(pressure: PressureFrames, provenance: Provenance) -> PressureFrames:

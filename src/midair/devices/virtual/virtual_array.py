@@ -8,9 +8,8 @@ from midair.devices.arrays import Silencer, SilencerChoice, choose_silencer, int
 from midair.devices.interface import ArrayDevice, PlayReport
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError
-from midair.model import Drive, Medium, Progress, TransducerArray
+from midair.model import Acoustics, Drive, Progress, TransducerArray
 from midair.physics import (
-    Directivity,
     Moment,
     PlaybackChain,
     Spread,
@@ -35,8 +34,8 @@ class VirtualArray(ArrayDevice):
         Where the transducers are.
     skin : VirtualSkin, optional
         What the sound presses on; none by default.
-    medium, directivity
-        Of the sound, as in `transfer_matrix`.
+    acoustics : Acoustics, optional
+        Of the sound: the air in which it plays, whatever a drive was solved for.
     dynamics : TransducerDynamics
         How a transducer follows a change of its drive, on average.
     phase_bits : int or None
@@ -65,8 +64,7 @@ class VirtualArray(ArrayDevice):
         array: TransducerArray,
         skin: VirtualSkin | None = None,
         *,
-        medium: Medium | None = None,
-        directivity: Directivity = "t4010a1",
+        acoustics: Acoustics | None = None,
         dynamics: TransducerDynamics | None = None,
         phase_bits: int | None = 8,
         strength: float = 0.9,
@@ -79,7 +77,7 @@ class VirtualArray(ArrayDevice):
         name: str = "virtual",
     ) -> None:
         self.name, self.array = name, array
-        self.medium = medium or Medium()
+        self.acoustics = acoustics or Acoustics()
         self.silencer: SilencerChoice = silencer
         self.chain = chain or PlaybackChain(
             phase_bits=phase_bits,
@@ -94,11 +92,9 @@ class VirtualArray(ArrayDevice):
             ),
         )
         self._skin = skin
-        self._matrix = (
-            None if skin is None else transfer_matrix(skin.points, array, medium=self.medium, directivity=directivity)
-        )
+        self._matrix = None if skin is None else transfer_matrix(skin.points, array, acoustics=self.acoustics)
         self._spread = (
-            None if self._matrix is None else Spread.of(self._matrix, self.medium, None, self.chain.precision)
+            None if self._matrix is None else Spread.of(self._matrix, self.acoustics.medium, None, self.chain.precision)
         )
         self._open = False
         self._now = Moment.silent(array.count)
@@ -146,7 +142,7 @@ class VirtualArray(ArrayDevice):
         self, drive: Drive, chain: PlaybackChain, steps: int, before: int, total: int, progress: Progress | None
     ) -> None:
         if chain.hold == "ideal" and self._skin is not None and self._matrix is not None:
-            self._skin.press(simulate(drive, self._matrix, chain=chain, rate=self._skin.rate, medium=self.medium))
+            self._skin.press(simulate(drive, self._matrix, chain=chain, rate=self._skin.rate, acoustics=self.acoustics))
         done = 0
         for q, now in radiate(drive, chain, steps, start=self._now):
             self._now = now

@@ -17,8 +17,8 @@ from midair.calibration import (
 )
 from midair.devices import ArrayDevice, SensorDevice, amplitude_of
 from midair.errors import DeviceError, RateError
-from midair.model import Calibration, Drive, Medium, Progress, Provenance, Recording
-from midair.physics import Directivity, TransducerDynamics, envelope, focus_phase
+from midair.model import Acoustics, Calibration, Drive, Progress, Provenance, Recording
+from midair.physics import TransducerDynamics, envelope, focus_phase
 from midair.rig.playing import Gate, rerecord
 
 Array = NDArray[np.float64]
@@ -34,8 +34,7 @@ def calibrate_by_beam(
     plan: BeamPlan | None = None,
     *,
     setting: BeamSetting | None = None,
-    medium: Medium | None = None,
-    directivity: Directivity = "t4010a1",
+    acoustics: Acoustics | None = None,
     dynamics: TransducerDynamics | None = None,
     gate: Gate | None = None,
     date: str = "",
@@ -52,7 +51,7 @@ def calibrate_by_beam(
         What is played on each cell.
     setting : BeamSetting, optional
         Where the sensor lies, how its cells hear, and how sure all that is.
-    medium, directivity, dynamics
+    acoustics, dynamics
         Of the array's model.
     gate : Gate, optional
         Checks the exposure of each drive and logs it; an array that can be heard is refused without.
@@ -71,9 +70,9 @@ def calibrate_by_beam(
         If the beam cannot press as hard as the plan asks, or is not heard.
     """
     plan, setting = plan or BeamPlan(), setting or BeamSetting()
-    medium, dynamics = medium or Medium(), dynamics or TransducerDynamics()
+    acoustics, dynamics = acoustics or Acoustics(), dynamics or TransducerDynamics()
     _check_rate(sensor, plan)
-    field = beam_field(array.array, sensor.grid, setting, medium=medium, directivity=directivity)
+    field = beam_field(array.array, sensor.grid, setting, acoustics=acoustics)
     strongest = float(field.middle.mean())
     level = _level(plan, strongest)
     recordings: list[Recording] = []
@@ -81,7 +80,7 @@ def calibrate_by_beam(
     expected, commanded, slow = _command(plan, strongest, _played(level, array), dynamics)
     cells = sensor.grid.count
     for cell in range(cells):
-        drive = _drive(plan, level, array, focus_of(sensor.grid, cell, setting), medium)
+        drive = _drive(plan, level, array, focus_of(sensor.grid, cell, setting), acoustics)
         recording = rerecord(drive, array, sensor, gate=gate)
         flat = recording.samples.reshape(recording.frames, -1)
         steps = round(sensor.rate / plan.rate)
@@ -126,10 +125,10 @@ def _command(
     return around.reshape(-1, FINE).mean(axis=1), tones, np.abs(1 - np.abs(tones[-1]) / np.abs(at_once[-1]))
 
 
-def _drive(plan: BeamPlan, level: Array, array: ArrayDevice, focus: Array, medium: Medium) -> Drive:
-    phase = np.broadcast_to(focus_phase(array.array, focus, medium=medium), (len(level), array.array.count))
+def _drive(plan: BeamPlan, level: Array, array: ArrayDevice, focus: Array, acoustics: Acoustics) -> Drive:
+    phase = np.broadcast_to(focus_phase(array.array, focus, acoustics=acoustics), (len(level), array.array.count))
     life = Provenance(source="beam on one cell")
-    return Drive(phase=phase, level=level, rate=plan.rate, array=array.array, provenance=life)
+    return Drive(phase=phase, level=level, rate=plan.rate, array=array.array, acoustics=acoustics, provenance=life)
 
 
 def _quiet(sensor: SensorDevice, *, duration: float = 4.0) -> Recording:

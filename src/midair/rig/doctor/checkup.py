@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from midair.files import load, save
-from midair.model import AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.rig.doctor.array_checkup import array_findings
 from midair.rig.doctor.check import Check
@@ -81,9 +81,10 @@ def _folder() -> Check:
 
 def _field() -> Check:
     """The field of four units at their focus against the figure of AUTD3's own emulator."""
-    array, medium, point = TransducerArray.autd3(), Medium(attenuation=0), np.array([[0, 0, 0.2]])
-    matrix = transfer_matrix(point, array, medium=medium, directivity="point")
-    q = np.exp(1j * quantise_phase(focus_phase(array, point[0], medium=medium)))
+    array, point = TransducerArray.autd3(), np.array([[0, 0, 0.2]])
+    acoustics = Acoustics(medium=Medium(attenuation=0), directivity="point")
+    matrix = transfer_matrix(point, array, acoustics=acoustics)
+    q = np.exp(1j * quantise_phase(focus_phase(array, point[0], acoustics=acoustics)))
     rms = float(np.abs(matrix @ q)[0] / np.sqrt(2))
     found = f"{rms:.2f} Pa rms at the focus; AUTD3's emulator says 12875.04"
     if abs(rms - 12875.038) > 0.1:

@@ -10,7 +10,7 @@ from midair.calibration import calibrate
 from midair.devices import SilencerChoice, choose_silencer, intensity_bytes, phase_bytes
 from midair.dsp import band_edges, band_energy, band_window, filter_response
 from midair.evaluate import Budget, StageOutput, budget, leak
-from midair.flow import Reproduction, Settings, at_rate, reproduce, to_play
+from midair.flow import Reproduction, at_rate, mapped, reproduce, to_play
 from midair.model import Drive, PressureFrames, Recording
 from midair.physics import (
     PlaybackChain,
@@ -23,7 +23,8 @@ from midair.physics import (
 )
 from midair.rig.loop.passes import Stage, led_in, quiet
 from midair.rig.names import VirtualRig
-from midair.targets import mapping_of, prepare
+from midair.settings import Settings
+from midair.targets import mapping_of
 
 Array = NDArray[np.float64]
 
@@ -82,7 +83,7 @@ def error_budget(
         for output in _outputs(asked, made, plan, stage)
     ]
     settings = plan.settings
-    return budget(original, outputs, strength=made.strength(settings), kept=kept, band=settings.band)
+    return budget(original, outputs, strength=made.strength(), kept=kept, band=settings.calibration.band)
 
 
 def kept_in_band(recording: Recording, band: tuple[float, float]) -> float | None:
@@ -101,36 +102,28 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
     done = _done_before(settings)
     if done:
         yield StageOutput(name="beforehand", what=f"{done}; later stages give it back", pressure=compensated)
-    pushed = settings.gain * mapping_of(settings.mapping)(compensated.pressure, compensated.rate)
+    pushed = settings.target.gain * mapping_of(settings.target.mapping)(compensated.pressure, compensated.rate)
     yield StageOutput(
         name="mapping",
-        what=f"makes pressure of both signs push: {settings.mapping}",
+        what=f"makes pressure of both signs push: {settings.target.mapping}",
         pressure=_simulated(replace(asked, pressure=pushed)),
     )
     skin = rig.skin()
     weights = cell_weights(rig.sensor_model, skin.points)
-    wanted = prepare(
-        compensated,
-        mapping=settings.mapping,
-        grid=skin.points,
-        medium=settings.medium,
-        interpolate=settings.interpolate,
-        gain=settings.gain,
-    )
-    on_cells = radiation_pressure(wanted.amplitude, settings.medium) @ weights.T
+    # At the points of the skin, which are finer than the control points: the cells are seen there.
+    wanted = mapped(compensated, settings.but(grid=skin.points))
+    on_cells = radiation_pressure(wanted.amplitude, settings.acoustics.medium) @ weights.T
     yield StageOutput(
         name="interpolation",
-        what=f"spreads 16 cells over the palm, interpolating {settings.interpolate}",
+        what=f"spreads 16 cells over the palm, interpolating {settings.target.interpolate}",
         pressure=_simulated(replace(asked, pressure=on_cells.reshape(asked.pressure.shape))),
     )
-    outside = leak(
-        drive, made.target.amplitude, settings.grid, medium=settings.medium, directivity=settings.directivity
-    )
-    G = transfer_matrix(skin.points, rig.array, medium=rig.medium, directivity=rig.directivity)
+    outside = leak(drive, made.target.amplitude, settings.target.grid, acoustics=settings.acoustics)
+    G = transfer_matrix(skin.points, rig.array, acoustics=rig.acoustics)
     cells = on_cells
     for name, what, chain in _chains(drive, plan):
         pressure = simulate(
-            drive, G, chain=chain, rate=skin.rate, medium=rig.medium, weights=weights, progress=stage(name)
+            drive, G, chain=chain, rate=skin.rate, acoustics=rig.acoustics, weights=weights, progress=stage(name)
         )
         cells = pressure.reshape(-1, *asked.sensor.shape)
         played = _simulated(replace(asked, pressure=cells, rate=skin.rate))
@@ -146,8 +139,8 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
 
 def _done_before(settings: Settings) -> str:
     """What is done to the pressure before it is mapped, in words."""
-    decoupled = ["undoes what interpolation mixes between cells"] if settings.decouple else []
-    louder = settings.precompensate and settings.compensate == "pressure"
+    decoupled = ["undoes what interpolation mixes between cells"] if settings.compensation.decouple else []
+    louder = settings.compensation.precompensate and settings.compensation.compensate == "pressure"
     return " and ".join([*decoupled, *(["makes louder what hold and transducers make quieter"] if louder else [])])
 
 
@@ -156,9 +149,9 @@ def _chains(drive: Drive, plan: BudgetPlan) -> Generator[tuple[str, str, Playbac
     full = plan.rig.array_device().chain
     ideal = PlaybackChain(phase_bits=None, hold="ideal")
     settings = plan.settings
-    louder = settings.precompensate and settings.compensate == "sound"
+    louder = settings.compensation.precompensate and settings.compensation.compensate == "sound"
     compensated = ", with sound made louder beforehand that hold and transducers make quieter" if louder else ""
-    yield "solver", f"finds phases: {settings.method}{compensated}", ideal
+    yield "solver", f"finds phases: {settings.solver.method}{compensated}", ideal
     bits = full.phase_bits
     yield "quantisation", f"phases of {bits} bits" if bits else "none", replace(ideal, phase_bits=bits)
     held = PlaybackChain(phase_bits=bits)
@@ -175,19 +168,21 @@ def _heard(cells: Array, asked: PressureFrames, plan: BudgetPlan) -> PressureFra
     model, over = rig.sensor_model, rig.steps
     whole = len(cells) // over * over
     volts = sense(model, cells[:whole], rig.rate, rng=np.random.default_rng(rig.seed), oversample=over)
+    kept = settings.calibration
     recording = Recording(samples=volts, rate=rig.rate, sensor=model.grid, provenance=asked.provenance)
-    pressure = calibrate(recording, calibration_of(model), band=settings.band, method=settings.inverse)
-    return at_rate(pressure, settings.rate)
+    pressure = calibrate(recording, calibration_of(model), band=kept.band, method=kept.inverse)
+    return at_rate(pressure, settings.target.rate)
 
 
 def _heard_perfectly(asked: PressureFrames, settings: Settings) -> PressureFrames:
     """What was asked with the band's soft edges once more, which calibration puts on the re-recording a second time."""
-    edges = band_edges(settings.band, asked.rate)
+    band = settings.calibration.band
+    edges = band_edges(band, asked.rate)
 
     def window(frequency: Array) -> Array:
-        return band_window(frequency, settings.band, edges=edges).reshape(-1, 1, 1)
+        return band_window(frequency, band, edges=edges).reshape(-1, 1, 1)
 
-    return replace(asked, pressure=filter_response(asked.pressure, asked.rate, window, reach=4 / settings.band[0]))
+    return replace(asked, pressure=filter_response(asked.pressure, asked.rate, window, reach=4 / band[0]))
 
 
 def _judged(pressure: PressureFrames, original: PressureFrames, lead: float) -> PressureFrames:

@@ -1,6 +1,6 @@
 """Play, re-record, correct, play again, compare (paper, 5.2); and again, until it no longer helps."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import InputError
-from midair.flow import Settings, felt
+from midair.flow import felt
 from midair.model import Calibration, PressureFrames, Progress
 from midair.rig.loop.iteration import iterated
 from midair.rig.loop.passes import Pass, Rig, Stage, led_in, play_pass, quiet
 from midair.rig.playing import Gate, rerecord
+from midair.settings import Settings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,14 +86,18 @@ def beam_test(
     """
     frequency, cycles = _beat(settings)
     channel = (sensor.grid.rows - 1) // 2 * sensor.grid.columns + (sensor.grid.columns - 1) // 2
-    point = np.array([*sensor.grid.channel_position(channel), settings.grid.height])
-    point[:2] += settings.grid.centre
-    full = float(
-        commanded_pressure(array.array, point, np.ones(1), medium=settings.medium, directivity=settings.directivity)[0]
-    )
+    point = np.array([*sensor.grid.channel_position(channel), settings.target.grid.height])
+    point[:2] += settings.target.grid.centre
+    full = float(commanded_pressure(array.array, point, np.ones(1), acoustics=settings.acoustics)[0])
     drives = np.sqrt(np.linspace(1 / levels, 1, levels) * min(top / full, 1.0))
     drive = beam_drive(
-        array.array, point, drives, frequency=frequency, cycles=cycles, rate=settings.rate, medium=settings.medium
+        array.array,
+        point,
+        drives,
+        frequency=frequency,
+        cycles=cycles,
+        rate=settings.target.rate,
+        acoustics=settings.acoustics,
     )
     heard = felt(rerecord(drive, array, sensor, gate=gate, progress=progress), calibration, settings)
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
@@ -137,13 +142,13 @@ def run_loop(
         raise InputError(f"corrections: expected 0 or more of each kind, got {corrections} and {iterate}")
     rig = Rig(array=array, sensor=sensor, gate=gate, lead=lead)
     beam = beam_test(array, sensor, sensor.calibration, settings, gate=gate, progress=stage("beam test"))
-    gain = settings.gain * amplitude_gain(beam.line.gain)
+    gain = settings.target.gain * amplitude_gain(beam.line.gain)
     asked = led_in(original, lead)
     passes: list[Pass] = []
     for number in range(corrections + 1):
         if passes:
             gain *= amplitude_gain(passes[-1].comparison.gain)
-        passes.append(play_pass(original, asked, rig, replace(settings, gain=gain), f"pass {number + 1}", stage))
+        passes.append(play_pass(original, asked, rig, settings.but(gain=gain), f"pass {number + 1}", stage))
     further = iterated(original, passes[-1], rig, settings, iterate, stage=stage)
     return Loop(
         settings=settings,
@@ -157,6 +162,6 @@ def run_loop(
 
 def _beat(settings: Settings) -> tuple[float, int]:
     """Frequency of the beat in Hz, in the middle of the band on a logarithmic scale, and its cycles at each level."""
-    middle = float(np.sqrt(settings.band[0] * settings.band[1]))
-    frequency = settings.rate / max(4, round(settings.rate / middle))
+    middle = float(np.sqrt(settings.calibration.band[0] * settings.calibration.band[1]))
+    frequency = settings.target.rate / max(4, round(settings.target.rate / middle))
     return frequency, max(4, round(0.2 * frequency))

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from midair.correct import IterativeCorrection, measured_response
 from midair.evaluate import advance
-from midair.flow import Settings
 from midair.model import PressureFrames
 from midair.physics import focus_amplitude, radiation_pressure
 from midair.rig.loop.passes import Pass, Rig, Stage, play_pass, quiet
+from midair.settings import Settings
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def iterated(
         Told the name of each stage as it begins.
     """
     correction = correction or IterativeCorrection()
-    settings = replace(settings, gain=start.gain)
+    settings = settings.but(gain=start.gain)
     passes, taken_back, step = [start], 0, correction.step
     end = f"{times} steps were made" if times else ""
     for number in range(1, times + 1):
@@ -101,19 +101,19 @@ def _asked(
 
     The delay is that of the first pass throughout: found anew each time, it would drift with the correction.
     """
-    focus = focus_amplitude(settings.grid, rig.array.array, medium=settings.medium, directivity=settings.directivity)
-    top = float(radiation_pressure(np.array(focus), settings.medium)) / best.gain
-    asked, rate = playable(best.asked.pressure, mapping=settings.mapping, top=top), original.rate
+    focus = focus_amplitude(settings.target.grid, rig.array.array, acoustics=settings.acoustics)
+    top = float(radiation_pressure(np.array(focus), settings.acoustics.medium)) / best.gain
+    asked, rate = playable(best.asked.pressure, mapping=settings.target.mapping, top=top), original.rate
     heard = _fitted(advance(best.heard.pressure, delay, rate), len(asked))
     first = (len(asked) - original.frames) // 2
     part = slice(first, first + original.frames)
     lacking = np.zeros_like(asked)
     lacking[part] = original.pressure - heard[part]
-    response = measured_response(asked, heard, rate, band=settings.band)
-    change = correction.change(lacking, rate, response, band=settings.band, step=step)
+    response = measured_response(asked, heard, rate, band=settings.calibration.band)
+    change = correction.change(lacking, rate, response, band=settings.calibration.band, step=step)
     return replace(
         best.asked,
-        pressure=playable(asked + change, mapping=settings.mapping, top=top),
+        pressure=playable(asked + change, mapping=settings.target.mapping, top=top),
         provenance=best.asked.provenance.then("correct", {"step": step, "regularisation": correction.regularisation}),
     )
 
@@ -129,7 +129,7 @@ def playable(asked: Array, *, mapping: str, top: float) -> Array:
 
 def lead_of(settings: Settings) -> float:
     """Lead that a mapping needs, in s: none where nothing is lifted, .1 s where a bias has to rise."""
-    return 0.0 if settings.mapping == "half-wave" else 0.1
+    return 0.0 if settings.target.mapping == "half-wave" else 0.1
 
 
 def _fitted(frames: Array, count: int) -> Array:

@@ -24,9 +24,9 @@ from midair.figures import (
     traces_figure,
 )
 from midair.files import whole_file
-from midair.flow import Settings
 from midair.physics import propagate
 from midair.rig.loop.correction_loop import Loop
+from midair.settings import Settings
 
 Row = tuple[str, ...]
 
@@ -87,9 +87,7 @@ def pictures(loop: Loop) -> list[Picture]:
     last, simulated = loop.passes[-1], loop.passes[-1].comparison.simulated
     solution, target = last.reproduction.solution, last.reproduction.target
     frame = int(np.argmax(np.linalg.norm(target.amplitude, axis=1)))
-    field = np.abs(
-        propagate(solution.drive, target.grid, medium=loop.settings.medium, directivity=loop.settings.directivity)
-    )
+    field = np.abs(propagate(solution.drive, target.grid, acoustics=loop.settings.acoustics))
     moment = f"frame {frame}, {frame / target.rate:.3f} s"
     felt_maps = [("original", loop.original), ("re-recorded", last.felt)]
     return [
@@ -217,7 +215,7 @@ def _summary(loop: Loop) -> str:
     return (
         f"{frames} frames at {last.reproduction.target.rate:g} Hz ({frames / last.reproduction.target.rate:.2f} s) on "
         f"{solution.drive.array.name}, {solution.drive.array.count} transducers, at strength "
-        f"{last.reproduction.strength(loop.settings):.2f}. After {len(loop.passes) - 1} correction(s) the re-recorded "
+        f"{last.reproduction.strength():.2f}. After {len(loop.passes) - 1} correction(s) the re-recorded "
         f"pressure has a correlation of {last.comparison.correlation:.2f} with the original and "
         f"{last.comparison.gain:.2f} times its amplitude."
     )
@@ -233,11 +231,11 @@ def _pass_figures(loop: Loop, number: int) -> Mapping[str, tuple[float, str]]:
     solution, target = this.reproduction.solution, this.reproduction.target
     plays = np.array([status != "silent" for status in solution.status])
     settings: Settings = loop.settings
-    field = propagate(solution.drive, target.grid, medium=settings.medium, directivity=settings.directivity)
+    field = propagate(solution.drive, target.grid, acoustics=settings.acoustics)
     error = relative_error(field, target.amplitude)[plays]
     return {
         "gain asked for": (this.gain, ""),
-        "strength": (this.reproduction.strength(settings), ""),
+        "strength": (this.reproduction.strength(), ""),
         "E, mean": (100 * float(error.mean()), "%"),
         "E, worst frame": (100 * float(error.max()), "%"),
         "E as printed, with 1/M, mean": (100 * float(printed_error(field, target.amplitude)[plays].mean()), "%"),

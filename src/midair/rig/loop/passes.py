@@ -7,9 +7,10 @@ from midair.devices import ArrayDevice, SensorDevice
 from midair.dsp import extend
 from midair.errors import InputError
 from midair.evaluate import Comparison, compare, find_delay
-from midair.flow import Reproduction, Settings, at_rate, felt, reproduce
+from midair.flow import Reproduction, at_rate, felt, reproduce
 from midair.model import PressureFrames, Progress, Recording
 from midair.rig.playing import Gate, rerecord
+from midair.settings import Settings
 
 Stage = Callable[[str], Progress | None]
 """Told the name of each stage as it begins; gives the progress to report to."""
@@ -107,7 +108,7 @@ def play_pass(
     first = (asked.frames - original.frames) // 2
     again = heard if not first else heard.cut(first / heard.rate, original.frames / original.rate)
     return Pass(
-        gain=settings.gain,
+        gain=settings.target.gain,
         step=step,
         asked=asked,
         reproduction=made,

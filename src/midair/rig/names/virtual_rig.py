@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from midair.datasets import am_stimulus, stroke, taps
 from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
 from midair.errors import UnknownDeviceError
-from midair.model import Medium, PressureFrames, SensorGrid, TransducerArray
-from midair.physics import Directivity, SensorModel, TransducerDynamics
+from midair.model import Acoustics, PressureFrames, SensorGrid, TransducerArray
+from midair.physics import SensorModel, TransducerDynamics
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,10 +19,8 @@ class VirtualRig:
         The transducers.
     height : float
         Of the sensor above the array, in m.
-    medium : Medium
-        The air.
-    directivity : {"point", "piston", "t4010a1"}
-        Of a transducer.
+    acoustics : Acoustics
+        The air and the directivity of a transducer.
     dynamics : TransducerDynamics
         Of a transducer.
     rate : float
@@ -37,8 +35,7 @@ class VirtualRig:
 
     array: TransducerArray = field(default_factory=TransducerArray.autd3)
     height: float = 0.2
-    medium: Medium = field(default_factory=Medium)
-    directivity: Directivity = "t4010a1"
+    acoustics: Acoustics = field(default_factory=Acoustics)
     dynamics: TransducerDynamics = field(default_factory=TransducerDynamics)
     rate: float = 1000.0
     steps: int = 8
@@ -63,8 +60,7 @@ class VirtualRig:
         return VirtualArray(
             self.array,
             skin,
-            medium=self.medium,
-            directivity=self.directivity,
+            acoustics=self.acoustics,
             dynamics=self.dynamics,
             seed=self.seed,
         )

@@ -54,12 +54,12 @@ def apply_command(
     damping
         Of that: 0 for the inverse of the crosstalk matrix, more for less.
     """
-    options = options or BandOptions()
+    chosen = (options or BandOptions()).settings().calibration
     recording = load(source)
     known = nominal_calibration(recording, sensitivity, peak)
     known = known or (given_calibration(calibration) if calibration else load_calibration(source))
     pressure = calibrate(
-        recording, known, band=options.band, method=options.inverse, crosstalk=crosstalk, damping=damping
+        recording, known, band=chosen.band, method=chosen.inverse, crosstalk=crosstalk, damping=damping
     )
     keep(recording, source, calibration=known, pressure=pressure)
     banner(pressure.provenance.simulated)
@@ -69,7 +69,7 @@ def apply_command(
             ("recording", str(source)),
             ("calibration", calibrated_by(known)),
             *(() if known is None else (("uncertainty", uncertainty_of(known)),)),
-            ("band", f"{options.band[0]:g} to {options.band[1]:g} Hz"),
+            ("band", f"{chosen.band[0]:g} to {chosen.band[1]:g} Hz"),
             ("crosstalk", "kept" if crosstalk == "keep" else f"undone, damping {damping:g}"),
             ("largest pressure", f"{largest:.3g} Pa"),
             ("rms of the strongest cell", f"{np.sqrt((pressure.pressure**2).mean(axis=0)).max():.3g} Pa"),

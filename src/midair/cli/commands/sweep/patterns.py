@@ -7,8 +7,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter, Token
 
 from midair.cli.terminal import out, parse_quantity, show_patterns, spell, swept
-from midair.model import Medium
-from midair.physics import Directivity
+from midair.model import Acoustics, Directivity, Medium
 from midair.sweep import PatternResults, PatternSweep, load_sweep, report_of
 
 
@@ -97,8 +96,7 @@ def patterns_command(
         seed=seed,
         method=method,
         iterations=iterations,
-        directivity=directivity,
-        medium=Medium(attenuation=attenuation),
+        acoustics=Acoustics(medium=Medium(attenuation=attenuation), directivity=directivity),
         bits=bits,
         chunk=chunk,
     )

@@ -1,0 +1,85 @@
+"""Frozen dataclasses as nested dicts of numbers and texts, and back, with a clear line for what does not fit."""
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import reduce
+from operator import or_
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from midair.errors import InputError
+
+
+def to_plain(value: Any) -> Any:
+    """A frozen dataclass as a dict, at every depth; tuples become lists, and what is None is left out.
+
+    TOML has no null: None has to be the default of whatever may be None.
+    """
+    if is_dataclass(value) and not isinstance(value, type):
+        return {one.name: to_plain(got) for one in fields(value) if (got := getattr(value, one.name)) is not None}
+    return [to_plain(each) for each in value] if isinstance(value, tuple | list) else value
+
+
+def from_plain(kind: type[Any], values: Mapping[str, Any], *, where: str = "") -> Any:
+    """The dataclass that `to_plain` gave; what is left out has its default.
+
+    Parameters
+    ----------
+    kind : type
+        Of dataclass.
+    values : mapping
+        By the names of its fields; nested dataclasses as mappings.
+    where : str
+        What comes before the names in a message, such as ``solver.``.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or a value of another type or out of range.
+    """
+    hints, known = get_type_hints(kind), {one.name for one in fields(kind)}
+    if unknown := sorted(set(values) - known):
+        raise InputError(f"{where}{unknown[0]}: expected one of {', '.join(sorted(known))}")
+    made = {name: _value(hints[name], value, f"{where}{name}") for name, value in values.items()}
+    try:
+        return kind(**made)
+    except TypeError as wrong:
+        raise InputError(f"{where.rstrip('.') or kind.__name__}: {wrong}") from None
+
+
+def _value(hint: Any, value: Any, where: str) -> Any:
+    """One value as its annotation wants it."""
+    if isinstance(value, Mapping):
+        kinds = [each for each in _alternatives(hint) if is_dataclass(each) and isinstance(each, type)]
+        if kinds:
+            return from_plain(kinds[0], value, where=f"{where}.")
+    from pydantic import TypeAdapter, ValidationError
+
+    # Only what text can hold is left to choose from: pydantic knows no dataclass with arrays in it.
+    plain = tuple(each for each in _alternatives(hint) if not is_dataclass(each))
+    if not plain:
+        raise InputError(f"{where}: expected a table, got {value!r}")
+    try:
+        return TypeAdapter[Any](reduce(or_, plain)).validate_python(value)
+    except ValidationError as wrong:
+        raise InputError(f"{where}: expected {_words(plain)}, got {value!r} ({wrong.errors()[0]['msg']})") from None
+
+
+def _alternatives(hint: Any) -> tuple[Any, ...]:
+    """The members of a union, at every depth; the annotation itself if it is none."""
+    if get_origin(hint) in (Union, UnionType):
+        return tuple(each for part in get_args(hint) for each in _alternatives(part))
+    return (hint,)
+
+
+def _words(kinds: tuple[Any, ...]) -> str:
+    parts = [
+        " or ".join(str(each) for each in get_args(kind)) if get_origin(kind) is Literal else _name(kind)
+        for kind in kinds
+        if kind is not type(None)
+    ]
+    return " or ".join(parts)
+
+
+def _name(kind: Any) -> str:
+    return kind.__name__ if isinstance(kind, type) and not get_args(kind) else str(kind)

@@ -1,0 +1,113 @@
+"""Air by its temperature, humidity and pressure: how fast sound is in it, how it weakens, how dense it is."""
+
+import math
+
+from midair.errors import InputError
+
+STANDARD_PRESSURE = 101.325e3
+"""One standard atmosphere, in Pa."""
+
+_KELVIN = 273.15
+_CARBON_DIOXIDE = 420e-6  # mole fraction; 100 ppm change the speed of sound by 0.009 m/s
+
+
+def check_air(temperature: float, humidity: float, pressure: float) -> None:
+    """Refuse air in which the formulas do not hold.
+
+    Parameters
+    ----------
+    temperature : float
+        In degrees Celsius: 0 to 50. Cramer's fit is stated for 0 to 30.
+    humidity : float
+        Relative, 0 to 1.
+    pressure : float
+        In Pa: 60 to 110 kPa. Cramer's fit is stated for 75 to 102 kPa.
+
+    Raises
+    ------
+    InputError
+        If one is out of range.
+    """
+    if not 0 <= temperature <= 50:
+        raise InputError(f"temperature: expected 0 to 50 degrees Celsius, got {temperature:g}")
+    if not 0 <= humidity <= 1:
+        raise InputError(f"humidity: expected 0 to 1 (0 % to 100 %), got {humidity:g}")
+    if not 60e3 <= pressure <= 110e3:
+        raise InputError(f"air pressure: expected 60000 to 110000 Pa, got {pressure:g}")
+
+
+def vapour_fraction(temperature: float, humidity: float, pressure: float = STANDARD_PRESSURE) -> float:
+    """Mole fraction of water vapour: saturation pressure and enhancement factor of Davis (Metrologia 29, 1992).
+
+    Parameters
+    ----------
+    temperature, humidity, pressure
+        As in `check_air`.
+    """
+    kelvin = temperature + _KELVIN
+    saturated = math.exp(1.2378847e-5 * kelvin**2 - 1.9121316e-2 * kelvin + 33.93711047 - 6.3431645e3 / kelvin)
+    enhancement = 1.00062 + 3.14e-8 * pressure + 5.6e-7 * temperature**2
+    return humidity * enhancement * saturated / pressure
+
+
+def speed_of_sound(temperature: float, humidity: float, pressure: float = STANDARD_PRESSURE) -> float:
+    """Speed of sound at zero frequency, in m/s: Cramer (J. Acoust. Soc. Am. 93, 1993), eq. 15 and table III.
+
+    Stated to 300 parts per million, .1 m/s. Dispersion adds less than .1 m/s at 40 kHz and is left out.
+
+    Parameters
+    ----------
+    temperature, humidity, pressure
+        As in `check_air`.
+    """
+    t, p, water, carbon = temperature, pressure, vapour_fraction(temperature, humidity, pressure), _CARBON_DIOXIDE
+    return (
+        331.5024
+        + 0.603055 * t
+        - 0.000528 * t**2
+        + (51.471935 + 0.1495874 * t - 0.000782 * t**2) * water
+        + (-1.82e-7 + 3.73e-8 * t - 2.93e-10 * t**2) * p
+        + (-85.20931 - 0.228525 * t + 5.91e-5 * t**2) * carbon
+        - 2.835149 * water**2
+        - 2.15e-13 * p**2
+        + 29.179762 * carbon**2
+        + 0.000486 * water * p * carbon
+    )
+
+
+def attenuation(frequency: float, temperature: float, humidity: float, pressure: float = STANDARD_PRESSURE) -> float:
+    """Amplitude attenuation of a pure tone, in Np/m: ISO 9613-1:1993, eqs. 3 to 5 and B.2, B.3.
+
+    Stated to 10 % where frequency over pressure is 4e-4 to 10 Hz/Pa, which 40 kHz is at one atmosphere.
+
+    Parameters
+    ----------
+    frequency : float
+        In Hz.
+    temperature, humidity, pressure
+        As in `check_air`, though the formulas hold from -20 degrees on.
+    """
+    kelvin, ratio = temperature + _KELVIN, pressure / STANDARD_PRESSURE
+    warm = kelvin / 293.15
+    saturated = 10 ** (-6.8346 * (273.16 / kelvin) ** 1.261 + 4.6151)
+    h = 100 * humidity * saturated / ratio  # molar concentration of water vapour, in %
+    oxygen = ratio * (24 + 4.04e4 * h * (0.02 + h) / (0.391 + h))
+    nitrogen = ratio * warm**-0.5 * (9 + 280 * h * math.exp(-4.170 * (warm ** (-1 / 3) - 1)))
+    relaxed = 0.01275 * math.exp(-2239.1 / kelvin) / (oxygen + frequency**2 / oxygen)
+    relaxed += 0.1068 * math.exp(-3352.0 / kelvin) / (nitrogen + frequency**2 / nitrogen)
+    # The standard's factor 8.686 turns Np into dB; without it the formula gives Np/m.
+    return frequency**2 * (1.84e-11 / ratio * math.sqrt(warm) + warm**-2.5 * relaxed)
+
+
+def density(temperature: float, humidity: float, pressure: float = STANDARD_PRESSURE) -> float:
+    """Density of moist air, in kg/m3: the ideal gas law with the molar masses of Davis (Metrologia 29, 1992).
+
+    Compressibility, .04 %, is left out.
+
+    Parameters
+    ----------
+    temperature, humidity, pressure
+        As in `check_air`.
+    """
+    water = vapour_fraction(temperature, humidity, pressure)
+    return pressure * 28.9635e-3 / (8.314462618 * (temperature + _KELVIN)) * (1 - 0.3780 * water)
