@@ -57,6 +57,12 @@ def test_everything_is_found_in_whole_data():
     assert (rated.ratings["low"] < rated.ratings["mean"]).all()
 
 
+def test_conditions_that_are_numbers_are_compared_too():
+    table = choices() | {"surface": np.where(choices()["surface"] == "plain", 1.0, 2.0)}
+    report = analyse(data_of_columns(table, **NAMES), draws=200)
+    assert "1.0 and 2.0" in found(report, "Over people").words
+
+
 def test_the_seed_decides():
     first, second = (analyse(data_of_columns(choices(), **NAMES), seed=3, draws=200) for _ in range(2))
     assert [one.words for one in first.findings] == [one.words for one in second.findings]

@@ -59,7 +59,8 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     findings = [_people(data), *failed]
     for one in choices:
         findings += attempt(f"Which object: {one.name}", lambda one=one: choice_findings(one, rng=rng, draws=draws))
-    pair = tuple(one for one in choices if data.choices is not None and one.name in data.choices["condition"].tolist())
+    conditions = [] if data.choices is None else data.choices["condition"].map(str).tolist()
+    pair = tuple(one for one in choices if one.name in conditions)
     if len(pair) == 2:
         findings += compared(pair, data, rng=rng)
     if data.choices is not None:
