@@ -27,6 +27,12 @@ def test_import_loads_nothing_heavy():
     assert heavy.isdisjoint(loaded)
 
 
+def test_the_commands_and_studies_start_without_pandas():
+    code = "import sys, midair.cli, midair.study; print('pandas' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert said.strip() == "False"
+
+
 @pytest.mark.parametrize("name", ["load", "save", "calibrate", "prepare", "solve", "propagate", "compare"])
 def test_verbs_are_functions_whatever_was_imported_before(name):
     code = f"import midair.solvers, midair.calibration, midair.targets, midair; print(callable(midair.{name}))"

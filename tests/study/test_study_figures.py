@@ -1,8 +1,9 @@
 import numpy as np
+import pandas as pd
 import pytest
 
 from midair.errors import InputError
-from midair.study import Chance, Table, confusion_matrix
+from midair.study import Chance, confusion_matrix
 from midair.study.findings.finding import Choices
 from midair.study.study_figures import chance_figure, confusion_figure, f_figure, power_figure, rating_figure
 
@@ -36,7 +37,7 @@ def test_ratings_have_a_panel_a_level_of_the_first_of_three_factors(factors, pan
     where = np.indices((2, 3, 3)[3 - factors :]).reshape(factors, -1)
     columns = {name: np.array([f"{name}{i}" for i in row]) for name, row in zip(names, where, strict=True)}
     mean = np.linspace(2, 6, where.shape[1])
-    ratings = Table({**columns, "mean": mean, "low": mean - 1, "high": mean + 1})
+    ratings = pd.DataFrame({**columns, "mean": mean, "low": mean - 1, "high": mean + 1})
     figure = rating_figure(ratings, names, simulated=False)
     assert len(figure.axes) == panels
     shown = [y for axes in figure.axes for box in axes.containers for y in box.lines[0].get_ydata()]
@@ -45,13 +46,13 @@ def test_ratings_have_a_panel_a_level_of_the_first_of_three_factors(factors, pan
 
 def test_four_factors_are_too_many():
     with pytest.raises(InputError, match="one to three"):
-        rating_figure(Table({}), ["a", "b", "c", "d"], simulated=False)
+        rating_figure(pd.DataFrame({}), ["a", "b", "c", "d"], simulated=False)
 
 
 def test_chance_and_power():
     chance = Chance(value=0.5, distribution=np.linspace(0.2, 0.4, 100), p=0.01)
     figure = chance_figure(chance, simulated=False)
     assert "0.205 to 0.395" in figure.axes[0].get_xlabel()
-    curve = Table({"participants": np.array([3, 10]), "power": np.array([0.1, 0.8])})
+    curve = pd.DataFrame({"participants": np.array([3, 10]), "power": np.array([0.1, 0.8])})
     figure = power_figure([("d_z = 1", curve)])
     assert figure.axes[0].lines[0].get_ydata().tolist() == [0.1, 0.8]

@@ -2,7 +2,7 @@ import json
 import shutil
 import subprocess
 
-import numpy as np
+import pandas as pd
 import pytest
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
@@ -12,7 +12,6 @@ from midair.study.session.participant import SimulatedParticipant
 from midair.study.session.presenters import NoPresenter
 from midair.study.session.simulated_screen import SimulatedScreen
 from midair.study.session.trials import Session, run
-from midair.study.statistics.table import Table
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
 
 
@@ -69,14 +68,7 @@ def test_the_public_validator_finds_no_error(study, tmp_path):
 
 
 def test_csv_comes_back(tmp_path):
-    table = Table(
-        {
-            "who": np.array(["a, b", 'say "x"']),
-            "score": np.array([0.1, 1 / 3]),
-            "n": np.array([1, 2]),
-            "ok": np.array([True, False]),
-        }
-    )
+    table = pd.DataFrame({"who": ["a, b", 'say "x"'], "score": [0.1, 1 / 3], "n": [1, 2], "ok": [True, False]})
     write_csv(table, tmp_path / "t.csv")
     back = read_csv(tmp_path / "t.csv")
     assert {name: back[name].tolist() for name in back} == {name: table[name].tolist() for name in table}
@@ -104,4 +96,4 @@ def test_what_is_not_there(study, tmp_path):
     with pytest.raises(FileError, match="new folder"):
         write_bids(answers, plan.design, tmp_path)
     with pytest.raises(InputError, match="got none"):
-        write_bids(answers.take(np.zeros(answers.height, bool)), plan.design, tmp_path / "b")
+        write_bids(answers.iloc[:0], plan.design, tmp_path / "b")

@@ -7,112 +7,17 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.study.design import (
-    Adaptive,
-    Analysis,
-    Block,
     Design,
-    Order,
     Plan,
-    Question,
-    QuestionKind,
     Standing,
-    Stimulus,
-    StimulusKind,
     digest_of,
     draw_plan,
     replay,
 )
-
-
-class _Text(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class StimulusText(_Text):
-    """A ``[[stimuli]]`` table."""
-
-    name: str
-    kind: StimulusKind = "drive"
-    source: str = ""
-    members: tuple[str, ...] = ()
-    levels: dict[str, str] = {}
-
-
-class QuestionText(_Text):
-    """A ``[[questions]]`` table."""
-
-    name: str
-    kind: QuestionKind
-    text: str
-    options: tuple[str, ...] = ()
-    low: int = 1
-    high: int = 7
-    low_label: str = ""
-    high_label: str = ""
-    truth: str = ""
-    levels: dict[str, str] = {}
-
-
-class BlockText(_Text):
-    """A ``[[blocks]]`` table."""
-
-    name: str
-    stimuli: tuple[str, ...]
-    questions: tuple[str, ...]
-    repetitions: int = 1
-    order: Order = "shuffle"
-    longest_run: int = 0
-    group: str = ""
-    scored: bool = True
-    levels: dict[str, str] = {}
-    text: str = ""
-    rest_s: float = 0.0
-    adaptive: Adaptive = ""
-    strength: str = ""
-
-
-class AnalysisText(_Text):
-    """The ``[analysis]`` table."""
-
-    choice: str = ""
-    condition: str = ""
-    only: dict[str, str] = {}
-    rated: tuple[str, ...] = ()
-    within: tuple[str, ...] = ()
-    strength: str = ""
-    guess: float = 0.5
-    margin: float = 0.1
-
-
-class DesignText(_Text):
-    """A study's TOML."""
-
-    name: str
-    title: str = ""
-    participants: int
-    seed: int
-    counterbalanced: tuple[str, ...] = ()
-    consent: str = ""
-    debrief: str = ""
-    stimuli: tuple[StimulusText, ...]
-    questions: tuple[QuestionText, ...]
-    blocks: tuple[BlockText, ...]
-    analysis: AnalysisText = AnalysisText()
-
-    def design(self) -> Design:
-        """As the stages know it."""
-        plain = self.model_dump(exclude={"stimuli", "questions", "blocks", "analysis"})
-        return Design(
-            **plain,
-            stimuli=tuple(Stimulus(**part.model_dump()) for part in self.stimuli),
-            questions=tuple(Question(**part.model_dump()) for part in self.questions),
-            blocks=tuple(Block(**part.model_dump()) for part in self.blocks),
-            analysis=Analysis(**self.analysis.model_dump()),
-        )
 
 
 def paper_design_text() -> str:
@@ -141,12 +46,12 @@ def read_design(text: str, *, name: str = "", participants: int = 0, seed: int |
         raise InputError(f"study: expected TOML, got: {wrong}") from wrong
     given = {"name": name, "participants": participants, "seed": seed}
     raw |= {key: value for key, value in given.items() if value or (key == "seed" and value is not None)}
+    # pydantic takes no settings beside a dataclass, but hands those of a tuple down to the dataclasses inside it.
+    design = TypeAdapter(tuple[Design], config=ConfigDict(extra="forbid"))
     try:
-        return DesignText.model_validate(raw).design()
+        return design.validate_python((raw,))[0]
     except ValidationError as wrong:
-        first = wrong.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"study: {where}: {first['msg'][0].lower()}{first['msg'][1:]}; correct the TOML") from wrong
+        raise _in_words(wrong) from wrong
 
 
 class StudyFolder:
@@ -212,3 +117,15 @@ class StudyFolder:
         plan = self.plan()
         numbers = [n for n in range(1, plan.design.participants + 1) if self.log(n).exists()]
         return [replay(read_events(self.log(n)), plan, n) for n in numbers]
+
+
+def _in_words(wrong: ValidationError) -> InputError:
+    """What a design itself refuses is said as it says it; for the rest, where in the TOML it stands."""
+    first = wrong.errors()[0]
+    refused = first.get("ctx", {}).get("error")
+    if isinstance(refused, InputError):
+        return refused
+    where = ".".join(str(part) for part in first["loc"][1:])
+    unknown = first["type"] == "unexpected_keyword_argument"
+    message = "extra inputs are not permitted" if unknown else first["msg"][0].lower() + first["msg"][1:]
+    return InputError(f"study: {where}: {message}; correct the TOML")

@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from pandas import DataFrame
 
     from midair.study.findings import Choices
-    from midair.study.statistics import Chance, Table
+    from midair.study.statistics import Chance
 
 
 def confusion_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None = None) -> Figure:
@@ -78,12 +79,12 @@ def f_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None
     return figure
 
 
-def rating_figure(ratings: Table, within: Sequence[str], *, simulated: bool, style: Style | None = None) -> Figure:
+def rating_figure(ratings: DataFrame, within: Sequence[str], *, simulated: bool, style: Style | None = None) -> Figure:
     """Mean ratings with limits, a panel for each level of the first factor if there are three (Fig. 8).
 
     Parameters
     ----------
-    ratings : Table
+    ratings : DataFrame
         Columns of the factors, mean, low, high.
     within : sequence of str
         One to three factors: the last is the colour, the one before it the axis.
@@ -104,7 +105,7 @@ def rating_figure(ratings: Table, within: Sequence[str], *, simulated: bool, sty
     for place, panel in enumerate(panels):
         axes = plain(figure.add_subplot(1, len(panels), place + 1, sharey=shared), style)
         shared = shared or axes
-        rows = ratings.where({within[0]: panel}) if panel else ratings
+        rows = ratings.loc[ratings[within[0]] == panel] if panel else ratings
         _rating_panel(axes, rows, within[-2] if len(within) > 1 else "", within[-1], style)
         axes.set_title(f"{within[0]}: {panel}" if panel else "", fontsize=9)
         if place == 0:
@@ -128,12 +129,14 @@ def chance_figure(chance: Chance, *, simulated: bool, quantity: str = "macro F",
     return figure
 
 
-def power_figure(curves: Sequence[tuple[str, Table]], *, simulated: bool = False, style: Style | None = None) -> Figure:
+def power_figure(
+    curves: Sequence[tuple[str, DataFrame]], *, simulated: bool = False, style: Style | None = None
+) -> Figure:
     """Power against the number of people or pairs.
 
     Parameters
     ----------
-    curves : sequence of (name, Table)
+    curves : sequence of (name, DataFrame)
         Columns participants, power, and low and high where they were simulated.
     simulated : bool
         Whether to mark the figure.
@@ -153,12 +156,12 @@ def power_figure(curves: Sequence[tuple[str, Table]], *, simulated: bool = False
     return figure
 
 
-def _rating_panel(axes: Axes, rows: Table, across: str, colour: str, style: Style) -> None:
+def _rating_panel(axes: Axes, rows: DataFrame, across: str, colour: str, style: Style) -> None:
     places = sorted(set(rows[across].tolist())) if across else [""]
     shades = [style.before, style.reproduced, style.original]
     series = sorted(set(rows[colour].tolist()))
     for i, level in enumerate(series):
-        part = rows.where({colour: level})
+        part = rows.loc[rows[colour] == level]
         place = [places.index(name) for name in part[across].tolist()] if across else [0]
         x = np.array(place) + (i - (len(series) - 1) / 2) * 0.2
         error = np.array([part["mean"] - part["low"], part["high"] - part["mean"]])

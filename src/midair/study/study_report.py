@@ -48,7 +48,7 @@ def report_json(report: Report) -> str:
             {
                 "title": one.title,
                 "words": one.words,
-                "table": [_finite(row) for row in one.table.rows] if one.table else [],
+                "table": [] if one.table is None else [_finite(row) for row in one.table.to_dict("records")],
             }
             for one in report.findings
         ],
@@ -72,9 +72,11 @@ def study_pictures(report: Report, *, within: tuple[str, ...]) -> list[Picture]:
 
 def _shown(finding: Finding) -> dict[str, Any]:
     table = finding.table
-    names = [] if table is None else [name for name in table if any(value != "" for value in table[name].tolist())]
-    rows = [] if table is None else [[_cell(row[name]) for name in names] for row in table.rows]
-    return {"title": finding.title, "words": finding.words, "names": names, "rows": rows}
+    if table is None:
+        return {"title": finding.title, "words": finding.words, "names": [], "rows": []}
+    shown = table.loc[:, (table != "").any()]
+    rows = [[_cell(value) for value in row] for row in shown.itertuples(index=False, name=None)]
+    return {"title": finding.title, "words": finding.words, "names": shown.columns.tolist(), "rows": rows}
 
 
 def _cell(value: object) -> str:

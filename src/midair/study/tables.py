@@ -1,17 +1,23 @@
 """Answers as files: plain CSV, and the tables of the Brain Imaging Data Structure for behaviour (BIDS 1.10, "beh")."""
 
+from __future__ import annotations
+
 import csv
 import json
-from collections.abc import Iterable, Mapping
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
-from midair.study.design import Design
-from midair.study.statistics import Table
 from midair.version import __version__
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from pandas import DataFrame, Series
+
+    from midair.study.design import Design
 
 MEANING: Mapping[str, str] = {
     "trial": "Number of the trial within the session, from 1 on.",
@@ -32,7 +38,7 @@ MEANING: Mapping[str, str] = {
 """What the columns of an answers table mean."""
 
 
-def write_csv(table: Table, path: Path) -> None:
+def write_csv(table: DataFrame, path: Path) -> None:
     """A table as CSV with a line of names.
 
     Raises
@@ -43,7 +49,7 @@ def write_csv(table: Table, path: Path) -> None:
     _write_separated(table, path, ",")
 
 
-def read_csv(path: Path) -> Table:
+def read_csv(path: Path) -> DataFrame:
     """A table from CSV or TSV with a line of names; a column of numbers becomes numbers.
 
     Raises
@@ -53,32 +59,15 @@ def read_csv(path: Path) -> Table:
     BrokenFileError
         If it is no such table.
     """
-    if not path.is_file():
-        raise MissingFileError(f"{path.name}: expected a table, got no such file")
-    delimiter = "\t" if path.suffix == ".tsv" else ","
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(file, delimiter=delimiter, strict=True))
-    except (csv.Error, UnicodeDecodeError) as wrong:
-        raise BrokenFileError(f"{path.name}: expected a table in UTF-8, got: {wrong}") from wrong
-    rows = [row for row in rows if row]
-    if len(rows) < 2 or len(set(rows[0])) < len(rows[0]):
-        raise BrokenFileError(f"{path.name}: expected different names and rows of answers, got {len(rows)} lines")
-    uneven = next((i for i, row in enumerate(rows, start=1) if len(row) != len(rows[0])), None)
-    if uneven:
-        raise BrokenFileError(
-            f"{path.name}: expected {len(rows[0])} fields a line, got {len(rows[uneven - 1])} in line {uneven}"
-        )
-    columns = zip(*rows[1:], strict=True)
-    return Table({name: _typed(values) for name, values in zip(rows[0], columns, strict=True)})
+    return _typed(_words(path))
 
 
-def write_bids(answers: Table, design: Design, folder: Path) -> list[Path]:
+def write_bids(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
     """Answers as a BIDS dataset: ``sub-NN/beh/sub-NN_task-NAME_beh.tsv`` with a JSON sidecar for each participant.
 
     Parameters
     ----------
-    answers : Table
+    answers : DataFrame
         As `answers_table` makes it.
     design : Design
         For the sidecars.
@@ -97,29 +86,26 @@ def write_bids(answers: Table, design: Design, folder: Path) -> list[Path]:
     InputError
         If there are no answers.
     """
-    if not answers.height:
+    if answers.empty:
         raise InputError("export: expected answers, got none; run a participant first")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise FileError(f"{folder.name}: expected a new folder for the dataset, got one that holds something")
     folder.mkdir(parents=True, exist_ok=True)
-    people = list(dict.fromkeys(answers["participant"].tolist()))
     simulated = bool(answers["simulated"].any())
     written = [_text(folder / "README", _readme(design, simulated))]
     written.append(_json(folder / "dataset_description.json", _description(design, simulated)))
-    written += _participants(answers, people, folder)
-    for person in people:
-        name = folder / person / "beh" / f"{person}_task-{design.name}_beh"
+    written += _participants(answers, folder)
+    for person, rows in answers.groupby("participant", sort=False):
+        name = folder / str(person) / "beh" / f"{person}_task-{design.name}_beh"
         name.parent.mkdir(parents=True)
-        rows = answers.where({"participant": person})
-        tsv = Table(
-            {_bids_name(column): _bids_values(column, rows[column]) for column in rows if column != "participant"}
-        )
+        tsv = rows.drop(columns="participant").rename(columns={"reaction_s": "response_time"})
+        tsv["correct"] = tsv["correct"].astype(str).replace("-1", "n/a")
         _write_separated(tsv, name.with_suffix(".tsv"), "\t")
         written += [name.with_suffix(".tsv"), _json(name.with_suffix(".json"), _sidecar(tsv, design))]
     return written
 
 
-def read_bids(folder: Path) -> Table:
+def read_bids(folder: Path) -> DataFrame:
     """Every behavioural table of a BIDS dataset below each other, with the participant as a column.
 
     Columns that one table lacks are "n/a" there.
@@ -129,62 +115,67 @@ def read_bids(folder: Path) -> Table:
     MissingFileError
         If there are none.
     """
+    from pandas import DataFrame, concat
+
     files = sorted(folder.glob("sub-*/**/beh/*_beh.tsv")) + sorted(folder.glob("sub-*/beh/*_beh.tsv"))
     files = list(dict.fromkeys(files))
     if not files:
         raise MissingFileError(f"{folder.name}: expected sub-*/beh/*_beh.tsv, got none; is this a BIDS dataset?")
-    tables = [(file.name.split("_")[0], read_csv(file)) for file in files]
-    names = list(dict.fromkeys(name for _, table in tables for name in table))
-    rows: list[dict[str, Any]] = []
-    for person, table in tables:
-        rows += [{"participant": person} | {name: row.get(name, "n/a") for name in names} for row in table.rows]
-    joined = {name: _typed([str(row[name]) for row in rows]) for name in ("participant", *names)}
-    return Table({_own_name(name): _own_values(name, values) for name, values in joined.items()})
+    parts = [DataFrame({"participant": file.name.split("_")[0], **_words(file)}) for file in files]
+    words = concat(parts, ignore_index=True).fillna("n/a").rename(columns={"response_time": "reaction_s"})
+    if "correct" in words:
+        words["correct"] = words["correct"].replace("n/a", "-1")
+    return _typed(words, but=("answer", "right"))
 
 
-def _typed(values: Iterable[str]) -> np.ndarray:
-    listed = list(values)
-    if all(value in ("true", "false", "True", "False") for value in listed):
-        return np.array([value.lower() == "true" for value in listed])
+def _words(path: Path) -> DataFrame:
+    """The fields as they are written.
+
+    Read line by line: pandas fills a line that is short, shifts one that ends in a comma, and takes "n/a" for nothing.
+    """
+    from pandas import DataFrame
+
+    if not path.is_file():
+        raise MissingFileError(f"{path.name}: expected a table, got no such file")
+    delimiter = "\t" if path.suffix == ".tsv" else ","
     try:
-        return np.array([float(value) for value in listed])
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.reader(file, delimiter=delimiter, strict=True))
+    except (csv.Error, UnicodeDecodeError) as wrong:
+        raise BrokenFileError(f"{path.name}: expected a table in UTF-8, got: {wrong}") from wrong
+    rows = [row for row in rows if row]
+    if len(rows) < 2 or len(set(rows[0])) < len(rows[0]):
+        raise BrokenFileError(f"{path.name}: expected different names and rows of answers, got {len(rows)} lines")
+    uneven = next((i for i, row in enumerate(rows, start=1) if len(row) != len(rows[0])), None)
+    if uneven:
+        raise BrokenFileError(
+            f"{path.name}: expected {len(rows[0])} fields a line, got {len(rows[uneven - 1])} in line {uneven}"
+        )
+    return DataFrame(rows[1:], columns=rows[0])
+
+
+def _typed(words: DataFrame, *, but: Sequence[str] = ()) -> DataFrame:
+    names = [name for name in words.columns.tolist() if name not in but]
+    return words.assign(**{name: _values(words.loc[:, name]) for name in names})
+
+
+def _values(column: Series) -> Series:
+    if column.isin(["true", "false", "True", "False"]).all():
+        return column.str.lower() == "true"
+    try:
+        return column.astype(float)
     except ValueError:
-        return np.array(listed)
+        return column
 
 
-def _write_separated(table: Table, path: Path, delimiter: str) -> None:
-    if path.exists():
-        raise FileError(f"{path.name}: expected a new file, got one that is there; choose another name")
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, delimiter=delimiter, lineterminator="\n")
-        writer.writerow(list(table))
-        writer.writerows([[_field(value) for value in row.values()] for row in table.rows])
-
-
-def _field(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value) if isinstance(value, float) else str(value)
-
-
-def _bids_name(column: str) -> str:
-    return {"reaction_s": "response_time"}.get(column, column)
-
-
-def _own_name(column: str) -> str:
-    return {"response_time": "reaction_s"}.get(column, column)
-
-
-def _bids_values(column: str, values: np.ndarray) -> np.ndarray:
-    return np.where(values < 0, "n/a", values.astype(str)) if column == "correct" else values
-
-
-def _own_values(column: str, values: np.ndarray) -> np.ndarray:
-    if column == "correct" and values.dtype.kind == "U":
-        return np.array([-1 if value == "n/a" else int(float(value)) for value in values.tolist()])
-    if column in ("answer", "right"):
-        return np.array([f"{value:g}" if isinstance(value, float) else str(value) for value in values.tolist()])
-    return values
+def _write_separated(table: DataFrame, path: Path, delimiter: str) -> None:
+    words = table.copy()
+    for name in table.select_dtypes(bool):
+        words[name] = np.where(table[name], "true", "false")
+    try:
+        words.to_csv(path, sep=delimiter, index=False, mode="x", encoding="utf-8", lineterminator="\n", na_rep="n/a")
+    except FileExistsError as there:
+        raise FileError(f"{path.name}: expected a new file, got one that is there; choose another name") from there
 
 
 def _description(design: Design, simulated: bool) -> dict[str, Any]:
@@ -204,14 +195,9 @@ def _readme(design: Design, simulated: bool) -> str:
     )
 
 
-def _participants(answers: Table, people: list[str], folder: Path) -> list[Path]:
-    rows = Table(
-        {
-            "participant_id": np.array(people),
-            "simulated": np.array([bool(answers.where({"participant": who})["simulated"].any()) for who in people]),
-            "answers": np.array([answers.where({"participant": who}).height for who in people]),
-        }
-    )
+def _participants(answers: DataFrame, folder: Path) -> list[Path]:
+    simulated = answers.groupby("participant", sort=False)["simulated"]
+    rows = simulated.agg(simulated="any", answers="size").rename_axis("participant_id").reset_index()
     path = folder / "participants.tsv"
     _write_separated(rows, path, "\t")
     meaning = {
@@ -222,7 +208,7 @@ def _participants(answers: Table, people: list[str], folder: Path) -> list[Path]
     return [path, _json(folder / "participants.json", meaning)]
 
 
-def _sidecar(table: Table, design: Design) -> dict[str, Any]:
+def _sidecar(table: DataFrame, design: Design) -> dict[str, Any]:
     columns: dict[str, Any] = {
         name: {"Description": MEANING.get(name, f"Level of the factor {name}; n/a where it has none.")}
         for name in table

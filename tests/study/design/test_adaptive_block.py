@@ -104,7 +104,7 @@ def test_thresholds_reach_the_report(tmp_path):
     assert "over people" in function.words
     assert function.table["answers"].sum() == 240
     adaptive = next(one for one in report.findings if one.title == "Thresholds of adaptive blocks")
-    assert adaptive.table.height == 6
+    assert len(adaptive.table) == 6
     assert (adaptive.table["sd"] > 0).all()
     stated = float(function.words.split()[1])
     blocks = np.exp(np.log(adaptive.table["threshold"]).mean())

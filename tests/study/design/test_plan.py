@@ -105,7 +105,7 @@ def test_table_opens_the_key(plan):
     second = plan.of(1)[1]
     events = [opened(plan), answered(trial, "closest", right), answered(second, "closest", wrong)]
     table = answers_table(plan, [replay(events, plan, 1)])
-    row = table.rows[0]
+    row = table.iloc[0]
     assert (row["right"], row["answer"], row["correct"]) == (right, right, 1)
     assert (row["object"], row["presentation"], row["surface"], row["rated"]) == (right, "real", "n/a", "n/a")
     assert row["participant"] == "sub-01"

@@ -22,9 +22,9 @@ def test_by_hand():
     found = confusion_matrix(truth, answer)
     assert found.counts.tolist() == [[2, 1, 0], [0, 1, 1], [0, 0, 1]]
     table = scores(found)
-    assert table["precision"] == pytest.approx([1, 1 / 2, 1 / 2])
-    assert table["recall"] == pytest.approx([2 / 3, 1 / 2, 1])
-    assert table["F"] == pytest.approx([4 / 5, 1 / 2, 2 / 3])
+    assert table["precision"].tolist() == pytest.approx([1, 1 / 2, 1 / 2])
+    assert table["recall"].tolist() == pytest.approx([2 / 3, 1 / 2, 1])
+    assert table["F"].tolist() == pytest.approx([4 / 5, 1 / 2, 2 / 3])
     assert found.accuracy == pytest.approx(4 / 6)
 
 

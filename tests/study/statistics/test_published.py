@@ -5,7 +5,7 @@ from midair.study.statistics.published import Published, chance_of_published, de
 
 
 def value(table, begin):
-    return next(row for row in table.rows if row["quantity"].startswith(begin))
+    return next(row for row in table.to_dict("records") if row["quantity"].startswith(begin))
 
 
 def test_what_is_printed_follows():

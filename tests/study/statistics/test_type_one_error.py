@@ -50,14 +50,14 @@ UNEVEN = np.diag([0.2, 1.0, 9.0])
 
 def anova(rng, column, effect, covariance=None):
     table = rm_anova(design(rng, covariance), value="y", participant="who", within=["surface", "object"])
-    return table.row({"effect": effect})[column]
+    return table.set_index("effect").loc[effect, column]
 
 
 def ranks(rng, effect):
     data = design(rng)
     rated = data | {"y": np.clip(np.round(data["y"] * 1.5 + 4), 1, 7)}
     table = ordinal_check(rated, value="y", participant="who", within=["surface", "object"], rng=rng)
-    return table.row({"effect": effect})["p_sign"]
+    return table.set_index("effect").loc[effect, "p_sign"]
 
 
 def macro_f(rng):

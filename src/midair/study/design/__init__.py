@@ -2,27 +2,23 @@
 
 from midair.study.design.adaptive import QuestPlus, Staircase
 from midair.study.design.adaptive_block import next_stimulus, thresholds_of
-from midair.study.design.blocks import Adaptive, Analysis, Block, Design, Order, Stimulus, StimulusKind, right_answer
+from midair.study.design.blocks import Analysis, Block, Design, Stimulus, right_answer
 from midair.study.design.order import balanced_latin_square, constrained_shuffle
 from midair.study.design.plan import Plan, Trial, block_order, digest_of, draw_plan
-from midair.study.design.question import Question, QuestionKind
+from midair.study.design.question import Question
 from midair.study.design.standing import Policy, Standing, answers_table, replay
 
 __all__ = [
-    "Adaptive",
     "Analysis",
     "Block",
     "Design",
-    "Order",
     "Plan",
     "Policy",
     "QuestPlus",
     "Question",
-    "QuestionKind",
     "Staircase",
     "Standing",
     "Stimulus",
-    "StimulusKind",
     "Trial",
     "answers_table",
     "balanced_latin_square",

@@ -1,7 +1,8 @@
 """Blocks whose stimuli follow the answers: which rung of a ladder comes next, and the threshold in the end. Pure."""
 
-from collections.abc import Sequence
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,11 @@ from midair.study.design.adaptive import QuestPlus, Staircase
 from midair.study.design.blocks import Block, Design, right_answer
 from midair.study.design.plan import Plan, Trial
 from midair.study.design.standing import Standing
-from midair.study.statistics import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 History = list[tuple[str, bool]]
@@ -55,11 +60,13 @@ def threshold(plan: Plan, progress: Standing, block_name: str) -> tuple[float, f
     return float(np.mean(strength[np.rint(state.turned[-6:]).astype(int)])), float("nan")
 
 
-def thresholds_of(plan: Plan, sessions: Sequence[Standing]) -> Table | None:
+def thresholds_of(plan: Plan, sessions: Sequence[Standing]) -> DataFrame | None:
     """Thresholds of every adaptive block of every session; None if the plan has no such block.
 
     Columns participant, block, threshold, sd, note; a threshold that cannot be had is NaN, and the note says why.
     """
+    from pandas import DataFrame
+
     blocks = [block.name for block in plan.design.blocks if block.adaptive and block.scored]
     rows: list[dict[str, Any]] = []
     for session in sessions:
@@ -71,7 +78,7 @@ def thresholds_of(plan: Plan, sessions: Sequence[Standing]) -> Table | None:
                 rows.append(row | {"threshold": np.nan, "sd": np.nan, "note": str(wrong)})
             else:
                 rows.append(row | {"threshold": mean, "sd": sd, "note": ""})
-    return Table.from_rows(rows) if rows else None
+    return DataFrame(rows) if rows else None
 
 
 def rungs(design: Design, block: Block) -> tuple[list[str], Array]:

@@ -1,13 +1,18 @@
 """What a log of events says: which answers count, and where a session goes on. Pure: the log is a list of dicts."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from midair.errors import MismatchError
 from midair.study.design.blocks import right_answer
 from midair.study.design.plan import Plan, Trial
-from midair.study.statistics import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from pandas import DataFrame
 
 Policy = Literal["resume", "restart", "block"]
 """After an interruption: go on with the trial that was not finished; begin again; begin the block again."""
@@ -130,16 +135,18 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
     )
 
 
-def answers_table(plan: Plan, sessions: Sequence[Standing]) -> Table:
+def answers_table(plan: Plan, sessions: Sequence[Standing]) -> DataFrame:
     """Every answer that counts as a row; the key that opens the blinding.
 
     Returns
     -------
-    Table
+    DataFrame
         Columns participant, trial, block, group, repetition, stimulus, scored, question, kind, answer, right, correct
         (1, 0, or -1 where nothing is right or wrong), reaction_s, time, simulated, and one a factor, "n/a" where a
         factor has no level. In the order of asking.
     """
+    from pandas import DataFrame
+
     rows = [
         _answer_row(plan, session, trial, name)
         for session in sessions
@@ -147,7 +154,7 @@ def answers_table(plan: Plan, sessions: Sequence[Standing]) -> Table:
         for name in trial.questions
         if (trial.code, name) in session.answers
     ]
-    return Table.from_rows(rows)
+    return DataFrame(rows)
 
 
 def _answer_row(plan: Plan, session: Standing, trial: Trial, name: str) -> dict[str, Any]:

@@ -1,6 +1,9 @@
 """The analysis of a study in plain words: each figure beside what it means and what it cannot say."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,7 +12,9 @@ from midair.study.findings.finding import Choices, Finding, attempt
 from midair.study.findings.rating_findings import anova, other_questions, ranks, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.findings.threshold_findings import adaptive, psychometric
-from midair.study.statistics import Table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,7 +27,7 @@ class Report:
         In the order of reading.
     choices : tuple of Choices
         For the figures.
-    ratings : Table or None
+    ratings : DataFrame or None
         Mean rating and 95 % limits over people of each cell: one column a factor, mean, low, high.
     simulated : bool
         Whether any answer comes from a simulated participant.
@@ -32,7 +37,7 @@ class Report:
 
     findings: tuple[Finding, ...]
     choices: tuple[Choices, ...]
-    ratings: Table | None
+    ratings: DataFrame | None
     simulated: bool
     seed: int
 
@@ -54,7 +59,8 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     findings = [_people(data), *failed]
     for one in choices:
         findings += attempt(f"Which object: {one.name}", lambda one=one: choice_findings(one, rng=rng, draws=draws))
-    pair = tuple(one for one in choices if data.choices is not None and one.name in data.choices["condition"].tolist())
+    conditions = [] if data.choices is None else data.choices["condition"].map(str).tolist()
+    pair = tuple(one for one in choices if one.name in conditions)
     if len(pair) == 2:
         findings += compared(pair, data, rng=rng)
     if data.choices is not None:
@@ -74,7 +80,7 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
 def _people(data: StudyData) -> Finding:
     parts = [t for t in (data.choices, data.other_choices, data.ratings, data.others) if t is not None]
     people = {who for part in parts for who in part["participant"].tolist()}
-    words = f"{len(people)} participant(s), {sum(part.height for part in parts)} answers analysed"
+    words = f"{len(people)} participant(s), {sum(map(len, parts))} answers analysed"
     words += f", {data.left_out} answers of familiarisation left out." if data.left_out else "."
     if len(people) < 2:
         words += " One person says nothing about others: there are no limits and no tests over people."

@@ -1,5 +1,9 @@
 """What is said about choices among objects."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,7 +12,6 @@ from midair.study.findings.finding import Choices, Finding, attempt, p_words
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
     Confusion,
-    Table,
     bayes_factor,
     bootstrap,
     chance_macro_f,
@@ -17,7 +20,6 @@ from midair.study.statistics import (
     d_prime_choice,
     equivalence,
     f_measure,
-    levels,
     logistic_mixed,
     mutual_information,
     paired_t,
@@ -25,15 +27,17 @@ from midair.study.statistics import (
     sign_flip,
 )
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 
 def confusions(data: StudyData, *, rng: np.random.Generator, draws: int) -> tuple[tuple[Choices, ...], list[Finding]]:
     """Confusions of the other trials and of each condition, and a word on those that cannot be had."""
-    parts: list[tuple[str, Table]] = []
+    parts: list[tuple[str, DataFrame]] = []
     if data.other_choices is not None:
-        parts.append((str(data.other_choices["condition"][0]), data.other_choices))
+        parts.append((str(data.other_choices["condition"].iloc[0]), data.other_choices))
     if data.choices is not None:
-        conditions = levels(data.choices["condition"])[0]
-        parts += [(str(name), data.choices.where({"condition": name})) for name in conditions]
+        parts += [(str(name), rows) for name, rows in data.choices.groupby("condition", sort=False)]
     found: list[Choices] = []
     failed: list[Finding] = []
     for name, rows in parts:
@@ -43,9 +47,10 @@ def confusions(data: StudyData, *, rng: np.random.Generator, draws: int) -> tupl
     return tuple(found), failed
 
 
-def _confusion(name: str, rows: Table, rng: np.random.Generator, draws: int) -> Choices:
-    labels = sorted({*rows["presented"].tolist(), *rows["answered"].tolist()})
-    confusion = confusion_matrix(rows["presented"], rows["answered"], participant=rows["participant"], labels=labels)
+def _confusion(name: str, rows: DataFrame, rng: np.random.Generator, draws: int) -> Choices:
+    presented, answered, people = (rows[name].to_numpy() for name in ("presented", "answered", "participant"))
+    labels = sorted({*presented.tolist(), *answered.tolist()})
+    confusion = confusion_matrix(presented, answered, participant=people, labels=labels)
     if len(confusion.participants) < 2:
         return Choices(name=name, confusion=confusion, f_limits=None)
     limits = bootstrap(lambda counts: f_measure(counts.sum(axis=0)), confusion.by_person, rng=rng, draws=draws)
@@ -58,7 +63,7 @@ def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> li
     counts, alternatives = confusion.counts, len(confusion.labels)
     table = scores(confusion)
     if one.f_limits is not None:
-        table = Table({**table, "F_low": one.f_limits.low, "F_high": one.f_limits.high})
+        table = table.assign(F_low=one.f_limits.low, F_high=one.f_limits.high)
     chance = chance_macro_f(confusion, rng=rng, draws=draws)
     low, high = chance.range95
     sense = d_prime_choice(int(np.trace(counts)), int(counts.sum()), alternatives=alternatives)
@@ -135,10 +140,10 @@ def mixed(data: StudyData) -> list[Finding]:
     """Logistic mixed model of right answers."""
     if data.choices is None:
         return []
-    rows = Table({**data.choices, "correct": (data.choices["presented"] == data.choices["answered"]).astype(float)})
-    within = ["presented", "condition"] if len(levels(rows["condition"])[0]) > 1 else ["presented"]
+    rows = data.choices.assign(correct=data.choices["presented"] == data.choices["answered"])
+    within = ["presented", "condition"] if len(set(rows["condition"])) > 1 else ["presented"]
     table = logistic_mixed(rows, correct="correct", participant="participant", within=within)
-    small = [str(row["effect"]) for row in table.rows if row["p"] < 0.05]
+    small = table["effect"][table["p"] < 0.05].tolist()
     words = (
         f"The chance of a right answer depends on {', '.join(small)}."
         if small

@@ -1,10 +1,17 @@
 """A part of a report, and how its numbers are said."""
 
-from collections.abc import Callable
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from midair.errors import InputError
-from midair.study.statistics import Confusion, Interval, Table
+from midair.study.statistics import Confusion, Interval
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -17,13 +24,13 @@ class Finding:
         Its heading.
     words : str
         What was found, for somebody who does not read tables.
-    table : Table or None
+    table : DataFrame or None
         The figures.
     """
 
     title: str
     words: str
-    table: Table | None = None
+    table: DataFrame | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,36 +1,41 @@
 """What is said about ratings, and about answers to questions other than choices."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from midair.errors import InputError
 from midair.study.findings.finding import Finding, attempt, p_words
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
-    Table,
     cell_means,
     d_prime_same_different,
     d_prime_yes_no,
     holm,
-    levels,
     ordinal_check,
     rm_anova,
 )
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 
 def anova(data: StudyData) -> list[Finding]:
     """Analysis of variance of the ratings."""
+    from pandas import Series
+
     if data.ratings is None:
         return []
     table = rm_anova(data.ratings, value="rating", participant="participant", within=data.within)
-    p = table["p_GG"]
-    known = np.isfinite(p)
-    corrected = np.full(len(p), np.nan)
-    corrected[known] = holm(p[known])
-    table = Table({**table, "p_Holm": corrected})
-    small = [f"{row['effect']} ({p_words(row['p_Holm'])})" for row in table.rows if row["p_Holm"] < 0.05]
+    known = table["p_GG"].dropna()
+    table["p_Holm"] = Series(holm(known.to_numpy()), known.index)
+    below = table[table["p_Holm"] < 0.05]
+    small = [f"{effect} ({p_words(p)})" for effect, p in zip(below["effect"], below["p_Holm"], strict=True)]
     found = f"Ratings depend on {', '.join(small)}." if small else "No effect on the ratings was found."
     words = (
-        f"{found} p-values with Greenhouse and Geisser's correction, and Holm's for {int(known.sum())} effects. The"
+        f"{found} p-values with Greenhouse and Geisser's correction, and Holm's for {len(known)} effects. The"
         " test takes the steps of the scale as equal; the check on ranks does not. No effect found is not no effect."
     )
     return [Finding(title="Ratings: analysis of variance", words=words, table=table)]
@@ -41,7 +46,7 @@ def ranks(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     if data.ratings is None:
         return []
     table = ordinal_check(data.ratings, value="rating", participant="participant", within=data.within, rng=rng)
-    small = [str(row["effect"]) for row in table.rows if row["p_sign"] < 0.05]
+    small = table["effect"][table["p_sign"] < 0.05].tolist()
     words = (
         f"On each person's ranks, by turning signs and before any correction for the number of effects, p is below .05"
         f" for: {', '.join(small) or 'no effect'}. Where this differs from the analysis of variance, trust neither."
@@ -49,19 +54,18 @@ def ranks(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     return [Finding(title="Ratings: check on ranks", words=words, table=table)]
 
 
-def other_questions(others: Table) -> list[Finding]:
+def other_questions(others: DataFrame) -> list[Finding]:
     """Yes-no, same-different and magnitude questions."""
     found: list[Finding] = []
-    for name in levels(others["question"])[0]:
-        rows = others.where({"question": name})
-        make = _magnitudes if rows["kind"][0] == "magnitude" else _detected
+    for name, rows in others.groupby("question", sort=False):
+        make = _magnitudes if rows["kind"].iloc[0] == "magnitude" else _detected
         found += attempt(f"Question {name}", lambda rows=rows, name=name, make=make: [make(str(name), rows)])
     return found
 
 
-def _detected(name: str, rows: Table) -> Finding:
-    signal = "yes" if rows["kind"][0] == "yes-no" else "different"
-    there, said = rows["right"] == signal, rows["answer"] == signal
+def _detected(name: str, rows: DataFrame) -> Finding:
+    signal = "yes" if rows["kind"].iloc[0] == "yes-no" else "different"
+    there, said = ((rows[name] == signal).to_numpy(bool) for name in ("right", "answer"))
     measure = d_prime_yes_no if signal == "yes" else d_prime_same_different
     hits, alarms = int((there & said).sum()), int((~there & said).sum())
     sense = measure(hits, int(there.sum()), alarms, int((~there).sum()))
@@ -72,22 +76,20 @@ def _detected(name: str, rows: Table) -> Finding:
     return Finding(title=f"Question {name}", words=words)
 
 
-def _magnitudes(name: str, rows: Table) -> Finding:
-    value = rows["answer"].astype(float)
+def _magnitudes(name: str, rows: DataFrame) -> Finding:
+    value = rows["answer"].to_numpy(float)
     if value.min() <= 0:
         raise InputError(f"magnitudes: expected numbers above 0 for a geometric mean, got {value.min():g}")
-    stimuli, which = levels(rows["stimulus"])
-    people, person = levels(rows["participant"])
-    unit = np.array([np.log(value[person == i]).mean() for i in range(len(people))])
-    adjusted = np.exp(np.log(value) - unit[person] + unit.mean())
-    mean = [float(np.exp(np.log(adjusted[which == i]).mean())) for i in range(len(stimuli))]
+    size = rows.assign(mean=np.log(value))
+    unit = size.groupby("participant")["mean"].transform("mean")
+    size["mean"] += unit[~size["participant"].duplicated()].mean() - unit
+    table = size.groupby("stimulus", sort=False, as_index=False).agg(mean=("mean", "mean"))
+    table["mean"] = np.exp(table["mean"])
     words = "Geometric means after every person's unit was taken out."
-    return Finding(
-        title=f"Question {name}", words=words, table=Table({"stimulus": np.array(stimuli), "mean": np.array(mean)})
-    )
+    return Finding(title=f"Question {name}", words=words, table=table)
 
 
-def rating_means(data: StudyData) -> Table | None:
+def rating_means(data: StudyData) -> DataFrame | None:
     """Means and limits with each person's own level taken out (Cousineau and Morey), for the figure."""
     if data.ratings is None:
         return None
@@ -95,6 +97,7 @@ def rating_means(data: StudyData) -> Table | None:
         cells = cell_means(data.ratings, value="rating", participant="participant", within=data.within)
     except InputError:
         return None
+    from pandas import DataFrame
     from scipy.stats import t as t_distribution
 
     people = len(cells.participants)
@@ -105,6 +108,6 @@ def rating_means(data: StudyData) -> Table | None:
         size = y.shape[1] / (y.shape[1] - 1)
         half = t_distribution.ppf(0.975, people - 1) * np.sqrt(size * centred.var(axis=0, ddof=1) / people)
     where = np.indices(cells.mean.shape[1:]).reshape(len(data.within), -1)
-    columns = {name: np.array([str(cells.levels[f][i]) for i in where[f]]) for f, name in enumerate(data.within)}
+    columns = {name: [str(cells.levels[f][i]) for i in where[f]] for f, name in enumerate(data.within)}
     mean = y.mean(axis=0)
-    return Table({**columns, "mean": mean, "low": mean - half, "high": mean + half})
+    return DataFrame({**columns, "mean": mean, "low": mean - half, "high": mean + half})

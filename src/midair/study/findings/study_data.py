@@ -1,13 +1,21 @@
 """What an analysis works on: choices, ratings and other answers, apart from how they were collected."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.design import Analysis
-from midair.study.statistics import Columns, Table
+from midair.study.statistics import column, frame_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pandas import DataFrame
+
+    from midair.study.design import Analysis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -16,19 +24,19 @@ class StudyData:
 
     Attributes
     ----------
-    choices : Table or None
+    choices : DataFrame or None
         Columns participant, presented, answered, condition (one word if there are no conditions), one row a trial.
-    other_choices : Table or None
+    other_choices : DataFrame or None
         The same for trials outside the comparison, such as those with real objects; their condition names them.
-    ratings : Table or None
+    ratings : DataFrame or None
         Columns participant, rating and one a factor of `within`.
     within : tuple of str
         Factors of the ratings.
-    others : Table or None
+    others : DataFrame or None
         Answers to yes-no, same-different and magnitude questions: columns participant, question, kind, answer, right.
-    strengths : Table or None
+    strengths : DataFrame or None
         Columns participant, level, correct (0 or 1), guess: answers to stimuli of a known strength.
-    thresholds : Table or None
+    thresholds : DataFrame or None
         Columns participant, block, threshold, sd, note: of adaptive blocks.
     margin : float
         Difference of macro F that does not matter.
@@ -38,28 +46,28 @@ class StudyData:
         Answers that were not analysed: familiarisation.
     """
 
-    choices: Table | None = None
-    other_choices: Table | None = None
-    ratings: Table | None = None
+    choices: DataFrame | None = None
+    other_choices: DataFrame | None = None
+    ratings: DataFrame | None = None
     within: tuple[str, ...] = ()
-    others: Table | None = None
-    strengths: Table | None = None
-    thresholds: Table | None = None
+    others: DataFrame | None = None
+    strengths: DataFrame | None = None
+    thresholds: DataFrame | None = None
     margin: float = 0.1
     simulated: bool = False
     left_out: int = 0
 
 
-def data_of_answers(answers: Table, analysis: Analysis, *, thresholds: Table | None = None) -> StudyData:
+def data_of_answers(answers: DataFrame, analysis: Analysis, *, thresholds: DataFrame | None = None) -> StudyData:
     """Sort the answers of a study by what its design says will be tested.
 
     Parameters
     ----------
-    answers : Table
+    answers : DataFrame
         As `answers_table` makes it.
     analysis : Analysis
         Of the design.
-    thresholds : Table, optional
+    thresholds : DataFrame, optional
         Of adaptive blocks, see `thresholds_of`.
 
     Raises
@@ -67,31 +75,31 @@ def data_of_answers(answers: Table, analysis: Analysis, *, thresholds: Table | N
     InputError
         If no answer is scored.
     """
-    scored = answers.take(answers["scored"].astype(bool)) if answers.height else answers
-    if not scored.height:
+    scored = answers if answers.empty else answers.loc[answers["scored"].to_numpy(bool)]
+    if scored.empty:
         raise InputError("answers: expected some that are scored, got none; run a participant first")
-    counts = np.ones(scored.height, bool)
+    counts = np.ones(len(scored), bool)
     for factor, level in analysis.only.items():
-        counts &= scored[factor] == level
-    asked = scored["question"] == analysis.choice
-    rated = scored.take(np.isin(scored["question"], analysis.rated) & counts)
-    rest = scored.take(np.isin(scored["kind"], ("yes-no", "same-different", "magnitude")))
+        counts &= (scored[factor] == level).to_numpy(bool)
+    asked = (scored["question"] == analysis.choice).to_numpy(bool)
+    rated = scored.loc[scored["question"].isin(analysis.rated) & counts]
+    rest = scored.loc[scored["kind"].isin(["yes-no", "same-different", "magnitude"])]
     return StudyData(
-        choices=_choices(scored.take(asked & counts), analysis.condition),
-        other_choices=_named(_choices(scored.take(asked & ~counts), ""), scored.take(asked & ~counts), analysis),
-        ratings=_ratings(rated, value="answer", within=analysis.within) if rated.height else None,
+        choices=_choices(scored.loc[asked & counts], analysis.condition),
+        other_choices=_named(scored.loc[asked & ~counts], analysis),
+        ratings=_ratings(rated, value="answer", within=analysis.within) if len(rated) else None,
         within=analysis.within,
-        others=rest if rest.height else None,
+        others=rest if len(rest) else None,
         strengths=_strengths(scored, analysis) if analysis.strength else None,
         thresholds=thresholds,
         margin=analysis.margin,
         simulated=bool(scored["simulated"].any()),
-        left_out=answers.height - scored.height,
+        left_out=len(answers) - len(scored),
     )
 
 
 def data_of_columns(
-    table: Columns,
+    table: DataFrame | Mapping[str, Any],
     *,
     participant: str,
     presented: str = "",
@@ -109,60 +117,66 @@ def data_of_columns(
     InputError
         If a column is not there, or neither choices nor ratings are named.
     """
-    data = Table.of(table)
+    data = frame_of(table)
     choices = ratings = None
     if presented and answered:
-        names = {"participant": data[participant], "right": data[presented], "answer": data[answered]}
-        choices = _choices(Table(names | ({condition: data[condition]} if condition else {})), condition)
+        choices = _choices(data, condition, participant=participant, presented=presented, answered=answered)
     if rating:
-        ratings = _ratings(Table({**data, "participant": data[participant]}), value=rating, within=within)
+        ratings = _ratings(data, participant=participant, value=rating, within=within)
     if choices is None and ratings is None:
         raise InputError("columns: expected `presented` and `answered`, or `rating` and `within`, got neither")
     return StudyData(choices=choices, ratings=ratings, within=tuple(within), margin=margin, simulated=simulated)
 
 
-def _choices(rows: Table, condition: str) -> Table | None:
-    if not rows.height:
+def _choices(
+    rows: DataFrame,
+    condition: str,
+    *,
+    participant: str = "participant",
+    presented: str = "right",
+    answered: str = "answer",
+) -> DataFrame | None:
+    from pandas import DataFrame
+
+    if rows.empty:
         return None
-    where = rows[condition] if condition else np.full(rows.height, "all")
-    return Table(
-        {
-            "participant": rows["participant"],
-            "presented": rows["right"],
-            "answered": rows["answer"],
-            "condition": where,
-        }
-    )
+    names = {"participant": participant, "presented": presented, "answered": answered}
+    found = DataFrame({name: column(rows, given) for name, given in names.items()})
+    return found.assign(condition=column(rows, condition) if condition else "all")
 
 
-def _named(choices: Table | None, rows: Table, analysis: Analysis) -> Table | None:
+def _named(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
     """Choices under the one level that they share of the factors that set them apart."""
-    if choices is None:
-        return None
-    shared = [set(rows[factor].tolist()) for factor in analysis.only]
-    name = ", ".join(str(next(iter(found))) for found in shared if len(found) == 1) or "other trials"
-    return Table({**choices, "condition": np.full(choices.height, name)})
+    choices = _choices(rows, "")
+    shared = [rows[factor].unique().tolist() for factor in analysis.only]
+    name = ", ".join(str(found[0]) for found in shared if len(found) == 1) or "other trials"
+    return None if choices is None else choices.assign(condition=name)
 
 
-def _strengths(rows: Table, analysis: Analysis) -> Table | None:
+def _strengths(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
+    from pandas import DataFrame
+
     name = analysis.strength
-    known = rows.take((rows[name] != "n/a") & (rows["correct"] >= 0))
-    if not known.height:
+    known = rows.loc[(rows[name] != "n/a") & (rows["correct"] >= 0)]
+    if known.empty:
         return None
     try:
         level = known[name].astype(float)
     except ValueError as wrong:
         raise InputError(f"factor {name!r}: expected strengths as numbers, got {known[name][:3].tolist()}") from wrong
     correct = known["correct"].astype(float)
-    guess = np.full(known.height, analysis.guess)
-    return Table({"participant": known["participant"], "level": level, "correct": correct, "guess": guess})
+    return DataFrame({"participant": known["participant"], "level": level, "correct": correct, "guess": analysis.guess})
 
 
-def _ratings(rows: Table, *, value: str, within: Sequence[str]) -> Table:
+def _ratings(rows: DataFrame, *, value: str, within: Sequence[str], participant: str = "participant") -> DataFrame:
+    from pandas import DataFrame
+
     if not within:
         raise InputError("ratings: expected the factors of the analysis of variance (`within`), got none")
+    given = column(rows, value)
     try:
-        rating = rows[value].astype(float)
+        rating = given.astype(float)
     except (TypeError, ValueError) as wrong:
-        raise InputError(f"column {value!r}: expected ratings, got {rows[value][:3].tolist()}") from wrong
-    return Table({"participant": rows["participant"], "rating": rating} | {name: rows[name] for name in within})
+        raise InputError(f"column {value!r}: expected ratings, got {given[:3].tolist()}") from wrong
+    factors = {name: column(rows, name) for name in within}
+    return DataFrame({"participant": column(rows, participant), "rating": rating} | factors)

@@ -6,20 +6,22 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.study.findings.finding import Finding
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics import Table, bootstrap, fit_psychometric, fit_threshold, levels
+from midair.study.statistics import bootstrap, fit_psychometric, fit_threshold, levels
 
 
 def psychometric(data: StudyData, *, rng: np.random.Generator, draws: int = 400) -> list[Finding]:
     """One Weibull function for the answers of all people; limits by drawing people again."""
+    from pandas import DataFrame
+
     if data.strengths is None:
         return []
     rows = data.strengths
-    guess = float(rows["guess"][0])
-    people, person = levels(rows["participant"])
+    guess = float(rows["guess"].iloc[0])
+    people, person = levels(rows.loc[:, "participant"])
     strength, place = np.unique(rows["level"], return_inverse=True)
     cell = person * len(strength) + place
     size = len(people) * len(strength)
-    sums = [np.bincount(cell, weights=each, minlength=size) for each in (rows["correct"], np.ones(rows.height))]
+    sums = [np.bincount(cell, weights=each, minlength=size) for each in (rows["correct"], np.ones(len(rows)))]
     counts = np.stack(sums, axis=-1).reshape(len(people), len(strength), 2)
     right, total = counts.sum(axis=0).T
     fit = fit_psychometric(strength, right, total, rng=rng, guess=guess, shape="weibull")
@@ -38,7 +40,8 @@ def psychometric(data: StudyData, *, rng: np.random.Generator, draws: int = 400)
         words += f", over people {float(limits.low):.3g} to {float(limits.high):.3g}"
     fits = "fits" if fit.deviance_p > 0.05 else "does NOT fit"
     words += f". The Weibull function {fits} the answers (deviance {fit.deviance:.1f}, p = {fit.deviance_p:.2f})."
-    table = Table({"level": strength, "right": right.astype(int), "answers": total.astype(int), "share": right / total})
+    table = DataFrame({"level": strength, "right": right.astype(int), "answers": total.astype(int)})
+    table["share"] = right / total
     return [Finding(title="Psychometric function", words=words, table=table)]
 
 
@@ -46,11 +49,11 @@ def adaptive(data: StudyData) -> list[Finding]:
     """Thresholds of adaptive blocks, and their geometric mean over people."""
     if data.thresholds is None:
         return []
-    known = data.thresholds.take(np.isfinite(data.thresholds["threshold"]))
-    if not known.height:
+    known = data.thresholds.dropna(subset="threshold")
+    if known.empty:
         raise InputError("thresholds: expected an adaptive block that came to an end, got none; see the notes of each")
     mean = float(np.exp(np.log(known["threshold"]).mean()))
-    words = f"Geometric mean of {known.height} thresholds: {mean:.3g}. Those without a number say why."
+    words = f"Geometric mean of {len(known)} thresholds: {mean:.3g}. Those without a number say why."
     return [Finding(title="Thresholds of adaptive blocks", words=words, table=data.thresholds)]
 
 

@@ -1,6 +1,8 @@
 """Statistics: numbers in, numbers out."""
 
 from midair.study.statistics.anova import rm_anova
+from midair.study.statistics.cells import cell_means
+from midair.study.statistics.columns import column, frame_of, levels
 from midair.study.statistics.confusion import (
     Confusion,
     chance_macro_f,
@@ -41,12 +43,10 @@ from midair.study.statistics.psychometric import (
 )
 from midair.study.statistics.published import chance_of_published, derive
 from midair.study.statistics.resample import Chance, Interval, bootstrap, sign_flip
-from midair.study.statistics.table import Columns, Table, cell_means, levels
 
 __all__ = [
     "Chance",
     "ChoiceModel",
-    "Columns",
     "Confusion",
     "CurveShape",
     "Equivalence",
@@ -58,13 +58,13 @@ __all__ = [
     "PsychometricFit",
     "RatingExperiment",
     "Sensitivity",
-    "Table",
     "bayes_factor",
     "bootstrap",
     "cell_means",
     "chance_macro_f",
     "chance_of_published",
     "choice_model",
+    "column",
     "confusion_matrix",
     "d_prime_choice",
     "d_prime_same_different",
@@ -74,6 +74,7 @@ __all__ = [
     "f_measure",
     "fit_psychometric",
     "fit_threshold",
+    "frame_of",
     "holm",
     "levels",
     "logistic_mixed",

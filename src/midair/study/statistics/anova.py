@@ -1,18 +1,25 @@
 """Repeated-measures analysis of variance with any number of factors, and its corrections for sphericity."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from itertools import combinations
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.study.statistics.table import CellMeans, Columns, Table, cell_means
+from midair.study.statistics.cells import CellMeans, cell_means
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 
 
-def rm_anova(table: Columns, *, value: str, participant: str, within: Sequence[str]) -> Table:
+def rm_anova(table: DataFrame | Mapping[str, Any], *, value: str, participant: str, within: Sequence[str]) -> DataFrame:
     """Analysis of variance of a design in which every participant sees every cell.
 
     Each effect is the Kronecker product of orthonormal Helmert contrasts of its factors and of averages over the
@@ -30,8 +37,8 @@ def rm_anova(table: Columns, *, value: str, participant: str, within: Sequence[s
 
     Parameters
     ----------
-    table : mapping of columns
-        One row an answer: a dict of arrays, a `Table` or a pandas DataFrame.
+    table : DataFrame or dict of arrays
+        One row an answer.
     value, participant : str
         Names of the columns of the answer and of who gave it.
     within : sequence of str
@@ -39,7 +46,7 @@ def rm_anova(table: Columns, *, value: str, participant: str, within: Sequence[s
 
     Returns
     -------
-    Table
+    DataFrame
         One row an effect; columns effect, df1, df2, F, p, eps_GG, p_GG, eps_HF, p_HF, W, p_W, np2, ges, note. An effect
         with one contrast is spherical: its epsilons and W are 1. Where a number does not exist it is NaN and `note`
         says why.
@@ -49,6 +56,8 @@ def rm_anova(table: Columns, *, value: str, participant: str, within: Sequence[s
     InputError
         If there is one participant, a cell is empty, a factor has one level, or every answer is the same.
     """
+    from pandas import DataFrame
+
     if not within:
         raise InputError("within: expected one factor or more, got none")
     cells = cell_means(table, value=value, participant=participant, within=within)
@@ -57,7 +66,7 @@ def rm_anova(table: Columns, *, value: str, participant: str, within: Sequence[s
         raise InputError(f"participants: expected two or more, got {people}; one person has no error term")
     if np.ptp(cells.mean) == 0:
         raise InputError(f"column {value!r}: expected answers that vary, got {cells.mean.flat[0]:g} everywhere")
-    return Table.from_rows(_rows(cells, list(within)))
+    return DataFrame(_rows(cells, list(within)))
 
 
 def effects(factors: Sequence[str]) -> list[tuple[int, ...]]:

@@ -1,15 +1,21 @@
 """What people answered to what was presented: confusion matrix, precision, recall, F, and what chance makes of them."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
+from midair.study.statistics.columns import levels
 from midair.study.statistics.resample import Chance, percentile_p
-from midair.study.statistics.table import Table, levels
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -125,22 +131,24 @@ def f_measure(counts: NDArray[Any]) -> Array:
     return np.asarray(2 * hits / np.maximum(both, 1e-300))
 
 
-def scores(confusion: Confusion, *, level: float = 0.95) -> Table:
+def scores(confusion: Confusion, *, level: float = 0.95) -> DataFrame:
     """Precision, recall and F of each object.
 
     Returns
     -------
-    Table
+    DataFrame
         Columns object, presented, answered, precision, recall, recall_low, recall_high, F. The limits are Wilson's,
         which take trials as independent; for limits over people resample them with `bootstrap`. The precision of an
         object that nobody ever answered is NaN and `note` says so.
     """
+    from pandas import DataFrame
+
     counts = confusion.counts
     hits, given, said = np.diagonal(counts), counts.sum(axis=1), counts.sum(axis=0)
     low, high = wilson(hits, given, level=level)
-    return Table(
+    return DataFrame(
         {
-            "object": np.array(confusion.labels),
+            "object": list(confusion.labels),
             "presented": given,
             "answered": said,
             "precision": np.where(said > 0, hits / np.maximum(said, 1), np.nan),

@@ -1,15 +1,21 @@
 """Correct or not: a logistic model in which people differ."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, MissingExtraError
 from midair.study.statistics.anova import contrasts, effects
-from midair.study.statistics.table import Columns, Table, levels, numbers
+from midair.study.statistics.columns import column, frame_of, levels, numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 
@@ -36,7 +42,9 @@ class LogisticFit:
     converged: bool
 
 
-def logistic_mixed(table: Columns, *, correct: str, participant: str, within: Sequence[str]) -> Table:
+def logistic_mixed(
+    table: DataFrame | Mapping[str, Any], *, correct: str, participant: str, within: Sequence[str]
+) -> DataFrame:
     """Test each effect on the chance of a right answer: correct ~ factors + (1 | participant).
 
     Maximum likelihood with the integral over people by Gauss-Hermite quadrature; each effect by the likelihood ratio of
@@ -45,7 +53,7 @@ def logistic_mixed(table: Columns, *, correct: str, participant: str, within: Se
 
     Parameters
     ----------
-    table : mapping of columns
+    table : DataFrame or dict of arrays
         One row an answer; cells may hold different numbers of them.
     correct : str
         Column of 0 and 1.
@@ -56,7 +64,7 @@ def logistic_mixed(table: Columns, *, correct: str, participant: str, within: Se
 
     Returns
     -------
-    Table
+    DataFrame
         Columns effect, df, chi2, p, note. The note speaks where the model runs off: a cell that everyone answers right
         (or wrong) has an infinite logit.
 
@@ -65,6 +73,7 @@ def logistic_mixed(table: Columns, *, correct: str, participant: str, within: Se
     InputError
         If answers are not 0 and 1, or all the same.
     """
+    from pandas import DataFrame
     from scipy.stats import chi2
 
     y, person, blocks = _design(table, correct, participant, within)
@@ -77,7 +86,7 @@ def logistic_mixed(table: Columns, *, correct: str, participant: str, within: Se
         df = blocks[number].shape[1]
         name = ":".join(within[i] for i in effect)
         rows.append({"effect": name, "df": df, "chi2": statistic, "p": float(chi2.sf(statistic, df)), "note": note})
-    return Table.from_rows(rows)
+    return DataFrame(rows)
 
 
 def fit_logistic(y: Array, design: Array, person: NDArray[np.int64], *, nodes: int = 41) -> LogisticFit:
@@ -125,12 +134,14 @@ def fit_logistic(y: Array, design: Array, person: NDArray[np.int64], *, nodes: i
     )
 
 
-def logistic_posterior(table: Columns, *, correct: str, participant: str, within: Sequence[str]) -> Table:
+def logistic_posterior(
+    table: DataFrame | Mapping[str, Any], *, correct: str, participant: str, within: Sequence[str]
+) -> DataFrame:
     """Fit the same model as statsmodels does: a variational posterior with normal priors.
 
     Returns
     -------
-    Table
+    DataFrame
         Columns term, mean, sd, in logits; the spread of people as the logarithm of a standard deviation.
 
     Raises
@@ -140,10 +151,14 @@ def logistic_posterior(table: Columns, *, correct: str, participant: str, within
     InputError
         As `logistic_mixed`.
     """
+    from pandas import DataFrame
+
     try:
         from statsmodels.genmod.bayes_mixed_glm import BinomialBayesMixedGLM
     except ImportError as missing:
-        raise MissingExtraError("posterior: expected statsmodels, which is not installed; add it") from missing
+        raise MissingExtraError(
+            'posterior: expected the package statsmodels, it is not installed; pip install "midair[study]"'
+        ) from missing
     y, person, blocks = _design(table, correct, participant, within)
     people = np.eye(int(person.max()) + 1)[person]
     names = ["intercept"]
@@ -152,7 +167,7 @@ def logistic_posterior(table: Columns, *, correct: str, participant: str, within
     model = BinomialBayesMixedGLM(y, np.hstack(blocks), people, np.zeros(people.shape[1], int), vcp_p=1, fe_p=2)
     fit = model.fit_vb()
     mean = np.r_[fit.fe_mean, fit.vcp_mean]
-    return Table({"term": np.array([*names, "log spread"]), "mean": mean, "sd": np.r_[fit.fe_sd, fit.vcp_sd]})
+    return DataFrame({"term": [*names, "log spread"], "mean": mean, "sd": np.r_[fit.fe_sd, fit.vcp_sd]})
 
 
 def _note(y: Array, design: Array, fit: LogisticFit) -> str:
@@ -164,18 +179,18 @@ def _note(y: Array, design: Array, fit: LogisticFit) -> str:
 
 
 def _design(
-    table: Columns, correct: str, participant: str, within: Sequence[str]
+    table: DataFrame | Mapping[str, Any], correct: str, participant: str, within: Sequence[str]
 ) -> tuple[Array, NDArray[np.int64], list[Array]]:
-    data = Table.of(table)
+    data = frame_of(table)
     y = numbers(data, correct)
     if not np.isin(y, (0.0, 1.0)).all():
         raise InputError(f"column {correct!r}: expected 0 and 1, got {np.unique(y)[:5].tolist()}")
     if len(np.unique(y)) < 2:
         raise InputError(f"column {correct!r}: expected right and wrong answers, got only {y[0]:g}; nothing to model")
-    people, person = levels(data[participant])
+    people, person = levels(column(data, participant))
     if len(people) < 2:
         raise InputError("participants: expected two or more for a model of how people differ, got 1")
-    found = [levels(data[name]) for name in within]
+    found = [levels(column(data, name)) for name in within]
     for name, (order, _) in zip(within, found, strict=True):
         if len(order) < 2:
             raise InputError(f"factor {name!r}: expected two or more levels, got {order}; leave it out of `within`")

@@ -1,18 +1,31 @@
 """Ratings are ordinal: a check that uses nothing but their order."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from midair.study.statistics.anova import contrasts, effects
 from midair.study.statistics.anova import rm_anova as analysis_of_variance
+from midair.study.statistics.cells import cell_means
+from midair.study.statistics.columns import column, frame_of, levels, numbers
 from midair.study.statistics.resample import sign_flip
-from midair.study.statistics.table import Columns, Table, cell_means, levels, numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pandas import DataFrame
 
 
 def ordinal_check(
-    table: Columns, *, value: str, participant: str, within: Sequence[str], rng: np.random.Generator
-) -> Table:
+    table: DataFrame | Mapping[str, Any],
+    *,
+    value: str,
+    participant: str,
+    within: Sequence[str],
+    rng: np.random.Generator,
+) -> DataFrame:
     """Repeat an analysis of variance on ranks, with p by turning signs.
 
     Each person's answers are ranked among that person's own, which removes the person's level and use of the scale.
@@ -29,7 +42,7 @@ def ordinal_check(
 
     Returns
     -------
-    Table
+    DataFrame
         Columns effect, F, p_GG, p_sign.
 
     Raises
@@ -39,14 +52,14 @@ def ordinal_check(
     """
     from scipy.stats import rankdata
 
-    data = Table.of(table)
-    people, person = levels(data[participant])
+    data = frame_of(table)
+    people, person = levels(column(data, participant))
     ranks = numbers(data, value)
     for who in range(len(people)):
         ranks[person == who] = rankdata(ranks[person == who])
-    ranked = Table({**data, value: ranks})
+    ranked = data.assign(**{value: ranks})
     result = analysis_of_variance(ranked, value=value, participant=participant, within=within)
     cells = cell_means(ranked, value=value, participant=participant, within=within)
     answers = cells.mean.reshape(len(people), -1)
     p = [sign_flip(answers @ contrasts(cells.mean.shape[1:], effect).T, rng=rng) for effect in effects(list(within))]
-    return Table({"effect": result["effect"], "F": result["F"], "p_GG": result["p_GG"], "p_sign": np.array(p)})
+    return result[["effect", "F", "p_GG"]].assign(p_sign=p)

@@ -1,7 +1,10 @@
 """How many people a study needs: by formula for the paired t, by simulation for everything else."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +12,11 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.study.statistics.confusion import wilson
 from midair.study.statistics.detection import proportion_correct
-from midair.study.statistics.table import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 Experiment = Callable[[int, np.random.Generator], float]
@@ -89,11 +96,12 @@ def simulated_power(
 
 def power_curve(
     experiment: Experiment, candidates: Sequence[int], *, rng: np.random.Generator, runs: int = 500, alpha: float = 0.05
-) -> Table:
+) -> DataFrame:
     """Power for several numbers of people: columns participants, power, low, high."""
+    from pandas import DataFrame
+
     found = [simulated_power(experiment, n, rng=rng, runs=runs, alpha=alpha) for n in candidates]
-    columns = ("participants", "power", "low", "high")
-    return Table({name: np.array([getattr(one, name) for one in found]) for name in columns})
+    return DataFrame(map(asdict, found), columns=["participants", "power", "low", "high"])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,4 +163,4 @@ class RatingExperiment:
         y = y + rng.normal(0, self.person, (participants, 1))
         who, level = np.indices(y.shape)
         table = {"y": y.ravel(), "who": who.ravel(), "level": level.ravel()}
-        return float(rm_anova(table, value="y", participant="who", within=["level"])["p_GG"][0])
+        return float(rm_anova(table, value="y", participant="who", within=["level"])["p_GG"].iloc[0])

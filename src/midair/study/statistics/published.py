@@ -1,6 +1,9 @@
 """The paper's published statistics (section 5.3), made again from what is printed, and what they can support."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,7 +12,9 @@ from midair.study.statistics.detection import d_prime_choice
 from midair.study.statistics.paired import bayes_factor
 from midair.study.statistics.power import power_paired_t
 from midair.study.statistics.resample import Chance
-from midair.study.statistics.table import Table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,14 +48,15 @@ class Published:
         return self.people * self.scored_trials // self.objects
 
 
-def derive(published: Published | None = None) -> Table:
+def derive(published: Published | None = None) -> DataFrame:
     """Everything that follows from the printed numbers alone.
 
     Returns
     -------
-    Table
+    DataFrame
         Columns quantity, value, low, high (95 % limits, NaN where there are none).
     """
+    from pandas import DataFrame
     from scipy.stats import t as t_distribution
 
     paper = published or Published()
@@ -72,8 +78,7 @@ def derive(published: Published | None = None) -> Table:
         (f"share right of real objects, at least {fewest} of {trials}", fewest / trials, *map(float, share)),
         (f"d' of real objects at {fewest} of {trials}", sense.d_prime, sense.low, sense.high),
     ]
-    names = ("quantity", "value", "low", "high")
-    return Table({name: np.array([row[i] for row in rows]) for i, name in enumerate(names)})
+    return DataFrame(rows, columns=["quantity", "value", "low", "high"])
 
 
 def chance_of_published(

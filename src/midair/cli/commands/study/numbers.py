@@ -10,7 +10,6 @@ from midair.figures import png
 from midair.study import (
     IdentificationExperiment,
     RatingExperiment,
-    Table,
     chance_figure,
     chance_of_published,
     derive,
@@ -61,9 +60,9 @@ def power_command(
         else RatingExperiment(means=(0.0, effect))
     )
     curve = power_curve(experiment, [3, 5, 8, 10, 12, 16, 20, 30, 40], rng=np.random.default_rng(seed), runs=runs)
-    for row in curve.rows:
+    for row in curve.to_dict("records"):
         say(f"{row['participants']:>4} participants: power {row['power']:.2f} ({row['low']:.2f} to {row['high']:.2f})")
-    enough = [row["participants"] for row in curve.rows if row["power"] >= power]
+    enough = curve["participants"][curve["power"] >= power].tolist()
     say(f"Enough for {power:g}: {enough[0]}." if enough else f"More than 40 are needed for {power:g}.")
 
 
@@ -77,7 +76,7 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
     seed
         Of the chance distribution.
     """
-    for row in derive().rows:
+    for row in derive().to_dict("records"):
         limits = "" if np.isnan(row["low"]) else f" ({row['low']:.3f} to {row['high']:.3f})"
         say(f"{row['quantity']}: {row['value']:.4f}{limits}")
     chance = chance_of_published(rng=np.random.default_rng(seed))
@@ -85,10 +84,12 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
     say(f"macro F by chance: mean {chance.mean:.3f}, middle 95 % {low:.3f} to {high:.3f}")
     if output is None:
         return
+    from pandas import DataFrame
+
     output.mkdir(parents=True, exist_ok=True)
     pairs = range(3, 61)
-    power = {d_z: np.array([power_paired_t(n, d_z=d_z) for n in pairs]) for d_z in (0.3, 0.5, 0.8)}
-    curves = [(f"d_z = {d_z:g}", Table({"participants": np.array(pairs), "power": p})) for d_z, p in power.items()]
+    power = {d_z: [power_paired_t(n, d_z=d_z) for n in pairs] for d_z in (0.3, 0.5, 0.8)}
+    curves = [(f"d_z = {d_z:g}", DataFrame({"participants": pairs, "power": p})) for d_z, p in power.items()]
     (output / "paper-chance.png").write_bytes(png(chance_figure(chance, simulated=True)))
     (output / "paper-power.png").write_bytes(png(power_figure(curves)))
     say(f"{output}: paper-chance.png, paper-power.png")

@@ -1,7 +1,7 @@
 """Commands for studies on people: new, run, analyse, export, power."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 from rich.console import Console
@@ -19,7 +19,6 @@ from midair.study import (
     SimulatedScreen,
     StudyData,
     StudyFolder,
-    Table,
     TerminalScreen,
     analyse,
     answers_table,
@@ -40,6 +39,9 @@ from midair.study import (
     write_bids,
     write_csv,
 )
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 def new_command(
@@ -224,12 +226,12 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
     answers = answers_table(plan, folder.sessions())
     if format == "bids":
         written = write_bids(answers, plan.design, output)
-        say(f"{output}: {len(written)} files, {answers.height} answers.")
+        say(f"{output}: {len(written)} files, {len(answers)} answers.")
     else:
-        if not answers.height:
+        if answers.empty:
             raise InputError("export: expected answers, got none; run a participant first")
         write_csv(answers, output)
-        say(f"{output}: {answers.height} answers.")
+        say(f"{output}: {len(answers)} answers.")
     _warn_simulated(bool(answers["simulated"].any()))
 
 
@@ -246,7 +248,7 @@ def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Po
     return 0
 
 
-def _old_table(source: Path) -> Table:
+def _old_table(source: Path) -> "DataFrame":
     return read_bids(source) if source.is_dir() else read_csv(source)
 
 

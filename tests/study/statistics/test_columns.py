@@ -1,0 +1,68 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from midair.errors import InputError, NonFiniteError, ShapeError
+from midair.study import ordinal_check, rm_anova
+from midair.study.statistics.columns import column, frame_of, levels, numbers
+
+RATINGS = {"y": [1.0, 2, 3, 4, 6, 5], "who": list("aabbcc"), "x": list("ststst")}
+NAMES = {"value": "y", "participant": "who", "within": ["x"]}
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        pd.DataFrame(RATINGS),
+        pd.DataFrame(RATINGS, index=[3, 1, 3, 1, 0, 0]),
+        pd.DataFrame(RATINGS).astype({"who": "category", "x": "category", "y": "Int64"}),
+        {name: np.array(values) for name, values in RATINGS.items()},
+        pd.concat([pd.DataFrame(RATINGS), pd.DataFrame({"y": [9.0], "who": "d", "x": "s"})]).iloc[:6],
+    ],
+    ids=["frame", "with an index of its own", "categories", "arrays", "rows of a larger one"],
+)
+def test_a_frame_and_a_dict_are_the_same(table):
+    pd.testing.assert_frame_equal(rm_anova(table, **NAMES), rm_anova(RATINGS, **NAMES))
+
+
+def test_the_table_that_was_given_stays_as_it_was():
+    table = pd.DataFrame(RATINGS)
+    ordinal_check(table, **NAMES, rng=np.random.default_rng(0))
+    pd.testing.assert_frame_equal(table, pd.DataFrame(RATINGS))
+
+
+def test_levels_are_numbered_in_the_order_of_appearance():
+    order, number = levels(np.array(["t", "s", "t", "b"]))
+    assert (order, number.tolist()) == (["t", "s", "b"], [0, 1, 0, 2])
+
+
+@pytest.mark.parametrize("values", [[1, 2], ["1", "2.0"], [True, 2], pd.array([1, 2], dtype="Int64")], ids=str)
+def test_numbers_come_as_floats(values):
+    found = numbers(frame_of({"n": values}), "n")
+    assert (found.dtype, found.tolist()) == (np.float64, [1.0, 2.0])
+
+
+@pytest.mark.parametrize("table", [{"a": [1], "b": [1, 2]}, {"a": [[1]]}, pd.DataFrame([[1, 2]], columns=["a", "a"])])
+def test_what_is_no_table(table):
+    with pytest.raises(ShapeError, match="one axis and one length, got shapes a"):
+        frame_of(table)
+
+
+@pytest.mark.parametrize("missing", [None, np.nan, pd.NA, pd.NaT])
+def test_a_missing_value_is_pointed_at(missing):
+    frame = frame_of({"who": ["a", missing, "b"], "n": pd.Series([1, missing, 2], dtype=object)})
+    with pytest.raises(NonFiniteError, match=r"column 'who': .* got none in row 1"):
+        column(frame, "who")
+    with pytest.raises(NonFiniteError, match=r"column 'n': .* got nan in row 1"):
+        numbers(frame, "n")
+    with pytest.raises(NonFiniteError, match="column 'who'"):
+        rm_anova(RATINGS | {"who": ["a", missing, "b", "b", "c", "c"]}, **NAMES)
+
+
+def test_a_column_that_is_not_there():
+    with pytest.raises(InputError, match="expected a column 'z', got y, who, x"):
+        column(frame_of(RATINGS), "z")
+    with pytest.raises(InputError, match="got no columns"):
+        numbers(frame_of({}), "z")
+    with pytest.raises(InputError, match="an empty table"):
+        numbers(frame_of({"z": []}), "z")
