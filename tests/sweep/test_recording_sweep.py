@@ -13,7 +13,6 @@ from midair.flow import reproduce
 from midair.model import ControlGrid, TransducerArray
 from midair.physics import propagate, quantise_phase
 from midair.settings import Settings
-from midair.sweep.recording_report import trial_report, write_trial_report
 from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
 from midair.sweep.run import do, run_sweep
 from midair.sweep.store import load_sweep, open_sweep
@@ -104,28 +103,3 @@ def test_settings_survive_json():
 def test_what_cannot_be_swept_is_refused(trials):
     with pytest.raises(InputError):
         RecordingSweep(trials=trials)
-
-
-def test_report_counts_only_frames_that_ask_for_something(tmp_path):
-    results = finished(tmp_path / "s.zarr")
-    results = replace(results, error=np.where(np.isnan(results.error), np.nan, [[0.0, 0.1] * 5, [0.2] * 10]))
-    report = trial_report(results)
-    assert [(row["recording"], row["frames"], row["mean"], row["worst"]) for row in report.rows] == [
-        ("a", 5, pytest.approx(0.1), 0.1),
-        ("b", 6, pytest.approx(0.2), 0.2),
-    ]
-    assert "2 of 2 trials" in report.words
-
-
-def test_writes_a_table_and_a_figure(tmp_path):
-    files = write_trial_report(finished(tmp_path / "s.zarr"), tmp_path / "report")
-    assert [file.name for file in files] == ["trials.csv", "trials.png"]
-    assert files[0].read_text(encoding="utf-8").splitlines()[1].startswith("a,method=naive,")
-    assert files[1].read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_report_of_nothing_is_refused(tmp_path):
-    with open_sweep(tmp_path / "s.zarr", SWEEP):
-        pass
-    with pytest.raises(InputError, match="go on with"):
-        trial_report(load_sweep(tmp_path / "s.zarr"))

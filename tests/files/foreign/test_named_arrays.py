@@ -1,4 +1,3 @@
-import h5py
 import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
@@ -83,29 +82,6 @@ def test_refuses_a_rate_that_was_edited(ending, recording, tmp_path):
         load(write(path, {**arrays, "rate": 5.0}))
 
 
-def test_loads_no_objects(tmp_path):
-    np.savez(tmp_path / "a.npz", samples=np.array([[{}], [{}]], object))
-    with pytest.raises(BrokenFileError, match="NPZ"):
-        load(tmp_path / "a.npz", **SAID)
-
-
-def test_reads_mat_of_version_73(tmp_path):
-    """MATLAB writes v7.3 as HDF5 behind 512 bytes of its own, with the axes in reverse."""
-    data = np.random.default_rng(0).normal(size=(6, 2, 3))
-    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
-        file["x"] = data.T
-    with (tmp_path / "a.mat").open("rb+") as file:
-        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512))
-    seen = read(tmp_path / "a.mat", **SAID)
-    np.testing.assert_array_equal(seen.recording.samples, data)
-    assert seen.recording.provenance.steps[0].settings["format"] == "MAT v7.3"
-
-
-def test_reads_mat_of_version_4(tmp_path):
-    savemat(tmp_path / "a.mat", {"x": np.arange(32.0).reshape(2, 16)}, format="4")
-    assert load(tmp_path / "a.mat", **SAID).frames == 2
-
-
 @each
 def test_one_row_or_column_is_one_channel(ending, tmp_path):
     data = np.random.default_rng(0).normal(size=50)
@@ -114,11 +90,6 @@ def test_one_row_or_column_is_one_channel(ending, tmp_path):
         np.testing.assert_array_equal(seen.recording.samples.ravel(), data)
         assert seen.recording.sensor.count == 1
     assert "one channel of 50 frames" in seen.report[0]
-
-
-def test_a_plain_row_of_numbers_is_one_channel(tmp_path):
-    np.savez(tmp_path / "a.npz", wave=np.arange(9.0))
-    assert load(tmp_path / "a.npz", **SAID).frames == 9
 
 
 @each

@@ -10,8 +10,6 @@ from midair.model import Drive, Provenance, TransducerArray
 from midair.physics import exposure, focus_phase
 from midair.rig.names.array_names import array_named
 from midair.rig.playing.play_log import log_order
-from midair.rig.playing.stop_line import stop_line, stop_playing
-from midair.rig.state_folder import make_state_folder
 
 ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")
@@ -102,34 +100,6 @@ def test_profiles_by_name_and_from_files(tmp_path):
     (tmp_path / "mine.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="no text"):
         load_profiles(tmp_path / "mine.toml")
-
-
-def test_another_terminal_silences_what_plays():
-    silenced = []
-    with stop_line("a device", lambda: silenced.append(True)) as path:
-        assert path.stat().st_mode & 0o077 == 0
-        (stopped,) = stop_playing()
-    assert silenced == [True]
-    assert (stopped.device, stopped.outcome) == ("a device", "silent")
-    assert stop_playing() == []
-
-
-def test_without_the_secret_nobody_silences():
-    silenced = []
-    with stop_line("a device", lambda: silenced.append(True)) as path:
-        entry = json.loads(path.read_text(encoding="utf-8"))
-        path.write_text(json.dumps({**entry, "secret": "guess"}), encoding="utf-8")
-        (stopped,) = stop_playing(timeout=0.3)
-    assert silenced == []
-    assert stopped.outcome == "no answer"
-
-
-def test_a_player_that_died_is_told_and_forgotten():
-    folder = make_state_folder()
-    (folder / "playing-1.json").write_text('{"process": 1, "device": "d", "port": 9, "secret": "s"}', encoding="utf-8")
-    (folder / "playing-2.json").write_text("{", encoding="utf-8")
-    assert [one.outcome for one in stop_playing()] == ["gone", "gone"]
-    assert stop_playing() == []
 
 
 def test_nothing_plays_without_a_log(tmp_path, monkeypatch):

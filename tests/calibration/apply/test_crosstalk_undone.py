@@ -1,0 +1,49 @@
+"""Crosstalk undone: hand-checked matrices, and the way there and back."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midair.calibration import undo_crosstalk, undo_matrix
+from midair.errors import InputError, MismatchError
+from midair.model import Crosstalk, PressureFrames, SensorGrid
+
+
+def crosstalk(matrix):
+    return Crosstalk(matrix=np.array(matrix, float), uncertainty=np.zeros(np.shape(matrix)))
+
+
+def test_undoing_at_hand_computed_numbers():
+    # [[1, .5], [0, 1]]: what the second cell adds to the first is taken off again
+    assert undo_matrix(crosstalk([[1, 0.5], [0, 1]])) == pytest.approx(np.array([[1, -0.5], [0, 1]]))
+    # a scalar-like case: C = [[1, c], [c, 1]], d: on the difference mode 1 - c, (1 - c + d^2) / ((1 - c)^2 + d^2)
+    c, d = 0.5, 0.3
+    undone = undo_matrix(crosstalk([[1, c], [c, 1]]), damping=d) @ [1, -1]
+    assert undone == pytest.approx(np.array([1, -1]) * (1 - c + d**2) / ((1 - c) ** 2 + d**2))
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0, 0.1))
+def test_what_was_mixed_comes_back(seed, strength):
+    rng = np.random.default_rng(seed)
+    matrix = strength * rng.uniform(-1, 1, (6, 6))
+    np.fill_diagonal(matrix, 1)
+    pressure = rng.standard_normal((50, 2, 3))
+    felt = (pressure.reshape(50, 6) @ matrix.T).reshape(50, 2, 3)
+    frames = PressureFrames(pressure=felt, rate=1000.0, sensor=SensorGrid(rows=2, columns=3))
+    undone = undo_crosstalk(frames, crosstalk(matrix))
+    assert undone.pressure == pytest.approx(pressure, abs=1e-9)
+    assert undone.provenance.steps[-1].stage == "undo crosstalk"
+    # heavily damped it is left alone
+    assert undo_crosstalk(frames, crosstalk(matrix), damping=1e4).pressure == pytest.approx(felt, abs=1e-6)
+
+
+def test_bad_crosstalk_is_refused():
+    even = crosstalk(np.ones((2, 2)))
+    with pytest.raises(InputError, match="condition"):
+        undo_matrix(even)
+    assert np.isfinite(undo_matrix(even, damping=0.1)).all()
+    with pytest.raises(InputError, match="damping"):
+        undo_matrix(even, damping=-1.0)
+    with pytest.raises(MismatchError, match="16 channels like the pressure, got 2"):
+        undo_crosstalk(PressureFrames(pressure=np.ones((3, 4, 4)), rate=1.0), even)

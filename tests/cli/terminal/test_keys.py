@@ -1,0 +1,69 @@
+"""Keys without Enter from a terminal that is left as it was, and signals that are noted."""
+
+import io
+import os
+import signal
+
+import pytest
+
+from midair.cli.terminal.keys import Keys, signals_noted
+
+termios = pytest.importorskip("termios", reason="terminals of POSIX")
+
+
+@pytest.fixture
+def terminal():
+    """Both ends of a terminal: who types, and what the program reads."""
+    master, slave = os.openpty()
+    with os.fdopen(slave, "r") as stream:
+        yield master, stream
+    os.close(master)
+
+
+def test_keys_come_without_enter(terminal):
+    master, stream = terminal
+    with Keys(stream) as keys:
+        assert keys.active
+        assert keys.pressed() == ""
+        os.write(master, "qä ".encode())
+        assert keys.pressed() == "qä "
+        assert keys.pressed() == ""
+    assert not keys.active
+
+
+def test_the_terminal_is_as_before_also_after_an_error(terminal):
+    _, stream = terminal
+    before = termios.tcgetattr(stream)
+
+    def fail():
+        with Keys(stream):
+            assert termios.tcgetattr(stream) != before
+            raise ValueError("the sensor went away")
+
+    with pytest.raises(ValueError, match="went away"):
+        fail()
+    assert termios.tcgetattr(stream) == before
+
+
+@pytest.mark.parametrize("stream", [io.StringIO("q"), open(os.devnull)], ids=["text", "null"])  # noqa: SIM115
+def test_where_nobody_can_press_there_are_no_keys(stream):
+    with stream, Keys(stream) as keys:
+        assert not keys.active
+        assert keys.pressed() == ""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_is_noted_and_ends_nothing(number):
+    before = signal.getsignal(number)
+    with signals_noted() as signals:
+        assert signals.came == ""
+        os.kill(os.getpid(), number)
+        assert signals.came == number.name
+    assert signal.getsignal(number) is before
+
+
+def test_a_second_ctrl_c_is_not_waited_for():
+    with pytest.raises(KeyboardInterrupt), signals_noted():
+        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

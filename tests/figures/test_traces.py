@@ -1,0 +1,41 @@
+"""Traces and spectra of pressure, and the test of the beam."""
+
+import numpy as np
+import pytest
+
+from midair.figures import beam_figure, spectra_figure, traces_figure
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_traces_have_a_panel_a_channel_on_one_scale(tones, check_figure, simulated):
+    figure = traces_figure(tones(simulated=simulated), tones(0.5, simulated=False))
+    check_figure(figure, "(s)", "(Pa)", simulated=simulated)
+    assert len(figure.axes) == 16
+    assert len({axis.get_ylim() for axis in figure.axes}) == 1
+    original, reproduced = figure.axes[2].lines
+    assert np.ptp(original.get_ydata()) > 1.5 * np.ptp(reproduced.get_ydata())
+
+
+def test_traces_alone_have_one_line(tones, check_figure):
+    figure = traces_figure(tones(simulated=False))
+    check_figure(figure, "(s)", "(Pa)", simulated=False)
+    assert [len(axis.lines) for axis in figure.axes] == [1] * 16
+
+
+def test_spectra_are_of_what_pushes_and_in_db(tones, check_figure):
+    figure = spectra_figure([("a", tones()), ("b", tones(0.1, simulated=False))])
+    check_figure(figure, "(Hz)", "dB re 1 Pa²/Hz", "channel 2", "channel 14", simulated=True)
+    strong, weak = (line.get_xydata() for line in figure.axes[0].lines)
+    at = np.argmin(np.abs(strong[:, 0] - 100))
+    assert strong[at, 1] == strong[:, 1].max()
+    # a tenth of the tone: 20 dB less, but for the share that 1 Pa at 300 Hz has in the rectified wave
+    assert strong[at, 1] - weak[at, 1] == pytest.approx(20, abs=3)
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_the_beam_s_line_has_its_gain_and_intercept(check_figure, simulated):
+    figure = beam_figure(np.arange(6.0), 2 * np.arange(6.0) + 1, gain=2, intercept=1, simulated=simulated)
+    check_figure(figure, "commanded amplitude (Pa)", "read amplitude (Pa)", simulated=simulated)
+    line, points = figure.axes[0].lines
+    assert line.get_xydata().tolist() == [[0, 1], [5, 11]]
+    assert points.get_ydata().tolist() == [1, 3, 5, 7, 9, 11]

@@ -1,0 +1,39 @@
+"""Where logs go, and to whom they belong."""
+
+import sys
+
+import pytest
+
+from midair.errors import FileError
+from midair.rig.state_folder import make_state_folder, state_folder
+
+
+def test_a_chosen_folder_is_taken_and_made_only_when_needed(tmp_path, monkeypatch):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "a" / "b"))
+    assert state_folder() == tmp_path / "a" / "b"
+    assert not (tmp_path / "a").exists()
+    assert make_state_folder() == make_state_folder() == tmp_path / "a" / "b"
+    assert (tmp_path / "a" / "b").is_dir()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="rights of POSIX")
+def test_nobody_else_reads_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "mine"))
+    assert make_state_folder().stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the XDG folders of POSIX")
+def test_without_a_choice_it_is_the_user_s(tmp_path, monkeypatch):
+    monkeypatch.delenv("MIDAIR_STATE")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    assert state_folder() == tmp_path / "midair"
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert state_folder() == tmp_path / "home" / ".local" / "state" / "midair"
+
+
+def test_a_folder_that_cannot_be_is_told_with_the_remedy(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "file" / "state"))
+    with pytest.raises(FileError, match="set MIDAIR_STATE"):
+        make_state_folder()

@@ -1,0 +1,80 @@
+"""What counts as an answer to each kind of question."""
+
+import pytest
+
+from midair.errors import InputError
+from midair.study.design.question import Question, QuestionKind, one_of
+
+CHOICE = Question(name="which", kind="choice", text="?", options=("brush", "sponge", "spoon", "7"))
+RATING = Question(name="like", kind="rating", text="?", low=-1, high=3)
+MAGNITUDE = Question(name="size", kind="magnitude", text="?")
+FELT = Question(name="felt", kind="yes-no", text="?")
+SAME = Question(name="same", kind="same-different", text="?")
+
+
+@pytest.mark.parametrize(
+    ("question", "said", "stored"),
+    [
+        (CHOICE, " sponge ", "sponge"),
+        (CHOICE, "2", "sponge"),
+        (CHOICE, "BR", "brush"),
+        (CHOICE, "7", "7"),  # an option before the number of one
+        (RATING, "-1", "-1"),
+        (RATING, "3", "3"),
+        (MAGNITUDE, "12.50", "12.5"),
+        (MAGNITUDE, "0", "0"),
+        (FELT, "y", "yes"),
+        (FELT, "2", "no"),
+        (SAME, "diff", "different"),
+    ],
+)
+def test_what_is_said_is_stored_as_the_answer(question, said, stored):
+    assert question.read(said) == stored
+
+
+@pytest.mark.parametrize(
+    ("question", "said"),
+    [
+        (CHOICE, "sp"),  # sponge or spoon
+        (CHOICE, "5"),
+        (CHOICE, "0"),
+        (CHOICE, ""),
+        (RATING, "4"),
+        (RATING, "1.5"),
+        (RATING, ""),
+        (MAGNITUDE, "-1"),
+        (MAGNITUDE, "inf"),
+        (MAGNITUDE, "nan"),
+        (MAGNITUDE, "much"),
+        (FELT, "maybe"),
+    ],
+)
+def test_what_is_no_answer_is_refused(question, said):
+    with pytest.raises(InputError, match="answer: expected"):
+        question.read(said)
+
+
+def test_every_listed_answer_is_one():
+    for question in (CHOICE, RATING, FELT, SAME):
+        assert [question.read(answer) for answer in question.answers] == list(question.answers)
+    assert RATING.answers == ("-1", "0", "1", "2", "3")
+    assert MAGNITUDE.answers == ()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"kind": "essay"}, "kind: expected one of choice, rating"),
+        ({"kind": "choice", "options": ("a",)}, "two or more different options"),
+        ({"kind": "choice", "options": ("a", "b", "a")}, "two or more different options"),
+        ({"kind": "rating", "low": 7, "high": 7}, "low below high, got 7 and 7"),
+    ],
+)
+def test_questions_that_cannot_be_asked(settings, message):
+    with pytest.raises(InputError, match=f"question 'q': .*{message}|question 'q': {message}"):
+        Question(name="q", text="?", **settings)
+
+
+def test_one_of_says_which():
+    with pytest.raises(InputError, match=r"colour: expected one of choice, .* got 'red'"):
+        one_of("red", QuestionKind, "colour")

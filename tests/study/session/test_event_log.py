@@ -1,0 +1,77 @@
+"""A log that only grows: every event that was acknowledged is read, and only those."""
+
+import json
+import os
+
+import pytest
+
+from midair.errors import BrokenFileError, DeviceStateError, MissingFileError
+from midair.study.session.event_log import EventLog, read_events
+
+FIRST, SECOND = {"event": "begin", "who": "ä"}, {"event": "answer", "n": 1}
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "sub-01" / "events.jsonl"
+
+
+def test_what_was_appended_is_read_in_order(path):
+    with EventLog(path) as log:
+        log.append(FIRST)
+        assert read_events(path) == [FIRST]  # on disk before append returns
+        log.append(SECOND)
+    with EventLog(path) as log:
+        log.append(FIRST)
+    assert read_events(path) == [FIRST, SECOND, FIRST]
+
+
+def test_a_torn_line_was_never_acknowledged(path):
+    with EventLog(path) as log:
+        log.append(FIRST)
+    with path.open("ab") as file:
+        file.write(b'{"event": "ans')
+    assert read_events(path) == [FIRST]
+    with EventLog(path) as log:
+        log.append(SECOND)
+    assert read_events(path) == [FIRST, {"event": "repair", "torn": '{"event": "ans'}, SECOND]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"), [(b"{]", "damage in line 2"), (b"[1]", "in line 2"), (b"{}", "in line 2")]
+)
+def test_damage_within_is_not_cut_away(path, line, message):
+    with EventLog(path) as log:
+        log.append(FIRST)
+    with path.open("ab") as file:
+        file.write(line + b"\n" + json.dumps(SECOND).encode() + b"\n")
+    before = path.read_bytes()
+    with pytest.raises(BrokenFileError, match=message):
+        read_events(path)
+    with pytest.raises(BrokenFileError, match=message), EventLog(path):
+        pass
+    assert path.read_bytes() == before
+
+
+@pytest.mark.skipif(os.name == "nt", reason="locks of POSIX")
+def test_one_program_at_a_time(path):
+    with EventLog(path), pytest.raises(DeviceStateError, match="another program"), EventLog(path):
+        pass
+    with EventLog(path) as log:  # the lock went with the block
+        log.append(FIRST)
+
+
+def test_a_log_that_is_not_open_takes_nothing(path):
+    log = EventLog(path)
+    with pytest.raises(DeviceStateError, match="open log"):
+        log.append(FIRST)
+    with log:
+        log.append(FIRST)
+    with pytest.raises(DeviceStateError, match="open log"):
+        log.append(SECOND)
+    assert read_events(path) == [FIRST]
+
+
+def test_no_log_is_told(path):
+    with pytest.raises(MissingFileError, match="run the session first"):
+        read_events(path)

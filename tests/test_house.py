@@ -1,0 +1,215 @@
+"""The house itself: rooms that one can take in, one name for one thing, and tests where they are looked for."""
+
+import ast
+import re
+import tomllib
+from collections import Counter, defaultdict
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SRC, TESTS = ROOT / "src" / "midair", ROOT / "tests"
+
+SAME_NAME = {
+    "edit": "the command `edit`, and what it does to a recording",
+    "identify": "the command `identify`, and what it does on the bench",
+    "modes": "two meanings still: the ways to reproduce, and the modes of a field; the first is to move",
+    "patterns": "the command `sweep patterns`, and the patterns of the paper's experiment",
+}
+"""Module names that stand twice, and why."""
+
+WHOLE_SUITES = {
+    "calibration/measure/test_blind.py": "all ways to measure, on a bench whose sensor they do not know",
+    "cli/commands/test_play_arrays.py": "the command play on each kind of array",
+    "cli/commands/test_solve_terms.py": "the command solve with each term",
+    "cli/test_commands.py": "the whole loop by commands, and what all commands have in common",
+    "devices/sensors/test_sensor_contract.py": "one contract, each kind of sensor",
+    "devices/test_contract.py": "one contract, each kind of array",
+    "files/test_mutations.py": "damaged files of every format",
+    "files/test_real_recordings.py": "files that other programs wrote",
+    "paper/test_paper.py": "the paper's figures made again, with few points",
+    "rig/takes/test_crash.py": "a recorder that is killed at any moment",
+    "rig/takes/test_take_memory.py": "a long take in little memory",
+    "solvers/test_contract.py": "one contract, each solver and each known problem",
+    "study/statistics/test_type_one_error.py": "every test of significance, on data without an effect",
+    "test_examples.py": "the examples",
+    "test_house.py": "this file",
+    "test_main.py": "`python -m midair`",
+    "test_midair.py": "the face of the package",
+}
+"""Tests of more than one file of src, and of what."""
+
+UNTESTED_BY_NAME = {
+    "calibration/measure/beam_plan.py": "calibration/measure/test_beam.py",
+    "calibration/measure/evidence.py": "calibration/measure/test_against_reference.py",
+    "cli/app.py": "cli/test_commands.py",
+    "cli/commands/budget.py": "cli/commands/test_loop.py",
+    "cli/commands/calibrate/measure.py": "cli/commands/calibrate/test_apply.py",
+    "cli/commands/demo.py": "cli/test_commands.py",
+    "cli/commands/exposure.py": "cli/commands/test_play_arrays.py",
+    "cli/commands/import_export.py": "cli/test_commands.py",
+    "cli/commands/info.py": "cli/test_commands.py",
+    "cli/commands/solve_play.py": "cli/commands/test_play_arrays.py",
+    "cli/commands/study/numbers.py": "cli/commands/study/test_study.py",
+    "cli/commands/sweep/recordings.py": "cli/commands/sweep/test_patterns.py",
+    "cli/terminal/calibration_output.py": "cli/commands/calibrate/test_apply.py",
+    "cli/terminal/console.py": "cli/test_commands.py",
+    "cli/terminal/originals.py": "cli/test_commands.py",
+    "cli/terminal/play_options.py": "cli/commands/test_play_arrays.py",
+    "cli/terminal/sweep_output.py": "cli/commands/sweep/test_patterns.py",
+    "devices/arrays/autd3_commands.py": "devices/arrays/test_autd3_emulator.py",
+    "devices/arrays/banked_array.py": "devices/arrays/test_autd3_emulator.py",
+    "devices/arrays/gate.py": "rig/names/test_array_names.py",
+    "devices/arrays/streaming.py": "devices/arrays/test_autd3_emulator.py",
+    "devices/interface.py": "devices/test_contract.py",
+    "modes.py": "paper/test_paper.py",
+    "paper/figure3.py": "paper/test_paper.py",
+    "paper/figure4.py": "paper/test_paper.py",
+    "paper/figure9.py": "paper/test_paper.py",
+    "paper/modes_compared.py": "paper/test_paper.py",
+    "rig/bench/practice.py": "cli/commands/calibrate/test_apply.py",
+    "rig/loop/passes.py": "rig/loop/test_iteration.py",
+    "rig/names/virtual_rig.py": "rig/names/test_source_names.py",
+    "rig/playing/admitted.py": "cli/commands/test_play_arrays.py",
+    "rig/takes/take_plan.py": "rig/takes/test_take.py",
+    "solvers/live_kernel.py": "solvers/test_live.py",
+    "study/design/standing.py": "study/design/test_plan.py",
+    "study/findings/choice_findings.py": "study/findings/test_analysis.py",
+    "study/findings/rating_findings.py": "study/findings/test_analysis.py",
+    "study/findings/study_data.py": "study/findings/test_analysis.py",
+    "study/study_report.py": "cli/commands/study/test_study.py",
+    "study/terminal_screen.py": "cli/commands/study/test_study.py",
+}
+"""Files of src without a test file of their own name, and the one that tests them all the same."""
+
+WORTH_A_TEST = 15
+"""Lines of code up to which a file may do without a test file of its own name."""
+
+LEFT_OUT_OF_ALL = {
+    "autd3-emulator": "an array to try things on",
+    "pyautd3": "the SDK of older firmware, whose version hangs on that of Python",
+    "gpu-torch": "a GPU",
+    "gpu-cupy": "a GPU of one vendor",
+    "all": "itself",
+    **dict.fromkeys(["test", "check", "docs", "bench", "dev"], "for those who work on midair"),
+}
+"""Extras that `midair[all]` does not bring, and why."""
+
+
+@cache
+def modules():
+    return sorted(path.relative_to(SRC) for path in SRC.rglob("*.py"))
+
+
+@cache
+def tree(module):
+    return ast.parse((SRC / module).read_text(encoding="utf-8"))
+
+
+def test_no_folder_has_more_than_twenty_files():
+    sizes = Counter(str(module.parent) for module in modules())
+    assert {folder: size for folder, size in sizes.items() if size > 20} == {}
+
+
+def test_no_room_is_larger_than_fifteen_hundredths_of_the_house():
+    lines = Counter[str]()
+    for module in modules():
+        lines[module.parts[0]] += len((SRC / module).read_text(encoding="utf-8").splitlines())
+    shares = {room: size / lines.total() for room, size in lines.items()}
+    assert {room: f"{share:.1%}" for room, share in shares.items() if share >= 0.15} == {}
+
+
+def test_no_two_modules_have_one_name():
+    places = defaultdict(list)
+    for module in modules():
+        if module.stem not in ("__init__", "__main__"):
+            places[module.stem].append(str(module))
+    twice = {name: where for name, where in places.items() if len(where) > 1}
+    assert {name: where for name, where in twice.items() if name not in SAME_NAME} == {}
+    assert set(SAME_NAME) - set(twice) == set(), "these stand once now: take them out of SAME_NAME"
+
+
+def test_no_two_classes_have_one_name():
+    places = defaultdict(list)
+    for module in modules():
+        for node in ast.walk(tree(module)):
+            if isinstance(node, ast.ClassDef):
+                places[node.name].append(f"{module}:{node.lineno}")
+    assert {name: where for name, where in places.items() if len(where) > 1} == {}
+
+
+def test_every_test_file_lies_where_its_subject_does():
+    astray = []
+    for path in TESTS.rglob("test_*.py"):
+        place = path.relative_to(TESTS)
+        subject = SRC / place.parent / place.stem.removeprefix("test_")
+        if place.as_posix() not in WHOLE_SUITES and not subject.with_suffix(".py").exists() and not subject.is_dir():
+            astray.append(place.as_posix())
+    assert sorted(astray) == []
+
+
+def test_the_list_of_whole_suites_is_true():
+    assert [name for name in WHOLE_SUITES if not (TESTS / name).exists()] == []
+
+
+@cache
+def lines_of_code(module):
+    """Lines on which a statement stands, without docstrings, imports and re-exports."""
+    lines = set()
+    for node in ast.walk(tree(module)):
+        text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        if isinstance(node, ast.stmt) and not text and not isinstance(node, ast.Import | ast.ImportFrom):
+            end = node.lineno if hasattr(node, "body") else node.end_lineno
+            lines |= set(range(node.lineno, end + 1))
+    return len(lines)
+
+
+def test_every_file_of_some_size_has_a_test_file_of_its_name():
+    missing = [
+        module.as_posix()
+        for module in modules()
+        if module.stem != "__init__"
+        and lines_of_code(module) > WORTH_A_TEST
+        and not (TESTS / module.parent / f"test_{module.name}").exists()
+        and module.as_posix() not in UNTESTED_BY_NAME
+    ]
+    assert missing == [], "write a test file of that name, or say in UNTESTED_BY_NAME which one tests it"
+
+
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs" / "decisions").glob("*.md")),
+]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_files_that_a_page_names_are_there(page):
+    text = page.read_text(encoding="utf-8")
+    named = set(
+        re.findall(r"(?<![\w./])((?:[a-z_0-9]+/)+[a-zA-Z_0-9-]*(?:\.py|\.toml|/)|[a-z_0-9]+\.py)(?=[`\s,;:)])", text)
+    )
+    roots = (ROOT, SRC, SRC.parent, page.parent)
+    assert sorted(name for name in named if not any((root / name).exists() for root in roots)) == []
+
+
+@pytest.mark.parametrize("module", UNTESTED_BY_NAME)
+def test_what_is_said_to_be_tested_elsewhere_is(module):
+    assert (SRC / module).exists(), "it is no more: take it out"
+    own = TESTS / Path(module).with_name(f"test_{Path(module).name}")
+    assert not own.exists(), "it has a test file of its own now: take it out"
+    assert lines_of_code(Path(module)) > WORTH_A_TEST, "it is so small that it need not be here: take it out"
+    assert (TESTS / UNTESTED_BY_NAME[module]).is_file(), "the test file that is named is not there"
+
+
+def test_the_extra_all_is_every_extra_that_installs_anywhere():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    (everything,) = extras["all"]
+    named = re.fullmatch(r"midair\[(.*)\]", everything).group(1).split(",")
+    assert named == sorted(set(named))
+    assert set(named) - set(extras) == set(), "no such extras"
+    assert set(named) | set(LEFT_OUT_OF_ALL) == set(extras), "every extra is in `all`, or there is a reason"
+    assert set(named).isdisjoint(LEFT_OUT_OF_ALL)

@@ -1,0 +1,25 @@
+"""`python -m midair` is the command `midair`."""
+
+import subprocess
+import sys
+
+import pytest
+
+from midair.version import __version__
+
+
+def called(*arguments):
+    return subprocess.run([sys.executable, "-m", "midair", *arguments], capture_output=True, text=True)
+
+
+def test_it_says_its_version():
+    done = called("--version")
+    assert (done.stdout.strip(), done.stderr, done.returncode) == (__version__, "", 0)
+
+
+@pytest.mark.parametrize(("arguments", "status"), [(["no-such-command"], 2), (["info", "no-such-file.h5"], 1)])
+def test_its_exit_status_is_the_command_s(arguments, status):
+    done = called(*arguments)
+    assert done.returncode == status
+    assert done.stderr.startswith("midair: ")
+    assert len(done.stderr.splitlines()) == 1
