@@ -15,7 +15,6 @@ SRC, TESTS = ROOT / "src" / "midair", ROOT / "tests"
 SAME_NAME = {
     "edit": "the command `edit`, and what it does to a recording",
     "identify": "the command `identify`, and what it does on the bench",
-    "modes": "two meanings still: the ways to reproduce, and the modes of a field; the first is to move",
     "patterns": "the command `sweep patterns`, and the patterns of the paper's experiment",
 }
 """Module names that stand twice, and why."""
@@ -61,10 +60,9 @@ UNTESTED_BY_NAME = {
     "cli/terminal/sweep_output.py": "cli/commands/sweep/test_patterns.py",
     "devices/arrays/autd3_commands.py": "devices/arrays/test_autd3_emulator.py",
     "devices/arrays/banked_array.py": "devices/arrays/test_autd3_emulator.py",
-    "devices/arrays/gate.py": "rig/names/test_array_names.py",
     "devices/arrays/streaming.py": "devices/arrays/test_autd3_emulator.py",
     "devices/interface.py": "devices/test_contract.py",
-    "modes.py": "paper/test_paper.py",
+    "testing/udp_tap.py": "devices/arrays/test_autd3_udp.py",
     "paper/figure3.py": "paper/test_paper.py",
     "paper/figure4.py": "paper/test_paper.py",
     "paper/figure9.py": "paper/test_paper.py",

@@ -8,6 +8,7 @@ from midair.errors import DeviceStateError, InputError, MismatchError
 from midair.model import Drive, TransducerArray
 from midair.physics import focus_phase
 from midair.physics.sensing import SensorModel
+from midair.testing import overridden
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 ONE = Placement.grid(columns=1, rows=1)
@@ -36,7 +37,7 @@ def array(request):
 def test_an_array_tells_what_it_played(array):
     seen = []
     with array:
-        report = array.play(drive(), progress=lambda done, total: seen.append((done, total)))
+        report = array.play(overridden(drive(), array), progress=lambda done, total: seen.append((done, total)))
     assert (report.frames, report.late, report.repeated) == (5, 0, 0)
     assert report.duration == pytest.approx(0.005)
     assert seen[-1] == (5, 5)
@@ -45,7 +46,7 @@ def test_an_array_tells_what_it_played(array):
 def test_an_array_is_silent_before_and_after(array):
     with array:
         assert not array.emitting
-        array.play(drive())
+        array.play(overridden(drive(), array))
         assert not array.emitting
     assert not array.emitting
 
@@ -60,7 +61,7 @@ def test_an_array_is_silent_after_any_failure_on_the_way(array, failure):
 
     with array:
         with pytest.raises(failure):
-            array.play(drive(frames=300), progress=fail)
+            array.play(overridden(drive(frames=300), array), progress=fail)
         assert loud == [True]
         assert not array.emitting
 
@@ -68,39 +69,60 @@ def test_an_array_is_silent_after_any_failure_on_the_way(array, failure):
 def test_phases_of_another_array_are_refused(array):
     other = TransducerArray.autd3(columns=2, rows=2)
     with array, pytest.raises(MismatchError, match=r"996.*solve the target again"):
-        array.play(drive(other))
+        array.play(overridden(drive(other), array))
     assert not array.emitting
 
 
 def test_a_closed_array_does_not_play(array):
     with pytest.raises(DeviceStateError, match="open"):
-        array.play(drive())
+        array.play(overridden(drive(), array))
 
 
 def test_repeats_and_a_delay_are_played(array):
     with array:
-        report = array.play(drive(), repeats=3, delay=0.01)
+        report = array.play(overridden(drive(), array, repeats=3), delay=0.01)
         assert (report.frames, report.late) == (15, 0)
         assert report.duration == pytest.approx(0.015)
         assert not array.emitting
 
 
-@pytest.mark.parametrize(("repeats", "delay"), [(0, 0.0), (-1, 0.0), (1, -1.0), (1, float("nan")), (1, float("inf"))])
-def test_repeats_and_delays_that_make_no_sense_are_refused(array, repeats, delay):
+@pytest.mark.parametrize("repeats", [0, -1])
+def test_repeats_that_make_no_sense_are_refused(array, repeats):
     with array, pytest.raises(InputError, match="repeat"):
-        array.play(drive(), repeats=repeats, delay=delay)
+        overridden(drive(), array, repeats=repeats)
+
+
+@pytest.mark.parametrize("delay", [-1.0, float("nan"), float("inf")])
+def test_delays_that_make_no_sense_are_refused(array, delay):
+    with array, pytest.raises(InputError, match="delay"):
+        array.play(overridden(drive(), array), delay=delay)
+
+
+def test_a_drive_that_nobody_admitted_does_not_play(array):
+    with array, pytest.raises(DeviceStateError, match=r"expected an admission from admit\(\), got a Drive"):
+        array.play(drive())
+    assert not array.emitting
+
+
+def test_what_was_admitted_where_nothing_sounds_does_not_play_where_it_does(array):
+    if not array.gated:
+        return
+    silent = VirtualArray(array.array)
+    with array, pytest.raises(DeviceStateError, match="admit again"):
+        array.play(overridden(drive(), silent))
+    assert not array.emitting
 
 
 def test_an_array_plays_again_after_it_has_played(array):
     with array:
-        array.play(drive())
-        assert array.play(drive()).frames == 5
+        array.play(overridden(drive(), array))
+        assert array.play(overridden(drive(), array)).frames == 5
 
 
 def test_closing_twice_and_silence_at_any_time_are_harmless(array):
     array.silence()
     with array:
         array.silence()
-        assert array.play(drive()).frames == 5
+        assert array.play(overridden(drive(), array)).frames == 5
     array.silence()
     array.close()

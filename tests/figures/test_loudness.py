@@ -1,7 +1,7 @@
 import numpy as np
 
-from midair.devices.arrays.gate import profile_named
 from midair.figures import exposure_figure, png
+from midair.files import profile_named
 from midair.model import Drive, TransducerArray
 from midair.physics import exposure
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from midair.model import (
+    Acoustics,
     AmplitudeFrames,
     Calibration,
     ControlGrid,
@@ -14,6 +15,7 @@ from midair.model import (
     Drive,
     Linearity,
     Measurement,
+    Medium,
     Provenance,
     Recording,
     SensorGrid,
@@ -76,6 +78,7 @@ def solution(provenance: Provenance) -> Solution:
         level=rng.random(4),
         rate=1000,
         array=array,
+        acoustics=Acoustics(medium=Medium.at(temperature=24.5, humidity=0.4), directivity="piston"),
         provenance=provenance,
     )
     status = ("converged", "iterations", "stalled", "silent")

@@ -1,26 +1,13 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError
+from midair.files import load_profiles
 from midair.model import Acoustics, Drive, Medium, TransducerArray
-from midair.physics import ExposureProfile, exposure, focus_phase, profiles_of, sound_level, transfer_matrix
+from midair.physics import ExposureProfile, exposure, focus_phase, greatest_exposure, sound_level, transfer_matrix
 from midair.physics.exposure_level import Place, nonlinearity_index
 
 ONE = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]]), pressure=4.0)
 AIR = Medium(attenuation=0)
-
-TOML = """
-[[profile]]
-name = "mine"
-title = "t"
-source = "s"
-evidence = "e"
-[[profile.place]]
-name = "ear"
-position_mm = [0, 0, 500]
-reach_mm = 0
-limit_db = 100
-"""
 
 
 def profile(*places):
@@ -95,7 +82,7 @@ def test_nonlinearity_of_a_plane_wave_in_closed_form():
 def test_a_full_focus_of_four_units_is_far_from_linear_and_far_too_loud():
     array = TransducerArray.autd3()
     drive = Drive(phase=focus_phase(array, np.array([0, 0, 0.2]))[None], level=np.ones(1), rate=1000.0, array=array)
-    profiles = shipped()
+    profiles = load_profiles()
     found = exposure(drive, profiles["occupational-110"])
     assert found.nonlinearity == pytest.approx(2.2, abs=0.3)
     assert 135 < found.peak[0] < 150
@@ -103,44 +90,13 @@ def test_a_full_focus_of_four_units_is_far_from_linear_and_far_too_loud():
     assert exposure(drive, profiles["public-100"]).excess == pytest.approx(found.excess + 10)
 
 
-def shipped():
-    from midair.devices.arrays.gate import load_profiles
-
-    return load_profiles()
-
-
-def test_profiles_that_come_with_midair_say_where_they_are_from_and_how_thin_the_evidence_is():
-    profiles = shipped()
-    assert list(profiles) == ["occupational-110", "public-100"]
-    for each in profiles.values():
-        assert any(year in each.source for year in ("1984", "2005", "2010"))
-        assert "thin" in each.evidence
-        assert {place.name for place in each.places} == {"left ear", "right ear", "bystander", "palm"}
-        assert not each.places[-1].enforced
-
-
-def test_a_profile_of_one_s_own():
-    mine = profiles_of(TOML)["mine"]
-    assert mine.places[0].position == (0, 0, 0.5)
-    assert mine.places[0].enforced
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "word"),
-    [
-        ("reach_mm = 0", "", "reach_mm"),
-        ("reach_mm = 0", "reach_mm = -1", "reach_mm"),
-        ("limit_db = 100", "limit_db = nan", "finite"),
-        ("limit_db = 100", "limit_db = 'loud'", "loud"),
-        ("limit_db = 100", "limit_db = 100\nlimt = 3", "limt"),
-        ("limit_db = 100", "limit_db = 100\nenforced = false", "at least one"),
-        ("[0, 0, 500]", "[0, 0]", "unpack"),
-        ('evidence = "e"', "", "evidence"),
-        ("[[profile]]", "[[profile]", "TOML"),
-        ("[[profile]]\n", "[[profiles]]\n", "profile"),
-    ],
-)
-def test_wrong_profiles_are_refused(old, new, word):
-    assert old in TOML
-    with pytest.raises(InputError, match=word):
-        profiles_of(TOML.replace(old, new, 1))
+def test_the_greatest_exposure_is_that_of_all_transducers_in_step_at_the_loudest_point():
+    array, place = TransducerArray.autd3(columns=1, rows=1), ear(limit=100.0)
+    most = greatest_exposure(array, 0.3, profile(place), rate=1000.0, acoustics=Acoustics())
+    phase = np.stack([focus_phase(array, point) for point in place.points])
+    at_each = Drive(phase=phase, level=np.full(27, 0.3), rate=1000.0, array=array)
+    assert most.peak[0] == pytest.approx(exposure(at_each, profile(place)).peak[0], abs=1e-9)
+    random = Drive(
+        phase=np.random.default_rng(0).uniform(0, 7, phase.shape), level=np.full(27, 0.3), rate=1000.0, array=array
+    )
+    assert exposure(random, profile(place)).peak[0] < most.peak[0]

@@ -7,16 +7,16 @@ import pytest
 
 from midair.datasets import am_stimulus
 from midair.errors import InputError
-from midair.flow import Settings
 from midair.model import ControlGrid
+from midair.settings import Settings
 from midair.sweep.recording_report import trial_report, write_trial_report
 from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
 from midair.sweep.run import do
 from midair.sweep.store import load_sweep, open_sweep
 
 COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
-NAIVE = Settings(method="naive", grid=COARSE)
-WARM = Settings(method="lm", grid=COARSE, iterations=(4, 2))
+NAIVE = Settings().but(method="naive", grid=COARSE)
+WARM = Settings().but(method="lm", grid=COARSE, iterations=(4, 2))
 
 
 def trial(name, settings=NAIVE, frames=10, variant=""):

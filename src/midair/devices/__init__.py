@@ -1,24 +1,19 @@
 """Devices: the only files that touch hardware, and the virtual rig, which is a driver like any other."""
 
+from midair.devices.admission import Admission, ExposureChoices, admit, admit_level, admit_parts
 from midair.devices.arrays import (
-    DEFAULT_PROFILE,
-    Admission,
     BankedArray,
     Placement,
     SilencerChoice,
-    admit,
-    amplitude_of,
     autd3_array,
     autd3_firmware,
     choose_silencer,
-    intensity_bytes,
     load_placement,
-    phase_bytes,
-    profile_named,
     pyautd3_array,
 )
+from midair.devices.frame_bytes import amplitude_of, intensity_bytes, phase_bytes
 from midair.devices.interface import ArrayDevice, FrameBlock, PlayReport, SensorDevice
-from midair.devices.reading import Seam
+from midair.devices.reading import Seam, gapless, read_frames
 from midair.devices.sensors import Decimated, PacedSensor, ReplaySensor, Rewired, Source, Stream, StreamedSensor
 from midair.devices.virtual import VirtualArray, VirtualSensor, VirtualSkin
 
@@ -26,7 +21,6 @@ __all__ = [
     "Admission",
     "ArrayDevice",
     "BankedArray",
-    "DEFAULT_PROFILE",
     "Decimated",
     "FrameBlock",
     "PacedSensor",
@@ -44,13 +38,17 @@ __all__ = [
     "VirtualSensor",
     "VirtualSkin",
     "admit",
+    "admit_level",
+    "admit_parts",
+    "ExposureChoices",
     "amplitude_of",
     "autd3_array",
     "autd3_firmware",
     "choose_silencer",
+    "gapless",
     "intensity_bytes",
     "load_placement",
     "phase_bytes",
-    "profile_named",
+    "read_frames",
     "pyautd3_array",
 ]

@@ -13,7 +13,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import DeviceError, InputError, MismatchError
+from midair.devices.admission import Admission
+from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.model import Calibration, Drive, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
 
 
@@ -189,17 +190,13 @@ class ArrayDevice(ABC):
     def close(self) -> None:
         """Let go of the device. Harmless when not open."""
 
-    def play(
-        self, drive: Drive, *, repeats: int = 1, delay: float = 0.0, progress: Progress | None = None
-    ) -> PlayReport:
-        """Play a drive from its first frame to its last, then be silent, whatever happens on the way.
+    def play(self, admission: Admission, *, delay: float = 0.0, progress: Progress | None = None) -> PlayReport:
+        """Play what was admitted from its first frame to its last, then be silent, whatever happens on the way.
 
         Parameters
         ----------
-        drive : Drive
-            Made for this array.
-        repeats : int
-            How often, one time after the other without a gap.
+        admission : Admission
+            From `admit` with this device; it says how often, one time after the other without a gap.
         delay : float
             Silence before the first frame, in s.
         progress : callable, optional
@@ -208,30 +205,27 @@ class ArrayDevice(ABC):
         Raises
         ------
         MismatchError
-            If the drive was made for another array.
+            If it was admitted for another array.
         InputError
-            If there is less than one repeat, or a delay that is negative or endless.
+            If the delay is negative or endless.
         DeviceStateError
-            If the device is not open.
+            If it is no admission, or one for frames that are yet to come, or the device is not open.
         """
-        if repeats < 1 or not 0 <= delay < 3600:
-            raise InputError(f"expected 1 repeat or more after 0 to 3600 s, got {repeats} after {delay:g} s")
-        self.check_fits(drive)
+        if not isinstance(admission, Admission):  # pyright: ignore[reportUnnecessaryIsInstance]
+            kind = type(admission).__name__
+            raise DeviceStateError(
+                f"{self.name}: expected an admission from admit(), got a {kind}; nothing plays unchecked"
+            )
+        if not 0 <= delay < 3600:
+            raise InputError(f"delay: expected 0 to 3600 s, got {delay:g} s")
+        drive = admission.check_for(self)
         try:
-            report = self.emit(drive, progress, repeats=repeats, delay=delay)
+            report = self.emit(drive, progress, repeats=admission.repeats, delay=delay)
         except BaseException:
             self._silence_after_an_error()
             raise
         self.silence()
         return report
-
-    def check_fits(self, drive: Drive) -> None:
-        """Refuse phases that were solved for another array, with MismatchError."""
-        if not self.array.same_as(drive.array):
-            raise MismatchError(
-                f"drive: expected one for {self.array.name} ({self.array.count} transducers), got one for "
-                f"{drive.array.name} ({drive.array.count} transducers); solve the target again for this array"
-            )
 
     def __enter__(self) -> Self:
         self.open()

@@ -1,11 +1,12 @@
-"""Blocks of a sensor put together into frames without gaps."""
+"""Blocks of a sensor put together into frames without gaps: read as they come, or held where some were lost."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices.interface import FrameBlock
+from midair.devices.interface import FrameBlock, SensorDevice
 from midair.errors import DeviceError
 
 Array = NDArray[np.float64]
@@ -76,3 +77,53 @@ class Seam:
             if lost:
                 samples = np.concatenate([np.broadcast_to(held, (lost, *held.shape[1:])), samples])
         return Seamless(samples=samples, first=first, lost=lost if len(samples) else 0)
+
+
+def gapless(sensor: SensorDevice, frames: int, *, block: int | None = None) -> Iterator[Array]:
+    """The first `frames` frames after a start, piece by piece; fewer if the source ends.
+
+    Parameters
+    ----------
+    sensor : SensorDevice
+        Started.
+    frames : int
+        At most.
+    block : int, optional
+        Frames that are asked for at once; all that are left if None.
+
+    Yields
+    ------
+    ndarray, shape (frame, row, column)
+        One after another, none missing.
+
+    Raises
+    ------
+    DeviceError
+        If the sensor loses frames.
+    """
+    have = 0
+    while have < frames:
+        part = sensor.read(min(block or frames, frames - have))
+        if part.overflow or part.first != have:
+            raise DeviceError(
+                f"{sensor.name}: lost frames before {have / sensor.rate:.3f} s; close other programs, try again"
+            )
+        if not len(part.samples):
+            return
+        have += len(part.samples)
+        yield part.samples
+
+
+def read_frames(sensor: SensorDevice, frames: int) -> Array:
+    """The first `frames` frames after a start, every one of them, shape (frame, row, column).
+
+    Raises
+    ------
+    DeviceError
+        If the sensor loses frames or ends before.
+    """
+    parts = list(gapless(sensor, frames))
+    have = sum(len(part) for part in parts)
+    if have < frames:
+        raise DeviceError(f"{sensor.name}: expected {frames} frames, got {have}; is it still connected?")
+    return np.concatenate(parts)

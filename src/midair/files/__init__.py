@@ -20,13 +20,22 @@ from midair.files.native import (
     save_solution,
     to_json,
 )
-from midair.files.toml import from_plain, load_sensor, save_sensor, to_plain
+from midair.files.toml import (
+    DEFAULT_PROFILE,
+    from_plain,
+    load_profiles,
+    load_sensor,
+    profile_named,
+    save_sensor,
+    to_plain,
+)
 
 __all__ = [
     "CALIBRATION_SUFFIX",
     "Contents",
     "Event",
     "EventKind",
+    "DEFAULT_PROFILE",
     "FORMATS",
     "Imported",
     "Loss",
@@ -37,9 +46,11 @@ __all__ = [
     "load",
     "load_calibration",
     "load_pressure",
+    "load_profiles",
     "load_sensor",
     "load_solution",
     "load_target",
+    "profile_named",
     "read",
     "refusing",
     "repair",

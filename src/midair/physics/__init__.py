@@ -3,7 +3,7 @@
 from midair.physics.chain import Moment, PlaybackChain, radiate
 from midair.physics.directivity import off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
-from midair.physics.exposure_level import Exposure, ExposureProfile, exposure, profiles_of, sound_level
+from midair.physics.exposure_level import Exposure, ExposureProfile, Place, exposure, greatest_exposure, sound_level
 from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_a_frame
 from midair.physics.propagation import (
     focus_amplitude,
@@ -21,6 +21,7 @@ __all__ = [
     "Exposure",
     "ExposureProfile",
     "Moment",
+    "Place",
     "PlaybackChain",
     "SensorModel",
     "Spread",
@@ -32,11 +33,11 @@ __all__ = [
     "check_frame_rate",
     "envelope",
     "exposure",
+    "greatest_exposure",
     "focus_amplitude",
     "focus_phase",
     "off_axis",
     "playback_response",
-    "profiles_of",
     "propagate",
     "quantise_phase",
     "radiate",

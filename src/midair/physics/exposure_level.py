@@ -3,16 +3,13 @@
 Levels are in dB re 20 µPa rms, from the linear field of each frame as if it lasted for ever.
 """
 
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import Acoustics, Drive, Medium
+from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics.propagation import transfer_matrix
 from midair.validation import frozen_array
 
@@ -212,6 +209,45 @@ def exposure(
     )
 
 
+def greatest_exposure(
+    array: TransducerArray, level: float, profile: ExposureProfile, *, rate: float, acoustics: Acoustics
+) -> Exposure:
+    """The most that any phases at a level can expose people to: all transducers in step at each place.
+
+    Parameters
+    ----------
+    array : TransducerArray
+        What radiates.
+    level : float
+        Of every transducer, 0 to 1.
+    profile : ExposureProfile
+        Places and limits.
+    rate : float
+        Frames per second, in Hz.
+    acoustics : Acoustics
+        As in `propagate`.
+
+    Returns
+    -------
+    Exposure
+        Of one frame.
+    """
+    points = np.concatenate([place.points for place in profile.places])
+    most = level * np.abs(transfer_matrix(points, array, acoustics=acoustics)).sum(axis=1)
+    loudest = sound_level(most.reshape(1, len(profile.places), 27).max(axis=2))
+    number = int(np.argmin([np.linalg.norm(place.position) for place in profile.places]))
+    palm = np.array(profile.places[number].position)
+    phase = -np.angle(transfer_matrix(palm[None], array, acoustics=acoustics))
+    focus = Drive(phase=phase, level=np.array([level]), rate=rate, array=array, acoustics=acoustics)
+    return Exposure(
+        profile=profile,
+        level=loudest,
+        rate=rate,
+        repeats=1,
+        nonlinearity=_nonlinearity(focus, profile, acoustics, loudest),
+    )
+
+
 def sound_level(peak: Array) -> Array:
     """Sound pressure level of an amplitude, in dB re 20 µPa rms: 20 lg(p / sqrt(2) / 20 µPa), not below -40 dB."""
     return np.asarray(20 * np.log10(np.maximum(peak / np.sqrt(2) / 20e-6, 1e-2)), np.float64)
@@ -235,64 +271,6 @@ def nonlinearity_index(pressure: Array, path: Array, medium: Medium, frequency: 
     """
     integral = float(np.trapezoid(np.abs(pressure), path))
     return 1.2 * 2 * np.pi * frequency / (medium.density * medium.speed**3) * integral
-
-
-def profiles_of(text: str) -> dict[str, ExposureProfile]:
-    """The profiles of a TOML text, by name, in its order.
-
-    Raises
-    ------
-    InputError
-        If it is no TOML, or its keys or numbers are not those of the profiles that come with midair.
-    """
-    try:
-        content = tomllib.loads(text)
-        profiles = [_profile(each) for each in content["profile"]]
-    except tomllib.TOMLDecodeError as wrong:
-        raise InputError(f"exposure profiles: expected TOML, got {wrong}") from wrong
-    except KeyError as wrong:
-        raise InputError(
-            f"exposure profiles: expected the key {wrong}; copy a profile that comes with midair"
-        ) from wrong
-    except (TypeError, ValueError, AttributeError) as wrong:
-        raise InputError(f"exposure profiles: {wrong}; copy a profile that comes with midair") from wrong
-    return {profile.name: profile for profile in profiles}
-
-
-def _profile(entry: Mapping[str, Any]) -> ExposureProfile:
-    _only(entry, {"name", "title", "source", "evidence", "place"})
-    places = tuple(_place(each) for each in entry["place"])
-    if not any(place.enforced for place in places):
-        raise InputError(f"profile {entry['name']}: expected at least one enforced limit, got none")
-    return ExposureProfile(
-        name=str(entry["name"]),
-        title=str(entry["title"]),
-        source=str(entry["source"]),
-        evidence=str(entry["evidence"]),
-        places=places,
-    )
-
-
-def _place(entry: Mapping[str, Any]) -> Place:
-    _only(entry, {"name", "position_mm", "reach_mm", "limit_db", "enforced", "source"})
-    x, y, z = (float(each) * 1e-3 for each in entry["position_mm"])
-    numbers = np.array([x, y, z, entry["reach_mm"], entry["limit_db"]], float)
-    enforced = entry.get("enforced", True)
-    if not np.isfinite(numbers).all() or numbers[3] < 0 or not isinstance(enforced, bool):
-        raise InputError(f"place {entry['name']}: expected finite numbers, reach_mm from 0 on, enforced true or false")
-    return Place(
-        name=str(entry["name"]),
-        position=(x, y, z),
-        reach=float(entry["reach_mm"]) * 1e-3,
-        limit=float(entry["limit_db"]),
-        enforced=enforced,
-        source=str(entry.get("source", "")),
-    )
-
-
-def _only(entry: Mapping[str, Any], known: set[str]) -> None:
-    if unknown := set(entry) - known:
-        raise InputError(f"expected {', '.join(sorted(known))}, got {', '.join(sorted(unknown))}")
 
 
 def _nonlinearity(drive: Drive, profile: ExposureProfile, acoustics: Acoustics, level: Array) -> float:

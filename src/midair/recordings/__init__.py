@@ -2,9 +2,10 @@
 
 from midair.recordings.edit import Fill, cut, gain, join, mask, resample, trim
 from midair.recordings.footprint import Footprint, Path, Shape, Turn, footprint_field
-from midair.recordings.quality import clipped_share, dead_channels, suspicious
+from midair.recordings.quality import at_limit, clipped_share, dead_channels, suspicious
 
 __all__ = [
+    "at_limit",
     "Fill",
     "Footprint",
     "Path",

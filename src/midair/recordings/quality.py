@@ -12,6 +12,20 @@ def dead_channels(recording: Recording) -> NDArray[np.bool_]:
     return np.ptp(recording.samples, axis=0) == 0
 
 
+def at_limit(samples: NDArray[np.float64], full_scale: float) -> NDArray[np.bool_]:
+    """Which samples stand at the limit of their converter, same shape: the one rule for clipping.
+
+    Parameters
+    ----------
+    samples : ndarray, any shape
+        In the unit of `full_scale`.
+    full_scale : float
+        Limit of the converter on either side.
+    """
+    # The converter's largest code is one step below its limit; 1e-4 of it is more than a step of 14 bits.
+    return np.abs(samples) >= full_scale * (1 - 1e-4)
+
+
 def clipped_share(recording: Recording, *, full_scale: float | None = None) -> NDArray[np.float64]:
     """Share of the frames at which each channel stands at its limit.
 
@@ -30,9 +44,8 @@ def clipped_share(recording: Recording, *, full_scale: float | None = None) -> N
     """
     samples = recording.samples
     if full_scale is not None:
-        # The converter's largest code is one step below its limit.
-        limit = positive(full_scale, "full scale", recording.unit) * (1 - 1e-4)
-        return np.asarray((np.abs(samples) >= limit).mean(axis=0), np.float64)
+        limit = positive(full_scale, "full scale", recording.unit)
+        return np.asarray(at_limit(samples, limit).mean(axis=0), np.float64)
     at_top = _in_runs(samples == samples.max(axis=0))
     at_bottom = _in_runs(samples == samples.min(axis=0))
     return np.asarray(np.where(dead_channels(recording), 0.0, (at_top | at_bottom).mean(axis=0)), np.float64)

@@ -33,7 +33,7 @@ from midair.rig.loop import (
     write_report,
 )
 from midair.rig.names import VirtualRig, array_named, sensor_named
-from midair.rig.playing import Gate, play_admitted, rerecord, stop_playing
+from midair.rig.playing import play_admitted, rerecord, stop_playing, usual_exposure
 from midair.rig.takes import (
     Drift,
     Levels,
@@ -54,7 +54,6 @@ from midair.rig.takes import (
 __all__ = [
     "BudgetPlan",
     "Drift",
-    "Gate",
     "Identity",
     "Levels",
     "Loop",
@@ -98,6 +97,7 @@ __all__ = [
     "take_path",
     "told",
     "uncertainty_of",
+    "usual_exposure",
     "write_calibration_page",
     "write_practice",
     "write_report",

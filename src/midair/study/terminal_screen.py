@@ -10,11 +10,11 @@ from types import FrameType
 from rich.console import Console
 from rich.markup import escape
 
-from midair.devices import Admission, VirtualArray, admit, profile_named
+from midair.devices import Admission, ExposureChoices, VirtualArray, admit
 from midair.errors import InputError
 from midair.files import load_solution
 from midair.model import TransducerArray
-from midair.rig import array_named, play_admitted
+from midair.rig import array_named, usual_exposure
 from midair.study.design import Plan
 from midair.study.folder import StudyFolder
 from midair.study.session import ArrayPresenter, ExperimenterPresenter, Presenter, Reply, TrialStep
@@ -71,7 +71,7 @@ class TerminalScreen:
 
 @contextmanager
 def presenter_named(
-    array: str, folder: StudyFolder, plan: Plan, *, attenuate: bool = False, override: str | None = None
+    array: str, folder: StudyFolder, plan: Plan, *, exposure: ExposureChoices | None = None
 ) -> Generator[Presenter]:
     """What presents: the experimenter, told on the error stream, or an array that plays drives beside the plan.
 
@@ -87,21 +87,15 @@ def presenter_named(
             raise InputError(f"array: expected one to play {len(drives)} drives of the plan, got none; give --array")
         yield by_hand
         return
-    profile = profile_named("occupational-110")
+    choices = exposure or usual_exposure()
     device = VirtualArray(TransducerArray.autd3()) if array == "virtual" else array_named(array)
 
     @lru_cache(maxsize=32)
     def admitted(source: str) -> Admission:
-        drive = load_solution(folder.path / source).drive
-        return admit(drive, profile, gated=device.gated, attenuate=attenuate, override=override)
+        return admit(load_solution(folder.path / source).drive, device, choices)
 
     with device:
-        presenter = ArrayPresenter(
-            array=device,
-            load=lambda source: admitted(source).drive,
-            by_hand=by_hand,
-            play=lambda source: play_admitted(admitted(source), device, source=source),
-        )
+        presenter = ArrayPresenter(array=device, admitted=admitted, by_hand=by_hand)
         presenter.check(plan.design.stimuli)
         yield presenter
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from midair.devices import Placement, autd3_firmware
-from midair.devices.arrays.frame_bytes import amplitude_of, phase_bytes
 from midair.devices.arrays.silencer import Silencer
+from midair.devices.frame_bytes import amplitude_of, phase_bytes
 from midair.model import Acoustics, Drive, Medium
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
+from midair.testing import overridden
 
 pytest.importorskip("autd3_emulator")
 
@@ -22,11 +23,11 @@ def noise(frames, placement=ONE, level=1.0, rate=1000.0, seed=0):
     return Drive(phase=phase, level=np.broadcast_to(level, (frames,)), rate=rate, array=array)
 
 
-def played(drive, placement=ONE, *, silencer="off", **options):
+def played(drive, placement=ONE, *, silencer="off", repeats=1, **options):
     """The report, and what was put out from 5 ms before the end on."""
     device = autd3_firmware(placement, silencer=silencer)
     with device:
-        report = device.play(drive, **options)
+        report = device.play(overridden(drive, device, repeats=repeats), **options)
         device.banks.wait_until(device.banks.now() + 5 * MS)
         return report, device.banks.put_out()
 
@@ -150,7 +151,7 @@ def test_a_computer_that_hangs_leaves_silence_and_is_told_so():
 
     device = autd3_firmware(ONE, silencer="off")
     with device:
-        report = device.play(drive, progress=hang)
+        report = device.play(overridden(drive, device), progress=hang)
         device.banks.wait_until(device.banks.now() + 5 * MS)
         out = device.banks.put_out()
     assert report.late == 100

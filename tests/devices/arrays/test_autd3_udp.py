@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from midair.devices import Placement, autd3_array
-from midair.devices.arrays.frame_bytes import phase_bytes
+from midair.devices.frame_bytes import phase_bytes
 from midair.errors import DeviceError, LinkLostError
 from midair.model import Drive
+from midair.testing import overridden
 
 pytest.importorskip("autd3")
 
@@ -26,13 +27,14 @@ import numpy as np
 from midair.devices import Placement, autd3_array
 from midair.model import Drive
 from midair.rig.playing.admitted import signals_end_the_program
+from midair.testing import overridden
 
 placement = Placement.grid(columns=1, rows=1)
 array = placement.array()
 phase = np.random.default_rng(0).uniform(0, 6, (500, array.count))
 drive = Drive(phase=phase, level=np.ones(500), rate=1000.0, array=array)
 with signals_end_the_program(), autd3_array(sys.argv[1], placement) as device:
-    device.play(drive, repeats=1000, progress=lambda done, total: print("plays", flush=True))
+    device.play(overridden(drive, device, repeats=1000), progress=lambda done, total: print("plays", flush=True))
 """
 
 
@@ -71,7 +73,7 @@ def check_what_is_sent(tap, frames):
     device = autd3_array(tap.address, ONE)
     with device:
         begin = time.monotonic()
-        report = device.play(drive)
+        report = device.play(overridden(drive, device))
         end = time.monotonic()
         telemetry = device.banks.describe()
     np.testing.assert_array_equal(phases_sent(tap), phase_bytes(drive, 1)[:, 0])
@@ -100,7 +102,7 @@ def test_heartbeats_while_nothing_plays_and_while_it_plays(tap):
     with autd3_array(tap.address, ONE) as device:
         begin = time.monotonic()
         time.sleep(0.7)
-        device.play(noise(300))
+        device.play(overridden(noise(300), device))
         assert tap.states() == [PATTERN]
         assert tap.gap(begin) < 0.4
         assert sum(datagram[1] == 7 for at, _, datagram in tap.sent if at >= begin) > 20
@@ -112,7 +114,7 @@ def test_a_lost_link_ends_playing_and_the_failsafe_silences(tap):
             tap.passes = False
 
     with pytest.raises(LinkLostError, match=r"check.*power"), autd3_array(tap.address, ONE) as device:
-        device.play(noise(2000), progress=cut)
+        device.play(overridden(noise(2000), device), progress=cut)
     time.sleep(0.55)
     assert [state & FAILSAFE for state in tap.states()] == [FAILSAFE]
 
@@ -124,7 +126,7 @@ def test_silence_from_another_thread_ends_playing(tap):
         timer = threading.Timer(0.3, device.silence)
         timer.start()
         with pytest.raises(DeviceError, match="from elsewhere"):
-            device.play(noise(5000))
+            device.play(overridden(noise(5000), device))
         assert tap.states() == [PATTERN]
         assert_last_word_is_silence(tap)
 

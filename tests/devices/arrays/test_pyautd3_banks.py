@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from midair.devices import Placement, pyautd3_array
-from midair.devices.arrays.frame_bytes import intensity_bytes, phase_bytes
+from midair.devices.frame_bytes import intensity_bytes, phase_bytes
 from midair.errors import DeviceStateError, UnknownDeviceError
 from midair.model import Drive
+from midair.testing import overridden
 
 pyautd3 = pytest.importorskip("pyautd3")
 
@@ -50,13 +51,13 @@ def test_five_thousand_frames_on_four_units():
     drive = noise(5000, placement=placement)
     with pyautd3_array("audit", placement) as device:
         check_memory(device.banks, drive, 4)
-        report = device.play(drive)
+        report = device.play(overridden(drive, device))
     assert (report.frames, report.late, report.gap) == (5000, 0, 0)
 
 
 def test_after_playing_the_segment_that_plays_is_silent():
     with pyautd3_array("audit", PAIR) as device:
-        report = device.play(noise(300))
+        report = device.play(overridden(noise(300), device))
         assert (report.frames, report.late) == (300, 0)
         assert not device.emitting
         segment = int(device.banks.link.current_stm_segment(0))
@@ -67,9 +68,9 @@ def test_the_silencer_is_set():
     slow = np.zeros((20, 498))
     drive = Drive(phase=slow, level=np.ones(20), rate=1000.0, array=PAIR.array())
     with pyautd3_array("audit", PAIR) as device:
-        device.play(drive)
+        device.play(overridden(drive, device))
         assert not device.banks.link.silencer_fixed_completion_steps_mode(0)
-        device.play(noise(20))
+        device.play(overridden(noise(20), device))
         assert device.banks.link.silencer_fixed_completion_steps_mode(0)
         assert device.banks.link.silencer_completion_steps_phase(0) == 20
         assert not device.banks.link.silencer_strict(0)
@@ -84,7 +85,7 @@ def test_a_link_that_breaks_ends_playing():
 
     device = pyautd3_array("audit", PAIR)
     with pytest.raises(DeviceError, match="pyautd3"), device:
-        device.play(noise(2000), progress=cut)
+        device.play(overridden(noise(2000), device), progress=cut)
 
 
 def test_memory_of_the_nop_link_cannot_be_read():

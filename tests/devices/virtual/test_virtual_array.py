@@ -6,6 +6,7 @@ from midair.errors import RateError
 from midair.model import Drive, Medium, TransducerArray
 from midair.physics import PlaybackChain, Transducers, focus_phase, radiation_pressure, simulate, transfer_matrix
 from midair.physics.sensing import SensorModel, cell_weights
+from midair.testing import overridden
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 PERFECT = {"strength": 1.0, "spread": 0.0, "resonance_spread": 0.0, "quality_spread": 0.0}
@@ -20,7 +21,7 @@ def focus(frames=20, level=0.2, rate=1000.0):
 def steady(level=0.2, **options):
     skin = VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, skin, **options) as array:
-        array.play(focus(level=level))
+        array.play(overridden(focus(level=level), array))
     return skin.pressure(0)[-1]
 
 
@@ -48,7 +49,7 @@ def test_transducers_take_their_time():
     """After one time constant the envelope has 1 - 1/e of a step at zero detuning: the pressure its square."""
     skin = VirtualSkin(SensorModel(), rate=8000.0)
     with VirtualArray(ARRAY, skin, **PERFECT) as array:
-        array.play(focus())
+        array.play(overridden(focus(), array))
     rise = skin.pressure(0)[:, 1, 1] / skin.pressure(0)[-1, 1, 1]
     gone = np.exp((-1 / 188e-6 + 2j * np.pi * 205) * np.arange(1, 9) / 8000)
     np.testing.assert_allclose(rise[:8], np.abs(1 - gone) ** 2, rtol=1e-3)
@@ -57,16 +58,16 @@ def test_transducers_take_their_time():
 def test_blocks_of_a_long_drive_join_without_a_seam():
     long, short = VirtualSkin(SensorModel()), VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, long) as array:
-        array.play(focus(frames=300))
+        array.play(overridden(focus(frames=300), array))
     with VirtualArray(ARRAY, short) as array:
-        array.play(focus(frames=5))
+        array.play(overridden(focus(frames=5), array))
     np.testing.assert_allclose(long.pressure(0)[40:], np.broadcast_to(long.pressure(0)[-1], (2360, 4, 4)), rtol=0.02)
     np.testing.assert_allclose(long.pressure(0)[:40], short.pressure(0), rtol=1e-5)
 
 
 def test_a_rate_that_does_not_fit_is_refused():
     with VirtualArray(ARRAY, VirtualSkin(SensorModel())) as array, pytest.raises(RateError, match="whole multiple"):
-        array.play(focus(rate=3000.0))
+        array.play(overridden(focus(rate=3000.0), array))
 
 
 def test_the_same_seed_is_the_same_array():
@@ -83,7 +84,7 @@ def test_plays_what_the_simulation_says():
     """Blocks of a device against one call of the law, with transducers that differ."""
     skin = VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, skin, seed=4) as array:
-        array.play(wandering(200))
+        array.play(overridden(wandering(200), array))
     G = transfer_matrix(skin.points, ARRAY)
     weights = cell_weights(skin.model, skin.points)
     law = simulate(wandering(200), G, chain=array.chain, rate=8000.0, weights=weights)
@@ -93,9 +94,9 @@ def test_plays_what_the_simulation_says():
 def test_the_silencer_is_chosen_for_the_drive_and_told():
     off, on = VirtualSkin(SensorModel()), VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, off) as array:
-        assert array.play(wandering()).silencer == ""
+        assert array.play(overridden(wandering(), array)).silencer == ""
     with VirtualArray(ARRAY, on, silencer="auto") as array:
-        report = array.play(wandering())
+        report = array.play(overridden(wandering(), array))
     assert report.silencer.startswith("phase 0.5 ms")
     assert np.abs(on.pressure(0) - off.pressure(0)).max() > 0.05 * off.pressure(0).max()
 
@@ -103,7 +104,7 @@ def test_the_silencer_is_chosen_for_the_drive_and_told():
 def test_an_ideal_hold_presses_the_quasi_stationary_field_at_the_beginning_of_each_frame():
     skin = VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, skin, chain=PlaybackChain(hold="ideal", phase_bits=None, precision="double")) as array:
-        array.play(focus())
+        array.play(overridden(focus(), array))
     q = 0.2 * np.exp(1j * focus().phase[0])
     still = cell_weights(skin.model, skin.points) @ radiation_pressure(
         transfer_matrix(skin.points, ARRAY) @ q, Medium()

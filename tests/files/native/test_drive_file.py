@@ -6,7 +6,7 @@ import pytest
 
 from midair.errors import BrokenFileError, MismatchError, MissingFileError, NonFiniteError, UnknownFormatError
 from midair.files import load_solution, load_target, save_solution
-from midair.model import AmplitudeFrames, Drive
+from midair.model import Acoustics, AmplitudeFrames, Drive
 
 
 @pytest.fixture
@@ -27,6 +27,7 @@ def test_returns_what_was_saved_to_the_last_bit(path, solution):
     np.testing.assert_array_equal(again.iterations, solution.iterations)
     assert again.status == solution.status
     assert again.drive.rate == solution.drive.rate
+    assert again.drive.acoustics == solution.drive.acoustics
     assert again.drive.provenance == solution.drive.provenance
 
 
@@ -106,3 +107,17 @@ def test_refuses_a_target_without_grid(path):
         del file.attrs["grid_rows"]
     with pytest.raises(BrokenFileError, match="expected grid_rows beside the target"):
         load_target(path)
+
+
+def test_a_drive_of_before_is_one_in_the_papers_air(path):
+    with h5py.File(path, "r+") as file:
+        for name in [name for name in file.attrs if name.startswith("air_") or name == "directivity"]:
+            del file.attrs[name]
+    assert load_solution(path).drive.acoustics == Acoustics()
+
+
+def test_half_an_air_is_a_damaged_file(path):
+    with h5py.File(path, "r+") as file:
+        del file.attrs["air_density_kg_m3"]
+    with pytest.raises(BrokenFileError, match="expected air_density_kg_m3 beside the rest of the air"):
+        load_solution(path)

@@ -7,7 +7,7 @@ import pytest
 
 from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting
 from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
-from midair.errors import DeviceStateError, MismatchError, RateError
+from midair.errors import ExposureError, MismatchError, RateError
 from midair.model import SensorGrid, TransducerArray
 from midair.physics import SensorModel, channel_response
 from midair.rig.bench.beam_bench import calibrate_by_beam
@@ -81,13 +81,14 @@ def test_a_plan_of_another_rate_is_refused():
         by_beam(SensorModel(grid=GRID), plan=BeamPlan(rate=800.0, high=380.0))
 
 
-def test_what_can_be_heard_needs_a_gate_and_a_real_sensor():
+def test_what_can_be_heard_keeps_the_profile_and_needs_a_real_sensor():
     skin = VirtualSkin(SensorModel(grid=GRID))
     array, sensor = VirtualArray(ARRAY, skin), VirtualSensor(skin)
     array.gated = True
-    with array, sensor, pytest.raises(DeviceStateError, match="exposure gate"):
+    with array, sensor, pytest.raises(ExposureError, match="--override-exposure"):
         calibrate_by_beam(array, sensor, PLAN)
-    array.simulated = False
+    assert not array.emitting
+    array.gated = array.simulated = False
     with array, sensor, pytest.raises(MismatchError, match="both real or both virtual"):
         calibrate_by_beam(array, sensor, PLAN)
 

@@ -6,20 +6,22 @@ import numpy as np
 import pytest
 
 from midair.datasets import probe_signal
-from midair.devices.arrays.gate import profile_named
+from midair.devices import ExposureChoices, admit
 from midair.devices.interface import FrameBlock
 from midair.errors import DeviceError, DeviceStateError, InputError
+from midair.files import profile_named
 from midair.flow import felt, reproduce
 from midair.model import ControlGrid
 from midair.rig.loop.passes import Rig, play_pass, quiet
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.playing.rerecording import Gate, rerecord
+from midair.rig.playing.rerecording import rerecord, usual_exposure
 from midair.rig.state_folder import state_folder
 from midair.settings import Settings
 
 RIG = VirtualRig()
 SETTINGS = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast")
 PROFILE = profile_named("occupational-110")
+ANSWERED = ExposureChoices(profile=PROFILE, override="A. Person")
 
 
 def original():
@@ -55,23 +57,25 @@ def real(latency=0.0, lost=None):
     return array, sensor
 
 
-def test_a_real_array_is_not_played_without_a_gate(drive):
+def test_a_real_array_does_not_play_what_was_admitted_on_a_silent_one(drive):
     array, sensor = real()
-    with array, sensor, pytest.raises(DeviceStateError, match="gate"):
-        rerecord(drive, array, sensor)
+    silent = admit(drive, RIG.array_device(), ExposureChoices(profile=PROFILE))
+    with array, sensor, pytest.raises(DeviceStateError, match="admit again"):
+        rerecord(silent, array, sensor)
+    assert not array.emitting
 
 
 def test_what_exceeds_the_profile_is_refused_and_nothing_sounds(drive):
     array, sensor = real()
     with array, sensor, pytest.raises(InputError, match="exposure"):
-        rerecord(drive, array, sensor, gate=Gate(profile=PROFILE))
+        rerecord(admit(drive, array, ExposureChoices(profile=PROFILE)), array, sensor)
     assert not array.emitting
 
 
 def test_what_a_person_answers_for_is_played_and_logged(drive):
     array, sensor = real()
     with array, sensor:
-        heard = rerecord(drive, array, sensor, gate=Gate(profile=PROFILE, override="A. Person"), tail=0.2)
+        heard = rerecord(admit(drive, array, ANSWERED), array, sensor, tail=0.2)
     assert heard.frames >= drive.frames
     assert not heard.provenance.simulated
     log = "".join(path.read_text(encoding="utf-8") for path in state_folder().glob("*.jsonl"))
@@ -82,15 +86,15 @@ def test_what_a_person_answers_for_is_played_and_logged(drive):
 def test_what_is_attenuated_says_so(drive):
     array, sensor = real()
     with array, sensor:
-        heard = rerecord(drive, array, sensor, gate=Gate(profile=PROFILE, attenuate=True), tail=0.2)
+        heard = rerecord(admit(drive, array, ExposureChoices(profile=PROFILE, attenuate=True)), array, sensor, tail=0.2)
     assert "attenuate" in [step.stage for step in heard.provenance.steps]
 
 
 def test_the_drive_is_found_in_what_a_real_sensor_heard(drive):
     array, sensor = real(latency=0.07)
     with array, sensor:
-        rig = Rig(array=array, sensor=sensor, gate=Gate(profile=PROFILE, override="A. Person"))
-        heard = rerecord(drive, array, sensor, gate=rig.gate, tail=0.3)
+        rig = Rig(array=array, sensor=sensor, exposure=ANSWERED)
+        heard = rerecord(admit(drive, array, rig.exposure), array, sensor, tail=0.3)
         late = np.argmax(np.abs(heard.samples).max(axis=(1, 2)) > 0.01)
         assert late >= 60
         rig_pass = play_pass_with_tail(rig)
@@ -111,13 +115,13 @@ def play_pass_with_tail(rig, tail=0.3):
 
 def test_lost_frames_are_an_error(drive):
     array, sensor = real(lost=80)
-    with array, sensor, pytest.raises(DeviceError, match="frames were lost"):
-        rerecord(drive, array, sensor, gate=Gate(profile=PROFILE, override="A. Person"), tail=0.2)
+    with array, sensor, pytest.raises(DeviceError, match="lost frames"):
+        rerecord(admit(drive, array, ANSWERED), array, sensor, tail=0.2)
 
 
 def test_blocks_are_put_together(drive):
     skin = RIG.skin()
     with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
-        whole = rerecord(drive, array, sensor)
+        whole = rerecord(admit(drive, array, usual_exposure()), array, sensor)
     assert whole.frames == drive.frames + 20
     assert np.abs(felt(whole, sensor.calibration, SETTINGS).pressure).max() > 1

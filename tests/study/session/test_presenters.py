@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from midair.devices import VirtualArray
-from midair.errors import InputError
+from midair.devices import VirtualArray, admit
+from midair.errors import ExposureError, InputError
 from midair.model import Drive, TransducerArray
+from midair.rig import usual_exposure
 from midair.study.design.blocks import Stimulus
 from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, NoPresenter
 
@@ -19,7 +20,8 @@ def drive(array=ARRAY):
 
 def presenter(device, load, told):
     by_hand = ExperimenterPresenter(tell=told.append, done=lambda: told.append("done"))
-    return ArrayPresenter(array=device, load=load, by_hand=by_hand)
+    choices = usual_exposure()
+    return ArrayPresenter(array=device, admitted=lambda source: admit(load(source), device, choices), by_hand=by_hand)
 
 
 def test_an_array_plays_drives_and_the_experimenter_takes_up_objects():
@@ -44,7 +46,7 @@ def test_an_array_plays_drives_and_the_experimenter_takes_up_objects():
 
 
 def test_a_drive_for_another_array_is_refused_before_the_session():
-    with VirtualArray(ARRAY) as device, pytest.raises(InputError, match="another array"):
+    with VirtualArray(ARRAY) as device, pytest.raises(InputError, match=r"a\.drive\.h5: drive: expected one for"):
         presenter(device, lambda _: drive(TransducerArray.autd3(columns=2, rows=1)), []).check((TONE,))
 
 
@@ -56,3 +58,16 @@ def test_nothing_is_told_for_silence_but_to_wait():
     nobody = NoPresenter()
     nobody.present(BRUSH)
     assert nobody.felt == "b"
+
+
+def test_a_drive_that_is_too_loud_is_refused_before_the_session_and_never_sounds():
+    class Loud(VirtualArray):
+        gated = True
+
+    with Loud(ARRAY) as device:
+        one = presenter(device, lambda _: drive(), [])
+        with pytest.raises(ExposureError, match=r"a\.drive\.h5: exposure: occupational-110 is exceeded"):
+            one.check((TONE,))
+        with pytest.raises(ExposureError):
+            one.present(TONE)
+        assert not device.emitting

@@ -3,9 +3,8 @@
 from pathlib import Path
 
 from midair.cli.terminal import may_write, print_figures, print_json, print_rows
-from midair.devices import DEFAULT_PROFILE, profile_named
 from midair.figures import exposure_figure, png
-from midair.files import load_solution
+from midair.files import DEFAULT_PROFILE, load_solution, profile_named
 from midair.physics import Exposure, exposure
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from midair.cli.terminal import (
+    ExposureOptions,
     SolveOptions,
     Time,
     banner,
@@ -21,16 +22,16 @@ from midair.cli.terminal import (
     quantity,
     stages,
 )
-from midair.devices import DEFAULT_PROFILE, ArrayDevice, SensorDevice, SilencerChoice, load_placement, profile_named
+from midair.devices import ArrayDevice, SensorDevice, SilencerChoice, load_placement
 from midair.errors import InputError
 from midair.files import load_calibration
-from midair.rig import Gate, Loop, VirtualRig, array_named, card_of_loop, lead_of, run_loop, sensor_named, write_report
+from midair.rig import Loop, VirtualRig, array_named, card_of_loop, lead_of, run_loop, sensor_named, write_report
 from midair.settings import Settings
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RigOptions:
+class RigOptions(ExposureOptions):
     """What the loop plays on and listens with.
 
     Parameters
@@ -45,14 +46,6 @@ class RigOptions:
         How the array spreads phase steps; off on the virtual array unless given.
     placement
         TOML file with position and rotation of the units; two by two side by side if not given.
-    profile
-        Of exposure, which every drive must keep that is played on a real array.
-    profiles
-        TOML file of exposure profiles; those that come with midair if not given.
-    attenuate
-        Weaken drives until they keep the profile.
-    override_exposure
-        Name of the person who answers for playing above the profile; it is logged.
     seed
         Of the virtual rig's strengths and noise.
     """
@@ -62,14 +55,10 @@ class RigOptions:
     calibration: Path | None = None
     silencer: SilencerChoice | None = None
     placement: Path | None = None
-    profile: str = DEFAULT_PROFILE
-    profiles: Path | None = None
-    attenuate: bool = False
-    override_exposure: str | None = None
     seed: int = 0
 
-    def devices(self, settings: Settings) -> tuple[ArrayDevice, SensorDevice, Gate | None]:
-        """The array, the sensor, neither open yet, and the gate between them where it is a duty."""
+    def devices(self, settings: Settings) -> tuple[ArrayDevice, SensorDevice]:
+        """The array and the sensor, neither open yet."""
         rig = VirtualRig(seed=self.seed, height=settings.target.grid.height)
         if self.device == "virtual":
             if self.sensor or self.calibration or self.placement:
@@ -77,7 +66,7 @@ class RigOptions:
             skin = rig.skin()
             array = rig.array_device(skin)
             array.silencer = self.silencer or "off"
-            return array, rig.sensor(skin), None
+            return array, rig.sensor(skin)
         placement = None if self.placement is None else load_placement(self.placement)
         array = array_named(self.device, placement, silencer=self.silencer or "auto")
         if self.sensor is None or self.calibration is None:
@@ -87,12 +76,7 @@ class RigOptions:
             )
         sensor = sensor_named(self.sensor, rig)
         sensor.calibration = load_calibration(self.calibration)
-        gate = Gate(
-            profile=profile_named(self.profile, self.profiles),
-            attenuate=self.attenuate,
-            override=self.override_exposure,
-        )
-        return array, sensor, gate
+        return array, sensor
 
 
 def loop_command(
@@ -139,7 +123,8 @@ def loop_command(
     """
     target = output or Path(source.name.removesuffix(source.suffix) + ".html")
     settings = (options or SolveOptions()).settings()
-    array, sensor, gate = (rig or RigOptions()).devices(settings)
+    chosen = rig or RigOptions()
+    array, sensor = chosen.devices(settings)
     may_write(target, force)
     original = felt_part(source, settings, start_at, duration)
     banner(array.simulated or original.provenance.simulated)
@@ -153,7 +138,7 @@ def loop_command(
             settings,
             corrections=corrections,
             iterate=iterate,
-            gate=gate,
+            exposure=chosen.choices(),
             lead=lead_of(settings) if lead is None else lead,
             stage=stage,
         )

@@ -114,13 +114,13 @@ def play_command(
         return play_on_array(source, device, options)
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
-    admission = options.admit(load_solution(source).drive, gated=False)
-    drive = admission.drive
+    drive = load_solution(source).drive
     rig = VirtualRig(array=drive.array, seed=seed)
     skin = rig.skin()
     banner(True)
     with stages() as stage, rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        recording = rerecord(drive, array, sensor, progress=stage("play and re-record"))
+        admission = options.admit(drive, array)
+        recording = rerecord(admission, array, sensor, source=str(source), progress=stage("play and re-record"))
     save(recording, target, calibration=sensor.calibration)
     print_rows(
         [

@@ -4,6 +4,7 @@ from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
 from midair.cli.terminal.calibration_output import OutputOptions, given_calibration, prepare_page, tell
 from midair.cli.terminal.comparisons import card_of, plain, print_card
 from midair.cli.terminal.console import banner, out, print_figures, print_json, print_rows, say, stages
+from midair.cli.terminal.exposure_options import ExposureOptions
 from midair.cli.terminal.keeping import STORED, as_recording, keep, may_write, say_kept
 from midair.cli.terminal.keys import Keys, signals_noted
 from midair.cli.terminal.meter_screen import MeterScreen
@@ -17,6 +18,7 @@ from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
 
 __all__ = [
     "BandOptions",
+    "ExposureOptions",
     "FileOptions",
     "Frequency",
     "Keys",

@@ -6,8 +6,9 @@ from pathlib import Path
 from cyclopts import Parameter
 
 from midair.cli.terminal.console import banner, print_rows, stages
+from midair.cli.terminal.exposure_options import ExposureOptions
 from midair.cli.terminal.options import Time
-from midair.devices import DEFAULT_PROFILE, Admission, PlayReport, SilencerChoice, admit, load_placement, profile_named
+from midair.devices import Admission, ArrayDevice, PlayReport, SilencerChoice, admit, load_placement
 from midair.files import load_solution
 from midair.model import Drive
 from midair.rig import array_named, play_admitted
@@ -15,7 +16,7 @@ from midair.rig import array_named, play_admitted
 
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlayOptions:
+class PlayOptions(ExposureOptions):
     """How a drive is played, and what it may expose people to.
 
     Parameters
@@ -29,35 +30,16 @@ class PlayOptions:
         default is the firmware's own 1 ms.
     placement
         TOML file with position and rotation of the units; two by two side by side if not given.
-    profile
-        Of exposure.
-    profiles
-        TOML file of exposure profiles; those that come with midair if not given.
-    attenuate
-        Weaken the whole drive until it keeps the profile.
-    override_exposure
-        Name of the person who answers for playing above the profile; it is logged.
     """
 
     repeats: int = 1
     delay: Time = 0.0
     silencer: SilencerChoice = "auto"
     placement: Path | None = None
-    profile: str = DEFAULT_PROFILE
-    profiles: Path | None = None
-    attenuate: bool = False
-    override_exposure: str | None = None
 
-    def admit(self, drive: Drive, *, gated: bool) -> Admission:
-        """The drive, once its exposure is checked."""
-        return admit(
-            drive,
-            profile_named(self.profile, self.profiles),
-            repeats=self.repeats,
-            gated=gated,
-            attenuate=self.attenuate,
-            override=self.override_exposure,
-        )
+    def admit(self, drive: Drive, device: ArrayDevice) -> Admission:
+        """The drive, once its exposure on this device is checked."""
+        return admit(drive, device, self.choices(), repeats=self.repeats)
 
 
 def play_on_array(source: Path, device: str, options: PlayOptions) -> None:
@@ -65,8 +47,7 @@ def play_on_array(source: Path, device: str, options: PlayOptions) -> None:
     placement = None if options.placement is None else load_placement(options.placement)
     array = array_named(device, placement, silencer=options.silencer)
     drive = load_solution(source).drive
-    array.check_fits(drive)
-    admission = options.admit(drive, gated=array.gated)
+    admission = options.admit(drive, array)
     banner(array.simulated)
     print_rows([("exposure", f"{admission.outcome}: {admission.exposure.verdict()}")])
     with stages() as stage, array:
@@ -74,7 +55,6 @@ def play_on_array(source: Path, device: str, options: PlayOptions) -> None:
             admission,
             array,
             source=str(source),
-            repeats=options.repeats,
             delay=options.delay,
             progress=stage("play"),
         )

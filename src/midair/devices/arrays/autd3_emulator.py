@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from midair.devices.arrays import autd3_commands as commands
 from midair.devices.arrays.banks import TooLateError
-from midair.devices.arrays.frame_bytes import TICK, Bytes
 from midair.devices.arrays.placement import Placement
 from midair.devices.arrays.silencer import Silencer
+from midair.devices.frame_bytes import TICK, Bytes
 from midair.errors import DeviceStateError
 
 

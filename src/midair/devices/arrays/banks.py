@@ -2,8 +2,8 @@
 
 from typing import Protocol
 
-from midair.devices.arrays.frame_bytes import Bytes
 from midair.devices.arrays.silencer import Silencer
+from midair.devices.frame_bytes import Bytes
 
 
 class TooLateError(Exception):

@@ -5,7 +5,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from midair.devices.arrays.frame_bytes import TICK, Bytes
+from midair.devices.frame_bytes import TICK, Bytes
 from midair.errors import InputError
 
 SilencerChoice = Literal["auto", "off", "quarter", "half", "default"]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.devices.arrays.banks import Banks, TooLateError
-from midair.devices.arrays.frame_bytes import TICK, Bytes
+from midair.devices.frame_bytes import TICK, Bytes
 from midair.devices.interface import PlayReport
 from midair.errors import DeviceError
 from midair.model import Progress

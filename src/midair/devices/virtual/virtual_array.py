@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from midair.devices.arrays import Silencer, SilencerChoice, choose_silencer, intensity_bytes, phase_bytes
+from midair.devices.arrays import Silencer, SilencerChoice, choose_silencer
+from midair.devices.frame_bytes import intensity_bytes, phase_bytes
 from midair.devices.interface import ArrayDevice, PlayReport
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError

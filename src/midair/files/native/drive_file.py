@@ -15,7 +15,18 @@ from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files.native.axes import check_time, time_values
 from midair.files.native.hdf5 import fixed_text, new_file, open_file, plain_text, read_group, signature, write_group
 from midair.files.native.provenance_json import from_json, to_json
-from midair.model import AmplitudeFrames, ControlGrid, Drive, Solution, Status, TransducerArray
+from midair.model import (
+    Acoustics,
+    AmplitudeFrames,
+    ControlGrid,
+    Directivity,
+    Drive,
+    Medium,
+    Provenance,
+    Solution,
+    Status,
+    TransducerArray,
+)
 
 DRIVE_SUFFIX = ".drive.h5"
 """Of a drive's file."""
@@ -136,6 +147,7 @@ def _drive_values(drive: Drive) -> dict[str, Any]:
         "array_name": array.name,
         "array_pressure_pa_m": array.pressure,
         "array_frequency_hz": array.frequency,
+        **_acoustic_values(drive.acoustics),
         "transducer": np.arange(array.count),
         "axis": np.arange(3),
         "transducer_position": array.position,
@@ -144,6 +156,20 @@ def _drive_values(drive: Drive) -> dict[str, Any]:
         "phase": drive.phase,
         "level" if drive.level.ndim == 1 else "transducer_level": drive.level,
     }
+
+
+def _acoustic_values(acoustics: Acoustics) -> dict[str, Any]:
+    medium = acoustics.medium
+    values = {
+        "directivity": acoustics.directivity,
+        "air_density_kg_m3": medium.density,
+        "air_speed_m_s": medium.speed,
+        "air_attenuation_np_m": medium.attenuation,
+        "air_alpha": medium.alpha,
+        "air_temperature_c": medium.temperature,
+        "air_humidity": medium.humidity,
+    }
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _solution_values(solution: Solution) -> dict[str, Any]:
@@ -182,12 +208,39 @@ def _drive_from(values: Mapping[str, Any], path: Path) -> Drive:
         frequency=values["array_frequency_hz"],
         name=values["array_name"],
     )
+    provenance = from_json(values["provenance"])
     return Drive(
         phase=values["phase"],
         level=level,
         rate=values["rate_hz"],
         array=array,
-        provenance=from_json(values["provenance"]),
+        acoustics=_acoustics_from(values, provenance, path),
+        provenance=provenance,
+    )
+
+
+_AIR = ("directivity", "air_density_kg_m3", "air_speed_m_s", "air_attenuation_np_m", "air_alpha")
+
+
+def _acoustics_from(values: Mapping[str, Any], provenance: Provenance, path: Path) -> Acoustics:
+    """The air and directivity of a drive; for one of before drives carried them, the paper's air, then the only one."""
+    missing = [name for name in _AIR if name not in values]
+    if len(missing) == len(_AIR):
+        told = {step.settings.get("directivity") for step in provenance.steps if step.stage == "solve"}
+        known: tuple[Directivity, ...] = get_args(Directivity)
+        return next((Acoustics(directivity=kind) for kind in known if kind in told), Acoustics())
+    if missing:
+        raise BrokenFileError(f"{path}: expected {', '.join(missing)} beside the rest of the air; the file is damaged")
+    return Acoustics(
+        medium=Medium(
+            density=values["air_density_kg_m3"],
+            speed=values["air_speed_m_s"],
+            attenuation=values["air_attenuation_np_m"],
+            alpha=values["air_alpha"],
+            temperature=values.get("air_temperature_c"),
+            humidity=values.get("air_humidity"),
+        ),
+        directivity=values["directivity"],
     )
 
 

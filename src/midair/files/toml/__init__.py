@@ -1,11 +1,15 @@
 """What people write by hand in TOML."""
 
+from midair.files.toml.exposure_profiles import DEFAULT_PROFILE, load_profiles, profile_named
 from midair.files.toml.plain import from_plain, to_plain
 from midair.files.toml.sensors import load_sensor, save_sensor
 
 __all__ = [
     "from_plain",
     "to_plain",
+    "DEFAULT_PROFILE",
+    "load_profiles",
     "load_sensor",
+    "profile_named",
     "save_sensor",
 ]

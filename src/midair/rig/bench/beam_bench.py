@@ -15,11 +15,11 @@ from midair.calibration import (
     measure_beam,
     tones_of,
 )
-from midair.devices import ArrayDevice, SensorDevice, amplitude_of
-from midair.errors import DeviceError, RateError
+from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, admit, amplitude_of, read_frames
+from midair.errors import RateError
 from midair.model import Acoustics, Calibration, Drive, Progress, Provenance, Recording
 from midair.physics import TransducerDynamics, envelope, focus_phase
-from midair.rig.playing import Gate, rerecord
+from midair.rig.playing import rerecord, usual_exposure
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -36,7 +36,7 @@ def calibrate_by_beam(
     setting: BeamSetting | None = None,
     acoustics: Acoustics | None = None,
     dynamics: TransducerDynamics | None = None,
-    gate: Gate | None = None,
+    exposure: ExposureChoices | None = None,
     date: str = "",
     version: int = 1,
     progress: Progress | None = None,
@@ -53,8 +53,8 @@ def calibrate_by_beam(
         Where the sensor lies, how its cells hear, and how sure all that is.
     acoustics, dynamics
         Of the array's model.
-    gate : Gate, optional
-        Checks the exposure of each drive and logs it; an array that can be heard is refused without.
+    exposure : ExposureChoices, optional
+        That each drive has to keep; the usual profile if None.
     date, version
         As in `Calibration`.
     progress : callable, optional
@@ -81,7 +81,8 @@ def calibrate_by_beam(
     cells = sensor.grid.count
     for cell in range(cells):
         drive = _drive(plan, level, array, focus_of(sensor.grid, cell, setting), acoustics)
-        recording = rerecord(drive, array, sensor, gate=gate)
+        admission = admit(drive, array, exposure or usual_exposure())
+        recording = rerecord(admission, array, sensor, source="beam calibration")
         flat = recording.samples.reshape(recording.frames, -1)
         steps = round(sensor.rate / plan.rate)
         lag = find_lag(flat[:, cell], np.repeat(expected, steps))
@@ -135,14 +136,10 @@ def _quiet(sensor: SensorDevice, *, duration: float = 4.0) -> Recording:
     """What the sensor says while nothing plays."""
     sensor.start()
     try:
-        block = sensor.read(round(duration * sensor.rate))
+        samples = read_frames(sensor, round(duration * sensor.rate))
     finally:
         sensor.stop()
-    if len(block.samples) < 16:
-        raise DeviceError(
-            f"{sensor.name}: expected a quiet recording of {duration:g} s, got {len(block.samples)} frames"
-        )
-    return Recording(samples=block.samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit)
+    return Recording(samples=samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit)
 
 
 def _life(recording: Recording, array: ArrayDevice, plan: BeamPlan) -> Recording:

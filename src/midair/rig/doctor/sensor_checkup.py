@@ -8,6 +8,7 @@ import numpy as np
 
 from midair.errors import DeviceError, MidairError, MissingExtraError
 from midair.model import SensorWiring
+from midair.recordings import at_limit
 from midair.rig.doctor.check import Check
 from midair.rig.names import KINDS, source_module, source_sensor
 
@@ -53,7 +54,7 @@ def _clipping(low: Any, high: Any, full_scale: float | None) -> list[str]:
     if full_scale is None:
         return []
     largest = np.maximum(np.abs(low), np.abs(high)).ravel()
-    return [str(channel) for channel in np.flatnonzero(largest >= full_scale * (1 - 1e-4))]
+    return [str(channel) for channel in np.flatnonzero(at_limit(largest, full_scale))]
 
 
 def _counted(name: str, subject: str, cells: list[str], advice: str) -> Check:

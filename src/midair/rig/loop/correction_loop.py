@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure
-from midair.devices import ArrayDevice, SensorDevice
+from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, admit
 from midair.errors import InputError
 from midair.flow import felt
 from midair.model import Calibration, PressureFrames, Progress
 from midair.rig.loop.iteration import iterated
 from midair.rig.loop.passes import Pass, Rig, Stage, led_in, play_pass, quiet
-from midair.rig.playing import Gate, rerecord
+from midair.rig.playing import rerecord, usual_exposure
 from midair.settings import Settings
 
 
@@ -62,7 +62,7 @@ def beam_test(
     *,
     top: float = 100.0,
     levels: int = 6,
-    gate: Gate | None = None,
+    exposure: ExposureChoices | None = None,
     progress: Progress | None = None,
 ) -> BeamTest:
     """Measure the gain of the beam: a beating focus on the channel nearest to the centre, at several levels.
@@ -79,8 +79,8 @@ def beam_test(
         Highest pressure that is commanded, in Pa.
     levels : int
         Number of levels, 5 or more, evenly spread in pressure.
-    gate : Gate, optional
-        Needed for a real array.
+    exposure : ExposureChoices, optional
+        That the beam has to keep; the usual profile if None.
     progress : callable, optional
         Called with (frames played, frames in all).
     """
@@ -99,7 +99,8 @@ def beam_test(
         rate=settings.target.rate,
         acoustics=settings.acoustics,
     )
-    heard = felt(rerecord(drive, array, sensor, gate=gate, progress=progress), calibration, settings)
+    admission = admit(drive, array, exposure or usual_exposure())
+    heard = felt(rerecord(admission, array, sensor, progress=progress), calibration, settings)
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
     measured = beat_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
     commanded = full * drives**2 / 2
@@ -114,7 +115,7 @@ def run_loop(
     *,
     corrections: int = 1,
     iterate: int = 0,
-    gate: Gate | None = None,
+    exposure: ExposureChoices | None = None,
     lead: float = 0.0,
     stage: Stage = quiet,
 ) -> Loop:
@@ -127,7 +128,7 @@ def run_loop(
     ----------
     original : PressureFrames
         What was felt, in the settings' band and at their rate (`flow.felt`).
-    array, sensor, gate, lead
+    array, sensor, exposure, lead
         As in `Rig`.
     settings : Settings
         Of every stage.
@@ -140,8 +141,9 @@ def run_loop(
     """
     if corrections < 0 or iterate < 0:
         raise InputError(f"corrections: expected 0 or more of each kind, got {corrections} and {iterate}")
-    rig = Rig(array=array, sensor=sensor, gate=gate, lead=lead)
-    beam = beam_test(array, sensor, sensor.calibration, settings, gate=gate, progress=stage("beam test"))
+    chosen = exposure or usual_exposure()
+    rig = Rig(array=array, sensor=sensor, exposure=chosen, lead=lead)
+    beam = beam_test(array, sensor, sensor.calibration, settings, exposure=chosen, progress=stage("beam test"))
     gain = settings.target.gain * amplitude_gain(beam.line.gain)
     asked = led_in(original, lead)
     passes: list[Pass] = []

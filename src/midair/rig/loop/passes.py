@@ -1,15 +1,15 @@
 """One time through: solve, play, re-record, compare."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
-from midair.devices import ArrayDevice, SensorDevice
+from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, admit
 from midair.dsp import extend
 from midair.errors import InputError
 from midair.evaluate import Comparison, compare, find_delay
 from midair.flow import Reproduction, at_rate, felt, reproduce
 from midair.model import PressureFrames, Progress, Recording
-from midair.rig.playing import Gate, rerecord
+from midair.rig.playing import rerecord, usual_exposure
 from midair.settings import Settings
 
 Stage = Callable[[str], Progress | None]
@@ -24,15 +24,15 @@ class Rig:
     ----------
     array, sensor : ArrayDevice, SensorDevice
         Open; the sensor lies at the settings' control grid and brings its own calibration.
-    gate : Gate or None
-        Needed for a real array.
+    exposure : ExposureChoices
+        That every drive has to keep on an array that can be heard.
     lead : float
         Silence that swells into the original before it and fades after it, in s, so that a bias has time to rise.
     """
 
     array: ArrayDevice
     sensor: SensorDevice
-    gate: Gate | None = None
+    exposure: ExposureChoices = field(default_factory=usual_exposure)
     lead: float = 0.0
 
     def __post_init__(self) -> None:
@@ -101,7 +101,8 @@ def play_pass(
     """Solve for what is asked, play it, re-record it, and compare with the original."""
     made = reproduce(asked, rig.array.array, settings, progress=stage(f"solve, {name}"))
     progress = stage(f"play and re-record, {name}")
-    rerecorded = rerecord(made.solution.drive, rig.array, rig.sensor, gate=rig.gate, progress=progress)
+    admission = admit(made.solution.drive, rig.array, rig.exposure)
+    rerecorded = rerecord(admission, rig.array, rig.sensor, progress=progress)
     heard = at_rate(felt(rerecorded, rig.sensor.calibration, settings), original.rate)
     if not rig.sensor.simulated:
         heard = _from_the_first_frame(heard, asked)

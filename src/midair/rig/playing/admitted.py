@@ -1,4 +1,4 @@
-"""Play a drive on an array with everything that keeps it safe: gate, log, a way to stop it, silence at the end."""
+"""Play what was admitted with everything that keeps it safe: a log, a way to stop it, silence at the end."""
 
 import _thread
 import signal
@@ -19,11 +19,10 @@ def play_admitted(
     array: ArrayDevice,
     *,
     source: str,
-    repeats: int = 1,
     delay: float = 0.0,
     progress: Progress | None = None,
 ) -> PlayReport:
-    """Play on an open array what has been admitted.
+    """Play on an open array what has been admitted on it.
 
     The order is in the log before the first sound, and its end after the last. SIGTERM and SIGHUP end the program as
     Ctrl-C does, which silences the array on the way out; so does `stop_playing` from another terminal.
@@ -31,15 +30,15 @@ def play_admitted(
     Parameters
     ----------
     admission : Admission
-        From `admit`.
+        From `admit`, with this array.
     array : ArrayDevice
         Open.
     source : str
         What to call the drive in the log.
-    repeats, delay, progress
+    delay, progress
         As in `ArrayDevice.play`.
     """
-    log_order(source, array.name, admission, repeats=repeats)
+    log_order(source, array.name, admission)
 
     def stop() -> None:
         array.silence()
@@ -47,7 +46,7 @@ def play_admitted(
 
     try:
         with signals_end_the_program(), stop_line(array.name, stop):
-            report = array.play(admission.drive, repeats=repeats, delay=delay, progress=progress)
+            report = array.play(admission, delay=delay, progress=progress)
     except BaseException as end:
         log_end(source, array.name, None, f"{type(end).__name__}: {end}".rstrip(": "))
         raise

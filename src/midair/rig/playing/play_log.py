@@ -9,7 +9,7 @@ from midair.errors import FileError
 from midair.rig.state_folder import make_state_folder
 
 
-def log_order(source: str, device: str, admission: Admission, *, repeats: int) -> Path:
+def log_order(source: str, device: str, admission: Admission) -> Path:
     """Write down what is about to be played, before any sound; the log's path."""
     found = admission.exposure
     return _append(
@@ -17,9 +17,9 @@ def log_order(source: str, device: str, admission: Admission, *, repeats: int) -
             "event": "play",
             "drive": source,
             "device": device,
-            "frames": admission.drive.frames,
-            "rate_hz": admission.drive.rate,
-            "repeats": repeats,
+            "frames": None if admission.drive is None else admission.drive.frames,
+            "rate_hz": found.rate,
+            "repeats": admission.repeats,
             "profile": found.profile.name,
             "exposure": admission.outcome,
             "override_by": admission.by,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.devices import SensorDevice
+from midair.devices import SensorDevice, gapless
 from midair.errors import DeviceError, InputError
 from midair.files import RecordingWriter, load
 from midair.model import Progress, Provenance, Recording
@@ -77,17 +77,10 @@ def _blocks(
     into: RecordingWriter | list[np.ndarray],
     progress: Progress | None,
 ) -> None:
-    size, got = max(1, round(block * sensor.rate)), 0
-    while got < frames:
-        part = sensor.read(min(size, frames - got))
-        if part.overflow or part.first != got:
-            raise DeviceError(
-                f"{sensor.name}: lost frames before {got / sensor.rate:.3f} s; close other programs, try again"
-            )
-        if not len(part.samples):
-            break
-        into.append(part.samples)
-        got += len(part.samples)
+    got = 0
+    for samples in gapless(sensor, frames, block=max(1, round(block * sensor.rate))):
+        into.append(samples)
+        got += len(samples)
         if progress:
             progress(got, frames)
     if not got:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.files import Event
+from midair.recordings import at_limit
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -117,8 +118,7 @@ class Meters:
 
     def _limits(self, samples: Array) -> Flags:
         if self._full_scale is not None:
-            # The converter's largest code is one step below its limit.
-            return np.abs(samples) >= self._full_scale * (1 - 1e-4)
+            return at_limit(samples, self._full_scale)
         if len(samples) < 4:
             return np.zeros(samples.shape, bool)
         same = samples[1:] == samples[:-1]

@@ -49,7 +49,7 @@ def adaptive(data: StudyData) -> list[Finding]:
     """Thresholds of adaptive blocks, and their geometric mean over people."""
     if data.thresholds is None:
         return []
-    known = data.thresholds.dropna(subset="threshold")
+    known = data.thresholds.loc[np.isfinite(data.thresholds["threshold"])]
     if known.empty:
         raise InputError("thresholds: expected an adaptive block that came to an end, got none; see the notes of each")
     mean = float(np.exp(np.log(known["threshold"]).mean()))

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from midair.devices import ArrayDevice
+from midair.devices import Admission, ArrayDevice
 from midair.errors import InputError
-from midair.model import Drive
+from midair.rig import play_admitted
 from midair.study.design import Stimulus
 
 
@@ -55,40 +55,35 @@ class ArrayPresenter:
     ----------
     array : ArrayDevice
         Open.
-    load : callable
-        From the source of a stimulus to its drive; asked before the first trial, see `check`.
+    admitted : callable
+        From the source of a stimulus to its drive, admitted on this array; asked before the first trial, see `check`.
     by_hand : Presenter
         For real objects.
-    play : callable, optional
-        Plays the drive of a source; the array's own `play` if None. What sounds in the room goes through the exposure
-        gate and the log: see `rig.playing`.
     """
 
     array: ArrayDevice
-    load: Callable[[str], Drive]
+    admitted: Callable[[str], Admission]
     by_hand: Presenter
-    play: Callable[[str], object] | None = None
 
     def check(self, stimuli: tuple[Stimulus, ...]) -> None:
-        """Load every drive once, so that a file that is missing stops the session before it begins.
+        """Admit every drive once, so that a file that is missing or too loud stops the session before it begins.
 
         Raises
         ------
         InputError
-            If a drive is for another array.
+            If a drive is for another array, or exceeds the exposure profile.
         """
         for stimulus in stimuli:
-            if stimulus.kind == "drive" and not self.array.array.same_as(self.load(stimulus.source).array):
-                raise InputError(
-                    f"{stimulus.source}: expected a drive for {self.array.array.name}, got another array's"
-                )
+            if stimulus.kind == "drive":
+                try:
+                    self.admitted(stimulus.source)
+                except InputError as wrong:
+                    raise type(wrong)(f"{stimulus.source}: {wrong}") from wrong
 
     def present(self, stimulus: Stimulus) -> None:
-        """Play it, or have it presented."""
-        if stimulus.kind == "drive" and self.play is not None:
-            self.play(stimulus.source)
-        elif stimulus.kind == "drive":
-            self.array.play(self.load(stimulus.source))
+        """Play it, or have it presented; what is played is in the log."""
+        if stimulus.kind == "drive":
+            play_admitted(self.admitted(stimulus.source), self.array, source=stimulus.source)
         elif stimulus.kind == "object":
             self.by_hand.present(stimulus)
 

@@ -1,7 +1,7 @@
 """Statistics: numbers in, numbers out."""
 
 from midair.study.statistics.anova import rm_anova
-from midair.study.statistics.cells import cell_means
+from midair.study.statistics.cell_averages import cell_means
 from midair.study.statistics.columns import column, frame_of, levels
 from midair.study.statistics.confusion import (
     Confusion,

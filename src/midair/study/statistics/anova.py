@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.study.statistics.cells import CellMeans, cell_means
+from midair.study.statistics.cell_averages import CellMeans, cell_means
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from midair.calibration import BeamPlan, BeamSetting, MeasureSettings, anchored, measure_calibration, measure_tone
 from midair.cli.terminal import (
+    ExposureOptions,
     Frequency,
     Length,
     OutputOptions,
@@ -19,11 +20,9 @@ from midair.cli.terminal import (
     stages,
     stated_sensitivity,
 )
-from midair.devices import DEFAULT_PROFILE, profile_named
 from midair.errors import InputError
 from midair.files import load
 from midair.rig import (
-    Gate,
     ReferenceChoice,
     VirtualRig,
     array_named,
@@ -162,8 +161,7 @@ def beam_command(
     aperture: Length = 8e-3,
     spread: Length = 1e-3,
     pressure_uncertainty: float = 0.3,
-    profile: str = DEFAULT_PROFILE,
-    override_exposure: str | None = None,
+    exposure: ExposureOptions | None = None,
     seed: int = 0,
     options: OutputOptions | None = None,
 ) -> None:
@@ -190,10 +188,8 @@ def beam_command(
         Standard deviation with which the gel spreads a point.
     pressure_uncertainty
         Of the array's radiation pressure, with k = 2, as a part of it.
-    profile
-        Of exposure; a beam that is above it is refused: lower --top.
-    override_exposure
-        Name of the person who answers for playing it above the profile; it is logged.
+    exposure
+        What the beam may expose people to; one that exceeds it is refused: lower --top.
     seed
         Of a virtual rig.
     options
@@ -202,7 +198,7 @@ def beam_command(
     options = options or OutputOptions()
     rig = VirtualRig(seed=seed, height=height)
     skin = rig.skin() if device == "virtual" else None
-    gate = Gate(profile=profile_named(profile), override=override_exposure, source="beam calibration")
+    choices = (exposure or ExposureOptions()).choices()
     setting = BeamSetting(
         height=height, aperture=aperture, spread=spread, pressure_uncertainty=pressure_uncertainty / 2
     )
@@ -215,7 +211,7 @@ def beam_command(
             source,
             BeamPlan(levels=levels, top=top),
             setting=setting,
-            gate=gate if array.gated else None,
+            exposure=choices,
             date=options.day,
             version=options.version(source.grid),
             progress=stage("beam on each cell"),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 from rich.console import Console
 
-from midair.cli.terminal import say
+from midair.cli.terminal import ExposureOptions, say
 from midair.errors import InputError, MissingFileError
 from midair.study import (
     ArrayPresenter,
@@ -88,8 +88,7 @@ def run_command(
     simulate: bool = False,
     d_prime: float = 1.2,
     array: str = "none",
-    attenuate: bool = False,
-    override_exposure: str | None = None,
+    exposure: ExposureOptions | None = None,
 ) -> int:
     """Run one participant in this terminal, or go on with one who was interrupted. Ctrl-C stops at once.
 
@@ -109,10 +108,8 @@ def run_command(
         What plays drives, as in midair play --device: virtual, autd3, pyautd3 and so on; "none" does for a plan of real
         objects only. What the experimenter is to take up goes to the error stream: send it to another screen than the
         participant's.
-    attenuate
-        Weaken drives that exceed the exposure profile until they keep it.
-    override_exposure
-        Name of the person who answers for playing above the exposure profile; it is logged.
+    exposure
+        What a drive may expose people to.
     """
     folder = StudyFolder(study)
     plan = folder.plan()
@@ -123,7 +120,7 @@ def run_command(
     screen = TerminalScreen(Console())
     with (
         stops_on_signals(),
-        presenter_named(array, folder, plan, attenuate=attenuate, override=override_exposure) as presenter,
+        presenter_named(array, folder, plan, exposure=(exposure or ExposureOptions()).choices()) as presenter,
     ):
         simulated = isinstance(presenter, ArrayPresenter) and presenter.array.simulated
         log = folder.log(participant)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.devices.arrays.frame_bytes import amplitude_of, divider, intensity_bytes, phase_bytes
+from midair.devices.frame_bytes import amplitude_of, divider, intensity_bytes, phase_bytes
 from midair.errors import RateError
 from midair.model import Drive, TransducerArray
 from midair.physics import quantise_phase

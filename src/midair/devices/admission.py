@@ -1,0 +1,338 @@
+"""Safety as a type: nothing that can sound takes a bare drive, and only this file makes what it takes.
+
+`admit` measures what a drive exposes people to, with the array of the very device that is to play it, before any sound.
+What it gives, an `Admission`, is the only thing that `ArrayDevice.play` accepts.
+"""
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import InitVar, dataclass, field, replace
+from typing import Literal, Protocol
+
+import numpy as np
+
+from midair.devices.frame_bytes import amplitude_of
+from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
+from midair.model import Acoustics, Drive, TransducerArray
+from midair.physics import Exposure, ExposureProfile, exposure, greatest_exposure
+
+Outcome = Literal["kept", "attenuated", "overridden", "exceeded"]
+"""Within the limits; weakened until it was; a person answers for it; above them where no sound can come out."""
+
+_ONLY_HERE = object()  # What an Admission is made with: no other file has it.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExposureChoices:
+    """What a drive may expose people to, and what is done with one that exceeds it; passed whole, never in parts.
+
+    Attributes
+    ----------
+    profile : ExposureProfile
+        That every drive must keep.
+    attenuate : bool
+        Whether to weaken a drive that is too strong, all frames alike, until it keeps the profile.
+    override : str or None
+        Who answers for playing it all the same.
+
+    Raises
+    ------
+    InputError
+        If an override has no name.
+    """
+
+    profile: ExposureProfile
+    attenuate: bool = False
+    override: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.override is not None and not self.override.strip():
+            raise InputError("--override-exposure: expected the name of the person who answers for it, got none")
+
+
+class Sounding(Protocol):
+    """What `admit` needs to know of a device; see `ArrayDevice`."""
+
+    name: str
+    array: TransducerArray
+    gated: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Admission:
+    """What may be played, on which array, how often. Made by `admit`, `admit_parts` and `admit_level` only.
+
+    Attributes
+    ----------
+    drive : Drive or None
+        What to play; weaker than the one that came if it was attenuated. None where the frames come later: `frames`
+        admits them.
+    array : TransducerArray
+        The device's, with which the exposure was worked out.
+    exposure : Exposure
+        Of what is to be played.
+    outcome : {"kept", "attenuated", "overridden", "exceeded"}
+        "exceeded" only where no sound can come out.
+    by : str
+        Who answers for an override.
+    repeats : int
+        How often it may be played, one time after the other.
+    gated : bool
+        Whether it was made for a device that can be heard.
+    level : float
+        Highest level of frames that come later, 0 to 1.
+    factor : float
+        By which frames that come later are weakened.
+    """
+
+    drive: Drive | None
+    array: TransducerArray
+    exposure: Exposure
+    outcome: Outcome
+    by: str = ""
+    repeats: int = 1
+    gated: bool = True
+    level: float = 0.0
+    factor: float = 1.0
+    _known: frozenset[bytes] = field(default=frozenset(), repr=False)
+    _key: InitVar[object] = None
+
+    def __post_init__(self, _key: object) -> None:
+        if _key is not _ONLY_HERE:
+            raise DeviceStateError("admission: expected one from admit(), which checks exposure; it cannot be made up")
+
+    def check_for(self, device: Sounding) -> Drive:
+        """The drive, for a device that it was admitted on.
+
+        Raises
+        ------
+        MismatchError
+            If the device's array is another, or louder, than the one that was measured.
+        DeviceStateError
+            If it was admitted where nothing sounds and the device can be heard, or its frames are yet to come.
+        """
+        if not self.array.same_as(device.array) or device.array.pressure > self.array.pressure * (1 + 1e-9):
+            raise MismatchError(f"{device.name}: expected what was admitted for it, got it for {self.array.name}")
+        if device.gated and not self.gated:
+            raise DeviceStateError(
+                f"{device.name}: expected what was admitted on a device that can be heard; admit again"
+            )
+        if self.drive is None:
+            raise DeviceStateError(f"{device.name}: expected frames to play, got an admission for frames to come")
+        return self.drive
+
+    def frames(self, drive: Drive) -> "Admission":
+        """Frames that were read or made after the admission, as something that may be played.
+
+        Parameters
+        ----------
+        drive : Drive
+            One of the parts that `admit_parts` measured, or frames no stronger than what `admit_level` was asked for.
+
+        Raises
+        ------
+        MismatchError
+            If they are for another array.
+        ExposureError
+            If they were not measured, or are stronger than what was admitted.
+        """
+        if not self.array.same_as(drive.array):
+            raise MismatchError(f"frames: expected some for {self.array.name}, got some for {drive.array.name}")
+        if self._known and _fingerprint(drive) not in self._known:
+            raise ExposureError("frames: expected a part that was admitted, got one that was not; admit it again")
+        # Half a step of the firmware's 255 is what rounding may add, and adds in the measure of the level too.
+        if not self._known and drive.level.max(initial=0.0) > self.level + 1e-9:
+            raise ExposureError(
+                f"frames: expected a level of at most {self.level:g} of full drive, got {drive.level.max():g}"
+            )
+        weaker = drive if self.factor == 1 else _weakened(drive, self.factor, self.exposure.profile.name)
+        return replace(self, drive=weaker, _key=_ONLY_HERE)
+
+
+def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: int = 1) -> Admission:
+    """Check a drive against a profile before it is played.
+
+    Parameters
+    ----------
+    drive : Drive
+        To be played.
+    device : ArrayDevice
+        That is to play it. Its own array is measured: what a file says of a transducer's strength counts for nothing.
+    choices : ExposureChoices
+        The profile, and what to do with a drive that exceeds it.
+    repeats : int
+        How often it is to be played, 1 or more.
+
+    Raises
+    ------
+    MismatchError
+        If the drive is for another array.
+    ExposureError
+        If the drive exceeds the profile and nobody answers for it.
+    InputError
+        If there is less than one repeat.
+    """
+    _check_repeats(repeats)
+    check_fits(drive, device)
+    own = replace(drive, array=device.array)
+    found = exposure(own, choices.profile, repeats=repeats)
+    outcome, factor = _decide(found, device, choices)
+    if outcome == "attenuated":
+        own = _weakened(own, factor, choices.profile.name)
+        found = exposure(own, choices.profile, repeats=repeats)
+    return Admission(
+        drive=own,
+        array=device.array,
+        exposure=found,
+        outcome=outcome,
+        by=_who(outcome, choices),
+        repeats=repeats,
+        gated=device.gated,
+        _key=_ONLY_HERE,
+    )
+
+
+def admit_parts(parts: Iterable[Drive], device: Sounding, choices: ExposureChoices, *, repeats: int = 1) -> Admission:
+    """Check a drive that is read in parts, so that none of it need be in memory at once.
+
+    Every part is measured here; `Admission.frames` then admits those parts, read once more, and no others.
+
+    Parameters
+    ----------
+    parts : iterable of Drive
+        One after another, of one rate.
+    device, choices, repeats
+        As in `admit`.
+
+    Raises
+    ------
+    MismatchError
+        If a part is for another array, or of another rate.
+    ExposureError
+        If one exceeds the profile and nobody answers for it.
+    InputError
+        If there are no parts.
+    """
+    _check_repeats(repeats)
+    known: set[bytes] = set()
+    measured: list[Exposure] = []
+    for part in parts:
+        check_fits(part, device)
+        if measured and part.rate != measured[0].rate:
+            raise MismatchError(f"parts: expected all at {measured[0].rate:g} Hz, got one at {part.rate:g} Hz")
+        known.add(_fingerprint(part))
+        measured.append(exposure(replace(part, array=device.array), choices.profile, repeats=repeats))
+    if not measured:
+        raise InputError("parts: expected one or more, got none")
+    found = replace(
+        measured[0],
+        level=np.concatenate([each.level for each in measured]),
+        nonlinearity=max(each.nonlinearity for each in measured),
+    )
+    outcome, factor = _decide(found, device, choices)
+    return Admission(
+        drive=None,
+        array=device.array,
+        exposure=found,
+        outcome=outcome,
+        by=_who(outcome, choices),
+        repeats=repeats,
+        gated=device.gated,
+        factor=factor,
+        _known=frozenset(known),
+        _key=_ONLY_HERE,
+    )
+
+
+def admit_level(
+    level: float, device: Sounding, choices: ExposureChoices, *, rate: float, acoustics: Acoustics | None = None
+) -> Admission:
+    """Check the most that frames of a level can do, for frames that are made while the array plays.
+
+    The worst that any phases can do at a place is all transducers in step there. It is far above what a target needs,
+    so that a level this admits is safe whatever comes.
+
+    Parameters
+    ----------
+    level : float
+        Highest drive of any transducer, above 0 to 1.
+    device, choices
+        As in `admit`. With `attenuate`, the level is lowered until the worst keeps the profile.
+    rate : float
+        Frames per second, in Hz.
+    acoustics : Acoustics, optional
+        Of the room; the paper's if None.
+
+    Raises
+    ------
+    ExposureError
+        If the worst exceeds the profile and nobody answers for it.
+    InputError
+        If the level is out of range.
+    """
+    if not 0 < level <= 1:
+        raise InputError(f"level: expected above 0 and at most 1 of full drive, got {level:g}")
+    acoustics = acoustics or Acoustics()
+    found = greatest_exposure(device.array, level, choices.profile, rate=rate, acoustics=acoustics)
+    outcome, factor = _decide(found, device, choices)
+    if outcome == "attenuated":
+        level *= factor
+        found = greatest_exposure(device.array, level, choices.profile, rate=rate, acoustics=acoustics)
+    return Admission(
+        drive=None,
+        array=device.array,
+        exposure=found,
+        outcome=outcome,
+        by=_who(outcome, choices),
+        gated=device.gated,
+        level=level,
+        _key=_ONLY_HERE,
+    )
+
+
+def check_fits(drive: Drive, device: Sounding) -> None:
+    """Refuse phases that were solved for another array, with MismatchError."""
+    if not device.array.same_as(drive.array):
+        raise MismatchError(
+            f"drive: expected one for {device.array.name} ({device.array.count} transducers), got one for "
+            f"{drive.array.name} ({drive.array.count} transducers); solve the target again for this array"
+        )
+
+
+def _check_repeats(repeats: int) -> None:
+    if repeats < 1:
+        raise InputError(f"expected 1 repeat or more, got {repeats}")
+
+
+def _decide(found: Exposure, device: Sounding, choices: ExposureChoices) -> tuple[Outcome, float]:
+    """What becomes of a drive with this exposure, and the factor that weakens it."""
+    if found.excess <= 0:
+        return "kept", 1.0
+    if choices.attenuate:
+        return "attenuated", 10 ** (-found.excess / 20)
+    if choices.override is not None:
+        return "overridden", 1.0
+    if not device.gated:
+        return "exceeded", 1.0
+    raise ExposureError(
+        f"exposure: {found.verdict()}; weaken it with --attenuate ({-found.excess:.1f} dB), take another --profile, or "
+        "answer for it with --override-exposure NAME and ear protection for everyone in the room"
+    )
+
+
+def _who(outcome: Outcome, choices: ExposureChoices) -> str:
+    return choices.override.strip() if outcome == "overridden" and choices.override else ""
+
+
+def _weakened(drive: Drive, factor: float, profile: str) -> Drive:
+    """The drive at the strongest intensities that a firmware has and that keep the profile."""
+    steps = np.arange(256, dtype=np.uint8)
+    strength = np.maximum(steps / 255, amplitude_of(steps))
+    chosen = np.searchsorted(strength, drive.level * factor, side="right") - 1
+    provenance = drive.provenance.then("attenuate", {"factor": factor, "profile": profile})
+    return replace(drive, level=np.maximum(chosen, 0) / 255, provenance=provenance)
+
+
+def _fingerprint(drive: Drive) -> bytes:
+    """Of what sounds: phases and levels, to the last bit."""
+    return hashlib.sha256(drive.phase.tobytes() + drive.level.tobytes()).digest()

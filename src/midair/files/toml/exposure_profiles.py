@@ -1,0 +1,107 @@
+"""Exposure profiles in TOML: those that come with midair, and those that a person wrote."""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from midair.errors import InputError, MissingFileError
+from midair.physics import ExposureProfile, Place
+
+DEFAULT_PROFILE = "occupational-110"
+
+
+def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, ExposureProfile]:
+    """The profiles of a TOML file, by name; those that come with midair if None.
+
+    Raises
+    ------
+    MissingFileError
+        If the file is not there.
+    InputError
+        If it holds no profiles.
+    """
+    if path is None:
+        return profiles_of(resources.files("midair.files.toml").joinpath("exposure.toml").read_text(encoding="utf-8"))
+    try:
+        return profiles_of(Path(path).read_text(encoding="utf-8"))
+    except OSError as wrong:
+        raise MissingFileError(f"{path}: expected a TOML file of exposure profiles, got {wrong.strerror}") from wrong
+    except UnicodeDecodeError as wrong:
+        raise InputError(f"{path}: expected a TOML file of exposure profiles, got bytes that are no text") from wrong
+
+
+def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> ExposureProfile:
+    """One profile.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    profiles = load_profiles(path)
+    if name not in profiles:
+        raise InputError(f"exposure profile: expected one of {', '.join(profiles)}, got {name!r}")
+    return profiles[name]
+
+
+def profiles_of(text: str) -> dict[str, ExposureProfile]:
+    """The profiles of a TOML text, by name, in its order.
+
+    Raises
+    ------
+    InputError
+        If it is no TOML, or its keys or numbers are not those of the profiles that come with midair.
+    """
+    try:
+        content = tomllib.loads(text)
+        profiles = [_profile(each) for each in content["profile"]]
+    except tomllib.TOMLDecodeError as wrong:
+        raise InputError(f"exposure profiles: expected TOML, got {wrong}") from wrong
+    except KeyError as wrong:
+        raise InputError(
+            f"exposure profiles: expected the key {wrong}; copy a profile that comes with midair"
+        ) from wrong
+    except (TypeError, ValueError, AttributeError) as wrong:
+        raise InputError(f"exposure profiles: {wrong}; copy a profile that comes with midair") from wrong
+    return {profile.name: profile for profile in profiles}
+
+
+def _profile(entry: Mapping[str, Any]) -> ExposureProfile:
+    _only(entry, {"name", "title", "source", "evidence", "place"})
+    places = tuple(_place(each) for each in entry["place"])
+    if not any(place.enforced for place in places):
+        raise InputError(f"profile {entry['name']}: expected at least one enforced limit, got none")
+    return ExposureProfile(
+        name=str(entry["name"]),
+        title=str(entry["title"]),
+        source=str(entry["source"]),
+        evidence=str(entry["evidence"]),
+        places=places,
+    )
+
+
+def _place(entry: Mapping[str, Any]) -> Place:
+    _only(entry, {"name", "position_mm", "reach_mm", "limit_db", "enforced", "source"})
+    x, y, z = (float(each) * 1e-3 for each in entry["position_mm"])
+    numbers = np.array([x, y, z, entry["reach_mm"], entry["limit_db"]], float)
+    enforced = entry.get("enforced", True)
+    if not np.isfinite(numbers).all() or numbers[3] < 0 or not isinstance(enforced, bool):
+        raise InputError(f"place {entry['name']}: expected finite numbers, reach_mm from 0 on, enforced true or false")
+    return Place(
+        name=str(entry["name"]),
+        position=(x, y, z),
+        reach=float(entry["reach_mm"]) * 1e-3,
+        limit=float(entry["limit_db"]),
+        enforced=enforced,
+        source=str(entry.get("source", "")),
+    )
+
+
+def _only(entry: Mapping[str, Any], known: set[str]) -> None:
+    if unknown := set(entry) - known:
+        raise InputError(f"expected {', '.join(sorted(known))}, got {', '.join(sorted(unknown))}")

@@ -1,0 +1,113 @@
+"""AUTD3's emulator behind a wire tap, so that a test sees every datagram and can ask the units what they do.
+
+Imports the extra `autd3` when a tap is made.
+"""
+
+import itertools
+import select
+import socket
+import threading
+import time
+from typing import Any
+
+FRAME = 0
+"""Kind of a datagram that holds a command; the others keep the link alive."""
+READ_STATE = 0xE7
+"""Command that asks a unit for the state of its FPGA."""
+
+
+class UdpTap:
+    """Between a client and the emulated units: passes on datagrams, keeps them, asks the units in the client's name.
+
+    Header of a datagram: version, kind, message id (2 bytes); of a frame then: sequence number, command.
+
+    Parameters
+    ----------
+    units : int
+        How many are emulated.
+
+    Attributes
+    ----------
+    address : str
+        Where a client finds it, for ``autd3:ADDRESS``.
+    passes : bool
+        Whether datagrams go through; False cuts the wire.
+    sent : list of tuple
+        (time in s, unit's port, datagram) of all that the client sent.
+    """
+
+    def __init__(self, units: int) -> None:
+        from autd3 import UdpEmulator
+
+        self.emulator: Any = UdpEmulator(units)
+        group = int(str(self.emulator.option().iface).split('"')[1].rsplit(":", 1)[1])
+        self.inner, self.outer = _socket(), {group: _socket()}
+        self.address = f"[::1]:{self.outer[group].getsockname()[1]}"
+        self.client: Any = None
+        self.passes = True
+        self.sent: list[tuple[float, int, bytes]] = []
+        self.answers: dict[int, bytes] = {}
+        self.sequence: dict[int, int] = {}
+        self._ends = False
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End, and let go of all sockets."""
+        self._ends = True
+        self._thread.join(2)
+        for each in (self.inner, *self.outer.values()):
+            each.close()
+
+    def frames(self) -> list[tuple[float, int, int, bytes]]:
+        """(time, unit's port, command, datagram) of every command that the client sent."""
+        return [(at, port, datagram[5], datagram) for at, port, datagram in self.sent if datagram[1] == FRAME]
+
+    def gap(self, since: float) -> float:
+        """The longest time without any datagram from the client since an instant, in s."""
+        times = [at for at, _, _ in self.sent if at >= since]
+        return max(late - early for early, late in itertools.pairwise(times))
+
+    def states(self) -> list[int]:
+        """What every unit says of its FPGA, asked with the client's next sequence number."""
+        self.answers.clear()
+        for port, last in self.sequence.items():
+            self.sequence[port] = (last + 1) % 256
+            self.inner.sendto(bytes([3, FRAME, 0xFF, 0xFF, self.sequence[port], READ_STATE, 0, 0, 0, 0]), ("::1", port))
+        limit = time.monotonic() + 2
+        while len(self.answers) < len(self.sequence) and time.monotonic() < limit:
+            time.sleep(0.002)
+        return [answer[-1] for answer in self.answers.values()]
+
+    def _run(self) -> None:
+        while not self._ends:
+            facing = {each: port for port, each in self.outer.items()}
+            for ready in select.select([self.inner, *facing], [], [], 0.02)[0]:
+                datagram, source = ready.recvfrom(65536)
+                if ready is self.inner:
+                    self._back(datagram, source[1])
+                else:
+                    self._forth(datagram, source, facing[ready])
+
+    def _back(self, datagram: bytes, port: int) -> None:
+        if port not in self.outer:
+            self.outer[port] = _socket()
+        # Message id 0xFFFF is that of the tap's own questions: their answers are none of the client's.
+        if datagram[1] == FRAME and datagram[2:4] == b"\xff\xff":
+            self.answers[port] = datagram
+        elif self.client and self.passes:
+            self.outer[port].sendto(datagram, self.client)
+
+    def _forth(self, datagram: bytes, source: Any, port: int) -> None:
+        self.client = source
+        self.sent.append((time.monotonic(), port, datagram))
+        if datagram[1] == FRAME and self.passes:
+            self.sequence[port] = datagram[4]
+        if self.passes:
+            self.inner.sendto(datagram, ("::1", port))
+
+
+def _socket() -> socket.socket:
+    one = socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)
+    one.bind(("::1", 0))
+    return one

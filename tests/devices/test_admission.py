@@ -1,0 +1,161 @@
+"""Only what was checked plays: what `admit` lets through, and what its admissions are good for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.devices import ExposureChoices, VirtualArray, admit, admit_level, admit_parts, amplitude_of, intensity_bytes
+from midair.devices.admission import Admission
+from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
+from midair.files import profile_named
+from midair.model import Drive, Provenance, TransducerArray
+from midair.physics import exposure, focus_phase
+
+ARRAY = TransducerArray.autd3()
+PROFILE = profile_named("occupational-110")
+CHOICES = ExposureChoices(profile=PROFILE)
+WEAKER = ExposureChoices(profile=PROFILE, attenuate=True)
+
+
+class Loud(VirtualArray):
+    """A virtual array that passes for one that can be heard."""
+
+    gated = True
+
+
+def focus(level=1.0, frames=3, array=ARRAY):
+    phase = np.tile(focus_phase(array, np.array([0, 0, 0.2])), (frames, 1))
+    return Drive(phase=phase, level=np.full(frames, level), rate=1000.0, array=array, provenance=Provenance(source="t"))
+
+
+def test_a_loud_drive_is_refused_with_level_and_place():
+    with pytest.raises(ExposureError, match=r"14\d\.\d dB at the (left|right) ear \(.* mm\) in frame \d.*limit 110 dB"):
+        admit(focus(), Loud(ARRAY), CHOICES)
+
+
+def test_a_quiet_drive_passes_as_it_is():
+    drive = focus(level=0.01)
+    admission = admit(drive, Loud(ARRAY), CHOICES)
+    assert admission.outcome == "kept"
+    np.testing.assert_array_equal(admission.drive.q, drive.q)
+
+
+def test_attenuation_keeps_the_profile_as_the_firmware_rounds_it():
+    admission = admit(focus(), Loud(ARRAY), WEAKER)
+    assert admission.outcome == "attenuated"
+    assert -1.0 < admission.exposure.excess <= 0
+    assert admission.drive.provenance.steps[-1].stage == "attenuate"
+    made = amplitude_of(intensity_bytes(admission.drive, 4))
+    heard = Drive(phase=admission.drive.phase, level=made, rate=1000.0, array=ARRAY)
+    assert exposure(heard, PROFILE).excess <= 0
+
+
+def test_an_override_needs_a_name():
+    admission = admit(focus(), Loud(ARRAY), ExposureChoices(profile=PROFILE, override=" A Person "))
+    assert (admission.outcome, admission.by) == ("overridden", "A Person")
+    with pytest.raises(InputError, match="name of the person"):
+        ExposureChoices(profile=PROFILE, override="  ")
+
+
+def test_what_makes_no_sound_is_told_and_not_refused():
+    admission = admit(focus(), VirtualArray(ARRAY), CHOICES)
+    assert admission.outcome == "exceeded"
+
+
+def test_what_a_file_says_of_the_strength_counts_for_nothing():
+    """A drive whose file claims a transducer of a thousandth is measured, and refused, with the device's own."""
+    claims = focus(array=replace(ARRAY, pressure=ARRAY.pressure / 1000))
+    assert exposure(claims, PROFILE).excess < 0
+    with pytest.raises(ExposureError):
+        admit(claims, Loud(ARRAY), CHOICES)
+    admission = admit(claims, Loud(ARRAY), WEAKER)
+    assert admission.drive.array.pressure == ARRAY.pressure
+
+
+def test_an_admission_is_for_the_device_that_was_measured():
+    louder = Loud(replace(ARRAY, pressure=2 * ARRAY.pressure))
+    other = Loud(TransducerArray.autd3(columns=1, rows=1))
+    admission = admit(focus(level=0.01), Loud(ARRAY), CHOICES)
+    for device in (louder, other):
+        with device, pytest.raises(MismatchError, match="expected what was admitted for it"):
+            device.play(admission)
+        assert not device.emitting
+    with louder, pytest.raises(DeviceStateError, match="admit again"):
+        louder.play(admit(focus(), VirtualArray(louder.array), CHOICES))
+
+
+def test_nobody_makes_an_admission_up():
+    honest = admit(focus(level=0.01), Loud(ARRAY), CHOICES)
+    with pytest.raises(DeviceStateError, match="cannot be made up"):
+        Admission(drive=focus(), array=ARRAY, exposure=honest.exposure, outcome="kept")
+
+
+def test_another_drive_cannot_take_the_place_of_the_admitted_one():
+    honest = admit(focus(level=0.01), Loud(ARRAY), CHOICES)
+    with pytest.raises(DeviceStateError, match="cannot be made up"):
+        replace(honest, drive=focus())
+
+
+def test_parts_that_are_read_twice_are_admitted_and_no_others():
+    parts = [focus(level=level) for level in (0.01, 0.005)]
+    device = Loud(ARRAY)
+    admission = admit_parts(iter(parts), device, CHOICES)
+    whole = Drive(
+        phase=np.concatenate([part.phase for part in parts]),
+        level=np.concatenate([part.level for part in parts]),
+        rate=1000.0,
+        array=ARRAY,
+    )
+    np.testing.assert_allclose(admission.exposure.level, exposure(whole, PROFILE).level, rtol=1e-12)
+    with device:
+        assert sum(device.play(admission.frames(part)).frames for part in parts) == 6
+        with pytest.raises(ExposureError, match="got one that was not"):
+            admission.frames(focus(level=0.02))
+        with pytest.raises(DeviceStateError, match="frames to come"):
+            device.play(admission)
+
+
+def test_parts_are_weakened_alike():
+    parts = [focus(level=level) for level in (1.0, 0.5)]
+    admission = admit_parts(parts, Loud(ARRAY), WEAKER)
+    one, two = (admission.frames(part).drive.level.max() for part in parts)
+    assert admission.outcome == "attenuated"
+    assert two == pytest.approx(one / 2, abs=2 / 255)
+    assert exposure(admission.frames(parts[0]).drive, PROFILE).excess <= 0
+
+
+@pytest.mark.parametrize(
+    ("parts", "error", "says"),
+    [
+        ([], InputError, "one or more"),
+        ([focus(), replace(focus(), rate=2000.0)], MismatchError, "all at 1000 Hz"),
+        ([focus(array=TransducerArray.autd3(columns=1, rows=1))], MismatchError, "solve the target again"),
+        ([focus()], ExposureError, "limit 110 dB"),
+    ],
+)
+def test_parts_that_do_not_do_are_refused(parts, error, says):
+    with pytest.raises(error, match=says):
+        admit_parts(parts, Loud(ARRAY), CHOICES)
+
+
+def test_a_level_is_admitted_by_the_worst_that_phases_can_do():
+    device = Loud(ARRAY)
+    with pytest.raises(ExposureError, match="limit 110 dB"):
+        admit_level(0.1, device, CHOICES, rate=1000.0)
+    admission = admit_level(0.1, device, WEAKER, rate=1000.0)
+    assert 0 < admission.level < 0.1
+    assert admission.exposure.excess == pytest.approx(0, abs=0.1)
+    ear = np.array(PROFILE.places[0].position)
+    at_the_ear = Drive(phase=focus_phase(ARRAY, ear)[None], level=np.full(1, admission.level), rate=1e3, array=ARRAY)
+    assert exposure(at_the_ear, PROFILE).excess <= 1e-6
+    with device:
+        assert device.play(admission.frames(at_the_ear)).frames == 1
+    with pytest.raises(ExposureError, match="expected a level of at most"):
+        admission.frames(replace(at_the_ear, level=np.full(1, 2 * admission.level)))
+
+
+@pytest.mark.parametrize("level", [0.0, -0.1, 1.1, float("nan")])
+def test_levels_that_make_no_sense_are_refused(level):
+    with pytest.raises(InputError, match="level"):
+        admit_level(level, Loud(ARRAY), CHOICES, rate=1000.0)

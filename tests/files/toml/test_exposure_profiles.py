@@ -1,0 +1,65 @@
+import pytest
+
+from midair.errors import InputError, MissingFileError
+from midair.files import load_profiles, profile_named
+from midair.files.toml.exposure_profiles import profiles_of
+
+TOML = """
+[[profile]]
+name = "mine"
+title = "t"
+source = "s"
+evidence = "e"
+[[profile.place]]
+name = "ear"
+position_mm = [0, 0, 500]
+reach_mm = 0
+limit_db = 100
+"""
+
+
+def test_profiles_by_name_and_from_files(tmp_path):
+    with pytest.raises(InputError, match="occupational-110, public-100"):
+        profile_named("loud")
+    with pytest.raises(MissingFileError, match=r"mine\.toml"):
+        load_profiles(tmp_path / "mine.toml")
+    (tmp_path / "mine.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="no text"):
+        load_profiles(tmp_path / "mine.toml")
+
+
+def test_profiles_that_come_with_midair_say_where_they_are_from_and_how_thin_the_evidence_is():
+    profiles = load_profiles()
+    assert list(profiles) == ["occupational-110", "public-100"]
+    for each in profiles.values():
+        assert any(year in each.source for year in ("1984", "2005", "2010"))
+        assert "thin" in each.evidence
+        assert {place.name for place in each.places} == {"left ear", "right ear", "bystander", "palm"}
+        assert not each.places[-1].enforced
+
+
+def test_a_profile_of_one_s_own():
+    mine = profiles_of(TOML)["mine"]
+    assert mine.places[0].position == (0, 0, 0.5)
+    assert mine.places[0].enforced
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("reach_mm = 0", "", "reach_mm"),
+        ("reach_mm = 0", "reach_mm = -1", "reach_mm"),
+        ("limit_db = 100", "limit_db = nan", "finite"),
+        ("limit_db = 100", "limit_db = 'loud'", "loud"),
+        ("limit_db = 100", "limit_db = 100\nlimt = 3", "limt"),
+        ("limit_db = 100", "limit_db = 100\nenforced = false", "at least one"),
+        ("[0, 0, 500]", "[0, 0]", "unpack"),
+        ('evidence = "e"', "", "evidence"),
+        ("[[profile]]", "[[profile]", "TOML"),
+        ("[[profile]]\n", "[[profiles]]\n", "profile"),
+    ],
+)
+def test_wrong_profiles_are_refused(old, new, word):
+    assert old in TOML
+    with pytest.raises(InputError, match=word):
+        profiles_of(TOML.replace(old, new, 1))
