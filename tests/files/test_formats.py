@@ -20,7 +20,7 @@ from midair.errors import (
     NonFiniteError,
     UnknownFormatError,
 )
-from midair.files import FORMATS, load, read, save, save_calibration, save_solution
+from midair.files import FORMATS, load, open_take, save, save_calibration, save_solution
 from midair.model import Provenance, Recording, SensorGrid
 
 BOTH = [ending for ending, form in FORMATS.items() if form.read and form.write]
@@ -233,7 +233,7 @@ def test_lists_the_endings_it_knows(name, recording, tmp_path):
 
 @pytest.mark.parametrize(("name", "door"), [("a.drive.h5", "load_solution"), ("a.calibration.h5", "load_calibration")])
 def test_points_to_the_right_door(name, door, recording, tmp_path):
-    for act in (lambda: load(tmp_path / name), lambda: save(recording, tmp_path / name)):
+    for act in (lambda: open_take(tmp_path / name), lambda: save(recording, tmp_path / name)):
         with pytest.raises(UnknownFormatError, match=door):
             act()
 
@@ -251,11 +251,11 @@ def test_reports_what_looks_wrong(recording, tmp_path):
     samples = recording.samples.copy()
     samples[:, 1, 2] = 4.5
     save(Recording(samples=samples, rate=1000, sensor=recording.sensor), tmp_path / "a.npz")
-    assert read(tmp_path / "a.npz").report == ("Channels that never change, dead or saturated: 7 (4.5 V).",)
+    assert open_take(tmp_path / "a.npz").report == ("Channels that never change, dead or saturated: 7 (4.5 V).",)
 
 
 @pytest.mark.parametrize("ending", [ending for ending in IN if ending not in OUT])
-def test_refuses_to_write_what_is_only_read(ending, recording, tmp_path):
+def test_refuses_to_write_what_is_only_open_take(ending, recording, tmp_path):
     with pytest.raises(UnknownFormatError, match=r"is read, not written; what can be written is \.h5"):
         save(recording, tmp_path / f"a{ending}")
 

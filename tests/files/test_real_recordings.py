@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError
-from midair.files import read
+from midair.files import open_take
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 
@@ -29,7 +29,7 @@ def test_fabricslide():
     paths = files("fabricslide", ".csv")
     assert len(paths) > 40
     for path in paths:
-        recording = read(path).recording
+        recording = open_take(path).recording
         assert recording.sensor.shape == (4, 4)
         assert recording.unit == "count"
         assert 35.4 < recording.rate < 35.8
@@ -45,7 +45,7 @@ def test_hapmat():
     for path in paths:
         rows = np.loadtxt(path, delimiter=",", skiprows=1)
         for number, name in enumerate(("accel_x", "accel_y", "accel_z"), start=1):
-            seen = read(path, channels=[name], scale=2.0)
+            seen = open_take(path, channels=[name], scale=2.0)
             np.testing.assert_allclose(seen.recording.samples.ravel(), 2 * rows[:, number], atol=1e-9)
             assert (seen.recording.rate, seen.recording.unit) == (100, "Pa")
             repeats = int((np.diff(rows[:, number]) == 0).sum())
@@ -57,14 +57,16 @@ def test_audio_to_tactile():
     for path in files("audio-to-tactile", ".wav"):
         if path.name == "wav_bad_fact.wav":
             with pytest.raises(BrokenFileError, match="chunk 'fact', got 2"):
-                read(path, unit="V")
+                open_take(path, unit="V")
             continue
-        recording = read(path, unit="V", channels=["0"]).recording
+        recording = open_take(path, unit="V", channels=["0"]).recording
         assert np.abs(recording.samples).max() <= 1
         if path.name.startswith("tactile"):
             assert (recording.rate, recording.frames) == (1953, 1953)
     exact = {"wav_float64.wav": [1, 0, -1, 0.3], "wav_float32.wav": [1000 / 32768, -2000 / 32768, 32767 / 32768, -1]}
     for name, values in exact.items():
-        np.testing.assert_allclose(read(DATA / "audio-to-tactile" / name, unit="V").recording.samples.ravel(), values)
-    counts = read(DATA / "audio-to-tactile" / "wav_int24.wav", unit="count").recording.samples.ravel()
+        np.testing.assert_allclose(
+            open_take(DATA / "audio-to-tactile" / name, unit="V").recording.samples.ravel(), values
+        )
+    counts = open_take(DATA / "audio-to-tactile" / "wav_int24.wav", unit="count").recording.samples.ravel()
     np.testing.assert_array_equal(counts, [0x700, -0x200, 0x7FFF00, -0x800000])

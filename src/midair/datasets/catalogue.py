@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from midair.errors import InputError
-from midair.files import load
+from midair.files import open_take
 from midair.model import Recording
 
 
@@ -73,7 +73,7 @@ def sample(name: str) -> Recording:
     InputError
         If there is none of that name.
     """
-    recording = load(sample_path(name))
+    recording = open_take(sample_path(name)).recording
     about = {"licence": SAMPLES[name].licence, "origin": SAMPLES[name].source}
     life = replace(recording.provenance, notes={**recording.provenance.notes, **about})
     return replace(recording, provenance=life)

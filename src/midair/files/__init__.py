@@ -1,14 +1,11 @@
 """Files: recordings, calibrations and drives in HDF5, and recordings in the formats of other programs."""
 
 from midair.files.atomic import refusing, whole_file, writable_path
-from midair.files.formats import FORMATS, format_of, load, read, save
-from midair.files.imported import Imported
+from midair.files.formats import FORMATS, format_of, load, open_take, save
 from midair.files.listing import Contents, contents
 from midair.files.loss import Loss
 from midair.files.native import (
     CALIBRATION_SUFFIX,
-    Event,
-    EventKind,
     RecordingWriter,
     load_calibration,
     load_pressure,
@@ -20,6 +17,7 @@ from midair.files.native import (
     save_solution,
     to_json,
 )
+from midair.files.opened_take import OpenedTake
 from midair.files.toml import (
     DEFAULT_PROFILE,
     from_plain,
@@ -33,11 +31,9 @@ from midair.files.toml import (
 __all__ = [
     "CALIBRATION_SUFFIX",
     "Contents",
-    "Event",
-    "EventKind",
     "DEFAULT_PROFILE",
     "FORMATS",
-    "Imported",
+    "OpenedTake",
     "Loss",
     "RecordingWriter",
     "contents",
@@ -50,8 +46,8 @@ __all__ = [
     "load_sensor",
     "load_solution",
     "load_target",
+    "open_take",
     "profile_named",
-    "read",
     "refusing",
     "repair",
     "save",

@@ -1,4 +1,4 @@
-"""Which format a file name means, and the two doors of the store: `load` and `save`."""
+"""Which format a file name means, and the doors of the store: `open_take`, `load` and `save`."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.errors import UnknownFormatError
+from midair.errors import InputError, UnknownFormatError
 from midair.files.atomic import existing_file, refusing
 from midair.files.foreign import (
     read_csv,
@@ -24,13 +24,20 @@ from midair.files.foreign import (
     write_npz,
     write_wav,
 )
-from midair.files.imported import Given, Imported
 from midair.files.loss import Loss
-from midair.files.native import CALIBRATION_SUFFIX, DRIVE_SUFFIX, read_recording, write_netcdf, write_recording
-from midair.model import Calibration, Recording, SensorGrid, Unit
+from midair.files.native import (
+    CALIBRATION_SUFFIX,
+    DRIVE_SUFFIX,
+    load_solution,
+    read_recording,
+    write_netcdf,
+    write_recording,
+)
+from midair.files.opened_take import Given, OpenedTake
+from midair.model import Calibration, Recording, SensorGrid, Solution, Unit
 from midair.recordings import suspicious
 
-Reader = Callable[[Path, Given], Imported]
+Reader = Callable[[Path, Given], OpenedTake]
 Writer = Callable[[Recording, Path, Calibration | None], tuple[Loss, ...]]
 
 
@@ -87,11 +94,11 @@ def load(
     scale: float | None = None,
     channels: Sequence[str] | None = None,
     stream: str | None = None,
-) -> Recording:
-    """The recording in a file of any format that midair knows.
+) -> Recording | Solution:
+    """The recording in a file of any format that midair knows, or the solution in a ``.drive.h5``.
 
-    The options state what a file of another program does not say; what contradicts the file is refused. `read` also
-    returns what was assumed and what looks wrong.
+    The options state what a file of another program does not say; what contradicts the file is refused. `open_take`
+    also returns the calibration and the journal, what was assumed and what looks wrong.
 
     Parameters
     ----------
@@ -113,8 +120,8 @@ def load(
 
     Returns
     -------
-    Recording
-        With its provenance, or with the file's name as its source if the file has none.
+    Recording or Solution
+        With its provenance, or with the file's name as its source if the file has none; a Solution of a drive.
 
     Raises
     ------
@@ -123,10 +130,15 @@ def load(
     InputError
         Its leaf that says what is missing or cannot be used.
     """
-    return read(path, rate=rate, unit=unit, sensor=sensor, scale=scale, channels=channels, stream=stream).recording
+    given = {"rate": rate, "unit": unit, "sensor": sensor, "scale": scale, "channels": channels, "stream": stream}
+    if os.fspath(path).lower().endswith(DRIVE_SUFFIX):
+        if any(value is not None for value in given.values()):
+            raise InputError(f"{path}: expected nothing to be said about a drive, got {_said(given)}")
+        return load_solution(path)
+    return open_take(path, rate=rate, unit=unit, sensor=sensor, scale=scale, channels=channels, stream=stream).recording
 
 
-def read(
+def open_take(
     path: str | os.PathLike[str],
     *,
     rate: float | None = None,
@@ -135,8 +147,26 @@ def read(
     scale: float | None = None,
     channels: Sequence[str] | None = None,
     stream: str | None = None,
-) -> Imported:
-    """`load`, with a report: one sentence for each thing that was assumed, changed, left out or looks wrong."""
+) -> OpenedTake:
+    """Recording, calibration and journal of a file together, and a sentence for each thing that was assumed.
+
+    The only way in: what a file holds is told by what is in it, and its ending counts in any case.
+
+    Parameters
+    ----------
+    path, rate, unit, sensor, scale, channels, stream
+        As in `load`.
+
+    Returns
+    -------
+    OpenedTake
+        Its report has one sentence for each thing that was assumed, changed, left out or looks wrong.
+
+    Raises
+    ------
+    MissingFileError, BrokenFileError, UnknownFormatError, InputError
+        As in `load`.
+    """
     form = format_of(path)
     if form.read is None:
         known = ", ".join(ending for ending, each in FORMATS.items() if each.read)
@@ -202,3 +232,7 @@ def format_of(path: str | os.PathLike[str]) -> Format:
             f"{path}: expected a name that ends in {known}, got {Path(name).suffix or 'no ending'!r}"
         )
     return form
+
+
+def _said(given: Mapping[str, object]) -> str:
+    return ", ".join(f"{name}={value!r}" for name, value in given.items() if value is not None)

@@ -5,6 +5,7 @@ from midair.model.calibration import Calibration
 from midair.model.drive import Drive, Solution, Status
 from midair.model.frames import AmplitudeFrames, PressureFrames
 from midair.model.geometry import ControlGrid, SensorGrid, TransducerArray
+from midair.model.journal import Event, EventKind
 from midair.model.measurement import Crosstalk, Linearity, Measurement
 from midair.model.medium import Medium
 from midair.model.progress import Progress
@@ -20,6 +21,8 @@ __all__ = [
     "Crosstalk",
     "Directivity",
     "Drive",
+    "Event",
+    "EventKind",
     "Linearity",
     "Measurement",
     "Medium",

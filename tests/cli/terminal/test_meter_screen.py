@@ -9,8 +9,7 @@ from rich.console import Console
 from midair.cli.terminal.keys import Keys, Signals
 from midair.cli.terminal.meter_screen import MeterScreen, decibels, meters
 from midair.devices import ReplaySensor
-from midair.files.native.events import Event
-from midair.model import Recording, SensorGrid
+from midair.model import Event, Recording, SensorGrid
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Meters
 from midair.rig.takes.take_plan import View

@@ -3,7 +3,7 @@ import pandas
 import pytest
 
 from midair.errors import BrokenFileError, MismatchError, RateError, ShapeError, UnitError
-from midair.files import load, read, save
+from midair.files import load, open_take, save
 from midair.model import SensorGrid
 
 PAIR = SensorGrid(rows=1, columns=2)
@@ -54,7 +54,7 @@ def test_refuses_a_row_left_out(recording, tmp_path):
 )
 def test_reads_the_rate_from_stamps(name, stamps, rate, guessed, write):
     rows = "".join(f"{stamp}, 1, {i}\n" for i, stamp in enumerate(stamps.split()))
-    seen = read(write(f"{name}, a, b\n{rows}"), unit="V", sensor=PAIR)
+    seen = open_take(write(f"{name}, a, b\n{rows}"), unit="V", sensor=PAIR)
     assert seen.recording.rate == pytest.approx(rate)
     np.testing.assert_allclose(seen.recording.samples[:, 0, 1], [0, 1, 2])
     assert any("does not say its unit" in sentence for sentence in seen.report) == guessed
@@ -72,7 +72,7 @@ def test_takes_the_unit_that_all_names_carry(write):
 
 
 def test_assumes_the_papers_sensor_for_16_channels_and_says_so(write):
-    seen = read(write("\n".join(",".join(map(str, range(i, i + 16))) for i in range(3))), rate=1000, unit="count")
+    seen = open_take(write("\n".join(",".join(map(str, range(i, i + 16))) for i in range(3))), rate=1000, unit="count")
     assert seen.recording.sensor == SensorGrid()
     np.testing.assert_array_equal(seen.recording.samples[0], np.arange(16).reshape(4, 4))
     assert "4 x 4, row by row, 11 mm apart was assumed" in seen.report[0]

@@ -3,7 +3,7 @@ import pytest
 
 from midair.datasets.catalogue import sample_path
 from midair.errors import BrokenFileError, MismatchError, NonFiniteError, RateError
-from midair.files import read
+from midair.files import open_take
 from midair.model import SensorGrid
 
 
@@ -13,7 +13,7 @@ def table():
 
 
 def test_knows_its_files(table):
-    seen = read(sample_path("denim"))
+    seen = open_take(sample_path("denim"))
     recording = seen.recording
     assert recording.unit == "count"
     assert recording.sensor == SensorGrid(rows=4, columns=4, pitch=11e-3, name="CPM-finger of FabricSlide")
@@ -30,7 +30,7 @@ def test_knows_its_files(table):
 
 
 def test_says_what_it_did_and_what_nobody_knows():
-    seen = read(sample_path("denim"))
+    seen = open_take(sample_path("denim"))
     text = " ".join(seen.report)
     for part in ("27 to 29 ms apart", "35.6210526 Hz", "proximity1 and proximity2 were left out", "Neither the layout"):
         assert part in text
@@ -44,7 +44,7 @@ def test_says_what_it_did_and_what_nobody_knows():
 
 def test_takes_a_layout_that_is_given():
     sensor = SensorGrid(rows=2, columns=8, pitch=3e-3, name="finger")
-    seen = read(sample_path("denim"), sensor=sensor, rate=35.6)
+    seen = open_take(sample_path("denim"), sensor=sensor, rate=35.6)
     assert seen.recording.sensor == sensor
     assert seen.recording.rate == 35.6
     assert "layout" not in seen.recording.provenance.notes
@@ -52,9 +52,9 @@ def test_takes_a_layout_that_is_given():
 
 def test_refuses_what_contradicts_the_file():
     with pytest.raises(MismatchError, match="the file says count"):
-        read(sample_path("denim"), unit="V")
+        open_take(sample_path("denim"), unit="V")
     with pytest.raises(RateError, match="expected about"):
-        read(sample_path("denim"), rate=1000)
+        open_take(sample_path("denim"), rate=1000)
 
 
 @pytest.mark.parametrize(
@@ -71,21 +71,21 @@ def test_refuses_a_damaged_copy(change, error, tmp_path):
     lines = sample_path("denim").read_text().splitlines()
     (tmp_path / "a.csv").write_text("\n".join(change(lines)))
     with pytest.raises(error):
-        read(tmp_path / "a.csv")
+        open_take(tmp_path / "a.csv")
 
 
 def test_rows_that_end_in_a_comma_change_nothing(tmp_path):
     lines = sample_path("denim").read_text().splitlines()
     (tmp_path / "a.csv").write_text("\n".join([lines[0], *(line + "," for line in lines[1:])]))
     np.testing.assert_array_equal(
-        read(tmp_path / "a.csv").recording.samples, read(sample_path("denim")).recording.samples
+        open_take(tmp_path / "a.csv").recording.samples, open_take(sample_path("denim")).recording.samples
     )
 
 
 def test_repeated_rows_and_gaps_are_told(tmp_path):
     lines = sample_path("denim").read_text().splitlines()
     (tmp_path / "a.csv").write_text("\n".join([*lines[:50], lines[49], *lines[50:100], *lines[110:]]))
-    seen = read(tmp_path / "a.csv")
+    seen = open_take(tmp_path / "a.csv")
     assert any("1 of 415 rows have the time stamp of the row before" in sentence for sentence in seen.report)
     assert any("1 gaps in the time stamps" in sentence for sentence in seen.report)
     assert seen.recording.frames == pytest.approx(424, abs=1)

@@ -6,7 +6,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from midair.errors import BrokenFileError
-from midair.files import load, read, save
+from midair.files import load, open_take, save
 
 SAID = {"rate": 1000.0, "unit": "V"}
 
@@ -18,7 +18,7 @@ def test_reads_mat_of_version_73(tmp_path):
         file["x"] = data.T
     with (tmp_path / "a.mat").open("rb+") as file:
         file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512))
-    seen = read(tmp_path / "a.mat", **SAID)
+    seen = open_take(tmp_path / "a.mat", **SAID)
     np.testing.assert_array_equal(seen.recording.samples, data)
     assert seen.recording.provenance.steps[0].settings["format"] == "MAT v7.3"
 

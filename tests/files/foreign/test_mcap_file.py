@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, MismatchError
-from midair.files import load, read
+from midair.files import load, open_take
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def file(tmp_path):
 @pytest.mark.parametrize("compress", [True, False])
 def test_reads_rows_and_columns_in_json(compress, mcap, samples, file):
     messages = [{"seq": i, "data": frame.tolist()} for i, frame in enumerate(samples)]
-    seen = read(file(mcap({"/skin": messages}, compress=compress)), unit="V")
+    seen = open_take(file(mcap({"/skin": messages}, compress=compress)), unit="V")
     np.testing.assert_array_equal(seen.recording.samples, samples)
     assert seen.recording.rate == pytest.approx(1000, rel=1e-6)
     assert seen.recording.provenance.notes["topic"] == "/skin"
@@ -76,9 +76,11 @@ def test_several_topics_need_a_name(mcap, samples, file):
 
 def test_a_recorder_that_was_killed_leaves_what_it_wrote(mcap, samples, file):
     data = mcap({"/skin": [frame.tolist() for frame in samples]}, chunk_size=2000)
-    assert read(file(data), unit="V").report == ("The file does not say the pitch of the sensor: 11 mm was assumed.",)
+    assert open_take(file(data), unit="V").report == (
+        "The file does not say the pitch of the sensor: 11 mm was assumed.",
+    )
     for kept in (len(data) // 2, len(data) - 20):
-        seen = read(file(data[:kept]), unit="V")
+        seen = open_take(file(data[:kept]), unit="V")
         assert seen.report[0] == "The file was not closed: what was written whole was read."
         np.testing.assert_array_equal(seen.recording.samples, samples[: seen.recording.frames])
         assert 5 < seen.recording.frames <= 50

@@ -3,7 +3,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from midair.errors import BrokenFileError, MismatchError, UnitError
-from midair.files import load, read, save
+from midair.files import load, open_take, save
 from midair.model import SensorGrid
 
 SAID = {"rate": 1000.0, "unit": "V"}
@@ -33,7 +33,7 @@ def test_other_programs_read_samples_rate_and_unit(ending, recording, tmp_path):
 @each
 def test_reads_frames_and_channels(ending, tmp_path):
     data = np.arange(32).reshape(2, 16)
-    seen = read(write(tmp_path / f"a{ending}", {"data": data}), **SAID)
+    seen = open_take(write(tmp_path / f"a{ending}", {"data": data}), **SAID)
     np.testing.assert_array_equal(seen.recording.samples, data.reshape(2, 4, 4))
     assert "4 x 4" in seen.report[0]
     assert seen.recording.provenance.steps[0].settings["array"] == "data"
@@ -42,7 +42,7 @@ def test_reads_frames_and_channels(ending, tmp_path):
 @each
 def test_reads_frames_rows_and_columns(ending, tmp_path):
     data = np.random.default_rng(0).normal(size=(5, 2, 3))
-    seen = read(write(tmp_path / f"a{ending}", {"data": data, "scale": 3.0}), **SAID)
+    seen = open_take(write(tmp_path / f"a{ending}", {"data": data, "scale": 3.0}), **SAID)
     np.testing.assert_array_equal(seen.recording.samples, data)
     assert seen.recording.sensor == SensorGrid(rows=2, columns=3)
     assert "pitch" in seen.report[0]
@@ -86,7 +86,7 @@ def test_refuses_a_rate_that_was_edited(ending, recording, tmp_path):
 def test_one_row_or_column_is_one_channel(ending, tmp_path):
     data = np.random.default_rng(0).normal(size=50)
     for shape in ((50, 1), (1, 50)):
-        seen = read(write(tmp_path / f"a{ending}", {"wave": data.reshape(shape), "fs": 3.0}), **SAID)
+        seen = open_take(write(tmp_path / f"a{ending}", {"wave": data.reshape(shape), "fs": 3.0}), **SAID)
         np.testing.assert_array_equal(seen.recording.samples.ravel(), data)
         assert seen.recording.sensor.count == 1
     assert "one channel of 50 frames" in seen.report[0]

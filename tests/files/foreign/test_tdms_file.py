@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
-from midair.files import load, read
+from midair.files import load, open_take
 from midair.model import SensorGrid
 
 PAIR = SensorGrid(rows=1, columns=2)
@@ -29,7 +29,7 @@ def columns():
 @pytest.mark.parametrize("interleaved", [False, True])
 @pytest.mark.parametrize("chunks", [1, 3])
 def test_reads_every_layout(order, interleaved, chunks, tdms, columns, file):
-    seen = read(file(tdms(columns, order=order, interleaved=interleaved, chunks=chunks)), sensor=PAIR)
+    seen = open_take(file(tdms(columns, order=order, interleaved=interleaved, chunks=chunks)), sensor=PAIR)
     for i, name in enumerate(columns):
         np.testing.assert_array_equal(seen.recording.samples[:, 0, i], columns[name])
     assert seen.recording.rate == 1000
@@ -80,12 +80,12 @@ def test_channels_are_chosen_by_name(tdms, columns, file):
 def test_a_file_that_was_not_closed_gives_what_was_written_whole(tdms, columns, file):
     data = tdms(columns, chunks=6)
     unfinished = data[:12] + b"\xff" * 8 + data[20:-5]
-    seen = read(file(unfinished), sensor=PAIR)
+    seen = open_take(file(unfinished), sensor=PAIR)
     assert seen.recording.frames == 50
     assert seen.report == ("The file was not closed: what was written whole was read.",)
 
 
-def test_refuses_what_it_would_misread(tdms, columns, file):
+def test_refuses_what_it_would_misopen_take(tdms, columns, file):
     with pytest.raises(UnknownFormatError, match="scaled by NI_Scale"):
         load(file(tdms(columns, said={"NI_Scale[0]_Linear_Slope": 2.0})), sensor=PAIR)
     daqmx = bytearray(tdms(columns))

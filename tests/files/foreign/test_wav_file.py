@@ -5,7 +5,7 @@ import pytest
 import soundfile
 
 from midair.errors import BrokenFileError, FileError, MismatchError, NonFiniteError, UnitError
-from midair.files import load, read, save
+from midair.files import load, open_take, save
 from midair.model import Recording, SensorGrid
 
 
@@ -38,7 +38,7 @@ def test_whole_rates_lose_nothing_but_the_scale(recording, tmp_path):
 
 @pytest.mark.parametrize("subtype", ["PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
 def test_reads_every_subtype_to_full_scale_one(subtype, foreign):
-    seen = read(foreign(subtype), unit="V")
+    seen = open_take(foreign(subtype), unit="V")
     np.testing.assert_array_equal(seen.recording.samples.ravel(), [0.5, -0.25, 0])
     assert seen.recording.rate == 8000
     assert seen.recording.sensor.shape == (1, 1)
@@ -109,7 +109,7 @@ def test_reads_the_forms_for_long_files(form, ending, subtype, channels, tmp_pat
     samples = np.random.default_rng(0).integers(-100, 100, (20, channels)) / 128
     soundfile.write(tmp_path / f"a{ending}", samples, 4000, subtype=subtype, format=form)
     sensor = SensorGrid(rows=1, columns=channels)
-    seen = read(tmp_path / f"a{ending}", unit="V", sensor=sensor)
+    seen = open_take(tmp_path / f"a{ending}", unit="V", sensor=sensor)
     np.testing.assert_array_equal(seen.recording.samples.reshape(20, channels), samples)
     assert seen.recording.rate == 4000
 
@@ -133,7 +133,7 @@ def test_takes_channels_in_the_order_that_is_given(tmp_path):
 
 
 def test_full_scale_can_be_a_pressure(foreign):
-    seen = read(foreign("PCM_16"), scale=30.0)
+    seen = open_take(foreign("PCM_16"), scale=30.0)
     np.testing.assert_array_equal(seen.recording.samples.ravel(), [15, -7.5, 0])
     assert seen.recording.unit == "Pa"
     assert seen.report == ("Full scale of the WAV (PCM_16) was taken as 30 Pa.",)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
-from midair.files import load, read
+from midair.files import load, open_take
 
 LABELS = tuple(f"mic{i}" for i in range(16))
 
@@ -26,7 +26,7 @@ def file(tmp_path):
 
 
 def test_reads_a_stream_with_its_names_and_unit(xdf, samples, file):
-    seen = read(file(xdf.whole(xdf(samples, labels=LABELS, unit="volts"))))
+    seen = open_take(file(xdf.whole(xdf(samples, labels=LABELS, unit="volts"))))
     recording = seen.recording
     np.testing.assert_array_equal(recording.samples.reshape(200, 16), samples)
     assert recording.rate == pytest.approx(1000, rel=1e-9)
@@ -72,7 +72,7 @@ def test_damage_is_told_not_printed(xdf, samples, file, capsys):
     data = bytearray(xdf.whole(xdf(samples), xdf(samples, name="arm", number=2)))
     place = data.rindex(b"\x04" + np.uint32(200).tobytes())
     data[place] = 9
-    seen = read(file(bytes(data)), unit="V", stream="skin")
+    seen = open_take(file(bytes(data)), unit="V", stream="skin")
     assert any("pyxdf: found likely XDF file corruption" in sentence for sentence in seen.report)
     assert capsys.readouterr() == ("", "")
 

@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import BrokenFileError
-from midair.files import RecordingWriter, load, read, repair, save
-from midair.files.native.events import KINDS, LISTED, Event, event_values, events_from, with_events
-from midair.model import Provenance, SensorGrid
+from midair.files import RecordingWriter, load, open_take, repair, save
+from midair.files.native.events import KINDS, LISTED, event_values, events_from, with_events
+from midair.model import Event, Provenance, SensorGrid
 
 EVENTS = (
     Event(kind="trigger", frame=2),
@@ -110,7 +110,7 @@ def test_an_interrupted_append_leaves_axes_of_one_length(tmp_path, monkeypatch):
 
     with pytest.raises(KeyboardInterrupt):
         fail()
-    assert read(path).report == ()
+    assert open_take(path).report == ()
     assert load(path).frames == 5
     assert load(path).provenance == Provenance()
 

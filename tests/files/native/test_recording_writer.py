@@ -8,7 +8,7 @@ import pytest
 import xarray
 
 from midair.errors import FileError, NonFiniteError, ShapeError, UnitError
-from midair.files import RecordingWriter, load, load_calibration, read, repair
+from midair.files import RecordingWriter, load, load_calibration, open_take, repair
 from midair.model import Provenance, SensorGrid
 
 
@@ -23,7 +23,7 @@ def test_a_live_recording_equals_a_saved_one(recording, calibration, options, tm
         for start in range(0, 40, 7):
             writer.append(recording.samples[start : start + 7])
         assert writer.frames == 40
-    assert read(path).report == ()
+    assert open_take(path).report == ()
     alike(load(path), recording)
     assert load_calibration(path) is not None
     with xarray.open_dataset(path, engine="h5netcdf") as table:
@@ -36,7 +36,7 @@ def test_can_be_read_while_it_grows(recording, options, tmp_path):
     with RecordingWriter(path, **options, interval=1e-3) as writer:
         writer.append(recording.samples[:10])
         time.sleep(0.05)
-        seen = read(path)
+        seen = open_take(path)
         np.testing.assert_array_equal(seen.recording.samples, recording.samples[:10])
         assert "not closed" in seen.report[0]
         writer.append(recording.samples[10:])
@@ -57,7 +57,7 @@ def test_a_late_block_does_not_keep_an_early_one_in_memory(recording, options, t
 
 def frames_on_disk(path):
     try:
-        return read(path).recording.frames
+        return open_take(path).recording.frames
     except FileError:
         return 0
 
@@ -73,7 +73,7 @@ def test_closes_in_order_on_an_error(recording, options, tmp_path, alike):
 
     with pytest.raises(KeyboardInterrupt):
         fail()
-    assert read(path).report == ()
+    assert open_take(path).report == ()
     alike(load(path), recording)
     started = set(threading.enumerate()) - before
     assert not [thread for thread in started if isinstance(thread, threading.Timer) and not thread.finished.is_set()]
@@ -158,7 +158,7 @@ def test_a_killed_program_loses_at_most_a_quarter_of_a_second(seconds, tmp_path)
     appended = [(float(when), int(frames)) for when, frames in (line.split() for line in lines if line.endswith("\n"))]
     # A quarter of a second is the writer's; the rest is for a busy machine that keeps it from running.
     safe = max((frames for when, frames in appended if when < killed - 0.25 - 0.15), default=0)
-    seen = read(path)
+    seen = open_take(path)
     frames = seen.recording.frames
     assert safe <= frames <= appended[-1][1] + 20
     np.testing.assert_array_equal(

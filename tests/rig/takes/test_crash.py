@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError
-from midair.files import load, read, repair, save
+from midair.files import load, open_take, repair, save
 from midair.model import Recording
 
 RATE = 1000
@@ -95,7 +95,7 @@ def check(path, given, *, busy=0.0):
 
     With `busy`, the machine may have kept the program from running for so long, in s.
     """
-    seen = read(path)
+    seen = open_take(path)
     frames = seen.recording.frames
     assert given - (0.25 + busy) * RATE <= frames <= given
     expected = np.arange(frames)[:, None, None] + np.arange(16).reshape(4, 4) / 16
@@ -103,7 +103,7 @@ def check(path, given, *, busy=0.0):
     assert "was killed" in seen.report[0]
     assert repair(path) == seen.report
     assert load(path).frames == frames
-    assert read(path).report == ()
+    assert open_take(path).report == ()
     return frames
 
 
@@ -119,7 +119,7 @@ def begun(path, given):
     if not path.exists():
         return 0
     try:
-        frames = read(path).recording.frames
+        frames = open_take(path).recording.frames
     except BrokenFileError as wrong:
         assert "before its first frame" in str(wrong)
         return 0
@@ -191,5 +191,5 @@ def test_a_request_to_end_closes_the_file_in_order(tmp_path):
         _, said = program.communicate(timeout=30)
     assert program.returncode == 130
     assert f"midair: stopped; {load(path).frames} frames are in take.h5" in said
-    assert read(path).report == (), "closed in order"
+    assert open_take(path).report == (), "closed in order"
     assert load(path).frames > 0

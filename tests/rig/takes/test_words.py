@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from midair.files.native.events import Event
-from midair.model import SensorGrid
+from midair.model import Event, SensorGrid
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Levels
 from midair.rig.takes.take_plan import Take

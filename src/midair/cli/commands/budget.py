@@ -20,7 +20,7 @@ from midair.cli.terminal import (
 from midair.devices import SilencerChoice
 from midair.evaluate import Budget
 from midair.figures import budget_figure, png
-from midair.files import load, whole_file
+from midair.files import open_take, whole_file
 from midair.rig import BudgetPlan, VirtualRig, error_budget, kept_in_band, lead_of
 
 
@@ -78,7 +78,9 @@ def budget_command(
     )
     banner(True)
     with stages() as stage:
-        made = error_budget(original, plan, kept=kept_in_band(load(source), settings.calibration.band), stage=stage)
+        made = error_budget(
+            original, plan, kept=kept_in_band(open_take(source).recording, settings.calibration.band), stage=stage
+        )
     if figure is not None:
         with whole_file(figure) as partial:
             partial.write_bytes(png(budget_figure([(source.name, made)])))

@@ -15,7 +15,7 @@ from midair.cli.terminal import (
     same_part,
 )
 from midair.evaluate import compare
-from midair.files import load
+from midair.files import open_take
 
 
 def compare_command(
@@ -41,7 +41,7 @@ def compare_command(
     json
         Print JSON for a program.
     """
-    again = load(reproduced)
+    again = open_take(reproduced).recording
     settings = made_with(again.provenance, (options or BandOptions()).settings())
     before = same_part(felt_part(original, settings), again.provenance)
     after = felt_part(reproduced, settings)

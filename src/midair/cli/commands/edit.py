@@ -9,7 +9,6 @@ from cyclopts import Parameter
 
 from midair import recordings
 from midair.cli.terminal import (
-    STORED,
     Frequency,
     Time,
     keep,
@@ -21,7 +20,7 @@ from midair.cli.terminal import (
     say_kept,
 )
 from midair.errors import InputError
-from midair.files import load, load_calibration, load_pressure
+from midair.files import load_pressure, open_take
 from midair.model import Calibration, Recording
 
 Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
@@ -55,7 +54,7 @@ def cut_command(
         Print JSON for a program.
     """
     may_write(output, force)
-    _write(recordings.cut(load(source), start, end), [source], output, json=json)
+    _write(recordings.cut(open_take(source).recording, start, end), [source], output, json=json)
 
 
 def join_command(*files: Path, force: bool = False, json: bool = False) -> None:
@@ -74,7 +73,7 @@ def join_command(*files: Path, force: bool = False, json: bool = False) -> None:
         raise InputError(f"join: expected two recordings or more and the name of the whole, got {len(files)} names")
     *sources, output = files
     may_write(output, force)
-    _write(recordings.join([load(source) for source in sources]), sources, output, json=json)
+    _write(recordings.join([open_take(source).recording for source in sources]), sources, output, json=json)
 
 
 def resample_command(
@@ -96,7 +95,7 @@ def resample_command(
         Print JSON for a program.
     """
     may_write(output, force)
-    _write(recordings.resample(load(source), rate), [source], output, json=json)
+    _write(recordings.resample(open_take(source).recording, rate), [source], output, json=json)
 
 
 def trim_command(
@@ -127,7 +126,7 @@ def trim_command(
         Print JSON for a program.
     """
     may_write(output, force)
-    _write(recordings.trim(load(source), share=share, margin=margin), [source], output, json=json)
+    _write(recordings.trim(open_take(source).recording, share=share, margin=margin), [source], output, json=json)
 
 
 def gain_command(
@@ -158,7 +157,7 @@ def gain_command(
         Print JSON for a program.
     """
     may_write(output, force)
-    recording = load(source)
+    recording = open_take(source).recording
     factor = _factor(by)
     factors = np.ones(recording.sensor.count)
     factors[list(_numbers(channels, recording)) or slice(None)] = factor
@@ -194,19 +193,19 @@ def mask_command(
         Print JSON for a program.
     """
     may_write(output, force)
-    recording = load(source)
+    recording = open_take(source).recording
     _write(recordings.mask(recording, _numbers(channels, recording), fill=fill), [source], output, json=json)
 
 
 def _write(recording: Recording, sources: list[Path], output: Path, *, json: bool) -> None:
     """Write what was made, with the calibration that all its sources share."""
-    stored = [source for source in sources if source.suffix.lower() in STORED]
-    calibrations = [load_calibration(source) for source in stored]
-    calibration = calibrations[0] if len(stored) == len(sources) and _same(calibrations) else None
+    takes = [open_take(source) for source in sources]
+    calibrations = [take.calibration for take in takes]
+    calibration = calibrations[0] if _same(calibrations) else None
     notes: list[str] = []
     if calibration is None and any(calibrations):
         notes.append("The calibration was left out: the recordings do not share one.")
-    if any(load_pressure(source) is not None for source in stored):
+    if any(take.stored and load_pressure(source) is not None for take, source in zip(takes, sources, strict=True)):
         notes.append("The calibrated pressure was left out: it belongs to the whole; run midair calibrate again.")
     lost = keep(recording, output, calibration=calibration)
     rows = [("recording", str(output)), *recording_rows(recording)]

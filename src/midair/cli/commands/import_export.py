@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated
 
 from midair.cli.terminal import (
-    STORED,
     FileOptions,
     as_recording,
     bring,
@@ -20,7 +19,7 @@ from midair.cli.terminal import (
 )
 from midair.datasets import sample_path
 from midair.errors import InputError
-from midair.files import format_of, load, load_calibration, load_pressure, repair
+from midair.files import format_of, load_pressure, open_take, repair
 
 Pressure = Annotated[float | None, quantity("Pa")]
 
@@ -64,10 +63,9 @@ def import_command(
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
     imported = bring(file, options)
-    stored = file.suffix.lower() in STORED and options.footprint is None
-    calibration = load_calibration(file) if stored else None
+    calibration = imported.calibration
     stated = nominal_calibration(imported.recording, sensitivity, peak)
-    pressure = load_pressure(file) if stored and stated is None and not options.changes else None
+    pressure = load_pressure(file) if imported.stored and stated is None else None
     lost = keep(imported.recording, target, calibration=stated or calibration, pressure=pressure)
     rows = [("recording", str(target)), *recording_rows(imported.recording)]
     if imported.recording.unit != "Pa" or stated or calibration:
@@ -94,10 +92,9 @@ def export_command(
         Print JSON for a program.
     """
     may_write(output, force)
-    recording = load(source)
-    stored = source.suffix.lower() in STORED
-    calibration = load_calibration(source) if stored else None
-    made = load_pressure(source) if stored else None
+    take = open_take(source)
+    recording, calibration = take.recording, take.calibration
+    made = load_pressure(source) if take.stored else None
     if pressure:
         if made is None:
             raise InputError(f"{source}: expected calibrated pressure in it, got none; run midair calibrate first")

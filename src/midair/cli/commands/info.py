@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from midair.cli.terminal import banner, calibrated_by, print_json, print_rows, recording_rows
-from midair.files import contents, load, load_calibration, load_pressure, load_solution
+from midair.files import contents, load_calibration, load_pressure, load_solution, open_take
 from midair.model import Provenance, Setting
 from midair.rig import calibration_rows, uncertainty_of
 
@@ -32,11 +32,11 @@ def info_command(source: Path, /, *, json: bool = False) -> None:
 
 def _rows_of_file(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
     """What a file of any kind holds, and its life."""
-    if source.suffix not in (".h5", ".hdf5"):
-        return _stored_rows(source, stored=False)
+    if not source.name.lower().endswith((".h5", ".hdf5", ".nc")):
+        return _take_rows(source)
     held = contents(source)
     readers = {"drive": _drive_rows, "calibration": _calibration_rows}
-    rows, provenance = readers.get(held.kind, _stored_rows)(source)
+    rows, provenance = readers.get(held.kind, _take_rows)(source)
     rows.append(
         ("written", f"{held.created} by {held.created_by}" + ("" if held.finished else ", not closed in order"))
     )
@@ -51,10 +51,10 @@ def _calibration_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
     return rows, calibration.provenance
 
 
-def _stored_rows(source: Path, *, stored: bool = True) -> tuple[list[tuple[str, str]], Provenance]:
-    recording = load(source)
-    calibration = load_calibration(source) if stored else None
-    pressure = load_pressure(source) if stored else None
+def _take_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
+    take = open_take(source)
+    recording, calibration = take.recording, take.calibration
+    pressure = load_pressure(source) if take.stored else None
     rows = [("recording", str(source)), ("source", recording.provenance.source), *recording_rows(recording)]
     rows.append(("calibration", calibrated_by(calibration)))
     if calibration is not None:

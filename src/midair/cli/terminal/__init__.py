@@ -5,7 +5,7 @@ from midair.cli.terminal.calibration_output import OutputOptions, given_calibrat
 from midair.cli.terminal.comparisons import card_of, plain, print_card
 from midair.cli.terminal.console import banner, out, print_figures, print_json, print_rows, say, stages
 from midair.cli.terminal.exposure_options import ExposureOptions
-from midair.cli.terminal.keeping import STORED, as_recording, keep, may_write, say_kept
+from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
 from midair.cli.terminal.keys import Keys, signals_noted
 from midair.cli.terminal.meter_screen import MeterScreen
 from midair.cli.terminal.nominal import nominal_calibration, stated_sensitivity
@@ -26,7 +26,6 @@ __all__ = [
     "MeterScreen",
     "OutputOptions",
     "PlayOptions",
-    "STORED",
     "SolveOptions",
     "Time",
     "as_recording",

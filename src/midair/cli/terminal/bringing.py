@@ -2,14 +2,14 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as File
 from typing import Annotated, Any, get_args
 
 from cyclopts import Parameter, Token
 
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
-from midair.files import Imported, read
+from midair.files import OpenedTake, open_take
 from midair.model import Recording, SensorGrid, Unit
 from midair.recordings import Footprint, Path, Shape, Turn, footprint_field, resample
 
@@ -114,9 +114,9 @@ class FileOptions:
         return self.footprint is not None or self.resample is not None
 
 
-def bring(file: File, options: FileOptions) -> Imported:
+def bring(file: File, options: FileOptions) -> OpenedTake:
     """The recording in a file, as the options make it, and what was assumed on the way."""
-    imported = read(
+    taken = open_take(
         file,
         rate=options.rate,
         unit=options.unit,
@@ -125,13 +125,15 @@ def bring(file: File, options: FileOptions) -> Imported:
         channels=options.channels,
         stream=options.stream,
     )
-    recording, report = imported.recording, imported.report
+    recording, report = taken.recording, taken.report
     if options.resample is not None:
         recording = resample(recording, options.resample)
     if options.footprint is not None:
         recording, more = _field(recording, options, options.footprint)
         report = (*report, *more)
-    return Imported(recording=recording, report=report)
+    if options.changes:
+        return OpenedTake(recording=recording, report=report)
+    return replace(taken, recording=recording, report=report)
 
 
 def _field(recording: Recording, options: FileOptions, patch: Patch) -> tuple[Recording, tuple[str, ...]]:

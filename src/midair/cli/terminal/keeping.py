@@ -8,9 +8,6 @@ from midair.errors import InputError
 from midair.files import Loss, save, save_pressure
 from midair.model import Calibration, PressureFrames, Recording
 
-STORED = (".h5", ".hdf5", ".nc")
-"""Endings of midair's own files, which may hold a calibration and pressure."""
-
 
 def keep(
     recording: Recording, path: Path, *, calibration: Calibration | None, pressure: PressureFrames | None = None

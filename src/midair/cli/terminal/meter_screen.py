@@ -12,7 +12,7 @@ from rich.text import Text
 
 from midair.cli.terminal.keys import Keys, Signals
 from midair.devices import SensorDevice
-from midair.files import Event
+from midair.model import Event
 from midair.rig import Drift, Levels, TakeOrder, View, told
 
 WIDTH = 8

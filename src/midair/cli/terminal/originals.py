@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from midair.files import load, load_calibration
+from midair.files import open_take
 from midair.flow import felt
 from midair.model import PressureFrames, Provenance, Setting
 from midair.settings import Settings
@@ -11,8 +11,8 @@ from midair.settings import Settings
 
 def felt_part(source: Path, settings: Settings, start: float = 0.0, duration: float | None = None) -> PressureFrames:
     """What the sensor felt in a part of a recording; all of it is calibrated first: cuts leave no edge."""
-    calibration = load_calibration(source) if source.suffix in (".h5", ".hdf5") else None
-    pressure = felt(load(source), calibration, settings)
+    take = open_take(source)
+    pressure = felt(take.recording, take.calibration, settings)
     return pressure if start == 0 and duration is None else pressure.cut(start, duration)
 
 

@@ -11,8 +11,8 @@ from midair.files.atomic import whole_file
 from midair.files.foreign import fabricslide
 from midair.files.foreign.header import header_of, parse_header, recording_from
 from midair.files.foreign.text_table import TextTable, read_table
-from midair.files.imported import Foreign, Given, Imported
 from midair.files.loss import Loss, calibration_lost
+from midair.files.opened_take import Foreign, Given, OpenedTake
 from midair.files.stamps import uniform
 from midair.model import Calibration, Recording, Unit
 
@@ -34,7 +34,7 @@ def write_csv(recording: Recording, path: Path, calibration: Calibration | None)
     return calibration_lost(calibration, "CSV")
 
 
-def read_csv(path: Path, given: Given) -> Imported:
+def read_csv(path: Path, given: Given) -> OpenedTake:
     """The recording in a CSV of midair, of FabricSlide, or of any program that writes one channel a column.
 
     A column called time, timestamp or t gives the rate; a unit in brackets in every other name gives the unit.
@@ -55,14 +55,14 @@ def read_csv(path: Path, given: Given) -> Imported:
     return _foreign(table, given).settle(given, path)
 
 
-def _own(text: str, path: Path, given: Given) -> Imported:
+def _own(text: str, path: Path, given: Given) -> OpenedTake:
     first, _, rest = text.partition("\n")
     if not text.endswith("\n"):
         raise BrokenFileError(f"{path}: expected a line end at the end, got a line that was cut; copy the file again")
     table = read_table(rest, path)
     recording = recording_from(parse_header(first.removeprefix(MARK), path), table.values[:, 1:], path)
     given.check(recording, path)
-    return Imported(recording=recording)
+    return OpenedTake(recording=recording)
 
 
 def _foreign(table: TextTable, given: Given) -> Foreign:

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 from midair.files.foreign.text_table import TextTable
-from midair.files.imported import Foreign, Given
+from midair.files.opened_take import Foreign, Given
 from midair.files.stamps import uniform
 from midair.model import SensorGrid
 

@@ -10,8 +10,8 @@ from midair.files.atomic import reason, whole_file
 from midair.files.foreign.header import header_of
 from midair.files.foreign.mat5 import is_mat5, read_mat5
 from midair.files.foreign.named_arrays import from_arrays
-from midair.files.imported import Given, Imported
 from midair.files.loss import Loss, calibration_lost
+from midair.files.opened_take import Given, OpenedTake
 from midair.model import Calibration, Recording
 
 
@@ -38,7 +38,7 @@ def write_mat(recording: Recording, path: Path, calibration: Calibration | None)
     return calibration_lost(calibration, "MAT")
 
 
-def read_mat(path: Path, given: Given) -> Imported:
+def read_mat(path: Path, given: Given) -> OpenedTake:
     """The recording in a MATLAB file of midair, or in the one array of frames of another program.
 
     Raises

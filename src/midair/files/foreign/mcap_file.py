@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
 from midair.files.atomic import reason
-from midair.files.imported import Foreign, Given, Imported
+from midair.files.opened_take import Foreign, Given, OpenedTake
 from midair.files.stamps import uniform
 
 _ROS = {
@@ -46,7 +46,7 @@ class _Topic:
     messages: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
 
 
-def read_mcap(path: Path, given: Given) -> Imported:
+def read_mcap(path: Path, given: Given) -> OpenedTake:
     """The one topic of numbers in an MCAP, or the one that `stream` names; also of a file that was not closed.
 
     Raises

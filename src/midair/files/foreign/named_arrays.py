@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError
 from midair.files.foreign.header import parse_header, recording_from
-from midair.files.imported import Foreign, Given, Imported
+from midair.files.opened_take import Foreign, Given, OpenedTake
 
 
-def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: Given) -> Imported:
+def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: Given) -> OpenedTake:
     """The recording that named arrays hold: midair's own, or the one array that can be frames.
 
     Raises
@@ -48,7 +48,7 @@ def _chosen(arrays: Mapping[str, Any], path: Path, given: Given) -> str:
     )
 
 
-def _own(arrays: Mapping[str, Any], path: Path, given: Given) -> Imported:
+def _own(arrays: Mapping[str, Any], path: Path, given: Given) -> OpenedTake:
     header = parse_header(_text(arrays["midair"]), path)
     samples = np.asarray(arrays["samples"], np.float64)
     for name, stated in (("rate", header["rate_hz"]), ("unit", header["unit"])):
@@ -57,7 +57,7 @@ def _own(arrays: Mapping[str, Any], path: Path, given: Given) -> Imported:
             raise BrokenFileError(f"{path}: {name} was edited: expected {stated}, as its header says, got {have}")
     recording = recording_from(header, samples, path)
     given.check(recording, path)
-    return Imported(recording=recording)
+    return OpenedTake(recording=recording)
 
 
 def _frames(array: Any) -> bool:

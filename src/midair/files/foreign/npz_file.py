@@ -8,8 +8,8 @@ import numpy as np
 from midair.files.atomic import whole_file
 from midair.files.foreign.header import header_of
 from midair.files.foreign.named_arrays import from_arrays
-from midair.files.imported import Given, Imported
 from midair.files.loss import Loss, calibration_lost
+from midair.files.opened_take import Given, OpenedTake
 from midair.model import Calibration, Recording
 
 
@@ -26,7 +26,7 @@ def write_npz(recording: Recording, path: Path, calibration: Calibration | None)
     return calibration_lost(calibration, "NPZ")
 
 
-def read_npz(path: Path, given: Given) -> Imported:
+def read_npz(path: Path, given: Given) -> OpenedTake:
     """The recording in an archive of midair, or in the one array of frames of another program.
 
     Objects are not loaded: they could run programs.

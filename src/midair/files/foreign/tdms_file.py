@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files.foreign.units import known_unit
-from midair.files.imported import Foreign, Given, Imported
+from midair.files.opened_take import Foreign, Given, OpenedTake
 
 _META, _NEW, _RAW, _INTERLEAVED, _BIG, _DAQMX = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6, 1 << 7
 _TYPES = {
@@ -49,7 +49,7 @@ class _Object:
     pieces: list[NDArray[Any]] = field(default_factory=list[NDArray[Any]])
 
 
-def read_tdms(path: Path, given: Given) -> Imported:
+def read_tdms(path: Path, given: Given) -> OpenedTake:
     """The channels of the one group that has any, or of the group that `stream` names.
 
     Raises

@@ -11,8 +11,8 @@ from midair.errors import BrokenFileError, FileError, UnitError
 from midair.files.atomic import whole_file
 from midair.files.foreign.header import header_of, parse_header, recording_from
 from midair.files.foreign.riff import CHUNK, append_chunk, chunks, content
-from midair.files.imported import Foreign, Given, Imported
 from midair.files.loss import Loss, calibration_lost
+from midair.files.opened_take import Foreign, Given, OpenedTake
 from midair.model import Calibration, Recording, Unit
 
 _FORMATS = ("WAV", "WAVEX", "W64", "RF64")
@@ -44,7 +44,7 @@ def write_wav(recording: Recording, path: Path, calibration: Calibration | None)
     return (*_losses(recording, rate, exponent), *calibration_lost(calibration, "WAV"))
 
 
-def read_wav(path: Path, given: Given) -> Imported:
+def read_wav(path: Path, given: Given) -> OpenedTake:
     """The recording in a WAV of midair, or of another program, also as RF64 or Wave64.
 
     PCM of 8, 16, 24 or 32 bits, float32, float64 and µ-law are read.
@@ -72,7 +72,7 @@ def read_wav(path: Path, given: Given) -> Imported:
     parsed = parse_header(header.decode("ascii"), path)
     recording = recording_from(parsed, np.ldexp(samples, parsed["scale_exponent"]), path)
     given.check(recording, path)
-    return Imported(recording=recording)
+    return OpenedTake(recording=recording)
 
 
 def _foreign(samples: np.ndarray, subtype: str, rate: float, given: Given, path: Path) -> Foreign:

@@ -13,12 +13,12 @@ import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
 from midair.files.foreign.units import known_unit
-from midair.files.imported import Foreign, Given, Imported
+from midair.files.opened_take import Foreign, Given, OpenedTake
 from midair.files.stamps import uniform
 from midair.model import Unit
 
 
-def read_xdf(path: Path, given: Given) -> Imported:
+def read_xdf(path: Path, given: Given) -> OpenedTake:
     """The one stream of numbers in an XDF, or the one that `stream` names.
 
     Raises

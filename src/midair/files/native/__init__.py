@@ -2,7 +2,6 @@
 
 from midair.files.native.calibration_file import CALIBRATION_SUFFIX, load_calibration, save_calibration
 from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution, load_target, save_solution
-from midair.files.native.events import Event, EventKind
 from midair.files.native.hdf5 import check_kind, kind_of, open_file, plain_text, stored_dataset
 from midair.files.native.netcdf_file import write_netcdf
 from midair.files.native.provenance_json import from_plain, to_json, to_plain
@@ -13,8 +12,6 @@ from midair.files.native.schema import FORMAT, Kind
 __all__ = [
     "CALIBRATION_SUFFIX",
     "DRIVE_SUFFIX",
-    "Event",
-    "EventKind",
     "FORMAT",
     "Kind",
     "RecordingWriter",

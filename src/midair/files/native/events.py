@@ -6,45 +6,15 @@ copy, export and later stage keeps it.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from midair.errors import BrokenFileError
-from midair.model import Provenance, Setting
-
-EventKind = Literal["lost", "clipped", "dead", "stuck", "rate", "clock", "trigger"]
-"""lost: frames that never came, held at the last good one. clipped, dead, stuck: of a channel. rate: frames counted
-against this computer's clock. clock: the device's clock against this computer's. trigger: the frame that started it."""
+from midair.model import Event, EventKind, Provenance, Setting
 
 LISTED = 1000
 """At most this many places of one kind are listed in the provenance; the totals count all."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Event:
-    """One thing that happened.
-
-    Attributes
-    ----------
-    kind : {"lost", "clipped", "dead", "stuck", "rate", "clock", "trigger"}
-        What.
-    frame : int
-        Of the recording, from 0: the first that it concerns.
-    frames : int
-        How many it concerns.
-    channel : int
-        Of the sensor; -1 for all.
-    ppm : float
-        How much faster than this computer's clock, for rate and clock, in millionths.
-    """
-
-    kind: EventKind
-    frame: int
-    frames: int = 0
-    channel: int = -1
-    ppm: float = 0.0
 
 
 KINDS: tuple[EventKind, ...] = get_args(EventKind)

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError
-from midair.files.imported import Given, Imported
 from midair.files.loss import Loss
 from midair.files.native.axes import check_time, sensor_from, sensor_values, time_values
-from midair.files.native.calibration_file import load_calibration, write_calibration
+from midair.files.native.calibration_file import load_calibration, read_calibration, write_calibration
 from midair.files.native.events import events_from, with_events
 from midair.files.native.hdf5 import (
     check_kind,
@@ -24,6 +23,7 @@ from midair.files.native.hdf5 import (
 )
 from midair.files.native.provenance_json import from_json
 from midair.files.native.unclosed import is_unclosed
+from midair.files.opened_take import Given, OpenedTake
 from midair.model import Calibration, PressureFrames, Recording
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def write_recording(recording: Recording, path: Path, calibration: Calibration |
     return ()
 
 
-def read_recording(path: Path, given: Given) -> Imported:
+def read_recording(path: Path, given: Given) -> OpenedTake:
     """The recording of a file, also of one that is being written or whose writer was killed.
 
     A file that is being written may be caught between two of its blocks: it is read again, up to twice.
@@ -55,7 +55,7 @@ def read_recording(path: Path, given: Given) -> Imported:
     return _read_once(path, given)
 
 
-def _read_once(path: Path, given: Given) -> Imported:
+def _read_once(path: Path, given: Given) -> OpenedTake:
     with open_file(path) as file:
         check_kind(file, "recording", path)
         live = not stored_dataset(file, "finished")[()]
@@ -64,15 +64,17 @@ def _read_once(path: Path, given: Given) -> Imported:
         if live:
             values, report = _whole_frames(values, path)
         check_time(values, path)
+        journal = events_from(values)
         recording = Recording(
             samples=values["samples"],
             rate=values["rate_hz"],
             sensor=sensor_from(values),
             unit=values["unit"],
-            provenance=with_events(from_json(values["provenance"]), events_from(values), len(values["time"])),
+            provenance=with_events(from_json(values["provenance"]), journal, len(values["time"])),
         )
         given.check(recording, path)
-        return Imported(recording=recording, report=report)
+        calibration = read_calibration(stored_group(file, "calibration"), path) if "calibration" in file else None
+        return OpenedTake(recording=recording, calibration=calibration, journal=journal, report=report, stored=True)
 
 
 def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> None:

@@ -19,9 +19,9 @@ from midair.errors import FileError
 from midair.files.atomic import reason, writable_path
 from midair.files.native.axes import sensor_values
 from midair.files.native.calibration_file import write_calibration
-from midair.files.native.events import KINDS, Event, event_values
+from midair.files.native.events import KINDS, event_values
 from midair.files.native.hdf5 import LAYOUT, fixed_text, signature, stored_dataset, write_group
-from midair.model import Calibration, Provenance, Recording, SensorGrid, Unit
+from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Unit
 from midair.validation import frozen_array, positive
 
 if TYPE_CHECKING:

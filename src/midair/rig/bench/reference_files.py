@@ -7,7 +7,7 @@ from pathlib import Path
 from midair.calibration import Reference, ReferencedTake, split_channel
 from midair.dsp import resample
 from midair.errors import InputError, MismatchError, UnitError
-from midair.files import load
+from midair.files import open_take
 from midair.model import Recording
 
 
@@ -72,11 +72,11 @@ def read_takes(
     takes: list[ReferencedTake] = []
     notes: list[str] = []
     for index, path in enumerate(recordings):
-        recording = load(path)
+        recording = open_take(path).recording
         if choice.channel is not None:
             recording, said = split_channel(recording, choice.channel)
         else:
-            said = load(references[index])
+            said = open_take(references[index]).recording
         recording, said, changed = _alike(recording, said, path)
         notes += changed
         cell = _pressed(recording, path) if cells is None else cells[index]
@@ -89,7 +89,7 @@ def read_takes(
 
 def read_quiet(path: Path) -> Recording:
     """A recording in which nothing presses, called by its file's name."""
-    return _named(load(path), path)
+    return _named(open_take(path).recording, path)
 
 
 def _alike(recording: Recording, said: Recording, path: Path) -> tuple[Recording, Recording, list[str]]:

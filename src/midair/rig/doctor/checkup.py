@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.files import load, save
+from midair.files import open_take, save
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.rig.doctor.array_checkup import array_findings
@@ -68,7 +68,7 @@ def _folder() -> Check:
     try:
         with tempfile.TemporaryDirectory(dir=".") as folder:
             save(recording, Path(folder) / "check.h5")
-            same = np.array_equal(load(Path(folder) / "check.h5").samples, recording.samples)
+            same = np.array_equal(open_take(Path(folder) / "check.h5").recording.samples, recording.samples)
     except OSError as wrong:
         reason = wrong.strerror or str(wrong)
         return Check(subject="this folder", state="broken", found=reason, advice="change to a folder you can write to")

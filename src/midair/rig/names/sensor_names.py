@@ -2,7 +2,7 @@
 
 from midair.devices import ReplaySensor, Rewired, SensorDevice
 from midair.errors import UnknownDeviceError
-from midair.files import load, load_calibration
+from midair.files import open_take
 from midair.model import SensorWiring
 from midair.rig.names.source_names import KINDS, source_sensor
 from midair.rig.names.virtual_rig import VirtualRig
@@ -44,7 +44,8 @@ def _made(kind: str, rest: str, name: str, rig: VirtualRig, duration: float | No
     if kind == "virtual" and rest:
         return rig.touched_by(rest, duration=duration)
     if kind == "replay" and rest:
-        return ReplaySensor(load(rest), calibration=load_calibration(rest) if rest.endswith(".h5") else None, name=name)
+        take = open_take(rest)
+        return ReplaySensor(take.recording, calibration=take.calibration, name=name)
     raise UnknownDeviceError(
         "sensor: expected virtual:OBJECT, replay:FILE, lsl:NAME, audio:DEVICE, serial:PORT or ni:CHANNELS, "
         f"got {name!r}; try virtual:towel"

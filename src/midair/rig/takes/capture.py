@@ -6,7 +6,7 @@ import numpy as np
 
 from midair.devices import SensorDevice, gapless
 from midair.errors import DeviceError, InputError
-from midair.files import RecordingWriter, load
+from midair.files import RecordingWriter, open_take
 from midair.model import Progress, Provenance, Recording
 
 
@@ -64,7 +64,7 @@ def record(
                 calibration=sensor.calibration,
             ) as writer:
                 _blocks(sensor, frames, block, writer, progress)
-            return load(path)
+            return open_take(path).recording
     finally:
         sensor.stop()
     return Recording(samples=samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit, provenance=provenance)

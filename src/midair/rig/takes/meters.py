@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.files import Event
+from midair.model import Event
 from midair.recordings import at_limit
 
 Array = NDArray[np.float64]

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from midair.devices import FrameBlock, Seam, SensorDevice
 from midair.errors import DeviceError, FileError, InputError
-from midair.files import Event, EventKind, RecordingWriter
-from midair.model import Provenance, Setting
+from midair.files import RecordingWriter
+from midair.model import Event, EventKind, Provenance, Setting
 from midair.rig.takes.clocks import ClockWatch, Drift
 from midair.rig.takes.meters import Meters
 from midair.rig.takes.take_plan import End, Take, TakeOrder, TakePlan, View, Watcher

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from midair.errors import InputError
-from midair.files import Event
-from midair.model import Setting
+from midair.model import Event, Setting
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Levels
 from midair.validation import positive

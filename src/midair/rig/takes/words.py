@@ -1,7 +1,6 @@
 """What happened during a take, in words."""
 
-from midair.files import Event
-from midair.model import SensorGrid
+from midair.model import Event, SensorGrid
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.take_plan import Take
 

@@ -18,7 +18,7 @@ from midair.cli.terminal import (
     quantity,
     tell,
 )
-from midair.files import load, load_calibration
+from midair.files import open_take
 from midair.rig import uncertainty_of
 
 Pressure = Annotated[float | None, quantity("Pa")]
@@ -55,9 +55,10 @@ def apply_command(
         Of that: 0 for the inverse of the crosstalk matrix, more for less.
     """
     chosen = (options or BandOptions()).settings().calibration
-    recording = load(source)
+    take = open_take(source)
+    recording = take.recording
     known = nominal_calibration(recording, sensitivity, peak)
-    known = known or (given_calibration(calibration) if calibration else load_calibration(source))
+    known = known or (given_calibration(calibration) if calibration else take.calibration)
     pressure = calibrate(
         recording, known, band=chosen.band, method=chosen.inverse, crosstalk=crosstalk, damping=damping
     )

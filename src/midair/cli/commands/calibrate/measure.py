@@ -21,7 +21,7 @@ from midair.cli.terminal import (
     stated_sensitivity,
 )
 from midair.errors import InputError
-from midair.files import load
+from midair.files import open_take
 from midair.rig import (
     ReferenceChoice,
     VirtualRig,
@@ -136,7 +136,7 @@ def tone_command(
         Where it goes.
     """
     options = options or OutputOptions()
-    said = load(recording)
+    said = open_take(recording).recording
     options.path(said.sensor)
     calibration = measure_tone(
         said,

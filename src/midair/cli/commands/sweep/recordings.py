@@ -10,7 +10,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from midair.cli.terminal import SolveOptions, Time, out, quantity, show_trials, swept
 from midair.errors import InputError
-from midair.files import load, load_calibration
+from midair.files import open_take
 from midair.flow import felt
 from midair.sweep import RecordingSweep, SweepTrial, load_sweep, trial_report
 
@@ -69,8 +69,8 @@ def recordings_command(
 
 def _trial(source: Path, variant: str, options: SolveOptions, start: float, duration: float | None) -> SweepTrial:
     settings = options.settings()
-    calibration = load_calibration(source) if source.suffix in (".h5", ".hdf5") else None
-    pressure = felt(load(source), calibration, settings)
+    take = open_take(source)
+    pressure = felt(take.recording, take.calibration, settings)
     whole = start == 0 and duration is None
     return SweepTrial(
         recording=source.name,

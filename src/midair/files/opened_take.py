@@ -10,26 +10,35 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
 from midair.files.stamps import held
-from midair.model import Provenance, Recording, SensorGrid, Setting, Unit
+from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Setting, Unit
 
 ONE = SensorGrid(rows=1, columns=1)
 """What a file of one channel is taken for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Imported:
-    """A recording that was read from a file.
+class OpenedTake:
+    """What a file gives of a recording, all of it together, so that no calibration is left behind.
 
     Attributes
     ----------
     recording : Recording
         What the file holds.
+    calibration : Calibration or None
+        Of its sensor, where the file carries one; formats of other programs have no place for it.
+    journal : tuple of Event
+        What happened while it was recorded: lost frames, clipping, drift.
     report : tuple of str
         One sentence for each thing that was assumed, changed, left out or looks wrong; empty when there is nothing.
+    stored : bool
+        Whether it is a file of midair's own, which may hold calibrated pressure too (`load_pressure`).
     """
 
     recording: Recording
+    calibration: Calibration | None = None
+    journal: tuple[Event, ...] = ()
     report: tuple[str, ...] = ()
+    stored: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +131,7 @@ class Foreign:
     settings: Mapping[str, Setting] = field(default_factory=dict[str, Setting])
     report: tuple[str, ...] = ()
 
-    def settle(self, given: Given, path: Path) -> Imported:
+    def settle(self, given: Given, path: Path) -> OpenedTake:
         """The recording, once every gap of the file is filled by what was given or by a stated assumption.
 
         Raises
@@ -144,7 +153,7 @@ class Foreign:
         provenance = Provenance(source=path.name, notes=self.notes).then("import", {**settings, "report": report})
         samples = self.samples.reshape(len(self.samples), *sensor.shape) * (given.scale or 1.0)
         recording = Recording(samples=samples, rate=rate, sensor=sensor, unit=unit, provenance=provenance)
-        return Imported(recording=recording, report=report)
+        return OpenedTake(recording=recording, report=report)
 
     def _rate(self, given: Given, path: Path) -> float:
         rate = given.rate if self.rate is None else self.rate

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
-from midair.files.imported import Foreign, Given
+from midair.files.opened_take import Foreign, Given
 from midair.model import SensorGrid
 
 

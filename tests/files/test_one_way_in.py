@@ -1,0 +1,85 @@
+"""`open_take` is the one way in: whatever a file is called, its calibration and its journal come with it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midair.cli import run
+from midair.errors import InputError
+from midair.files import FORMATS, load, open_take, save, save_pressure, save_solution
+from midair.model import PressureFrames, Recording, Solution
+from midair.rig import VirtualRig, sensor_named
+
+STORED = (".h5", ".hdf5", ".nc")
+
+
+@pytest.fixture(scope="module")
+def take():
+    rig = VirtualRig(seed=3)
+    model = rig.sensor_model
+    samples = np.random.default_rng(0).normal(scale=0.1, size=(300, 4, 4))
+    from midair.physics import calibration_of
+
+    return Recording(samples=samples, rate=1000.0, sensor=model.grid), calibration_of(model)
+
+
+@pytest.mark.parametrize("ending", [ending for ending, form in FORMATS.items() if form.read and form.write])
+@pytest.mark.parametrize("case", [str.lower, str.upper, str.title])
+def test_every_ending_in_any_case_gives_all_that_its_file_holds(take, ending, case, tmp_path):
+    recording, calibration = take
+    path = tmp_path / case(f"take{ending}")
+    lost = save(recording, path, calibration=calibration)
+    opened = open_take(path)
+    np.testing.assert_allclose(opened.recording.samples, recording.samples, atol=1e-6)
+    kept = ending in STORED
+    assert opened.stored is kept
+    assert (opened.calibration is not None) is kept
+    # Where a format has no place for a calibration, whoever writes it says so.
+    assert any(loss.what == "calibration" for loss in lost) is not kept
+    if opened.calibration is not None:
+        np.testing.assert_array_equal(opened.calibration.response, calibration.response)
+
+
+@pytest.mark.parametrize("name", ["take.h5", "TAKE.H5", "take.hdf5", "take.nc", "Take.NC"])
+def test_no_command_loses_a_calibration_by_the_files_name(take, name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    recording, calibration = take
+    save(recording, name, calibration=calibration)
+    assert run(["info", name]) == 0
+    assert "none; state one" not in capsys.readouterr().out
+    assert run(["cut", name, "part.h5", "--start", "50ms", "--end", "150ms"]) == 0
+    assert open_take("part.h5").calibration is not None
+    assert run(["export", name, "out.nc"]) == 0
+    assert open_take("out.nc").calibration is not None
+    assert run(["import", name, "in.h5"]) == 0
+    assert open_take("in.h5").calibration is not None
+    words = ["--points", "6", "--pitch", "11mm", "--duration", "5ms", "--iterations", "1", "1"]
+    assert run(["solve", name, "x.drive.h5", *words]) == 0
+    assert sensor_named(f"replay:{name}", VirtualRig()).calibration is not None
+
+
+def test_pressure_of_a_netcdf_or_an_upper_case_file_is_not_lost(take, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    recording, calibration = take
+    save(recording, "TAKE.H5", calibration=calibration)
+    save_pressure(PressureFrames(pressure=np.ones((300, 4, 4)), rate=1000.0, sensor=recording.sensor), "TAKE.H5")
+    assert run(["info", "TAKE.H5"]) == 0
+    assert "largest pressure" in capsys.readouterr().out
+    assert run(["export", "TAKE.H5", "pressure.csv", "--pressure"]) == 0
+    assert open_take("pressure.csv").recording.unit == "Pa"
+
+
+def test_load_gives_the_solution_of_a_drive(solution, tmp_path):
+    path = tmp_path / "A.Drive.H5"
+    save_solution(solution, path)
+    again = load(path)
+    assert isinstance(again, Solution)
+    np.testing.assert_array_equal(again.drive.phase, solution.drive.phase)
+    with pytest.raises(InputError, match="expected nothing to be said about a drive, got rate=1000"):
+        load(path, rate=1000.0)
+
+
+def test_load_gives_the_recording_of_all_else(take, tmp_path):
+    save(take[0], tmp_path / "a.h5")
+    assert isinstance(load(Path(tmp_path / "a.h5")), Recording)
