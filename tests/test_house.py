@@ -69,7 +69,7 @@ UNTESTED_BY_NAME = {
     "paper/figure9.py": "paper/test_paper.py",
     "paper/modes_compared.py": "paper/test_paper.py",
     "rig/bench/practice.py": "cli/commands/calibrate/test_apply.py",
-    "rig/loop/passes.py": "rig/loop/test_iteration.py",
+    "rig/looping/passes.py": "rig/looping/test_iteration.py",
     "rig/names/virtual_rig.py": "rig/names/test_source_names.py",
     "rig/playing/admitted.py": "cli/commands/test_play_arrays.py",
     "rig/takes/take_plan.py": "rig/takes/test_take.py",

@@ -17,7 +17,7 @@ from midair.rig.bench import (
     write_practice,
 )
 from midair.rig.doctor import check_up
-from midair.rig.loop import (
+from midair.rig.looping import (
     BudgetPlan,
     Loop,
     Picture,

@@ -12,7 +12,7 @@ from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.files import profile_named
 from midair.flow import felt, reproduce
 from midair.model import ControlGrid
-from midair.rig.loop.passes import Rig, play_pass, quiet
+from midair.rig.looping.passes import Rig, play_pass, quiet
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.playing.rerecording import rerecord, usual_exposure
 from midair.rig.state_folder import state_folder
@@ -103,7 +103,7 @@ def test_the_drive_is_found_in_what_a_real_sensor_heard(drive):
 
 
 def play_pass_with_tail(rig, tail=0.3):
-    import midair.rig.loop.passes as passes
+    import midair.rig.looping.passes as passes
 
     kept = passes.rerecord
     passes.rerecord = lambda *arguments, **others: kept(*arguments, tail=tail, **others)

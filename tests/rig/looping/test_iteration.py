@@ -10,9 +10,9 @@ from midair.datasets import probe_signal
 from midair.errors import InputError
 from midair.flow import felt
 from midair.model import ControlGrid
-from midair.rig.loop.correction_loop import run_loop
-from midair.rig.loop.iteration import iterated, lead_of, playable
-from midair.rig.loop.passes import Rig, led_in
+from midair.rig.looping.correction_loop import run_loop
+from midair.rig.looping.iteration import iterated, lead_of, playable
+from midair.rig.looping.passes import Rig, led_in
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.takes.capture import record
 from midair.settings import Settings
@@ -84,7 +84,7 @@ def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(cor
         tried.append(step)
         return replace(start, step=step, comparison=replace(start.comparison, waveform_error=2.0))
 
-    monkeypatch.setattr("midair.rig.loop.iteration.play_pass", worse)
+    monkeypatch.setattr("midair.rig.looping.iteration.play_pass", worse)
     skin = RIG.skin()
     with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
         rig = Rig(array=array, sensor=sensor)
@@ -102,7 +102,7 @@ def test_it_stops_when_it_no_longer_helps(corrected, monkeypatch):
         better = start.comparison.waveform_error * 0.9999
         return replace(start, step=step, comparison=replace(start.comparison, waveform_error=better))
 
-    monkeypatch.setattr("midair.rig.loop.iteration.play_pass", hardly)
+    monkeypatch.setattr("midair.rig.looping.iteration.play_pass", hardly)
     skin = RIG.skin()
     with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
         further = iterated(corrected.original, start, Rig(array=array, sensor=sensor), COARSE, 9)

@@ -21,7 +21,7 @@ from midair.physics import (
     simulate,
     transfer_matrix,
 )
-from midair.rig.loop.passes import Stage, led_in, quiet
+from midair.rig.looping.passes import Stage, led_in, quiet
 from midair.rig.names import VirtualRig
 from midair.settings import Settings
 from midair.targets import mapping_of

@@ -10,8 +10,8 @@ from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, admit
 from midair.errors import InputError
 from midair.flow import felt
 from midair.model import Calibration, PressureFrames, Progress
-from midair.rig.loop.iteration import iterated
-from midair.rig.loop.passes import Pass, Rig, Stage, led_in, play_pass, quiet
+from midair.rig.looping.iteration import iterated
+from midair.rig.looping.passes import Pass, Rig, Stage, led_in, play_pass, quiet
 from midair.rig.playing import rerecord, usual_exposure
 from midair.settings import Settings
 

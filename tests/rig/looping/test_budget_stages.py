@@ -8,7 +8,7 @@ import pytest
 from midair.datasets import probe_signal
 from midair.flow import felt
 from midair.model import ControlGrid
-from midair.rig.loop.budget_stages import BudgetPlan, error_budget, kept_in_band
+from midair.rig.looping.budget_stages import BudgetPlan, error_budget, kept_in_band
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.takes.capture import record
 from midair.settings import Settings

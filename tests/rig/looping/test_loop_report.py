@@ -5,8 +5,8 @@ import pytest
 
 from midair.flow import felt
 from midair.model import ControlGrid
-from midair.rig.loop.correction_loop import run_loop
-from midair.rig.loop.loop_report import render, settings_rows, versions, write_report
+from midair.rig.looping.correction_loop import run_loop
+from midair.rig.looping.loop_report import render, settings_rows, versions, write_report
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.takes.capture import record
 from midair.settings import Settings

@@ -25,7 +25,7 @@ from midair.figures import (
 )
 from midair.files import whole_file
 from midair.physics import propagate
-from midair.rig.loop.correction_loop import Loop
+from midair.rig.looping.correction_loop import Loop
 from midair.settings import Settings
 
 Row = tuple[str, ...]
@@ -67,7 +67,7 @@ def render(loop: Loop, *, commands: tuple[str, ...] = ()) -> str:
     last, card = loop.passes[-1], card_of_loop(loop)
     name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
     return render_page(
-        "rig/loop/report.html.j2",
+        "rig/looping/report.html.j2",
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=last.comparison.simulated,
         summary=_summary(loop),

@@ -9,7 +9,7 @@ from midair.correct import IterativeCorrection, measured_response
 from midair.evaluate import advance
 from midair.model import PressureFrames
 from midair.physics import focus_amplitude, radiation_pressure
-from midair.rig.loop.passes import Pass, Rig, Stage, play_pass, quiet
+from midair.rig.looping.passes import Pass, Rig, Stage, play_pass, quiet
 from midair.settings import Settings
 
 Array = NDArray[np.float64]

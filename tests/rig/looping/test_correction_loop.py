@@ -6,7 +6,7 @@ import pytest
 from midair.errors import MismatchError
 from midair.flow import felt
 from midair.model import ControlGrid, Recording
-from midair.rig.loop.correction_loop import beam_test, run_loop
+from midair.rig.looping.correction_loop import beam_test, run_loop
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.playing.rerecording import rerecord
 from midair.rig.takes.capture import record

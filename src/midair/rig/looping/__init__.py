@@ -1,0 +1,23 @@
+"""The loop: play, re-record, correct, play again, compare; its report, and where each loss comes from."""
+
+from midair.rig.looping.budget_stages import BudgetPlan, error_budget, kept_in_band
+from midair.rig.looping.correction_loop import Loop, run_loop
+from midair.rig.looping.iteration import lead_of
+from midair.rig.looping.loop_report import Picture, card_of_loop, pictures, write_report
+from midair.rig.looping.passes import Stage, led_in, quiet
+
+__all__ = [
+    "BudgetPlan",
+    "Loop",
+    "Picture",
+    "Stage",
+    "card_of_loop",
+    "error_budget",
+    "kept_in_band",
+    "lead_of",
+    "led_in",
+    "pictures",
+    "quiet",
+    "run_loop",
+    "write_report",
+]
