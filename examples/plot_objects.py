@@ -9,13 +9,13 @@ the brush. The synthetic strokes are made so; here they go through the virtual s
 import midair
 from midair.figures import spectra_figure
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import record
+from midair.rig.takes.capture import capture_recording
 
 rig = VirtualRig(seed=1)
 felt = []
 for name in ("brush", "towel", "sponge"):
     with rig.touched_by(name) as sensor:
-        recording = record(sensor, duration=1.28)
+        recording = capture_recording(sensor, duration=1.28)
     felt.append((name, midair.calibrate(recording, sensor.calibration)))
 
 # %%

@@ -2,56 +2,139 @@
 
 Records what an object does to skin, and plays it back on a bare palm with focused ultrasound::
 
-    recording = midair.load("towel.h5")
-    pressure = midair.calibrate(recording, calibration)
+    take = midair.record("virtual:towel", 1.0)
+    pressure = midair.calibrate(take.recording, take.calibration)
     target = midair.prepare(pressure)
-    solution = midair.solve(target, midair.model.TransducerArray.autd3())
-    field = midair.propagate(solution.drive, target.grid)
+    solution = midair.solve(target, midair.TransducerArray.autd3())
+    played = midair.play(solution, "virtual")
 
-Importing it loads NumPy and nothing else that is heavy.
+Verbs are functions here; what they hand to each other are nouns, all of them in `midair.model`; the rooms of the house
+are modules. Importing it loads NumPy and nothing else that is heavy: what many programs do without is imported when it
+is first asked for.
 """
 
 from importlib import import_module
-from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from midair import errors, model, physics
-
-# The stages are verbs: `midair.solve` is the function. The packages of the same name are imported by it first, so
-# that no later import of theirs can take the name.
 from midair.calibration import calibrate
 from midair.evaluate import compare
-from midair.files import load, load_calibration, save
+from midair.model import (
+    Acoustics,
+    AmplitudeFrames,
+    Calibration,
+    ControlGrid,
+    Drive,
+    Medium,
+    PressureFrames,
+    Recording,
+    SensorGrid,
+    Solution,
+    TransducerArray,
+)
 from midair.physics import propagate
 from midair.solvers import solve
 from midair.targets import prepare
 from midair.version import __version__
 
 if TYPE_CHECKING:
-    from midair import datasets, flow, recordings, study
+    from midair import (
+        calibration,
+        correct,
+        datasets,
+        devices,
+        dsp,
+        evaluate,
+        figures,
+        files,
+        flow,
+        paper,
+        recordings,
+        rig,
+        settings,
+        solvers,
+        study,
+        sweep,
+        targets,
+        testing,
+    )
+    from midair.files import load, load_calibration, open_take, save
+    from midair.rig import loop, open_rig, play, record
+    from midair.settings import Settings
 
 __all__ = [
+    "Acoustics",
+    "AmplitudeFrames",
+    "Calibration",
+    "ControlGrid",
+    "Drive",
+    "Medium",
+    "PressureFrames",
+    "Recording",
+    "SensorGrid",
+    "Settings",
+    "Solution",
+    "TransducerArray",
     "__version__",
     "calibrate",
+    "calibration",
     "compare",
+    "correct",
     "datasets",
-    "recordings",
+    "devices",
+    "dsp",
     "errors",
+    "evaluate",
+    "figures",
+    "files",
     "flow",
     "load",
     "load_calibration",
+    "loop",
     "model",
+    "open_rig",
+    "open_take",
+    "paper",
     "physics",
+    "play",
     "prepare",
     "propagate",
+    "record",
+    "recordings",
+    "rig",
     "save",
+    "settings",
     "solve",
+    "solvers",
     "study",
+    "sweep",
+    "targets",
+    "testing",
 ]
 
+_ELSEWHERE = {
+    "Settings": "midair.settings",
+    "load": "midair.files",
+    "load_calibration": "midair.files",
+    "loop": "midair.rig",
+    "open_rig": "midair.rig",
+    "open_take": "midair.files",
+    "play": "midair.rig",
+    "record": "midair.rig",
+    "save": "midair.files",
+}
+"""Names of this face that are imported when they are first asked for, and where from; other such names are rooms."""
 
-def __getattr__(name: str) -> ModuleType:
-    """The modules that many programs do without, imported when they are first asked for."""
-    if name in ("datasets", "flow", "recordings", "study"):
+
+def __getattr__(name: str) -> Any:
+    """What many programs do without, imported when it is first asked for."""
+    if name in _ELSEWHERE:
+        return getattr(import_module(_ELSEWHERE[name]), name)
+    if name in __all__:
         return import_module(f"midair.{name}")
     raise AttributeError(f"module 'midair' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """All names of this face, and no others."""
+    return sorted(__all__)

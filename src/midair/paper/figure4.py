@@ -9,7 +9,7 @@ from midair.figures import png, stimuli_figure
 from midair.flow import felt
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
-from midair.rig import Loop, Stage, VirtualRig, lead_of, quiet, record, run_loop
+from midair.rig import Loop, Stage, VirtualRig, capture_recording, lead_of, quiet, run_loop
 from midair.settings import Settings, best_mode, paper_mode
 
 STIMULI: Mapping[str, str] = MappingProxyType(
@@ -79,7 +79,7 @@ def recorded(rig: VirtualRig, thing: str, settings: Settings, duration: float) -
     """What the virtual sensor feels of something, without the first 80 ms in which the sensor settles."""
     settle = 0.08
     with rig.touched_by(thing, duration=duration + settle) as sensor:
-        pressure = felt(record(sensor, duration + settle), sensor.calibration, settings)
+        pressure = felt(capture_recording(sensor, duration + settle), sensor.calibration, settings)
     return pressure.cut(settle, duration)
 
 

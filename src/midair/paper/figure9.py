@@ -14,7 +14,7 @@ from midair.figures import objects_figure, png
 from midair.flow import felt
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
-from midair.rig import VirtualRig, record
+from midair.rig import VirtualRig, capture_recording
 from midair.settings import Settings, best_mode, paper_mode
 from midair.targets import MAPPINGS
 
@@ -60,7 +60,7 @@ def figure_9(*, takes: int = 5, paper: Settings | None = None, best: Settings | 
 def _stroke(name: str, surface: str, settings: Settings, seed: int) -> PressureFrames:
     rig = VirtualRig(seed=seed)
     with rig.touched_by(name + ("+groove" if surface == "groove" else "")) as sensor:
-        return felt(record(sensor, 1.26), sensor.calibration, settings)
+        return felt(capture_recording(sensor, 1.26), sensor.calibration, settings)
 
 
 def _pushed(stroke: PressureFrames, mapping: str) -> PressureFrames:

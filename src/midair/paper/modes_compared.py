@@ -11,7 +11,18 @@ from midair.flow import felt, wanted
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude
-from midair.rig import BudgetPlan, Loop, Stage, VirtualRig, error_budget, lead_of, led_in, quiet, record, run_loop
+from midair.rig import (
+    BudgetPlan,
+    Loop,
+    Stage,
+    VirtualRig,
+    capture_recording,
+    error_budget,
+    lead_of,
+    led_in,
+    quiet,
+    run_loop,
+)
 from midair.settings import Settings, best_mode, coarser, paper_mode
 
 SIGNALS = ("25+250 Hz", "noise", "bursts")
@@ -109,11 +120,11 @@ def original_of(thing: str, plan: FidelityPlan, settings: Settings) -> PressureF
     rig, skin = plan.rig, plan.rig.skin()
     if thing in OBJECTS:
         with rig.touched_by(thing) as sensor:
-            pressure = felt(record(sensor, 1.26), sensor.calibration, settings)
+            pressure = felt(capture_recording(sensor, 1.26), sensor.calibration, settings)
         return pressure.cut(0.55, plan.duration)
     touch = probe_signal(thing, duration=plan.duration, rate=skin.rate, sensor=skin.model.grid, seed=rig.seed)
     with rig.sensor(skin, touch=touch, name=f"virtual:{thing}") as sensor:
-        pressure = felt(record(sensor, plan.duration + 0.2), sensor.calibration, settings)
+        pressure = felt(capture_recording(sensor, plan.duration + 0.2), sensor.calibration, settings)
     return pressure.cut(0.1, plan.duration)
 
 

@@ -34,6 +34,7 @@ from midair.rig.looping import (
 )
 from midair.rig.names import VirtualRig, array_named, sensor_named
 from midair.rig.playing import play_admitted, rerecord, stop_playing, usual_exposure
+from midair.rig.recorder import OpenRig, Played, loop, open_rig, play, record
 from midair.rig.takes import (
     Drift,
     Levels,
@@ -42,8 +43,8 @@ from midair.rig.takes import (
     TakeOrder,
     TakePlan,
     View,
+    capture_recording,
     problems,
-    record,
     record_take,
     remember,
     remembered,
@@ -52,6 +53,12 @@ from midair.rig.takes import (
 )
 
 __all__ = [
+    "OpenRig",
+    "Played",
+    "loop",
+    "open_rig",
+    "play",
+    "record",
     "BudgetPlan",
     "Drift",
     "Identity",
@@ -86,7 +93,7 @@ __all__ = [
     "quiet",
     "read_quiet",
     "read_takes",
-    "record",
+    "capture_recording",
     "record_take",
     "remember",
     "remembered",

@@ -10,7 +10,7 @@ from midair.flow import felt
 from midair.model import ControlGrid
 from midair.rig.looping.budget_stages import BudgetPlan, error_budget, kept_in_band
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import record
+from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
 
 RIG = VirtualRig()
@@ -31,7 +31,7 @@ def recording(duration=0.08):
     skin = RIG.skin()
     touch = probe_signal("25+250 Hz", duration=duration, rate=skin.rate, sensor=skin.model.grid)
     with RIG.sensor(skin, touch=touch) as sensor:
-        return record(sensor, duration + 0.2), sensor.calibration
+        return capture_recording(sensor, duration + 0.2), sensor.calibration
 
 
 def budget_of(settings, lead):

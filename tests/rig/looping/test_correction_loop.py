@@ -6,10 +6,10 @@ import pytest
 from midair.errors import MismatchError
 from midair.flow import felt
 from midair.model import ControlGrid, Recording
+from midair.rig import rerecord, usual_exposure
 from midair.rig.looping.correction_loop import beam_test, run_loop
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.playing.rerecording import rerecord
-from midair.rig.takes.capture import record
+from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
 
 RIG = VirtualRig()
@@ -21,7 +21,7 @@ FREQUENCY = {"am-i": 100, "am-ii": 100, "am-iii": 25}
 
 def original(stimulus, settings, duration):
     with RIG.touched_by(stimulus, duration=duration) as sensor:
-        return felt(record(sensor, duration), sensor.calibration, settings)
+        return felt(capture_recording(sensor, duration), sensor.calibration, settings)
 
 
 def loop(stimulus, settings, duration):
@@ -73,10 +73,10 @@ def test_the_steps_of_a_rerecording_tell_its_life():
 
 
 def test_a_real_sensor_cannot_hear_a_virtual_array():
-    from midair.devices import ReplaySensor
+    from midair.devices import ReplaySensor, admit
 
     skin = RIG.skin()
     drive = loop("am-i", COARSE, 0.05).passes[0].reproduction.solution.drive
     real = ReplaySensor(Recording(samples=np.ones((9, 4, 4)), rate=1000.0))
     with RIG.array_device(skin) as array, real as sensor, pytest.raises(MismatchError, match="both real or both"):
-        rerecord(drive, array, sensor)
+        rerecord(admit(drive, array, usual_exposure()), array, sensor)

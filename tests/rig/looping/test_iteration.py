@@ -14,7 +14,7 @@ from midair.rig.looping.correction_loop import run_loop
 from midair.rig.looping.iteration import iterated, lead_of, playable
 from midair.rig.looping.passes import Rig, led_in
 from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import record
+from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
 
 RIG = VirtualRig()
@@ -25,7 +25,7 @@ def original(settings, duration=0.08):
     skin = RIG.skin()
     touch = probe_signal("25+250 Hz", duration=duration, rate=skin.rate, sensor=skin.model.grid)
     with RIG.sensor(skin, touch=touch) as sensor:
-        return felt(record(sensor, duration + 0.2), sensor.calibration, settings).cut(0.1, duration)
+        return felt(capture_recording(sensor, duration + 0.2), sensor.calibration, settings).cut(0.1, duration)
 
 
 def loop(settings, iterate, **others):

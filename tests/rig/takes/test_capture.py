@@ -5,7 +5,7 @@ from midair.devices import FrameBlock, ReplaySensor
 from midair.errors import DeviceError, InputError
 from midair.files import load
 from midair.model import Recording
-from midair.rig.takes.capture import record
+from midair.rig.takes.capture import capture_recording
 
 TAKE = Recording(samples=np.random.default_rng(0).random((250, 4, 4)), rate=1000.0)
 
@@ -21,7 +21,7 @@ class Losing(ReplaySensor):
 
 def test_what_was_recorded_is_what_the_sensor_gave(tmp_path):
     with ReplaySensor(TAKE) as sensor:
-        recording = record(sensor, 0.25, path=tmp_path / "take.h5", notes={"object": "none"})
+        recording = capture_recording(sensor, 0.25, path=tmp_path / "take.h5", notes={"object": "none"})
     np.testing.assert_array_equal(recording.samples, TAKE.samples)
     stored = load(tmp_path / "take.h5")
     np.testing.assert_allclose(stored.samples, TAKE.samples, rtol=1e-6)
@@ -31,13 +31,13 @@ def test_what_was_recorded_is_what_the_sensor_gave(tmp_path):
 
 def test_a_source_that_ends_early_gives_what_there_was():
     with ReplaySensor(TAKE) as sensor:
-        assert record(sensor, 10.0).frames == 250
+        assert capture_recording(sensor, 10.0).frames == 250
 
 
 def test_lost_frames_are_told_and_the_sensor_is_stopped(tmp_path):
     with Losing(TAKE) as sensor:
         with pytest.raises(DeviceError, match=r"lost frames before 0\.100 s"):
-            record(sensor, 0.25, path=tmp_path / "take.h5")
+            capture_recording(sensor, 0.25, path=tmp_path / "take.h5")
         with pytest.raises(Exception, match="start before read"):
             sensor.read(1)
     assert load(tmp_path / "take.h5").frames == 100, "what came before the loss is kept"
@@ -45,4 +45,4 @@ def test_lost_frames_are_told_and_the_sensor_is_stopped(tmp_path):
 
 def test_no_frame_is_refused():
     with ReplaySensor(TAKE) as sensor, pytest.raises(InputError, match="at least one frame"):
-        record(sensor, 0.0001)
+        capture_recording(sensor, 0.0001)

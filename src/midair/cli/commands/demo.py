@@ -6,7 +6,7 @@ from typing import Annotated
 from midair.cli.terminal import SolveOptions, Time, banner, out, print_figures, print_rows, quantity, stages
 from midair.files import save, save_solution
 from midair.flow import felt
-from midair.rig import Loop, VirtualRig, pictures, record, run_loop, write_report
+from midair.rig import Loop, VirtualRig, capture_recording, pictures, run_loop, write_report
 
 
 def demo_command(
@@ -48,7 +48,7 @@ def demo_command(
     banner(True)
     with stages() as stage:
         with rig.touched_by(object_name) as touched:
-            recording = record(
+            recording = capture_recording(
                 touched, 1.28, path=output / "stroke.h5", notes={"object": object_name}, progress=stage("record")
             )
         original = felt(recording, touched.calibration, settings).cut(start_at, duration)

@@ -1,6 +1,5 @@
 """The command `loop`: solve, play, re-record, correct, play again, compare, report."""
 
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -22,10 +21,10 @@ from midair.cli.terminal import (
     quantity,
     stages,
 )
-from midair.devices import ArrayDevice, SensorDevice, SilencerChoice, load_placement
+from midair.devices import SilencerChoice, load_placement
 from midair.errors import InputError
-from midair.files import load_calibration
-from midair.rig import Loop, VirtualRig, array_named, card_of_loop, lead_of, run_loop, sensor_named, write_report
+from midair.rig import Loop, OpenRig, card_of_loop, open_rig, write_report
+from midair.rig import loop as go_round
 from midair.settings import Settings
 
 
@@ -57,26 +56,24 @@ class RigOptions(ExposureOptions):
     placement: Path | None = None
     seed: int = 0
 
-    def devices(self, settings: Settings) -> tuple[ArrayDevice, SensorDevice]:
-        """The array and the sensor, neither open yet."""
-        rig = VirtualRig(seed=self.seed, height=settings.target.grid.height)
-        if self.device == "virtual":
-            if self.sensor or self.calibration or self.placement:
-                raise InputError("virtual array: expected no sensor, calibration or placement; it brings its own")
-            skin = rig.skin()
-            array = rig.array_device(skin)
-            array.silencer = self.silencer or "off"
-            return array, rig.sensor(skin)
-        placement = None if self.placement is None else load_placement(self.placement)
-        array = array_named(self.device, placement, silencer=self.silencer or "auto")
-        if self.sensor is None or self.calibration is None:
+    def rig(self, settings: Settings) -> OpenRig:
+        """Array and sensor, neither open yet."""
+        rig = open_rig(
+            self.device,
+            self.sensor,
+            calibration=self.calibration,
+            placement=None if self.placement is None else load_placement(self.placement),
+            silencer=self.silencer,
+            exposure=self.choices(),
+            height=settings.target.grid.height,
+            seed=self.seed,
+        )
+        if self.device != "virtual" and (self.sensor is None or self.calibration is None):
             raise InputError(
                 f"loop on {self.device}: expected --sensor and its --calibration, which must hear the array; got "
                 f"{self.sensor or 'no sensor'} and {self.calibration or 'no calibration'}"
             )
-        sensor = sensor_named(self.sensor, rig)
-        sensor.calibration = load_calibration(self.calibration)
-        return array, sensor
+        return rig
 
 
 def loop_command(
@@ -123,25 +120,12 @@ def loop_command(
     """
     target = output or Path(source.name.removesuffix(source.suffix) + ".html")
     settings = (options or SolveOptions()).settings()
-    chosen = rig or RigOptions()
-    array, sensor = chosen.devices(settings)
+    opened = (rig or RigOptions()).rig(settings)
     may_write(target, force)
     original = felt_part(source, settings, start_at, duration)
-    banner(array.simulated or original.provenance.simulated)
-    with stages() as stage, ExitStack() as stack:
-        stack.enter_context(array)
-        stack.enter_context(sensor)
-        loop = run_loop(
-            original,
-            array,
-            sensor,
-            settings,
-            corrections=corrections,
-            iterate=iterate,
-            exposure=chosen.choices(),
-            lead=lead_of(settings) if lead is None else lead,
-            stage=stage,
-        )
+    banner(opened.array.simulated or original.provenance.simulated)
+    with stages() as stage, opened:
+        loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
     again = f" --iterate {iterate}" if iterate else ""
     write_report(loop, target, commands=(f"midair loop {source.name} {target.name}{again}",))
     _print(loop, target, json)

@@ -1,6 +1,6 @@
 """Record: takes of a sensor, watched while they run."""
 
-from midair.rig.takes.capture import record
+from midair.rig.takes.capture import capture_recording
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Levels
 from midair.rig.takes.take import record_take
@@ -17,7 +17,7 @@ __all__ = [
     "TakePlan",
     "View",
     "problems",
-    "record",
+    "capture_recording",
     "record_take",
     "remember",
     "remembered",

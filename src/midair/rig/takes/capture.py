@@ -10,7 +10,7 @@ from midair.files import RecordingWriter, open_take
 from midair.model import Progress, Provenance, Recording
 
 
-def record(
+def capture_recording(
     sensor: SensorDevice,
     duration: float,
     *,
