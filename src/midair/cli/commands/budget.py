@@ -6,6 +6,8 @@ from typing import Annotated
 from rich.table import Table
 
 from midair.cli.terminal import (
+    Force,
+    Json,
     SolveOptions,
     Time,
     banner,
@@ -35,8 +37,8 @@ def budget_command(
     silencer: SilencerChoice = "auto",
     lead: Annotated[float | None, quantity("s")] = None,
     seed: int = 0,
-    force: bool = False,
-    json: bool = False,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Tell what each stage of a reproduction on the virtual rig loses: mapping, solver, hold, transducers, sensor.
 
@@ -61,8 +63,6 @@ def budget_command(
         Silence around what is played, in which a bias can rise; 100 ms for mappings with one if not given.
     seed
         Of the virtual rig.
-    force
-        Write over a figure that is there.
     json
         Print JSON for a program.
     """

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from midair.cli.terminal import (
     BandOptions,
+    Json,
     banner,
     card_of,
     felt_part,
@@ -24,7 +25,7 @@ def compare_command(
     /,
     *,
     options: BandOptions | None = None,
-    json: bool = False,
+    json: Json = False,
 ) -> None:
     """Compare a re-recording with its original: waveform, spectrum, level, place, delay, and what skin makes of it.
 
@@ -38,8 +39,6 @@ def compare_command(
         What was re-recorded of its reproduction.
     options
         Of the band, where the re-recording does not say.
-    json
-        Print JSON for a program.
     """
     again = open_take(reproduced).recording
     settings = made_with(again.provenance, (options or BandOptions()).settings())

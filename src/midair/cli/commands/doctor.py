@@ -4,11 +4,11 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from midair.cli.terminal import out, print_json
+from midair.cli.terminal import Json, out, print_json
 from midair.rig import check_up
 
 
-def doctor_command(*, device: str | None = None, json: bool = False) -> int:
+def doctor_command(*, device: str | None = None, json: Json = False) -> int:
     """Look at what is installed and what works here, and say what to do about what does not.
 
     Leaves with 1 when something that is needed is broken.
@@ -18,8 +18,6 @@ def doctor_command(*, device: str | None = None, json: bool = False) -> int:
     device
         An array to open and ask: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE. It stays silent. Or a
         sensor to listen to for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
-    json
-        Print JSON for a program.
     """
     findings = check_up(device)
     if json:

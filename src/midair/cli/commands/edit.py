@@ -9,7 +9,9 @@ from cyclopts import Parameter
 
 from midair import recordings
 from midair.cli.terminal import (
+    Force,
     Frequency,
+    Json,
     Time,
     keep,
     may_write,
@@ -33,8 +35,8 @@ def cut_command(
     *,
     start: Time = 0.0,
     end: Annotated[float | None, quantity("s")] = None,
-    force: bool = False,
-    json: bool = False,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Keep a part of a recording.
 
@@ -48,8 +50,6 @@ def cut_command(
         Of the part.
     end
         Of the part; the recording's own if not given.
-    force
-        Write over a file that is there.
     json
         Print JSON for a program.
     """
@@ -57,15 +57,13 @@ def cut_command(
     _write(recordings.cut(open_take(source).recording, start, end), [source], output, json=json)
 
 
-def join_command(*files: Path, force: bool = False, json: bool = False) -> None:
+def join_command(*files: Path, force: Force = False, json: Json = False) -> None:
     """Put recordings of the same sensor one behind the other.
 
     Parameters
     ----------
     files
         Two recordings or more, and last the name of the whole.
-    force
-        Write over a file that is there.
     json
         Print JSON for a program.
     """
@@ -77,7 +75,7 @@ def join_command(*files: Path, force: bool = False, json: bool = False) -> None:
 
 
 def resample_command(
-    source: Path, output: Path, /, *, rate: Frequency, force: bool = False, json: bool = False
+    source: Path, output: Path, /, *, rate: Frequency, force: Force = False, json: Json = False
 ) -> None:
     """Bring a recording to another rate.
 
@@ -89,8 +87,6 @@ def resample_command(
         The same at the new rate.
     rate
         New frames per second.
-    force
-        Write over a file that is there.
     json
         Print JSON for a program.
     """
@@ -105,8 +101,8 @@ def trim_command(
     *,
     share: float = 0.05,
     margin: Time = 0.05,
-    force: bool = False,
-    json: bool = False,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Take the silence away from both ends of a recording.
 
@@ -120,8 +116,6 @@ def trim_command(
         Of the largest change of any channel, below which all is silent.
     margin
         That is kept at both ends.
-    force
-        Write over a file that is there.
     json
         Print JSON for a program.
     """
@@ -136,8 +130,8 @@ def gain_command(
     *,
     by: Annotated[str, Parameter(allow_leading_hyphen=True)],
     channels: Names = (),
-    force: bool = False,
-    json: bool = False,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Make a recording stronger or weaker.
 
@@ -151,8 +145,6 @@ def gain_command(
         A factor, such as 2 or 0.5, or decibels, such as 6dB.
     channels
         Only these, by number from 0, with commas.
-    force
-        Write over a file that is there.
     json
         Print JSON for a program.
     """
@@ -172,8 +164,8 @@ def mask_command(
     *,
     channels: Names,
     fill: recordings.Fill = "zero",
-    force: bool = False,
-    json: bool = False,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Silence some channels of a recording, or replace them by their neighbours.
 
@@ -187,8 +179,6 @@ def mask_command(
         By number from 0, row by row, with commas.
     fill
         zero, or the mean of the neighbours that are not masked.
-    force
-        Write over a file that is there.
     json
         Print JSON for a program.
     """

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from midair.cli.terminal import may_write, print_figures, print_json, print_rows
+from midair.cli.terminal import Force, Json, may_write, print_figures, print_json, print_rows
 from midair.figures import exposure_figure, png
 from midair.files import DEFAULT_PROFILE, load_solution, profile_named
 from midair.physics import Exposure, exposure
@@ -16,8 +16,8 @@ def exposure_command(
     profiles: Path | None = None,
     repeats: int = 1,
     figure: Path | None = None,
-    force: bool = False,
-    json: bool = False,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Work out the sound level of every frame of a drive at ears and palm, and hold it against a profile.
 
@@ -35,8 +35,6 @@ def exposure_command(
         How often the drive would be played, for the dose.
     figure
         Where to draw the levels, NAME.png; NAME.exposure.png if not given.
-    force
-        Write over a file that is there.
     json
         Print JSON for a program, and draw only if a figure is named.
     """

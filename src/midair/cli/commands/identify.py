@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.text import Text
 
-from midair.cli.terminal import Keys, banner, out, print_json, quantity
+from midair.cli.terminal import Json, Keys, banner, out, print_json, quantity
 from midair.devices import SensorDevice
 from midair.errors import InputError
 from midair.files import load_sensor, save_sensor
@@ -29,7 +29,7 @@ def identify_command(
     wait: Time = 10.0,
     tones: Annotated[tuple[float, float] | None, quantity("Hz", many=2)] = None,
     duration: Time = 2.0,
-    json: bool = False,
+    json: Json = False,
     seed: int = 0,
 ) -> int:
     """Find out which channel is which cell: tap each cell when its turn comes, row by row from the top left.
@@ -51,8 +51,6 @@ def identify_command(
         Instead of taps, a tone in each cell: the frequencies of the first and the last cell, the others evenly between.
     duration
         To listen to the tones.
-    json
-        Print JSON for a program.
     seed
         Of a virtual sensor.
     """

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from midair.cli.terminal import (
     FileOptions,
+    Force,
+    Json,
     as_recording,
     bring,
     calibrated_by,
@@ -32,8 +34,8 @@ def import_command(
     options: FileOptions | None = None,
     sensitivity: str | None = None,
     peak: Pressure = None,
-    force: bool = False,
-    json: bool = False,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Bring a file of any program into a recording, and say what was assumed.
 
@@ -53,8 +55,6 @@ def import_command(
         Output of every channel per pressure, such as 20mV/Pa or 2count/Pa.
     peak
         The largest change of any channel is to mean this pressure, such as 30Pa.
-    force
-        Write over a file that is there.
     json
         Print JSON for a program.
     """
@@ -74,7 +74,7 @@ def import_command(
 
 
 def export_command(
-    source: Path, output: Path, /, *, pressure: bool = False, force: bool = False, json: bool = False
+    source: Path, output: Path, /, *, pressure: bool = False, force: Force = False, json: Json = False
 ) -> None:
     """Write a recording to the format that the output's name says, and say what that format cannot hold.
 
@@ -86,8 +86,6 @@ def export_command(
         NAME.csv, .wav, .npz, .mat, .nc (NetCDF), .hjif (MPEG haptics), .ahap (Apple) or .h5.
     pressure
         Write the calibrated pressure instead of what the sensor said.
-    force
-        Write over a file that is there.
     json
         Print JSON for a program.
     """

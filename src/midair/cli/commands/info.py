@@ -5,21 +5,19 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.cli.terminal import banner, calibrated_by, print_json, print_rows, recording_rows
+from midair.cli.terminal import Json, banner, calibrated_by, print_json, print_rows, recording_rows
 from midair.files import contents, load_calibration, load_pressure, load_solution, open_take
 from midair.model import Provenance, Setting
 from midair.rig import calibration_rows, uncertainty_of
 
 
-def info_command(source: Path, /, *, json: bool = False) -> None:
+def info_command(source: Path, /, *, json: Json = False) -> None:
     """Say what a recording, a drive or a calibration holds, where it came from, and what was done to it.
 
     Parameters
     ----------
     source
         NAME.h5, NAME.drive.h5, NAME.calibration.h5, or any recording that can be imported.
-    json
-        Print JSON for a program.
     """
     rows, provenance = _rows_of_file(source)
     if json:

@@ -8,6 +8,8 @@ from cyclopts import Parameter
 
 from midair.cli.terminal import (
     ExposureOptions,
+    Force,
+    Json,
     SolveOptions,
     Time,
     banner,
@@ -88,8 +90,8 @@ def loop_command(
     corrections: int = 1,
     iterate: int = 0,
     lead: Annotated[float | None, quantity("s")] = None,
-    force: bool = False,
-    json: bool = False,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Take a recording through everything: solve, play, re-record, correct, play again, compare, report.
 
@@ -113,8 +115,6 @@ def loop_command(
         How often at most to correct the waveform and play again after that; it ends earlier when nothing helps.
     lead
         Silence around what is played, in which a bias can rise; 100 ms for mappings with one if not given.
-    force
-        Write over a file that is there.
     json
         Print JSON for a program.
     """

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from midair.cli.terminal import banner, may_write, out, print_json, print_rows, quantity, stages
+from midair.cli.terminal import Force, Json, banner, may_write, out, print_json, print_rows, quantity, stages
 from midair.paper import FidelityPlan, PaperResult, StimuliPlan, fidelity_table, figure_3, figure_4, figure_9
 from midair.rig import VirtualRig
 
@@ -23,8 +23,8 @@ def paper_command(
     duration: Annotated[float, quantity("s")] = 0.12,
     iterate: int = 6,
     seed: int = 0,
-    force: bool = False,
-    json: bool = False,
+    force: Force = False,
+    json: Json = False,
 ) -> None:
     """Make the paper's figures again on a virtual rig, in the paper's mode and in the best one, with their numbers.
 
@@ -51,8 +51,6 @@ def paper_command(
         Passes at most of the iterative correction in the fidelity; the best mode of figure 4 makes one, if any.
     seed
         Of the virtual rig.
-    force
-        Write over files that are there.
     json
         Print JSON for a program.
     """

@@ -11,8 +11,10 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from midair.cli.terminal import (
+    Json,
     Keys,
     MeterScreen,
+    Quiet,
     banner,
     parse_quantity,
     print_json,
@@ -109,8 +111,8 @@ def record_command(
     options: TakeOptions | None = None,
     sensor_file: Annotated[Path | None, Parameter(name="--sensor")] = None,
     real_time: bool = False,
-    quiet: bool = False,
-    json: bool = False,
+    quiet: Quiet = False,
+    json: Json = False,
     seed: int = 0,
 ) -> int:
     """Record a sensor into a file, which is written as the frames come.
@@ -132,8 +134,6 @@ def record_command(
         NAME.toml, which says what channel is which cell, and what the numbers mean.
     real_time
         Let a virtual or replayed sensor take its time.
-    quiet
-        Say only what goes wrong, and what was recorded.
     json
         Print JSON for a program.
     seed

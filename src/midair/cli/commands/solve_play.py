@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from midair.cli.terminal import (
+    Force,
     PlayOptions,
     SolveOptions,
     Time,
@@ -33,7 +34,7 @@ def solve_command(
     start_at: Time = 0.0,
     duration: Annotated[float | None, quantity("s")] = None,
     placement: Path | None = None,
-    force: bool = False,
+    force: Force = False,
 ) -> None:
     """Work out the drive with which the array presses as the sensor felt, frame by frame.
 
@@ -51,8 +52,6 @@ def solve_command(
         How much of the recording; all that is left if not given.
     placement
         TOML file with position and rotation of the array's units; two by two side by side if not given.
-    force
-        Write over a file that is there.
     """
     settings = (options or SolveOptions()).settings()
     array = TransducerArray.autd3() if placement is None else load_placement(placement).array()
@@ -84,7 +83,7 @@ def play_command(
     device: str = "virtual",
     output: Path | None = None,
     seed: int = 0,
-    force: bool = False,
+    force: Force = False,
     options: PlayOptions | None = None,
 ) -> None:
     """Play a drive, and re-record what it presses when the device is virtual.
@@ -104,8 +103,6 @@ def play_command(
         The re-recording of a virtual device; NAME.rerecorded.h5 if not given.
     seed
         Of the virtual rig's strengths and noise.
-    force
-        Write over a file that is there.
     options
         Of exposure and of arrays.
     """

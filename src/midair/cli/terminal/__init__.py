@@ -9,7 +9,7 @@ from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
 from midair.cli.terminal.keys import Keys, signals_noted
 from midair.cli.terminal.meter_screen import MeterScreen
 from midair.cli.terminal.nominal import nominal_calibration, stated_sensitivity
-from midair.cli.terminal.options import BandOptions, Frequency, Length, SolveOptions, Time
+from midair.cli.terminal.options import BandOptions, Force, Frequency, Json, Length, Quiet, SolveOptions, Time
 from midair.cli.terminal.originals import felt_part, made_with, same_part
 from midair.cli.terminal.play_options import PlayOptions, play_on_array
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
@@ -20,12 +20,15 @@ __all__ = [
     "BandOptions",
     "ExposureOptions",
     "FileOptions",
+    "Force",
     "Frequency",
+    "Json",
     "Keys",
     "Length",
     "MeterScreen",
     "OutputOptions",
     "PlayOptions",
+    "Quiet",
     "SolveOptions",
     "Time",
     "as_recording",

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from midair.cli.terminal.console import banner, print_json, print_rows
 from midair.cli.terminal.keeping import may_write
+from midair.cli.terminal.options import Force, Json
 from midair.errors import MismatchError, MissingFileError
 from midair.files import CALIBRATION_SUFFIX, load_calibration, save_calibration
 from midair.model import Calibration, SensorGrid
@@ -31,8 +32,6 @@ class OutputOptions:
         An older calibration of the same sensor: the new one gets the next version, and is compared with it.
     figure
         A page that shows it, NAME.png or NAME.html.
-    force
-        Write over files that are there.
     json
         Print JSON for a program.
     """
@@ -41,8 +40,8 @@ class OutputOptions:
     date: str | None = None
     supersedes: Path | None = None
     figure: Path | None = None
-    force: bool = False
-    json: bool = False
+    force: Force = False
+    json: Json = False
 
     @property
     def day(self) -> str:

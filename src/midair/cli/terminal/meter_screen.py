@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from midair.cli.terminal.keys import Keys, Signals
+from midair.cli.terminal.options import Quiet
 from midair.devices import SensorDevice
 from midair.model import Event
 from midair.rig import Drift, Levels, TakeOrder, View, told
@@ -47,7 +48,7 @@ class MeterScreen:
         keys: Keys,
         signals: Signals,
         *,
-        quiet: bool = False,
+        quiet: Quiet = False,
         every: float = 10.0,
     ) -> None:
         self._sensor, self._console, self._keys, self._signals = sensor, console, keys, signals

@@ -8,6 +8,8 @@ import numpy as np
 from midair.calibration import calibrate
 from midair.cli.terminal import (
     BandOptions,
+    Force,
+    Json,
     banner,
     calibrated_by,
     given_calibration,
@@ -78,7 +80,7 @@ def apply_command(
     )
 
 
-def show_command(source: Path, page: Path | None = None, /, *, force: bool = False, json: bool = False) -> None:
+def show_command(source: Path, page: Path | None = None, /, *, force: Force = False, json: Json = False) -> None:
     """Say what a calibration is worth, and draw its page.
 
     Parameters
@@ -87,8 +89,6 @@ def show_command(source: Path, page: Path | None = None, /, *, force: bool = Fal
         NAME.calibration.h5, or a recording that has one.
     page
         NAME.png or NAME.html.
-    force
-        Write over a file that is there.
     json
         Print JSON for a program.
     """

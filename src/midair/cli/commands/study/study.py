@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 from rich.console import Console
 
-from midair.cli.terminal import ExposureOptions, say
+from midair.cli.terminal import ExposureOptions, Json, say
 from midair.errors import InputError, MissingFileError
 from midair.study import (
     ArrayPresenter,
@@ -142,7 +142,7 @@ def analyse_command(
     output: Path | None = None,
     seed: int = 0,
     draws: int = 10_000,
-    json: bool = False,
+    json: Json = False,
     participant: str = "participant",
     presented: str = "",
     answered: str = "",
@@ -163,8 +163,6 @@ def analyse_command(
         Of permutations and bootstrap.
     draws
         Number of permutations.
-    json
-        Print the findings for a program.
     participant
         Column of who answered.
     presented

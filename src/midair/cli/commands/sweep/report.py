@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from midair.cli.terminal import out, print_json, show_patterns, show_trials
+from midair.cli.terminal import Json, out, print_json, show_patterns, show_trials
 from midair.sweep import (
     PatternResults,
     TrialReport,
@@ -14,7 +14,7 @@ from midair.sweep import (
 )
 
 
-def report_command(source: Path, /, *, output: Path | None = None, json: bool = False) -> None:
+def report_command(source: Path, /, *, output: Path | None = None, json: Json = False) -> None:
     """Tables (CSV) and figures (PNG) of a sweep, finished or not.
 
     Of patterns: histogram of E, examples, E over strength and height. Of recordings: how E is spread in each trial.
@@ -25,8 +25,6 @@ def report_command(source: Path, /, *, output: Path | None = None, json: bool = 
         NAME.zarr.
     output
         Folder for the files; NAME.report if not given.
-    json
-        Print JSON for a program.
     """
     folder, results = output or source.with_suffix(".report"), load_sweep(source)
     if results.kind == "recordings":
