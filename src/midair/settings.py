@@ -442,6 +442,21 @@ CHOICES: tuple[Choice, ...] = (
 """What can be chosen by name, in the order of the way."""
 
 
+def beside_paper(mode: Mode, paper: Settings, other: Settings | None = None) -> dict[str, Settings]:
+    """The paper's mode and another one by their names, paper first; the paper's alone if that is the other one.
+
+    Parameters
+    ----------
+    mode : {"paper", "best", "quick"}
+        The other one.
+    paper : Settings
+        Of the paper's mode.
+    other : Settings, optional
+        In place of the other mode's own.
+    """
+    return {"paper": paper} if mode == "paper" else {"paper": paper, mode: other or MODES[mode]()}
+
+
 def coarser(settings: Settings, points: int) -> Settings:
     """The same with fewer control points over the same square, for a quick look."""
     grid = settings.target.grid

@@ -71,6 +71,13 @@ def test_both_modes_are_compared_at_the_same_strength():
         assert target_strength(original, scaled.but(precompensate=False), plan.rig) == pytest.approx(0.1, rel=0.25)
 
 
+def test_what_stands_beside_the_paper_s_mode_is_chosen_by_name():
+    assert {row["mode"] for row in figure_9(takes=1, mode="paper").rows} == {"paper"}
+    assert {row["mode"] for row in figure_9(takes=1, mode="quick").rows} == {"paper", "quick"}
+    assert list(FidelityPlan(mode="quick").modes) == ["paper", "quick"]
+    assert list(FidelityPlan(mode="paper").modes) == ["paper"]
+
+
 @pytest.mark.slow
 def test_the_fidelity_table_has_both_modes_of_each_thing_and_both_loops():
     plan = FidelityPlan(things=("25+250 Hz",), paper=PAPER, best=BEST, duration=0.08, passes=1, points=6)

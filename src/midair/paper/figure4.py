@@ -10,7 +10,7 @@ from midair.flow import felt
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.rig import Loop, Stage, VirtualRig, capture_recording, lead_of, quiet, run_loop
-from midair.settings import Settings, best_mode, paper_mode
+from midair.settings import Mode, Settings, beside_paper, paper_mode
 
 STIMULI: Mapping[str, str] = MappingProxyType(
     {"i: 100 Hz": "am-i", "ii: two points": "am-ii", "iii: 25 + 250 Hz": "am-iii"}
@@ -25,7 +25,9 @@ class StimuliPlan:
     Attributes
     ----------
     paper, best : Settings
-        The two modes.
+        The two modes; the other mode's own settings if None.
+    mode : {"paper", "best", "quick"}
+        What is put beside the paper's.
     duration : float
         Of each stimulus, in s; a multiple of 40 ms.
     corrections : int
@@ -37,7 +39,8 @@ class StimuliPlan:
     """
 
     paper: Settings = field(default_factory=paper_mode)
-    best: Settings = field(default_factory=best_mode)
+    best: Settings | None = None
+    mode: Mode = "best"
     duration: float = 0.12
     corrections: int = 1
     iterate: int = 1
@@ -58,8 +61,8 @@ def figure_4(plan: StimuliPlan | None = None, *, stage: Stage = quiet) -> PaperR
     rows: list[Row] = []
     shown: dict[str, dict[str, PressureFrames]] = {}
     for name, thing in STIMULI.items():
-        modes = {"paper mode": (plan.paper, 0), "best mode": (plan.best, plan.iterate)}
-        for mode, (settings, iterate) in modes.items():
+        for name, settings in beside_paper(plan.mode, plan.paper, plan.best).items():
+            mode, iterate = f"{name} mode", 0 if name == "paper" else plan.iterate
             original = recorded(plan.rig, thing, settings, plan.duration)
             loop = reproduced(
                 original, plan, settings, iterate, lambda what, m=mode, n=name: stage(f"{n[:3]} {m}: {what}")

@@ -15,7 +15,7 @@ from midair.flow import felt
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.rig import VirtualRig, capture_recording
-from midair.settings import Settings, best_mode, paper_mode
+from midair.settings import Mode, Settings, beside_paper, paper_mode
 from midair.targets import MAPPINGS
 
 CHANNELS = (2, 6, 10, 14)
@@ -24,7 +24,9 @@ CHANNELS = (2, 6, 10, 14)
 BANDS: Mapping[str, tuple[float, float]] = {"20_300_hz": (20.0, 300.0), "300_470_hz": (300.0, 470.0)}
 
 
-def figure_9(*, takes: int = 5, paper: Settings | None = None, best: Settings | None = None) -> PaperResult:
+def figure_9(
+    *, takes: int = 5, paper: Settings | None = None, best: Settings | None = None, mode: Mode = "best"
+) -> PaperResult:
     """Record strokes of the three objects and show the spectra of what each mode is to push.
 
     Parameters
@@ -34,20 +36,24 @@ def figure_9(*, takes: int = 5, paper: Settings | None = None, best: Settings | 
         are means of the power over all.
     paper, best : Settings, optional
         The two modes; their mappings count here.
+    mode : {"paper", "best", "quick"}
+        What is put beside the paper's.
     """
-    modes = {"paper": paper or paper_mode(), "best": best or best_mode()}
+    modes = beside_paper(mode, paper or paper_mode(), best)
     rows: list[Row] = []
     shown: dict[str, dict[str, PressureFrames]] = {}
     for surface, name in product(("plain", "groove"), get_args(Object)):
         strokes = [_stroke(name, surface, modes["paper"], seed) for seed in range(takes)]
-        for mode, settings in modes.items():
+        for which, settings in modes.items():
             pushed = [_pushed(stroke, settings.target.mapping) for stroke in strokes]
             shown.setdefault(f"{surface}, {settings.target.mapping}", {})[name] = pushed[0]
             levels = {
                 f"level_{band}_db": float(10 * np.log10(np.mean([_power(each, BANDS[band]) for each in pushed])))
                 for band in BANDS
             }
-            rows.append({"object": name, "surface": surface, "mode": mode, "mapping": settings.target.mapping} | levels)
+            rows.append(
+                {"object": name, "surface": surface, "mode": which, "mapping": settings.target.mapping} | levels
+            )
     return PaperResult(
         name="figure9",
         title="Spectra of the synthetic objects, as in the paper's Fig. 9",

@@ -23,7 +23,7 @@ from midair.rig import (
     quiet,
     run_loop,
 )
-from midair.settings import Settings, best_mode, coarser, paper_mode
+from midair.settings import Mode, Settings, beside_paper, coarser, paper_mode
 
 SIGNALS = ("25+250 Hz", "noise", "bursts")
 OBJECTS = ("brush", "sponge", "towel")
@@ -38,7 +38,9 @@ class FidelityPlan:
     things : tuple of str
         Test signals and objects.
     paper, best : Settings
-        The two modes.
+        The two modes; the other mode's own settings if None.
+    mode : {"paper", "best", "quick"}
+        What is put beside the paper's.
     strength : float
         Of the target in both modes.
     duration : float
@@ -53,7 +55,8 @@ class FidelityPlan:
 
     things: tuple[str, ...] = (*SIGNALS, *OBJECTS)
     paper: Settings = field(default_factory=paper_mode)
-    best: Settings = field(default_factory=best_mode)
+    best: Settings | None = None
+    mode: Mode = "best"
     strength: float = 0.15
     duration: float = 0.12
     passes: int = 6
@@ -68,7 +71,7 @@ class FidelityPlan:
     @property
     def modes(self) -> Mapping[str, Settings]:
         """The two modes by their names."""
-        return {"paper": self.paper, "best": self.best}
+        return beside_paper(self.mode, self.paper, self.best)
 
 
 def fidelity_table(plan: FidelityPlan | None = None, *, stage: Stage = quiet) -> PaperResult:

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 from midair.cli.terminal import Force, Json, banner, may_write, out, print_json, print_rows, quantity, stages
 from midair.paper import FidelityPlan, PaperResult, StimuliPlan, fidelity_table, figure_3, figure_4, figure_9
 from midair.rig import VirtualRig
+from midair.settings import Mode
 
 Number = Literal[3, 4, 9]
 
@@ -18,6 +19,7 @@ def paper_command(
     *,
     figure: Annotated[tuple[Number, ...], Parameter(consume_multiple=True)] = (),
     fidelity: bool = False,
+    mode: Mode = "best",
     things: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = FidelityPlan().things,
     strength: float = 0.15,
     duration: Annotated[float, quantity("s")] = 0.12,
@@ -41,6 +43,8 @@ def paper_command(
         All three and the fidelity if neither is given.
     fidelity
         Error budgets of test signals and objects in both modes at one strength, and iterative correction in both.
+    mode
+        What is put beside the paper's mode: best or quick; paper for nothing.
     things
         Of the fidelity: 25+250 Hz, noise, bursts, brush, sponge, towel.
     strength
@@ -62,16 +66,18 @@ def paper_command(
     with stages() as stage:
         if 3 in chosen:
             _check(folder, "figure3", force)
-            results.append(figure_3(strength=strength))
+            results.append(figure_3(strength=strength, mode=mode))
         if 9 in chosen:
             _check(folder, "figure9", force)
-            results.append(figure_9())
+            results.append(figure_9(mode=mode))
         if 4 in chosen:
             _check(folder, "figure4", force)
-            results.append(figure_4(StimuliPlan(duration=duration, iterate=min(iterate, 1), rig=rig), stage=stage))
+            results.append(
+                figure_4(StimuliPlan(duration=duration, iterate=min(iterate, 1), rig=rig, mode=mode), stage=stage)
+            )
         if fidelity or everything:
             _check(folder, "fidelity", force)
-            plan = FidelityPlan(things=things, strength=strength, duration=duration, passes=iterate, rig=rig)
+            plan = FidelityPlan(things=things, strength=strength, duration=duration, passes=iterate, rig=rig, mode=mode)
             results.append(fidelity_table(plan, stage=stage))
     for result in results:
         written = result.write(folder)
