@@ -7,6 +7,7 @@ from sphinx_gallery.scrapers import figure_rst
 
 from midair import __version__
 from midair.files.native.schema import HEADER, NETCDF, TABLE, as_markdown
+from midair.settings import choices_table
 
 
 def figure_scraper(_: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
@@ -43,6 +44,7 @@ html_static_path: list[str] = []
 
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence", "substitution"]
 myst_substitutions = {
+    "settings_table": choices_table(),
     "header_table": as_markdown(HEADER),
     "netcdf_table": as_markdown(NETCDF),
     **{f"{kind}_table": as_markdown(entries) for kind, entries in TABLE.items()},

@@ -27,6 +27,7 @@ WHOLE_SUITES = {
     "devices/sensors/test_sensor_contract.py": "one contract, each kind of sensor",
     "devices/test_contract.py": "one contract, each kind of array",
     "files/test_mutations.py": "damaged files of every format",
+    "test_docs.py": "README and the pages of docs",
     "files/test_one_way_in.py": "every format and every command that opens one",
     "files/test_real_recordings.py": "files that other programs wrote",
     "paper/test_paper.py": "the paper's figures made again, with few points",

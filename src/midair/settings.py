@@ -442,6 +442,28 @@ CHOICES: tuple[Choice, ...] = (
 """What can be chosen by name, in the order of the way."""
 
 
+def spelt(value: Any, unit: str = "") -> str:
+    """A value as a person would type it: lengths in millimetres, yes and no, nothing for a solver's own choice."""
+    if value is None:
+        return "none" if unit else "its own"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, tuple):
+        return " ".join(spelt(each, unit) for each in value)
+    if unit == "m":
+        return f"{1e3 * value:.6g}mm"
+    return f"{value:.6g}{unit}" if unit or isinstance(value, float) else str(value)
+
+
+def choices_table() -> str:
+    """The table of the documentation: every choice, what it is, where it is in `Settings`, its value in each mode."""
+    lines = ["| option | what | in `Settings` | paper | best | quick |", "| --- | --- | --- | --- | --- | --- |"]
+    for choice in CHOICES:
+        values = " | ".join(spelt(choice.of(MODES[mode]()), choice.unit) for mode in ("paper", "best", "quick"))
+        lines.append(f"| `--{choice.name}` | {choice.help} | `{choice.path}` | {values} |")
+    return "\n".join(lines)
+
+
 def beside_paper(mode: Mode, paper: Settings, other: Settings | None = None) -> dict[str, Settings]:
     """The paper's mode and another one by their names, paper first; the paper's alone if that is the other one.
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin, g
 
 from cyclopts import Parameter
 
-from midair.cli.terminal.quantities import quantity, spell
+from midair.cli.terminal.quantities import quantity
 from midair.errors import InputError
 from midair.files import load_solution
-from midair.settings import CHOICES, MODES, Choice, Mode, Settings, paper_mode
+from midair.settings import CHOICES, MODES, Choice, Mode, Settings, paper_mode, spelt
 
 Length = Annotated[float, quantity("m")]
 Frequency = Annotated[float, quantity("Hz")]
@@ -61,7 +61,7 @@ def _parameter(choice: Choice) -> Any:
     """The option of a choice: optional, with the paper's value shown and the best mode's where it is another."""
     kind = _kind(choice)
 
-    shown = {name: _spelt(choice.of(MODES[name]()), choice.unit) for name in ("paper", "best")}
+    shown = {name: spelt(choice.of(MODES[name]()), choice.unit) for name in ("paper", "best")}
     default = shown["paper"] + (f"; best: {shown['best']}" if shown["best"] != shown["paper"] else "")
 
     negative = f"--no-{choice.name}" if kind is bool else ()
@@ -96,16 +96,6 @@ def _kind(choice: Choice) -> Any:
 
 def _alternatives(hint: Any) -> Sequence[Any]:
     return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-
-
-def _spelt(value: Any, unit: str) -> str:
-    if value is None:
-        return "none" if unit else "its own"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if unit:
-        return " ".join(spell(each, unit) for each in (value if isinstance(value, tuple) else (value,)))
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: bool = False) -> Any:

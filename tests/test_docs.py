@@ -1,0 +1,117 @@
+"""What README and docs print to be typed runs as it is printed."""
+
+import doctest
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from midair.cli import run
+from midair.cli.commands import COMMANDS, GROUPS
+from midair.settings import CHOICES, MODES, Settings, choices_table
+
+ROOT = Path(__file__).parents[1]
+
+
+def blocks(page, language):
+    """The code blocks of a page, in order."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+def commands(page):
+    """Every midair command that a page's consoles show, without its comment."""
+    lines = [line for block in blocks(page, "console") for line in block.splitlines()]
+    said = [line.removeprefix("$ ").split("#")[0] for line in lines]
+    return [shlex.split(line)[1:] for line in said if line.startswith("midair ")]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_script_of_the_readme_is_short_and_prints_how_close_it_came(folder):
+    (script,) = blocks("README.md", "python")
+    assert len(script.splitlines()) <= 15
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=folder)
+    found = re.fullmatch(r"E = ([\d.]+) %, correlation ([\d.]+), gain ([\d.]+)\n", done.stdout)
+    error, correlation, gain = (float(number) for number in found.groups())
+    assert error < 10
+    assert correlation > 0.8
+    assert 0.1 < gain < 1
+
+
+def test_the_python_of_the_tutorial_runs(folder):
+    assert run(["record", "virtual:towel", "stroke.h5"]) == 0
+    (script,) = blocks("docs/tutorial.md", "python")
+    names = {}
+    exec(script.replace('"exact"', '"fast"'), names)
+    assert names["field"].shape == (100, 256)
+    assert names["played"].take.recording.frames == 120
+
+
+def test_the_python_of_the_settings_page_runs(folder):
+    (script,) = blocks("docs/settings.md", "python")
+    exec(script, {})
+
+
+def test_the_toml_of_the_settings_page_is_one(folder):
+    (text,) = blocks("docs/settings.md", "toml")
+    (folder / "mine.toml").write_text(text, encoding="utf-8")
+    made = Settings.load(folder / "mine.toml")
+    assert (made.target.mapping, made.target.grid.height, made.solver.guard.margin) == ("slow-bias", 0.18, 0.025)
+
+
+def test_the_doctests_of_the_sensor_page_hold():
+    text = "\n".join(blocks("docs/build-a-sensor.md", "python"))
+    parser, runner = doctest.DocTestParser(), doctest.DocTestRunner()
+    runner.run(parser.get_doctest(text, {}, "build-a-sensor", None, 0))
+    assert runner.summarize(verbose=False).failed == 0
+    assert runner.tries > 0
+
+
+@pytest.mark.slow
+def test_every_command_of_the_tutorial_runs_in_its_order(folder):
+    typed = commands("docs/tutorial.md")
+    assert len(typed) > 8
+    for words in typed:
+        assert run(words) == 0, words
+
+
+def test_the_table_of_settings_has_every_choice_in_every_mode():
+    table = choices_table()
+    assert len(table.splitlines()) == len(CHOICES) + 2
+    assert all(f"`--{choice.name}`" in table for choice in CHOICES)
+    assert "| `target.rate` | 1000Hz | 4000Hz | 4000Hz |" in table
+    assert set(MODES) == {"paper", "best", "quick"}
+
+
+OFFERED = {*COMMANDS, *(app.name[0] for app in GROUPS)}
+PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").glob("*.md")))]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_option_that_a_page_names_is_one(page, capsys):
+    """Each `midair COMMAND ... --option` of a page names a command and options that are there."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    known = {}
+    for line in re.findall(r"(?:`|^\$ |^)(midair [a-z][^`\n]*)", text, re.MULTILINE):
+        words = line.split()[1:]
+        name = [word for word in words[:2] if re.fullmatch(r"[a-z]+", word)]
+        names = name if name[:1] and name[0] in ("calibrate", "study", "sweep") else name[:1]
+        if not names or names[0] not in OFFERED:
+            continue
+        key = tuple(names)
+        if key not in known:
+            status = run([*names, "--help"])
+            if status and len(names) > 1:
+                status = run([names[0], "--help"])
+            assert status == 0, line
+            known[key] = capsys.readouterr().out
+        for option in re.findall(r"(?<!\S)--[a-z][a-z-]*", line):
+            assert option in known[key] or option == "--help", f"{page}: {line}"
