@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.targets import binary, patterns, problem_of, towel
-from midair.solvers import Exact, Fast, Problem, one_blas_thread, relative_error
+from midair.solvers import Exact, Fast, Problem, error_of, one_blas_thread
 from midair.solvers.exact import ExactState
 from midair.solvers.mode_system import System
 from midair.solvers.modes import modes
@@ -36,17 +36,17 @@ def least(problem: Problem) -> np.ndarray:
     theta, error = None, np.full(len(problem.amplitude), np.inf)
     for lens in LENSES:
         trial = Fast(iterations=300, more_iterations=300).solve(replace(problem, psi=lens * problem.psi)).phase
-        found = relative_error(problem, trial)
+        found = error_of(problem, trial)
         theta = trial if theta is None else np.where((found < error)[:, None], trial, theta)
         error = np.minimum(found, error)
-    return np.minimum(error, relative_error(problem, _polished(problem, theta, 150)))
+    return np.minimum(error, error_of(problem, _polished(problem, theta, 150)))
 
 
 def _towel(frames: int) -> None:
     whole = towel(1200, 0.1)
     some = replace(whole, amplitude=whole.amplitude[np.linspace(10, 1199, frames).astype(int)])
     with one_blas_thread():
-        usual = relative_error(some, Fast().solve(some).phase)
+        usual = error_of(some, Fast().solve(some).phase)
         found = least(some)
     print(f"{frames} frames of the towel stroke, strength 0.1: fast E mean {usual.mean():.4f}, worst {usual.max():.4f}")
     print(f"least E mean {found.mean():.4f}, worst {found.max():.4f}")

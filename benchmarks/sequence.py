@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.clock import frame_times, heading, line, load, timed
 from benchmarks.yardstick import Plain
-from midair.solvers import Live, Problem, relative_error, solver
+from midair.solvers import Live, Problem, error_of, solver
 
 BUDGETS = ((2, 3), (3, 6), (5, 9), (7, 9), (8, 12), (10, 16), (20, 40))
 
@@ -71,7 +71,7 @@ def _line(
 
 
 def _later(problem: Problem, theta: np.ndarray) -> np.ndarray:
-    return relative_error(problem, theta)[problem.amplitude.any(axis=1)][10:]
+    return error_of(problem, theta)[problem.amplitude.any(axis=1)][10:]
 
 
 def _step(problem: Problem, theta: np.ndarray) -> float:

@@ -9,7 +9,7 @@ from benchmarks.floors import floors
 from benchmarks.peers import peers
 from benchmarks.targets import binary, problem_of
 from benchmarks.yardstick import Plain
-from midair.solvers import Problem, relative_error, solver
+from midair.solvers import Problem, error_of, solver
 from midair.solvers.reference import best_level
 
 
@@ -21,22 +21,22 @@ def static(strength: float, bits: list[int], name: str, reference: Plain, method
     theta, base = timed(
         lambda: np.stack([reference(problem.G, p, 50, None)[: problem.transducers] for p in problem.amplitude])
     )
-    _line(f"{name}, 50 iterations", relative_error(problem, theta), floor, base / count, 1.0)
+    _line(f"{name}, 50 iterations", error_of(problem, theta), floor, base / count, 1.0)
     for method in [method for method in methods if method != "live"]:
         settings = solver(method, start="zero")
         settings.solve(Problem(G=problem.G, amplitude=problem.amplitude[:1], psi=problem.psi))
         answer, cost = timed(lambda settings=settings: settings.solve(problem))
-        error = relative_error(problem, answer.phase, answer.level)
+        error = error_of(problem, answer.phase, answer.level)
         _line(f"{method}, {int(answer.iterations.max())} iterations", error, floor, cost / count, base / cost)
     if "fast" in methods:
         many = problem_of(np.tile(binary(bits), (1 + 1000 // count, 1)), strength)
         answer, cost = timed(lambda: solver("fast").solve(many))
         each = cost / len(many.amplitude)
-        error = relative_error(many, answer.phase)[:count]
+        error = error_of(many, answer.phase)[:count]
         _line(f"fast, {len(many.amplitude)} at once", error, floor, each, base / count / each)
     for label, work in peers(problem) if others else ():
         theta, cost = timed(work)
-        error = relative_error(problem, theta, best_level(problem, theta))
+        error = error_of(problem, theta, best_level(problem, theta))
         _line(label, error, floor, cost / count, base / cost)
 
 

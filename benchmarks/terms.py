@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.targets import AIR, ARRAY, GRID, TEN, beating_blob, binary, moving_blob, problem_of
 from midair.model import Acoustics, ControlGrid
 from midair.physics import quantise_phase, transfer_matrix
-from midair.solvers import Cells, Fast, Guard, LevenbergMarquardt, Problem, Solver, one_blas_thread, relative_error
+from midair.solvers import Cells, Fast, Guard, LevenbergMarquardt, Problem, Solver, error_of, one_blas_thread
 from midair.solvers.amplitudes import doubled, halves
 from midair.solvers.terms.guard import GuardField
 from midair.solvers.terms.level import automatic_level
@@ -84,7 +84,7 @@ def sequence(label: str, problem: Problem, fast: Fast) -> None:
     rows.append(("lm, 50 then 20 iterations", problem, LevenbergMarquardt()))
     for name, asked, method in rows:
         theta, _, cost = solved(asked, method, False)
-        error = relative_error(problem, theta)[sounding][10:]
+        error = error_of(problem, theta)[sounding][10:]
         change = np.angle(np.exp(1j * np.diff(theta, axis=0)))[sounding[1:] & sounding[:-1]]
         line = f"{name:44}{error.mean():8.4f}{error.max():7.4f}{np.sqrt((change**2).mean()):10.3f}"
         print(line + f"{(1 - np.cos(change)).mean():9.4f}{cost / sounding.sum():8.1f}", flush=True)
@@ -95,7 +95,7 @@ def bits(strength: float, fast: Fast) -> None:
     problem = problem_of(binary(list(TEN)), strength)
     theta, _, _ = solved(problem, fast, False)
     for name, phase in [("not rounded", theta), *((f"{n} bits", quantise_phase(theta, bits=n)) for n in (8, 6, 4, 3))]:
-        error = relative_error(problem, phase)
+        error = error_of(problem, phase)
         print(f"{name:44}{error.mean():8.4f}{error.max():7.4f}", flush=True)
 
 
@@ -110,7 +110,7 @@ class _Looking:
 
     def print(self, label: str, problem: Problem, theta: np.ndarray, level: np.ndarray | None, cost: float) -> None:
         part = np.ones_like(theta) if level is None else level
-        error = relative_error(replace(problem, cells=None), theta, part)
+        error = error_of(replace(problem, cells=None), theta, part)
         q = (problem.level * part * np.exp(1j * theta)).astype(np.complex64)
         cells = Cells().target(problem.amplitude, GRID, 1.0).error(np.abs(q @ problem.G.T))
         field, peak = np.abs(q @ self.G.T), problem.amplitude.max(axis=1)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError, MissingExtraError
-from midair.solvers import Fast, Problem, relative_error, solve, solver
+from midair.solvers import Fast, Problem, error_of, solve, solver
 from midair.solvers import backend as module
 from midair.solvers.backend import LIBRARIES, Backend, backend
 from midair.solvers.lbfgs import LBFGS
@@ -116,8 +116,8 @@ def test_the_same_phases_as_numpy(name, problem):
 
 def test_the_same_error_as_numpy_in_single_precision(name):
     problem = TERMS["points"]
-    expected = relative_error(problem, Fast().solve(problem).phase)
-    np.testing.assert_allclose(relative_error(problem, Fast(backend=name).solve(problem).phase), expected, atol=2e-3)
+    expected = error_of(problem, Fast().solve(problem).phase)
+    np.testing.assert_allclose(error_of(problem, Fast(backend=name).solve(problem).phase), expected, atol=2e-3)
 
 
 def test_a_gpu_gets_more_frames_at_once():

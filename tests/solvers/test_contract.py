@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.solvers import METHODS, TAKES, Problem, one_blas_thread, relative_error, solver
+from midair.solvers import METHODS, TAKES, Problem, error_of, one_blas_thread, solver
 from midair.solvers.amplitudes import doubled, halves
 from midair.solvers.methods import check_terms
 from midair.solvers.terms.cells import CellTarget
@@ -106,7 +106,7 @@ def test_never_fails_and_never_gives_nan(method, name):
     frames = len(problem.amplitude)
     assert answer.phase.shape == (frames, problem.transducers)
     assert np.isfinite(answer.phase).all()
-    assert np.isfinite(relative_error(problem, answer.phase, answer.level)).all()
+    assert np.isfinite(error_of(problem, answer.phase, answer.level)).all()
     assert answer.level is None or (answer.level.min() >= 0 and answer.level.max() <= 1)
     silent = ~problem.amplitude.any(axis=1)
     assert [status == "silent" for status in answer.status] == list(silent)
@@ -128,7 +128,7 @@ def test_no_term_makes_it_fail_or_give_nan(taker, term, name):
     if problem.transducers != plain.transducers:
         phase, level = halves(phase)
         assert 0 <= level.min() <= level.max() <= 1
-    assert np.isfinite(relative_error(replace(problem, G=plain.G), phase, level)).all()
+    assert np.isfinite(error_of(replace(problem, G=plain.G), phase, level)).all()
     assert [status == "silent" for status in answer.status] == list(~plain.amplitude.any(axis=1))
 
 
@@ -186,7 +186,7 @@ def test_how_close_each_comes_to_a_field_that_exists(name, worst):
     if name == "live":
         pytest.importorskip("numba")
     answer = solver(name).solve(problem)
-    assert relative_error(problem, answer.phase, answer.level).max() < worst
+    assert error_of(problem, answer.phase, answer.level).max() < worst
 
 
 @pytest.mark.parametrize("name", ["lm", "exact", "fast", "live", "greedy"])
@@ -195,4 +195,4 @@ def test_one_point_is_met_by_all_that_fit_amplitudes(name):
     if name == "live":
         pytest.importorskip("numba")
     problem = PROBLEMS["one point"]
-    assert relative_error(problem, solver(name).solve(problem).phase)[0] < 0.02
+    assert error_of(problem, solver(name).solve(problem).phase)[0] < 0.02

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.model import ControlGrid
-from midair.solvers import Exact, LevenbergMarquardt, Problem, relative_error
+from midair.solvers import Exact, LevenbergMarquardt, Problem, error_of
 from midair.solvers.lens import spreading_phase
 
 TEN = (0x0001, 0x8001, 0x0660, 0xF99F, 0x5A5A, 0x1248, 0xFFFF, 0x00FF, 0x8421, 0x3C18)
@@ -39,7 +39,7 @@ def test_a_frame_on_its_own_starts_from_a_field(ten):
     twice = Problem(G=problem.G, amplitude=problem.amplitude[[2, 2]], psi=problem.psi)
     settings = {"iterations": 1, "warm_iterations": 4, "last": 0}
     alone, after, from_zero = (
-        relative_error(twice, Exact(**settings, start=start, first=first).solve(twice).phase)
+        error_of(twice, Exact(**settings, start=start, first=first).solve(twice).phase)
         for start, first in (("zero", "field"), ("previous", "field"), ("zero", "zero"))
     )
     assert alone.max() < 0.3 < 0.7 < from_zero.min()
@@ -52,6 +52,6 @@ def test_a_frame_on_its_own_starts_from_a_field(ten):
 def test_no_worse_than_fifty_plain_steps(ten, strength, mean, worst):
     """Mean and worst E of benchmarks' plain form on the ten patterns, 50 steps from zero."""
     problem = ten(strength)
-    error = relative_error(problem, Exact(start="zero").solve(problem).phase)
+    error = error_of(problem, Exact(start="zero").solve(problem).phase)
     assert error.mean() < mean
     assert error.max() < worst

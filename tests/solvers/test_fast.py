@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.model import ControlGrid
-from midair.solvers import Fast, Problem, relative_error
+from midair.solvers import Fast, Problem, error_of
 from midair.solvers.lens import spreading_phase
 from midair.solvers.terms.cells import CellTarget
 from midair.solvers.terms.guard import GuardField
@@ -23,7 +23,7 @@ TEN = (0x0001, 0x8001, 0x0660, 0xF99F, 0x5A5A, 0x1248, 0xFFFF, 0x00FF, 0x8421, 0
 def test_no_worse_than_the_papers_method(transfer, patterns_to_points, array, lossless, strength, mean, worst):
     psi = spreading_phase(ControlGrid(), array, lossless)
     problem = Problem(G=transfer, amplitude=strength * patterns_to_points(TEN), psi=psi)
-    error = relative_error(problem, Fast().solve(problem).phase)
+    error = error_of(problem, Fast().solve(problem).phase)
     assert error.mean() <= mean
     assert error.max() <= worst
 
@@ -31,7 +31,7 @@ def test_no_worse_than_the_papers_method(transfer, patterns_to_points, array, lo
 def test_single_and_double_precision_reach_the_same_error(transfer, patterns_to_points, array, lossless):
     psi = spreading_phase(ControlGrid(), array, lossless)
     problem = Problem(G=transfer, amplitude=0.1 * patterns_to_points(TEN[:4]), psi=psi)
-    single, double = (relative_error(problem, Fast(precision=p).solve(problem).phase) for p in ("single", "double"))
+    single, double = (error_of(problem, Fast(precision=p).solve(problem).phase) for p in ("single", "double"))
     np.testing.assert_allclose(single, double, atol=0.002)
 
 
@@ -62,7 +62,7 @@ def test_smooth_phases_change_less_and_the_sum_is_less():
     for problem in (alone, replace(alone, smooth=mu)):
         phase = Fast(precision="double").solve(problem).phase
         jumps.append(change_of(phase).mean())
-        cost.append((relative_error(problem, phase) ** 2).sum() / 2 + mu * (change_of(phase) / 2).mean(axis=1).sum())
+        cost.append((error_of(problem, phase) ** 2).sum() / 2 + mu * (change_of(phase) / 2).mean(axis=1).sum())
     assert jumps[1] < 0.3 * jumps[0]
     assert cost[1] < cost[0]
 
@@ -79,7 +79,7 @@ def test_smooth_does_not_freeze_a_faint_frame_next_to_a_loud_one():
     problem = replace(small(frames=3), smooth=1e-3)
     problem = replace(problem, amplitude=problem.amplitude * np.array([[1], [1e-3], [1]]))
     phase = Fast(precision="double").solve(problem).phase
-    assert relative_error(problem, phase).max() < 0.2
+    assert error_of(problem, phase).max() < 0.2
 
 
 def test_a_guard_keeps_its_points_below_the_ceiling():
@@ -101,6 +101,6 @@ def test_cells_are_met_where_points_are_too_many_to_be_met():
     weights = np.kron(np.eye(4), np.full(8, 0.125))
     problem = Problem(G=G, amplitude=rng.uniform(0.3, 0.5, (3, 32)))
     fitted = replace(problem, cells=CellTarget(weights=weights, wanted=problem.amplitude**2 @ weights.T))
-    by_points, by_cells = (relative_error(fitted, Fast().solve(one).phase).max() for one in (problem, fitted))
+    by_points, by_cells = (error_of(fitted, Fast().solve(one).phase).max() for one in (problem, fitted))
     assert by_cells < 1e-3
     assert by_points > 0.01

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.model import ControlGrid
-from midair.solvers import Live, Problem, relative_error
+from midair.solvers import Live, Problem, error_of
 from midair.solvers.lens import spreading_phase
 
 pytest.importorskip("numba")
@@ -25,14 +25,14 @@ def blob(transfer, channels_to_points, array, lossless):
 
 
 def test_follows_a_moving_spot(blob):
-    error = relative_error(blob, Live().solve(blob).phase)
+    error = error_of(blob, Live().solve(blob).phase)
     assert error[10:].mean() < 0.03
     assert error[10:].max() < 0.1
 
 
 def test_more_time_a_frame_gives_less_error(blob):
     short, long = (
-        relative_error(blob, Live(warm_iterations=field, warm_lift_iterations=lift).solve(blob).phase)[10:].mean()
+        error_of(blob, Live(warm_iterations=field, warm_lift_iterations=lift).solve(blob).phase)[10:].mean()
         for field, lift in ((2, 3), (20, 40))
     )
     assert long < 0.5 * short
@@ -57,7 +57,7 @@ def test_first_frames_get_the_iterations_of_first_frames(blob):
 def test_a_target_that_only_fades_needs_no_new_field(blob):
     """The field is kept in units of its target: without a single iteration of it, the phases alone follow."""
     fading = replace(blob, amplitude=np.linspace(1, 0.5, 40)[:, None] * blob.amplitude[3])
-    error = relative_error(fading, Live(warm_iterations=0, warm_lift_iterations=20).solve(fading).phase)
+    error = error_of(fading, Live(warm_iterations=0, warm_lift_iterations=20).solve(fading).phase)
     assert error.max() < 1.3 * error[0] + 0.005
 
 
@@ -102,7 +102,7 @@ def test_a_thousand_frames_do_not_drift(transfer, channels_to_points, array, los
     problem = Problem(
         G=transfer, amplitude=0.1 * channels_to_points(channels), psi=spreading_phase(ControlGrid(), array, lossless)
     )
-    error = relative_error(problem, Live().solve(problem).phase)[10:]
+    error = error_of(problem, Live().solve(problem).phase)[10:]
     assert error.mean() < 0.025
     assert error.max() < 0.1
     assert error[-200:].mean() < 1.5 * error[:200].mean()

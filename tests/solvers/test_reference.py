@@ -3,7 +3,7 @@ import pytest
 
 from midair.model import Acoustics
 from midair.physics import focus_phase
-from midair.solvers import Problem, relative_error, solver
+from midair.solvers import Problem, error_of, solver
 from midair.solvers.reference import GSPAT, GerchbergSaxton, Greedy, Naive, WeightedGerchbergSaxton, best_level
 
 
@@ -45,12 +45,12 @@ def test_weights_make_equal_points_equal():
 def test_greedy_finds_the_best_of_all_phases_for_one_transducer():
     G = np.array([[1.0], [1j]])
     problem = Problem(G=G, amplitude=np.array([[1.0, 1.0]]))
-    assert relative_error(problem, Greedy().solve(problem).phase)[0] == pytest.approx(0)
+    assert error_of(problem, Greedy().solve(problem).phase)[0] == pytest.approx(0)
 
 
 def test_greedy_gets_better_with_more_rounds():
     problem = Problem(G=random_matrix(6, 40), amplitude=np.full((1, 6), 0.1))
-    one, four = (relative_error(problem, Greedy(iterations=n).solve(problem).phase)[0] for n in (1, 4))
+    one, four = (error_of(problem, Greedy(iterations=n).solve(problem).phase)[0] for n in (1, 4))
     assert four < one
 
 
@@ -58,7 +58,7 @@ def test_best_level_is_the_least_squares_one():
     problem = Problem(G=random_matrix(5, 9), amplitude=np.full((1, 5), 0.05))
     theta = np.zeros((1, 9))
     level = best_level(problem, theta)
-    around = [relative_error(problem, theta, level + d)[0] for d in (-0.01, 0, 0.01)]
+    around = [error_of(problem, theta, level + d)[0] for d in (-0.01, 0, 0.01)]
     assert np.argmin(around) == 1
 
 
@@ -67,4 +67,4 @@ def test_dense_patterns_are_missed_by_as_much_as_the_peers_miss_them(transfer, p
     """Other people's programs on the same kind of patterns: GS .39, GS-PAT .51, greedy .34."""
     problem = Problem(G=transfer, amplitude=0.1 * patterns_to_points([0xF99F, 0x5A5A, 0x00FF]))
     answer = solver(name).solve(problem)
-    assert low < relative_error(problem, answer.phase, answer.level).mean() < high
+    assert low < error_of(problem, answer.phase, answer.level).mean() < high

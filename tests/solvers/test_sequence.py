@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.model import SensorGrid
-from midair.solvers import LevenbergMarquardt, Problem, relative_error
+from midair.solvers import LevenbergMarquardt, Problem, error_of
 from midair.solvers.sequence import FrameAnswer, solve_in_turn
 
 
@@ -57,6 +57,6 @@ def test_progress_counts_every_frame():
 def test_moving_blob_is_followed_below_one_percent(transfer, channels_to_points):
     problem = Problem(G=transfer, amplitude=0.1 * channels_to_points(moving_blob(60)))
     answer = LevenbergMarquardt().solve(problem)
-    error = relative_error(problem, answer.phase)
+    error = error_of(problem, answer.phase)
     assert error[10:].max() < 0.01
     assert error[[status != "silent" for status in answer.status]].mean() < 0.01

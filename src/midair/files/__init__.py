@@ -2,6 +2,7 @@
 
 from midair.files.atomic import refusing, whole_file, writable_path
 from midair.files.formats import FORMATS, format_of, load, open_take, save
+from midair.files.holding import hold
 from midair.files.listing import Contents, contents
 from midair.files.loss import Loss
 from midair.files.native import (
@@ -18,6 +19,7 @@ from midair.files.native import (
     to_json,
 )
 from midair.files.opened_take import OpenedTake
+from midair.files.report_rows import csv_text, for_json
 from midair.files.toml import (
     DEFAULT_PROFILE,
     from_plain,
@@ -37,8 +39,11 @@ __all__ = [
     "Loss",
     "RecordingWriter",
     "contents",
+    "csv_text",
+    "for_json",
     "format_of",
     "from_plain",
+    "hold",
     "load",
     "load_calibration",
     "load_pressure",

@@ -1,14 +1,11 @@
 """What re-making a part of the paper gives: a picture, and its numbers for people and for programs."""
 
-import csv
-import io
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from midair.files import whole_file
+from midair.files import csv_text, for_json, whole_file
 
 Row = Mapping[str, str | int | float | None]
 
@@ -44,17 +41,12 @@ class PaperResult:
             "title": self.title,
             "simulated": True,
             "about": dict(self.about),
-            "rows": [{key: _finite(value) for key, value in row.items()} for row in self.rows],
+            "rows": [for_json(row) for row in self.rows],
         }
 
     def table(self) -> str:
         """The rows as CSV."""
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(self.rows[0]), lineterminator="\n")
-        writer.writeheader()
-        for row in self.rows:
-            writer.writerow({key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()})
-        return text.getvalue()
+        return csv_text(self.rows)
 
     def files(self, folder: Path) -> list[Path]:
         """Where `write` puts it."""
@@ -68,7 +60,3 @@ class PaperResult:
             with whole_file(path) as partial:
                 partial.write_bytes(content)
         return self.files(folder)
-
-
-def _finite(value: str | float | None) -> str | float | None:
-    return None if isinstance(value, float) and not math.isfinite(value) else value

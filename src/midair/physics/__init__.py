@@ -4,6 +4,7 @@ from midair.physics.chain import Moment, PlaybackChain, radiate
 from midair.physics.directivity import off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
 from midair.physics.exposure_level import Exposure, ExposureProfile, Place, exposure, greatest_exposure, sound_level
+from midair.physics.field_error import printed_error, relative_error
 from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_a_frame
 from midair.physics.propagation import (
     focus_amplitude,
@@ -38,10 +39,12 @@ __all__ = [
     "focus_phase",
     "off_axis",
     "playback_response",
+    "printed_error",
     "propagate",
     "quantise_phase",
     "radiate",
     "radiation_pressure",
+    "relative_error",
     "sense",
     "simulate",
     "sound_amplitude",

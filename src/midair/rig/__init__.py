@@ -35,6 +35,7 @@ from midair.rig.looping import (
 from midair.rig.names import VirtualRig, array_named, sensor_named
 from midair.rig.playing import play_admitted, rerecord, stop_playing, usual_exposure
 from midair.rig.recorder import OpenRig, Played, loop, open_rig, play, record
+from midair.rig.signals import ENDING, handled
 from midair.rig.takes import (
     Drift,
     Levels,
@@ -53,6 +54,8 @@ from midair.rig.takes import (
 )
 
 __all__ = [
+    "ENDING",
+    "handled",
     "OpenRig",
     "Played",
     "loop",

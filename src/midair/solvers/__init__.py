@@ -7,7 +7,7 @@ from midair.solvers.lens import spreading_phase
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Follower, Live
 from midair.solvers.methods import METHODS, TAKES, Method, name_of, solver
-from midair.solvers.problem import Answer, Problem, Solver, Start, relative_error
+from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
 from midair.solvers.solving import Fit, solve
 from midair.solvers.terms import Cells, Guard
 from midair.solvers.threads import one_blas_thread
@@ -31,7 +31,7 @@ __all__ = [
     "TAKES",
     "name_of",
     "one_blas_thread",
-    "relative_error",
+    "error_of",
     "solve",
     "solver",
     "spreading_phase",

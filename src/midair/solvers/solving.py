@@ -13,7 +13,7 @@ from midair.solvers.amplitudes import Amplitudes, doubled, halves
 from midair.solvers.lens import spreading_phase
 from midair.solvers.methods import Method, check_terms, name_of
 from midair.solvers.methods import solver as solver_of
-from midair.solvers.problem import Answer, Problem, Start, Term, relative_error
+from midair.solvers.problem import Answer, Problem, Start, Term, error_of
 from midair.solvers.terms import Cells, Guard, GuardField, automatic_level
 from midair.solvers.threads import one_blas_thread
 
@@ -109,7 +109,7 @@ def solve(
             answer = solver.solve(problem, progress=progress)
             part = answer.level
         phase = np.mod(answer.phase, 2 * np.pi) if bits is None else quantise_phase(answer.phase, bits=bits)
-        error = relative_error(problem, phase, part)
+        error = error_of(problem, phase, part)
     audible = np.array([status != "silent" for status in answer.status], float)
     played = problem.level * (audible if part is None else (audible * part.T).T)
     settings: dict[str, Setting] = {

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from midair.figures import png, render_page
+from midair.files import for_json
 from midair.rig import Picture
 from midair.study.findings import Finding, Report
 from midair.study.study_figures import confusion_figure, f_figure, rating_figure
@@ -48,7 +49,7 @@ def report_json(report: Report) -> str:
             {
                 "title": one.title,
                 "words": one.words,
-                "table": [] if one.table is None else [_finite(row) for row in one.table.to_dict("records")],
+                "table": [] if one.table is None else [for_json(row) for row in one.table.to_dict("records")],
             }
             for one in report.findings
         ],
@@ -83,7 +84,3 @@ def _cell(value: object) -> str:
     if isinstance(value, float):
         return "none" if math.isnan(value) else f"{value:.4g}"
     return str(value)
-
-
-def _finite(row: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: None if isinstance(v, float) and not math.isfinite(v) else v for name, v in row.items()}

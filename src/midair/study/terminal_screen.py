@@ -14,7 +14,7 @@ from midair.devices import Admission, ExposureChoices, VirtualArray, admit
 from midair.errors import InputError
 from midair.files import load_solution
 from midair.model import TransducerArray
-from midair.rig import array_named, usual_exposure
+from midair.rig import ENDING, array_named, handled, usual_exposure
 from midair.study.design import Plan
 from midair.study.folder import StudyFolder
 from midair.study.session import ArrayPresenter, ExperimenterPresenter, Presenter, Reply, TrialStep
@@ -107,12 +107,8 @@ def stops_on_signals() -> Generator[None]:
     def stop(number: int, _frame: FrameType | None) -> None:
         raise KeyboardInterrupt(signal.Signals(number).name)
 
-    before = {one: signal.signal(one, stop) for one in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM))}
-    try:
+    with handled(ENDING, stop):
         yield
-    finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)
 
 
 def _wait(console: Console) -> None:

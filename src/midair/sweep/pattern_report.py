@@ -1,9 +1,7 @@
 """What a sweep over patterns says: tables in CSV, figures in PNG."""
 
-import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,7 @@ from numpy.typing import NDArray
 from midair.datasets import channel_amplitudes
 from midair.errors import InputError
 from midair.figures import Curve, Example, curve_figure, examples_figure, histogram_figure, png
-from midair.files import whole_file
+from midair.files import csv_text, whole_file
 from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
 from midair.sweep.store import SweepResults
 
@@ -126,9 +124,9 @@ def write_sweep_report(results: PatternResults, folder: Path) -> list[Path]:
     report = report_of(results)
     folder.mkdir(parents=True, exist_ok=True)
     texts = {
-        "conditions.csv": _csv(report.conditions),
-        "channels.csv": _csv(report.channels),
-        "histogram.csv": _csv(_histogram(results)),
+        "conditions.csv": csv_text(report.conditions),
+        "channels.csv": csv_text(report.channels),
+        "histogram.csv": csv_text(_histogram(results)),
     }
     content = {**{name: text.encode() for name, text in texts.items()}, **_figures(results)}
     for name, data in content.items():
@@ -271,12 +269,3 @@ def _curves(rows: Sequence[Row], key: str, other: str) -> list[Curve]:
             x, mean, low, high = (np.array([row[name] for row in along]) for name in (key, "mean", "p5", "p95"))
             curves.append(Curve(name=spell(value), x=x, mean=mean, low=low, high=high))
     return curves
-
-
-def _csv(rows: Sequence[Row]) -> str:
-    text = StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        writer.writerow({name: f"{value:.6g}" if isinstance(value, float) else value for name, value in row.items()})
-    return text.getvalue()

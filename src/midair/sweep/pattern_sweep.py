@@ -12,7 +12,7 @@ from midair.errors import InputError
 from midair.files import from_plain
 from midair.model import Acoustics, ControlGrid, Medium, Provenance, SensorGrid, Setting, TransducerArray
 from midair.physics import quantise_phase, transfer_matrix
-from midair.solvers import Problem, one_blas_thread, relative_error, spreading_phase
+from midair.solvers import Problem, error_of, one_blas_thread, spreading_phase
 from midair.solvers import solver as solver_of
 from midair.sweep.task import Coordinate, Found, Task, settings_of
 from midair.targets import interpolation_matrix
@@ -249,6 +249,6 @@ def solve_patterns(sweep: PatternSweep, condition: Condition, patterns: NDArray[
         return Solved(
             phase=answer.phase,
             level=np.ones(len(patterns)) if answer.level is None else answer.level,
-            error=relative_error(problem, answer.phase, answer.level),
-            rounded_error=relative_error(problem, rounded, answer.level),
+            error=error_of(problem, answer.phase, answer.level),
+            rounded_error=error_of(problem, rounded, answer.level),
         )

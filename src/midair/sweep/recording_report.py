@@ -1,8 +1,6 @@
 """What a sweep over recordings says: a table of trials in CSV, a figure in PNG."""
 
-import csv
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +8,7 @@ import numpy as np
 
 from midair.errors import InputError
 from midair.figures import ErrorSpread, png, trials_figure
-from midair.files import whole_file
+from midair.files import csv_text, whole_file
 from midair.sweep.store import SweepResults
 
 Row = dict[str, Any]
@@ -53,11 +51,6 @@ def trial_report(results: SweepResults) -> TrialReport:
 def write_trial_report(results: SweepResults, folder: Path) -> list[Path]:
     """Write trials.csv and trials.png into a folder, which is made if it is not there; the files."""
     report = trial_report(results)
-    text = StringIO()
-    writer = csv.DictWriter(text, list(report.rows[0]), lineterminator="\n")
-    writer.writeheader()
-    for row in report.rows:
-        writer.writerow({name: f"{value:.6g}" if isinstance(value, float) else value for name, value in row.items()})
     spreads = [
         ErrorSpread(
             name=f"{row['recording']} {row['variant']}".strip(),
@@ -70,7 +63,7 @@ def write_trial_report(results: SweepResults, folder: Path) -> list[Path]:
         for row in report.rows
     ]
     folder.mkdir(parents=True, exist_ok=True)
-    content = {"trials.csv": text.getvalue().encode(), "trials.png": png(trials_figure(spreads))}
+    content = {"trials.csv": csv_text(report.rows).encode(), "trials.png": png(trials_figure(spreads))}
     for name, data in content.items():
         with whole_file(folder / name) as partial:
             partial.write_bytes(data)

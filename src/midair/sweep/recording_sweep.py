@@ -10,7 +10,7 @@ import numpy as np
 from midair.errors import InputError
 from midair.flow import reproduce
 from midair.model import PressureFrames, Provenance, TransducerArray
-from midair.physics import propagate, quantise_phase
+from midair.physics import propagate, quantise_phase, relative_error
 from midair.settings import Settings
 from midair.solvers import solver as solver_of
 from midair.sweep.task import Coordinate, Found, Task, settings_of
@@ -164,10 +164,10 @@ class TrialJob:
             made.target.grid,
             acoustics=settings.acoustics,
         )
-        missed = np.linalg.norm(np.abs(rounded) - wanted, axis=1)
-        size = np.linalg.norm(wanted, axis=1)
+        # A silent target is played as silence, whatever its phases are.
+        audible = wanted.any(axis=1)
         return Found(
             error=made.solution.error,
-            rounded_error=np.divide(missed, size, out=np.zeros_like(size), where=size > 0),
+            rounded_error=np.where(audible, relative_error(rounded, wanted), 0.0),
             strength=made.strength(),
         )

@@ -3,6 +3,7 @@
 import os
 import secrets
 import shutil
+import sys
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -12,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import BrokenFileError, DeviceStateError, MismatchError, MissingExtraError, MissingFileError
-from midair.files import refusing, to_json, writable_path
+from midair.errors import BrokenFileError, MismatchError, MissingExtraError, MissingFileError
+from midair.files import hold, refusing, to_json, writable_path
 from midair.sweep.task import Found, Sweep, Task
 from midair.version import __version__
 
@@ -224,17 +225,12 @@ def _group(path: Path, mode: str) -> Any:
 @contextmanager
 def _alone(path: Path) -> Generator[None]:
     """Hold the folder where the system can; the lock goes with the process, however it dies."""
-    try:
-        from fcntl import LOCK_EX, LOCK_NB, flock
-    except ImportError:
+    if sys.platform == "win32":  # which opens no folders
         yield
         return
     held = os.open(path, os.O_RDONLY)
     try:
-        try:
-            flock(held, LOCK_EX | LOCK_NB)
-        except OSError as other:
-            raise DeviceStateError(f"{path}: another program is writing to this sweep; wait for it") from other
+        hold(held, f"{path}: another program is writing to this sweep; wait for it")
         yield
     finally:
         os.close(held)

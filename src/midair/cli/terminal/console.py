@@ -1,7 +1,6 @@
 """What the commands print: tables, progress, and JSON for programs."""
 
 import json
-import math
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
 
@@ -10,17 +9,35 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Table
 from rich.text import Text
 
+from midair.files import for_json
 from midair.model import Progress as Report
 from midair.rig import Stage
 
 
-class FramesPerSecond(ProgressColumn):
+class PerSecond(ProgressColumn):
     """How fast the work goes."""
 
+    def __init__(self, items: str, digits: int) -> None:
+        super().__init__()
+        self._items, self._digits = items, digits
+
     def render(self, task: Task) -> Text:
-        """Frames per second, once there is something to tell."""
+        """Items per second, once there is something to tell."""
         speed = task.finished_speed or task.speed
-        return Text("" if speed is None else f"{speed:6.0f} frames/s", style="cyan")
+        return Text("" if speed is None else f"{speed:6.{self._digits}f} {self._items}/s", style="cyan")
+
+
+def bars(items: str = "frames", *, width: int = 16, name: str = "<27", digits: int = 0, period: float = 5) -> Progress:
+    """Progress bars on the error stream: what is done, how many, how many a second, time left."""
+    return Progress(
+        TextColumn(f"{{task.description:{name}}}"),
+        BarColumn(bar_width=width),
+        MofNCompleteColumn(),
+        PerSecond(items, digits),
+        TimeRemainingColumn(elapsed_when_finished=True),
+        console=Console(stderr=True),
+        speed_estimate_period=period,
+    )
 
 
 def out() -> Console:
@@ -36,28 +53,20 @@ def say(line: str) -> None:
 @contextmanager
 def stages() -> Generator[Stage]:
     """A progress bar on the error stream with a line for each stage: frames, frames per second, time left."""
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description:<27}"),
-        BarColumn(bar_width=16),
-        MofNCompleteColumn(),
-        FramesPerSecond(),
-        TimeRemainingColumn(elapsed_when_finished=True),
-    )
-    with Progress(*columns, console=console, speed_estimate_period=5) as bars:
+    with bars() as shown:
 
         def begin(name: str) -> Report:
-            task = bars.add_task(name, total=None)
+            task = shown.add_task(name, total=None)
 
             def report(done: int, total: int) -> None:
-                bars.update(task, completed=done, total=total)
+                shown.update(task, completed=done, total=total)
 
             return report
 
         yield begin
-        for task in bars.tasks:
+        for task in shown.tasks:
             if task.total is None:
-                bars.remove_task(task.id)
+                shown.remove_task(task.id)
 
 
 def print_figures(title: str, columns: Mapping[str, Mapping[str, tuple[float, str]]]) -> None:
@@ -85,20 +94,10 @@ def print_rows(rows: Iterable[tuple[str, str]]) -> None:
 
 def print_json(value: object) -> None:
     """One JSON document on the output; NaN and infinity, which JSON lacks, become null."""
-    print(json.dumps(_finite(value), indent=2, default=str))  # noqa: T201
+    print(json.dumps(for_json(value), indent=2, default=str))  # noqa: T201
 
 
 def banner(simulated: bool) -> None:
     """Say so when what follows is simulated."""
     if simulated:
         Console(stderr=True).print("SIMULATED: no sensor, array or skin was involved", style="bold red")
-
-
-def _finite(value: object) -> object:
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): _finite(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(each) for each in value]
-    return value

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Self, TextIO
 
+from midair.rig import ENDING, handled
+
 
 class Keys:
     """Keys as they are pressed, without Enter; the terminal is as before however the block is left.
@@ -84,10 +86,5 @@ class Signals:
 def signals_noted() -> Generator[Signals]:
     """Ctrl-C, a request to end the program and a lost terminal are noted instead of ending it."""
     signals = Signals()
-    wanted = (signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM))
-    before = {one: signal.signal(one, signals.catch) for one in wanted}
-    try:
+    with handled((signal.SIGINT, *ENDING), signals.catch):
         yield signals
-    finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)

@@ -5,26 +5,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.table import Table as Shown
-from rich.text import Text
 
-from midair.cli.terminal.console import banner, out
+from midair.cli.terminal.console import banner, bars, out
 from midair.model import Progress as Advance
 from midair.sweep import PatternReport, Sweep, TrialReport, run_sweep
-
-
-class PerSecond(ProgressColumn):
-    """How fast the work goes."""
-
-    def __init__(self, items: str) -> None:
-        super().__init__()
-        self._items = items
-
-    def render(self, task: Task) -> Text:
-        """Items per second, once there is something to tell."""
-        speed = task.finished_speed or task.speed
-        return Text("" if speed is None else f"{speed:6.1f} {self._items}/s", style="cyan")
 
 
 def swept(sweep: Sweep, path: Path, *, scheduler: str | None, workers: int | None) -> int:
@@ -41,21 +26,14 @@ def swept(sweep: Sweep, path: Path, *, scheduler: str | None, workers: int | Non
 @contextmanager
 def sweep_bar(items: str) -> Generator[Advance]:
     """A progress bar on the error stream: patterns or frames, how many per second, time left."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        PerSecond(items),
-        TimeRemainingColumn(elapsed_when_finished=True),
-    )
-    with Progress(*columns, console=Console(stderr=True), speed_estimate_period=120) as bars:
-        task = bars.add_task("sweep", total=None, start=False)
+    with bars(items, width=24, name="", digits=1, period=120) as shown:
+        task = shown.add_task("sweep", total=None, start=False)
 
         def report(done: int, total: int) -> None:
-            if bars.tasks[0].total is None:
-                bars.reset(task, total=total, completed=done)
+            if shown.tasks[0].total is None:
+                shown.reset(task, total=total, completed=done)
             else:
-                bars.update(task, completed=done)
+                shown.update(task, completed=done)
 
         yield report
 

@@ -3,7 +3,6 @@
 import _thread
 import signal
 import sys
-import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 from types import FrameType
@@ -12,6 +11,7 @@ from midair.devices import Admission, ArrayDevice, PlayReport
 from midair.model import Progress
 from midair.rig.playing.play_log import log_end, log_order
 from midair.rig.playing.stop_line import stop_line
+from midair.rig.signals import ENDING, handled
 
 
 def play_admitted(
@@ -57,20 +57,11 @@ def play_admitted(
 @contextmanager
 def signals_end_the_program() -> Generator[None]:
     """While inside, SIGTERM and SIGHUP leave through every `with` and `finally`, as an error does."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
     def leave(number: int, _: FrameType | None) -> None:
-        for each in numbers:
+        for each in ENDING:
             signal.signal(each, signal.SIG_IGN)  # a second one must not interrupt the silencing
         sys.exit(128 + number)
 
-    before = {number: signal.signal(number, leave) for number in numbers}
-    try:
+    with handled(ENDING, leave):
         yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from midair.errors import BrokenFileError, DeviceStateError, MissingFileError
+from midair.files import hold
 
 
 class EventLog:
@@ -32,7 +33,7 @@ class EventLog:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         try:
-            _hold(self._file, self.path)
+            hold(self._file, f"{self.path.name}: another program is running this session; end it first")
             _sync_folder(self.path.parent)
             torn = _cut_torn_line(self._file, self.path)
             read_events(self.path)
@@ -103,18 +104,6 @@ def _cut_torn_line(file: int, path: Path) -> str:
     os.ftruncate(file, end)
     os.fsync(file)
     return content[end:].decode(errors="replace")
-
-
-def _hold(file: int, path: Path) -> None:
-    """Lock the file where the system can; the lock goes with the process, however it dies."""
-    try:
-        from fcntl import LOCK_EX, LOCK_NB, flock
-    except ImportError:
-        return
-    try:
-        flock(file, LOCK_EX | LOCK_NB)
-    except OSError as held:
-        raise DeviceStateError(f"{path.name}: another program is running this session; end it first") from held
 
 
 def _sync_folder(folder: Path) -> None:
