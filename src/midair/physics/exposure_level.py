@@ -196,6 +196,7 @@ def exposure(
     points = np.concatenate([place.points for place in profile.places])
     matrix = transfer_matrix(points, drive.array, acoustics=acoustics).T
     level = np.empty((drive.frames, len(profile.places)))
+    # In parts, since the field of a whole drive at all places may not fit into memory.
     for first in range(0, drive.frames, 256):
         part = slice(first, first + 256)
         pressure = np.abs(_drive(drive, part) @ matrix).reshape(-1, len(profile.places), 27).max(axis=2)
@@ -250,6 +251,7 @@ def greatest_exposure(
 
 def sound_level(peak: Array) -> Array:
     """Sound pressure level of an amplitude, in dB re 20 µPa rms: 20 lg(p / sqrt(2) / 20 µPa), not below -40 dB."""
+    # The floor stands in for silence, which has no level.
     return np.asarray(20 * np.log10(np.maximum(peak / np.sqrt(2) / 20e-6, 1e-2)), np.float64)
 
 
@@ -278,6 +280,7 @@ def _nonlinearity(drive: Drive, profile: ExposureProfile, acoustics: Acoustics, 
     number = int(np.argmin([np.linalg.norm(place.position) for place in profile.places]))
     strongest = int(level[:, number].argmax())
     end = np.array(profile.places[number].position)
+    # Not from 0: a point on a transducer has no finite field.
     share = np.linspace(0.02, 1, 200)
     matrix = transfer_matrix(share[:, None] * end, drive.array, acoustics=acoustics)
     pressure = np.abs(matrix @ _drive(drive, slice(strongest, strongest + 1))[0])

@@ -64,6 +64,7 @@ def simulate(
     _check(drive, G, chain, weights)
     spread = Spread.of(G, acoustics.medium, weights, chain.precision)
     if chain.hold == "ideal":
+        # A band-limited curve between pressures can dip below 0, and sound cannot pull.
         return np.maximum(resample(_still(drive, chain, spread), drive.rate, rate), 0.0)
     out = np.empty((drive.frames * steps, spread.width))
     done = 0

@@ -105,6 +105,7 @@ class Fast:
     ) -> None:
         """Phases of the audible frames, batch by batch."""
         there = machine.backend
+        # Before the first frame nothing sounds: a drive of 0 pulls no phase.
         before = there.xp.zeros_like(machine.lens)
         for some in _batches(audible, self.batch or there.rows):
             theta = self._phases(machine, machine.batch(some, faintest=self.faintest), before)
@@ -119,6 +120,7 @@ class Fast:
         )
         theta = machine.lift(field, self.lift_iterations, relaxation=self.relaxation)
         if machine.problem.smooth > 0:
+            # Tied frames converge together, and the worst of them cannot be given more on its own.
             return machine.together(theta, batch, before, 5 * self.iterations)
         return machine.polish(theta, batch, self.iterations, more=self.more_iterations)
 

@@ -47,6 +47,7 @@ class Live:
     """
 
     iterations: int = 200
+    # With 7 + 9 iterations 99 % of the frames take less than a millisecond; with fewer, what jumps is missed.
     warm_iterations: int = 7
     lift_iterations: int = 60
     warm_lift_iterations: int = 9
@@ -54,6 +55,7 @@ class Live:
     loudness: float = 0.1
     floor: float = 0.1
     every: int = 4
+    # Close to what random phases ask for, 2.2 and .25 (see above).
     step: float = 2.0
     momentum: float = 0.3
     memory: int = 6

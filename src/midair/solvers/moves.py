@@ -147,6 +147,7 @@ class Machine:
         # The field p exp(j psi), without asking much of weak modes: z = sqrt(s) a, a = s U^H y / (s^2 + floor^2).
         smooth = root / (root**4 + (floor * self.strongest) ** 2)
         first = ((batch.p * self.psi / gain) @ self.field_back[: batch.p.shape[1], :]) * smooth
+        # One over the largest curvature, which by z is s gain^2, and by the phases (s gain)^2.
         step = 1 / (self.strongest * gain[:, 0] ** 2)
         state = LBFGS(memory=self.memory, xp=xp).run(function, self.backend.as_real(first), step, iterations)
         return as_complex(state.x) / root
@@ -169,6 +170,7 @@ class Machine:
         step = 1 / (self.strongest * batch.gain[:, 0]) ** 2
         state = method.run(self.phase_function(batch), theta, step, iterations)
         order = xp.argsort(state.cost)
+        # The quarter is rounded up, so that a frame alone in its batch counts as worst.
         good = theta.shape[0] - (theta.shape[0] + 3) // 4
         worst = order[good:]
         x, scale = xp.take(state.x, worst, axis=0), xp.take(state.scale, worst)
@@ -214,7 +216,7 @@ class Machine:
         return part * xp.reshape(x, shape)
 
     def phase_function(self, batch: Batch) -> Function:
-        """Theta -> cost and its gradient, row by row.
+        """The function of theta that gives cost and gradient, row by row.
 
         With r the slope of the cost by the field, its gradient by theta_n is Im(conj(q_n) (G^H r)_n).
         """
@@ -225,6 +227,7 @@ class Machine:
             cost, slope = self.heard(batch, (gain * (q @ self.drive_back)) @ self.field)
             back = (gain * (slope @ self.field_back)) @ self.drive
             back *= xp.conj(q)
+            # NumPy's imaginary part is a view with gaps that would keep the whole product in memory.
             return cost, xp.asarray(xp.imag(back), copy=True)
 
         return function

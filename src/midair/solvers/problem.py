@@ -79,12 +79,12 @@ class Problem:
 
     @property
     def points(self) -> int:
-        """M."""
+        """Number of control points, M."""
         return self.G.shape[0]
 
     @property
     def transducers(self) -> int:
-        """N."""
+        """Number of transducers, N."""
         return self.G.shape[1]
 
     def field(self, theta: Array) -> Complex:
@@ -145,6 +145,7 @@ def relative_error(problem: Problem, theta: Array, level: Array | None = None) -
     else:
         field = level[:, None] * np.abs(problem.field(theta))
     if problem.cells is not None:
+        # What the cells of a silent frame were to read does not count: it is played as silence.
         return problem.cells.error(field) * problem.amplitude.any(axis=1)
     wanted = np.linalg.norm(problem.amplitude, axis=1)
     missed = np.linalg.norm(field - problem.amplitude, axis=1)

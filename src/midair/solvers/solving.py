@@ -108,9 +108,11 @@ def solve(
         else:
             answer = solver.solve(problem, progress=progress)
             part = answer.level
+        # Rounded before the error is taken: what is reported is what firmware will play.
         phase = np.mod(answer.phase, 2 * np.pi) if bits is None else quantise_phase(answer.phase, bits=bits)
         error = relative_error(problem, phase, part)
     audible = np.array([status != "silent" for status in answer.status], float)
+    # Transposed twice, so that (frame,) and (frame, transducer) are both multiplied frame by frame.
     played = problem.level * (audible if part is None else (audible * part.T).T)
     settings: dict[str, Setting] = {
         "method": name_of(method),
@@ -149,6 +151,7 @@ class _Scene:
     def of(cls, target: AmplitudeFrames, array: TransducerArray, acoustics: Acoustics) -> "_Scene":
         G = transfer_matrix(target.grid, array, acoustics=acoustics)
         focus = float(np.abs(G).sum(axis=1).max())
+        # In units of the focus tolerances, weights and single precision fit any array.
         return cls(target=target, array=array, acoustics=acoustics, G=G / focus, focus=focus)
 
     def problem(

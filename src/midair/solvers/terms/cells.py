@@ -75,7 +75,7 @@ class CellTarget:
 
 
 def cell_misfit(xp: Any, y: Rows, weights: Rows, wanted: Rows, scale: Numbers) -> tuple[Numbers, Rows]:
-    """Scale || w |y|^2 - P ||^2 / 2 of each row, and its gradient by y, 2 scale (w^T (w |y|^2 - P)) y.
+    """The cost scale || w |y|^2 - P ||^2 / 2 of each row, and its gradient by y, 2 scale (w^T (w |y|^2 - P)) y.
 
     Parameters
     ----------

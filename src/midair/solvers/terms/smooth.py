@@ -11,7 +11,7 @@ from midair.solvers.backend import Numbers, Rows
 
 
 def change(xp: Any, q: Rows, before: Rows, weight: float) -> tuple[Numbers, Rows]:
-    """Mu mean_n (1 - Re(conj(q_n) q_n')) of each row with the row before it, and its gradient by the phases of q.
+    """The cost mu mean_n (1 - Re(conj(q_n) q_n')) of each row and the one before it, with its gradient by the phases.
 
     Parameters
     ----------
