@@ -76,7 +76,7 @@ def band_window(frequency: Array, band: Band, *, edges: tuple[float, float]) -> 
 
 
 def fft_frequencies(length: int, rate: float) -> Array:
-    """Of the bins of a real FFT of `length` frames, from 0 to half the rate, shape (length // 2 + 1,), in Hz."""
+    """Frequencies of a real FFT of `length` frames, from 0 to half the rate, shape (length // 2 + 1,), in Hz."""
     return np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64)
 
 

@@ -80,6 +80,7 @@ def beam_drive(
         raise InputError(
             f"frequency: expected the rate {rate:g} Hz over a whole number of 4 or more, got {frequency:g} Hz"
         )
+    # Begins at 0, so that every level begins and ends in silence.
     beat = np.sqrt((1 - np.cos(2 * np.pi * np.arange(cycles * round(period)) / period)) / 2)
     level = (np.asarray(levels, float)[:, None] * beat).ravel()
     phase = np.broadcast_to(focus_phase(array, point, acoustics=acoustics), (len(level), array.count))
@@ -168,6 +169,7 @@ def beam_gain(commanded: Array, measured: Array) -> BeamGain:
         gain=float(gain),
         gain_error=float(np.sqrt(variance / spread)),
         intercept=float(intercept),
+        # From a x + b x^2 the slope changes by 2 b over the range.
         curvature=float(2 * bend * np.ptp(commanded) / gain),
         residual=float(np.sqrt(np.mean(rest**2))),
     )

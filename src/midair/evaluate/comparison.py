@@ -133,6 +133,7 @@ def compare(
 def _peaks(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[tuple[float, float], tuple[float, float]]:
     """Places of the largest mean square, shape (row, column) each; see `Comparison.peak`."""
     found = peak_position(reproduced, sensor)
+    # Squared, since these are mean squares and 5 % is meant of the rms.
     rows, columns = np.nonzero(original >= 0.95**2 * original.max())
     away = np.hypot(sensor.x[columns] - found[0], sensor.y[rows] - found[1])
     nearest = int(np.argmin(away))

@@ -78,6 +78,7 @@ def fidelity(
     frames = min(len(x), len(y))
     x, y = in_band(x[:frames], rate, band), in_band(y[:frames], rate, band)
     delay = find_delay(x, y, rate, longest=min(0.05, (frames - 1) / rate))
+    # Before any gain is fitted: what is only late is not distorted.
     y = advance(y, delay, rate)
     power = (x**2).sum(axis=0)
     touched = (power > 0) & (power >= power.max() * 10 ** (-weakest / 10))

@@ -218,6 +218,7 @@ def pacinian_level(pressure: Array, rate: float, skin: SkinModel | None = None) 
         In dB; a just-felt sine at any frequency is 0 dB, silence is minus infinity.
     """
     skin = skin or SkinModel()
+    # Without the mean: Pacinian corpuscles do not feel steady pressure, and it has no octave.
     spectrum = np.fft.rfft(skin.displacement(pressure), axis=0)[1:] * 2 / len(pressure)
     frequency = np.fft.rfftfreq(len(pressure), 1 / rate)[1:]
     weight = 1 / skin.threshold(np.asarray(frequency, np.float64)) ** 2

@@ -107,6 +107,7 @@ def _rate_of(rate: float, wanted: float) -> float:
     from fractions import Fraction
 
     slow, fast = sorted((rate, wanted))
+    # The same fraction as `dsp.resample` takes.
     ratio = Fraction(fast / slow).limit_denominator(1000)
     exact = rate * float(ratio) if wanted > rate else rate / float(ratio)
     return wanted if abs(exact / wanted - 1) < 1e-6 else exact
@@ -137,6 +138,7 @@ def trim(recording: Recording, *, share: float = 0.05, level: float | None = Non
         raise InputError(f"trim: expected a share of 0 to below 1, got {share:g}")
     if not 0 <= margin < np.inf:
         raise InputError(f"trim: expected a margin of 0 s or more, got {margin:g} s")
+    # The median is what a channel says at rest, which need not be 0; a mean would follow the touch.
     change = np.abs(recording.samples - np.median(recording.samples, axis=0)).max(axis=(1, 2))
     limit = float(share * change.max()) if level is None else float(level)
     loud = np.flatnonzero(change > limit)

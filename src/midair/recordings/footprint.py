@@ -152,6 +152,7 @@ def covered(footprint: Footprint, sensor: SensorGrid, time: Array) -> Array:
     for first in range(0, len(time), _BLOCK):
         part = slice(first, first + _BLOCK)
         share[part] = _area(footprint, sensor, footprint.centre(time[part], sensor)) / sensor.pitch**2
+    # Differences of areas leave some rounding on cells that are not touched.
     return np.clip(np.where(share < 1e-12, 0.0, share), 0.0, 1.0)
 
 

@@ -97,6 +97,7 @@ def _half_wave_gain(x: Array, wanted: Array, rate: float, band: tuple[float, flo
 
 def _in_band(x: Array, rate: float, band: tuple[float, float]) -> Array:
     edges = band_edges(band, rate)
+    # Two periods of the lower edge, which is half as wide as `low` and reaches furthest.
     return filter_response(x, rate, lambda f: _column(band_window(f, band, edges=edges), x.ndim), reach=4 / band[0])
 
 

@@ -19,6 +19,7 @@ def coupling(sensor: SensorModel, grid: ControlGrid) -> Array:
     The interpolation spreads a cell's pressure over a tent of one pitch, and the sensor averages what presses on it:
     M = w T, with T the interpolation and w the cells' weights (`physics.cell_weights`).
     """
+    # The interpolation puts the sensor at the grid's centre, wherever that is; so must the weights.
     return cell_weights(sensor, replace(grid, centre=(0.0, 0.0))) @ interpolation_matrix(sensor.grid, grid)
 
 

@@ -67,6 +67,7 @@ def prepare(
         raise InputError(f"interpolate: expected one of {', '.join(get_args(Interpolated))}, got {interpolate!r}")
     gain = positive(gain, "gain of the pressure")
     grid, medium = grid or ControlGrid(), medium or Medium()
+    # On the pressure, not on the drive: the transducers stay equally loud and the target gets stronger (eq. 6).
     pushed = gain * to_push(pressure.pressure, pressure.rate).reshape(pressure.frames, -1)
     if interpolate == "amplitude":
         amplitude = _spread(sound_amplitude(pushed, medium), pressure, grid, circle)

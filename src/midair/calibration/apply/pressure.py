@@ -182,6 +182,7 @@ def _share_inside(recording: Recording, band: Band) -> float:
     variance = samples.var(axis=0)
     inside, length = band_energy(samples, rate, band, resolution=rate / recording.frames), recording.frames // 4
     while length >= 16 and low + 4 * rate / length < high - 4 * rate / length:
+        # Four bins are how far the window of `band_energy` leaks.
         inner = (low + 4 * rate / length, high - 4 * rate / length)
         inside = np.maximum(inside, band_energy(samples, rate, inner, resolution=rate / length))
         length //= 4

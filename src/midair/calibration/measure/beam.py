@@ -108,6 +108,7 @@ def find_lag(signal: Array, expected: Array) -> int:
     if len(expected) > len(signal):
         raise ShapeError(f"recording: expected {len(expected)} frames of beam or more, got {len(signal)}")
     alike = correlate(signal - signal.mean(), expected - expected.mean(), mode="valid")
+    # By magnitude: a sensor whose output falls with pressure is found, too.
     return int(np.argmax(np.abs(alike)))
 
 
@@ -191,6 +192,7 @@ def _slopes(reading: BeamReading) -> tuple[Complex, Array]:
     y = np.einsum("kltc->tclk", reading.output)
     found = np.einsum("tpl,tclk->tcpk", pseudo, y)
     rest = y - np.einsum("tlp,tcpk->tclk", design, found)
+    # A complex number counts as two; the line takes two of them.
     free = 2 * (len(reading.commanded) - 2)
     scatter = np.sqrt((np.abs(rest) ** 2).sum(axis=2) / free)
     error = scatter * np.sqrt((np.abs(pseudo[:, 0]) ** 2).sum(axis=-1))[:, None, None]
@@ -268,6 +270,7 @@ def _explained(reading: BeamReading) -> Array:
 def _noise(quiet: Recording, plan: BeamPlan) -> tuple[Array, Array, Array]:
     width = max(4 * plan.spacing, 16 / quiet.duration)
     bins, power, averages = quiet_density(quiet, resolution=width / 2, width=width)
+    # 2: each band is twice as wide as the distance to the next.
     level, error = white_level(power, averages, 2.0)
     return np.sqrt(np.stack([np.interp(plan.tones, bins, one) for one in power.T], axis=1)), level, error
 

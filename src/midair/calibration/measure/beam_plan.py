@@ -87,6 +87,7 @@ class BeamPlan:
         phase = -np.pi * number * (number - 1) / len(tones)
         time = np.arange(self.stretch) / self.rate
         wave = np.cos(2 * np.pi * tones[:, None] * time + phase[:, None]).sum(axis=0)
+        # Raised until nothing is below 0, since sound only pushes.
         one = (wave - wave.min()) / np.ptp(wave)
         return (np.arange(1, self.levels + 1)[:, None] / self.levels * one).ravel()
 
@@ -196,6 +197,7 @@ def beam_field(
     """
     acoustics = acoustics or Acoustics()
     around = ControlGrid(
+        # A cell more on every side, since a focus on an outer cell presses beyond it.
         rows=12 * (sensor.rows + 2),
         columns=12 * (sensor.columns + 2),
         pitch=sensor.pitch / 12,

@@ -126,6 +126,7 @@ class Evidence:
 
         `other` is what adds to the noise, in magnitude and in phase.
         """
+        # The averages are of complex numbers, each of which has two degrees of freedom.
         random = widened(np.where(alive, fit.uncertainty[counts], 1.0), 2 * fit.averages)
         magnitude = np.sqrt(random**2 + other[0] ** 2 + self.reference_uncertainty**2)
         frequency, response = fit.frequency[counts], np.where(alive, fit.response[counts], 0)

@@ -126,6 +126,7 @@ def band_sums(x: Array, y: Array, rate: float, *, resolution: float, width: floa
     """
     frames, terms = len(x), max(order, 0) + 1
     count = round(width * frames / rate)
+    # Twice as many frequencies as H and T together have terms.
     if count < 4 * terms:
         raise BandError(
             f"record: expected {4 * terms * rate / width / rate:.3g} s or more for bands of {width:g} Hz, got "
@@ -134,6 +135,7 @@ def band_sums(x: Array, y: Array, rate: float, *, resolution: float, width: floa
     step = rate / frames
     centres = np.asarray(resolution * (np.arange(int(rate / 2 / resolution)) + 0.5), np.float64)
     first = np.rint(centres / step - (count - 1) / 2).astype(int)
+    # Not the bin at 0 Hz: the mean was removed there.
     fits = (first >= 1) & (first + count <= frames // 2 + 1)
     centres, bins = centres[fits], first[fits, None] + np.arange(count)
     offset = (bins * step - centres[:, None]) * 2 / width

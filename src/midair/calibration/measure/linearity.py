@@ -110,6 +110,7 @@ def distinct(levels: Array, *, apart: float = 0.05) -> Array:
 
 def _polynomial(x: Array, y: Array, noise: Array, degree: int) -> tuple[Array, Array]:
     """Coefficients and standard errors, lowest power first, each of shape (power, row, column)."""
+    # Powers of the pressure over the highest one, so that the normal equations stay well conditioned.
     top = np.maximum(np.abs(x).max(axis=0), 1e-300)
     powers = np.arange(degree + 1)
     design = np.moveaxis(x / top, 0, -1)[..., None] ** powers
