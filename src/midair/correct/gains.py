@@ -80,7 +80,7 @@ def beam_drive(
         raise InputError(
             f"frequency: expected the rate {rate:g} Hz over a whole number of 4 or more, got {frequency:g} Hz"
         )
-    # Begins at 0, so that every level begins and ends in silence.
+    # Begins at 0, so that one level passes into the next without a jump.
     beat = np.sqrt((1 - np.cos(2 * np.pi * np.arange(cycles * round(period)) / period)) / 2)
     level = (np.asarray(levels, float)[:, None] * beat).ravel()
     phase = np.broadcast_to(focus_phase(array, point, acoustics=acoustics), (len(level), array.count))
@@ -176,7 +176,7 @@ def beam_gain(commanded: Array, measured: Array) -> BeamGain:
 
 
 def amplitude_gain(measured_gain: float, *, limit: float = 4.0) -> float:
-    """By how much to multiply the pressure so that a reproduction of gain `measured_gain` comes out right.
+    """Factor on the pressure with which a reproduction of gain `measured_gain` comes out right.
 
     The paper corrects once, and so does this: 1 / gain, for `prepare(gain=...)`. It is kept within 1/limit and
     limit, so that a silent reproduction cannot ask for endless power.

@@ -62,7 +62,7 @@ class PerceptualCard:
         return next(each for each in self.figures if each.name == name)
 
     def plain(self) -> dict[str, object]:
-        """For JSON; cells that are not compared are null."""
+        """Plain values for JSON; cells that are not compared are null."""
         return {
             "simulated": self.simulated,
             "figures": [

@@ -60,7 +60,7 @@ class Threshold:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkinModel:
-    """From pressure on a cell to what skin does, and what of it is felt.
+    """A model from the pressure on a cell to what skin does, and what of it is felt.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class SkinModel:
     step: float = 1.58
 
     def displacement(self, pressure: Array) -> Array:
-        """Of the skin in the middle of an evenly pressed disc, u = 2 (1 - nu^2) P a / E, in m; 100 Pa: 17 µm."""
+        """Displacement of skin amid an evenly pressed disc, u = 2 (1 - nu^2) P a / E, in m; 100 Pa make 17 µm."""
         return 2 * (1 - self.poisson**2) * self.radius / self.modulus * np.asarray(pressure, float)
 
     def threshold(self, frequency: Array) -> Array:

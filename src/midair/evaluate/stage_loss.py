@@ -60,7 +60,7 @@ class StageLoss:
     leak: Leak | None = None
 
     def plain(self) -> dict[str, object]:
-        """For JSON; what cannot be told is null."""
+        """Plain values for JSON; what cannot be told is null."""
         return {
             "stage": self.name,
             "what": self.what,
@@ -104,7 +104,7 @@ class Budget:
         return next(each for each in self.stages if each.name == name)
 
     def plain(self) -> dict[str, object]:
-        """For JSON."""
+        """Plain values of the whole budget, for JSON."""
         return {
             "simulated": self.simulated,
             "band_hz": list(self.band),

@@ -74,6 +74,7 @@ def phase_figure(drive: Drive, frame: int, *, simulated: bool, style: Style | No
     circles.set_clim(0, 2 * np.pi)
     axis.add_collection(circles)
     axis.set_xlim(places[:, 0].min() - 8, places[:, 0].max() + 8)
+    # y grows downwards, as the rows of the maps do.
     axis.set_ylim(places[:, 1].max() + 8, places[:, 1].min() - 8)
     axis.set_aspect("equal")
     axis.tick_params(labelsize=8)

@@ -101,7 +101,7 @@ class Exposure:
 
     @property
     def duration(self) -> float:
-        """With all repeats, in s."""
+        """Time that all repeats take together, in s."""
         return len(self.level) * self.repeats / self.rate
 
     @property
@@ -126,7 +126,7 @@ class Exposure:
 
     @property
     def excess(self) -> float:
-        """By how much the loudest frame is above an enforced limit, in dB; negative when all are kept."""
+        """Largest step of the loudest frame above an enforced limit, in dB; negative when all limits are kept."""
         return max(
             (
                 float(peak) - place.limit
@@ -276,7 +276,7 @@ def nonlinearity_index(pressure: Array, path: Array, medium: Medium, frequency: 
 
 
 def _nonlinearity(drive: Drive, profile: ExposureProfile, acoustics: Acoustics, level: Array) -> float:
-    """Of the frame that is strongest at the lowest place, which is the palm, along the line that leads there."""
+    """Index of the frame that is strongest at the nearest place, the palm, along the line that leads there."""
     number = int(np.argmin([np.linalg.norm(place.position) for place in profile.places]))
     strongest = int(level[:, number].argmax())
     end = np.array(profile.places[number].position)

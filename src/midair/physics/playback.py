@@ -144,7 +144,7 @@ def check_frame_rate(rate: float, frequency: float = 40e3) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Spread:
-    """From what transducers radiate to pressure at points, or on cells.
+    """The way from what transducers radiate to pressure at points, or on cells.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class Spread:
 
     @classmethod
     def of(cls, G: Complex, medium: Medium, weights: Array | None, precision: Precision) -> "Spread":
-        """For a transfer matrix of (point, transducer), and weights of (cell, point) if there are cells."""
+        """Make it for a transfer matrix of (point, transducer), and weights of (cell, point) if there are cells."""
         real, exact = (np.float32, np.complex64) if precision == "single" else (np.float64, np.complex128)
         return cls(
             G=np.ascontiguousarray(G.T, exact),
@@ -172,11 +172,11 @@ class Spread:
 
     @property
     def width(self) -> int:
-        """Points, or cells."""
+        """Number of points, or of cells where there are weights."""
         return self.G.shape[1] if self.weights is None else self.weights.shape[1]
 
     def pressure(self, q: Waves) -> Array:
-        """(step, point) or (step, cell), in Pa."""
+        """Radiation pressure of drives (step, transducer), shape (step, point) or (step, cell), in Pa."""
         field = q.astype(self.G.dtype, copy=False) @ self.G
         power = field.real**2 + field.imag**2
         return self.factor * np.asarray(power if self.weights is None else power @ self.weights, np.float64)

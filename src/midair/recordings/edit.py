@@ -114,7 +114,7 @@ def _rate_of(rate: float, wanted: float) -> float:
 
 
 def trim(recording: Recording, *, share: float = 0.05, level: float | None = None, margin: float = 0.05) -> Recording:
-    """Without the silence at both ends.
+    """The recording without the silence at both ends.
 
     A frame is silent while no channel is further from its median than `level`. Silence inside stays.
 
@@ -178,7 +178,7 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
 
 
 def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") -> Recording:
-    """Without some channels: they become 0, or the mean of their neighbours that are not masked.
+    """The recording without some channels: they become 0, or the mean of their neighbours that are not masked.
 
     Parameters
     ----------

@@ -157,7 +157,7 @@ def covered(footprint: Footprint, sensor: SensorGrid, time: Array) -> Array:
 
 
 def _area(footprint: Footprint, sensor: SensorGrid, centre: Array) -> Array:
-    """Of each cell under the footprint, broadcasts to (time, row, column), in m2."""
+    """Area of each cell that is under the footprint, broadcasts to (time, row, column), in m2."""
     half = sensor.pitch / 2
     x = sensor.x[None, None, :] - centre[:, 0, None, None]
     y = sensor.y[None, :, None] - centre[:, 1, None, None]

@@ -116,7 +116,7 @@ class Backend:
 
     @contextmanager
     def at_work(self) -> Generator[None]:
-        """Within it, PyTorch uses one thread of the CPU, as NumPy does here: two wait for each other, spinning.
+        """Keep PyTorch to one thread of the CPU, as NumPy is here: two wait for each other, spinning.
 
         And NumPy does not warn of what overflows: such a step counts as one that failed.
         """

@@ -53,7 +53,7 @@ class System:
 
     @classmethod
     def of(cls, kept: Modes, level: float, precision: Literal["single", "double"]) -> "System":
-        """From the modes of G and A."""
+        """Make the system from the modes of G and the level A."""
         real = np.float32 if precision == "single" else np.float64
         kind = np.complex64 if precision == "single" else np.complex128
         C = np.ascontiguousarray((level * kept.s)[:, None] * kept.V.conj().T, kind)

@@ -63,7 +63,7 @@ def modes(G: Complex, *, tolerance: float = 0.0) -> Modes:
 
 
 def _by_gram(G: Complex, tolerance: float) -> Modes:
-    """From the eigenvectors of G G^H: four times as fast, and true above 1e-8 of the largest singular value."""
+    """Modes from the eigenvectors of G G^H: four times as fast, and true above 1e-8 of the largest singular value."""
     power, U = np.linalg.eigh(G @ G.conj().T)
     # Rounding makes some of the smallest eigenvalues negative.
     s = np.sqrt(np.maximum(power[::-1], 0))

@@ -95,7 +95,7 @@ class Machine:
 
     @classmethod
     def of(cls, problem: Problem, backend: Backend, *, tolerance: float, memory: int) -> "Machine":
-        """From the modes of the problem above `tolerance` of the strongest, worked out in double precision."""
+        """Make it from the modes above `tolerance` of the strongest, which are worked out in double precision."""
         heard = problem.G if problem.guard is None else np.concatenate([problem.G, problem.guard.G])
         kept = modes(heard, tolerance=tolerance)
         s, psi = problem.level * kept.s, np.exp(1j * problem.first_psi)

@@ -109,7 +109,7 @@ class PatternSweep:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(condition, pattern)."""
+        """Numbers of conditions and of patterns."""
         return len(self.conditions()), max(self.count, self.curve_count)
 
     @property
@@ -181,7 +181,7 @@ class PatternSweep:
         return cls(**said)
 
     def provenance(self) -> Provenance:
-        """Of the results: simulated."""
+        """Where the results come from: they are simulated."""
         settings: dict[str, Setting] = {
             name: value
             for name, value in ((one.name, getattr(self, one.name)) for one in fields(self))
@@ -199,7 +199,7 @@ class PatternJob:
     patterns: NDArray[np.int64]
 
     def __call__(self) -> Found:
-        """E of each."""
+        """Solve the patterns, and give E of each."""
         solved = solve_patterns(self.sweep, self.condition, self.patterns)
         return Found(error=solved.error, rounded_error=solved.rounded_error, strength=self.condition.strength)
 

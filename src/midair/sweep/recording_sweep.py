@@ -86,7 +86,7 @@ class RecordingSweep:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(condition, frame), as many frames as the longest trial has."""
+        """Numbers of conditions and of frames, which are those of the longest trial."""
         return len(self.trials), max(trial.pressure.frames for trial in self.trials)
 
     @property
@@ -118,7 +118,7 @@ class RecordingSweep:
         )
 
     def settings(self) -> dict[str, Any]:
-        """Of every trial, and a digest of its pressure."""
+        """Settings of every trial, and a digest of its pressure."""
         return {
             "columns": self.columns,
             "rows": self.rows,
@@ -136,7 +136,7 @@ class RecordingSweep:
         }
 
     def provenance(self) -> Provenance:
-        """Of the results: fields that are computed, not measured."""
+        """Where the results come from: fields that are computed, not measured."""
         names = ", ".join(dict.fromkeys(trial.recording for trial in self.trials))
         return Provenance(source=names, simulated=True).then("sweep", {"bits": self.bits, "trials": len(self.trials)})
 

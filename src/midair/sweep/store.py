@@ -131,6 +131,7 @@ def load_sweep(path: Path) -> SweepResults:
     group = _group(path, "r")
     with refusing(path, "a sweep of midair"):
         settings, done = dict(group.attrs["settings"]), group["done"][:]
+        # Results without their task's flag may be half written: they count as unknown.
         known = np.repeat(done, group["error"].chunks[1], axis=1)[:, : group["error"].shape[1]]
         return SweepResults(
             kind=str(group.attrs["kind"]),

@@ -49,7 +49,7 @@ def precompensate(
 
     def inverse(frequency: np.ndarray) -> np.ndarray:
         inside = band_window(frequency, (low / 2, 1.025 * high), edges=(low, high / 20))
-        # The window is half open at its corners: these put the band itself into its flat part.
+        # The window is .5 at its corners: these put the whole band into its flat part.
         response = playback_response(frequency, pressure.rate, dynamics=dynamics, ramp=ramp)
         return (1 + inside * (1 / np.where(inside > 0, response, 1) - 1)).reshape(-1, 1, 1)
 

@@ -90,7 +90,7 @@ def prepare(
 
 
 def _spread(cells: Array, pressure: PressureFrames, grid: ControlGrid, circle: Circle | None) -> Array:
-    """From (frame, channel) to (frame, point)."""
+    """Interpolate values (frame, channel) to (frame, point)."""
     if circle is None:
         return cells @ interpolation_matrix(pressure.sensor, grid).T
     return moved_interpolation(cells, pressure.sensor, grid, circle.offset(pressure.time))

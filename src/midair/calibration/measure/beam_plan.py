@@ -61,7 +61,7 @@ class BeamPlan:
 
     @property
     def tones(self) -> Array:
-        """In Hz, shape (tone,)."""
+        """Frequencies of the tones, shape (tone,), in Hz."""
         close = np.arange(self.low, min(60.0, self.high) - self.spacing / 2, self.spacing)
         far = np.arange(max(60.0, self.low), self.high - self.spacing, 2 * self.spacing)
         return np.unique(np.concatenate([close, far, [self.high]]).round(9))

@@ -48,7 +48,7 @@ class MeasureSettings:
     order: int = 2
 
     def as_settings(self) -> dict[str, Setting]:
-        """For a step of a provenance."""
+        """The settings with their units, for a step of a provenance."""
         step, width = check_resolution(self.resolution, self.width)
         return {"resolution_hz": step, "width_hz": width, "coherence": self.coherence, "order": self.order}
 

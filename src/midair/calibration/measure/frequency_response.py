@@ -207,7 +207,7 @@ def check_resolution(resolution: float, width: float | None) -> tuple[float, flo
 
 
 def _ratio(above: Array, below: Array) -> Array:
-    """0 where there is nothing below."""
+    """The quotient of two arrays, and 0 where the lower one is 0."""
     return np.divide(above, below, out=np.zeros_like(above), where=below > 0)
 
 

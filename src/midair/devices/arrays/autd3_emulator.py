@@ -60,7 +60,7 @@ class Autd3Firmware:
         self._playing = False
 
     def set_silencer(self, silencer: Silencer) -> None:
-        """Over how long steps are spread."""
+        """Set over how long the firmware spreads steps."""
         self._open.send(commands.silencer(silencer))
 
     def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
@@ -98,7 +98,7 @@ class Autd3Firmware:
         return self._playing
 
     def describe(self) -> dict[str, str]:
-        """What is emulated."""
+        """Say what is emulated, and what is not."""
         return {
             "units": f"{self._units} emulated",
             "buffers": f"2 x {self.frames_max} patterns",
@@ -141,6 +141,7 @@ class Autd3Firmware:
         grid = Grid((x[0] * 1e3, x[1] * 1e3), (y[0] * 1e3, y[1] * 1e3), z * 1e3, step * 1e3, "xyz")
         field = record.sound_field(grid, RmsRecordOption())
         places = field.observe_points().to_numpy().reshape(-1, 3) * 1e-3
+        # Only the last tick, when phases have arrived and no frame is mixed with the one before.
         field.skip(Duration.from_nanos((record.num_samples() - 1) * TICK))
         pressure = field.next(Duration.from_nanos(TICK)).to_numpy()
         return np.column_stack([places, pressure[:, -1]])

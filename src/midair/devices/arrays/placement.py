@@ -70,14 +70,15 @@ class Placement:
 
     @property
     def quaternion(self) -> Array:
-        """Of each unit's rotation as both SDKs want it, (w, x, y, z), shape (unit, 4)."""
+        """Rotation of each unit as a quaternion as both SDKs want it, (w, x, y, z), shape (unit, 4)."""
         from scipy.spatial.transform import Rotation
 
+        # SciPy puts w last, the SDKs put it first.
         return np.roll(np.asarray(Rotation.from_euler("xyz", self.rotation).as_quat(), np.float64), 1, axis=1)
 
     @property
     def origin(self) -> Array:
-        """Of each unit's first transducer once the whole is centred, shape (unit, 3), in m."""
+        """Place of each unit's first transducer once the whole is centred, shape (unit, 3), in m."""
         return self.position - self._transducers().mean(axis=(0, 1))
 
     def array(self) -> TransducerArray:

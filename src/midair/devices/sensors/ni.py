@@ -32,22 +32,22 @@ class NiTask(Protocol):
 
     @property
     def ai_channels(self) -> Any:
-        """The inputs."""
+        """The inputs of the task."""
         ...
 
     @property
     def timing(self) -> Any:
-        """The sample clock."""
+        """The sample clock of the task."""
         ...
 
     @property
     def in_stream(self) -> Any:
-        """The buffer."""
+        """The driver's buffer of samples."""
         ...
 
     @property
     def channel_names(self) -> Sequence[str]:
-        """Of the inputs."""
+        """Names of the inputs, one each."""
         ...
 
     def start(self) -> None:
@@ -99,7 +99,7 @@ class NiSource:
         self._frames = 0
 
     def open(self) -> Stream:
-        """Reserve the inputs."""
+        """Reserve the inputs and set range and clock."""
         try:
             self._task = self._make()
             self._task.ai_channels.add_ai_voltage_chan(
@@ -134,6 +134,7 @@ class NiSource:
                 if time.monotonic() > end:
                     return None
                 time.sleep(0.002)
+            # No more than is there already, so that the read itself need not wait.
             samples = np.atleast_2d(np.asarray(task.read(ready, wait), np.float64)).T
         except DaqmxError as wrong:
             raise self._failed(wrong) from wrong

@@ -57,6 +57,7 @@ class Reader:
     def _run(self) -> None:
         try:
             while not self._ends.is_set():
+                # A short wait, so that `stop` is noticed even when nothing comes.
                 chunk = self._source.pull(0.1)
                 if chunk is not None:
                     for part in chunk.finite_parts(self._rate):

@@ -22,7 +22,7 @@ class Port(Protocol):
         ...
 
     def read(self, size: int = 1) -> bytes:
-        """At least one byte within the time limit, or none."""
+        """Read up to `size` bytes: at least one within the time limit, or none."""
         ...
 
     def reset_input_buffer(self) -> None:
@@ -30,7 +30,7 @@ class Port(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go."""
+        """Let go of the port."""
         ...
 
 
@@ -116,6 +116,7 @@ class SerialSource:
 
     def _read(self) -> bytes:
         port = self._opened()
+        # At least one byte, so that an empty port is waited for and not asked again and again.
         data: bytes = self._guarded(lambda: port.read(max(1, port.in_waiting)))
         self._arrived = time.monotonic()
         return data

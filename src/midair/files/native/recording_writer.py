@@ -104,6 +104,7 @@ class RecordingWriter:
             if self.calibration is not None:
                 write_calibration(file.create_group("calibration"), self.calibration)
         try:
+            # Opened again for SWMR, in which rows can grow but no name can be added any more.
             self._file = h5py.File(self.path, "r+", libver=LAYOUT)
             self._file.swmr_mode = True
         except OSError as wrong:

@@ -13,7 +13,7 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One stored name.
+    """One stored name, with its type, axes and unit.
 
     Attributes
     ----------

@@ -73,7 +73,7 @@ class Plan:
             object.__setattr__(self, "digest", digest)
 
     def trial(self, code: str) -> Trial:
-        """By its code.
+        """The trial of this code.
 
         Raises
         ------
@@ -103,6 +103,7 @@ class Plan:
 
 def digest_of(design: Mapping[str, Any], trials: Sequence[Mapping[str, Any]]) -> str:
     """Sixteen hexadecimal digits of SHA-256 over the JSON of a design and its trials."""
+    # Sorted, so that only content makes a difference and not the order of keys in a file.
     return sha256(dumps([dict(design), list(trials)], sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -160,6 +161,7 @@ def _stimuli(block: Block, rng: np.random.Generator) -> list[str]:
     order: list[str] = []
     for _ in range(block.repetitions):
         part = constrained_shuffle(block.stimuli, rng=rng)
+        # Within a round none comes twice: only where two rounds meet can it follow itself.
         while block.longest_run == 1 and len(set(block.stimuli)) > 1 and order and order[-1] == part[0]:
             part = constrained_shuffle(block.stimuli, rng=rng)
         order += part

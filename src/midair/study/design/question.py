@@ -73,6 +73,7 @@ class Question:
             return _magnitude(said)
         if said in self.answers:
             return said
+        # Of a rating the digits are the answers themselves.
         if self.kind != "rating" and said.isdigit() and 1 <= int(said) <= len(self.answers):
             return self.answers[int(said) - 1]
         begun = [option for option in self.answers if said and option.lower().startswith(said.lower())]

@@ -77,6 +77,7 @@ class Standing:
     def redo(self, policy: Policy) -> tuple[str, ...]:
         """Codes of the trials whose answers a policy puts aside."""
         index = self.next_trial
+        # Up to the trial that was interrupted, some of whose questions may have been answered.
         if policy == "restart":
             return tuple(trial.code for trial in self.trials[: index + 1])
         if policy == "block" and index < len(self.trials):

@@ -41,7 +41,7 @@ class Confusion:
 
     @property
     def counts(self) -> Counts:
-        """Over all people, shape (presented, answered)."""
+        """Counts over all people, shape (presented, answered)."""
         return self.by_person.sum(axis=0)
 
     @property
@@ -51,7 +51,7 @@ class Confusion:
 
     @property
     def f_measure(self) -> Array:
-        """Of each object, shape (object,)."""
+        """F of each object over all people, shape (object,)."""
         return f_measure(self.counts)
 
     @property
@@ -72,7 +72,7 @@ def confusion_matrix(
     participant: Sequence[Any] | NDArray[Any] | None = None,
     labels: Sequence[Any] | None = None,
 ) -> Confusion:
-    """Count the answers.
+    """Count the answers to each object, person by person.
 
     Parameters
     ----------
@@ -177,6 +177,7 @@ def wilson(hits: Any, total: Any, *, level: float = 0.95) -> tuple[Array, Array]
     z = float(norm.ppf((1 + level) / 2))
     middle = (k + z**2 / 2) / (n + z**2)
     half = z / (n + z**2) * np.sqrt(k * (n - k) / n + z**2 / 4)
+    # At 0 and at all hits rounding can leave the limits a hair outside.
     return np.maximum(middle - half, 0), np.minimum(middle + half, 1)
 
 
