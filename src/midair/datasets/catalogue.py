@@ -19,7 +19,7 @@ class Sample:
     name : str
         By which `sample` knows it.
     what : str
-        It is.
+        What it is a recording of, in one line.
     licence : str
         SPDX identifier; the text lies beside the file.
     source : str

@@ -18,7 +18,7 @@ class StageOutput:
     name : str
         Of the stage.
     what : str
-        It does, in one line.
+        What it does, in one line.
     pressure : PressureFrames
         After it.
     leak : Leak or None

@@ -142,7 +142,8 @@ def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task]) -> Iterator[
     """What each task found, as it comes."""
     futures: list[Any] = [
         # In the order of the tasks: whenever it is stopped, what is known is the beginning.
-        client.submit(do, sweep.job(task), task, pure=False, priority=-number) for number, task in enumerate(tasks)
+        client.submit(do, sweep.job(task), task, pure=False, priority=-number)
+        for number, task in enumerate(tasks)
     ]
     for future in _distributed().as_completed(futures, loop=client.loop):
         if future.status != "finished":

@@ -20,7 +20,7 @@ class Entry:
     name : str
         Of the dataset or attribute.
     what : str
-        It means.
+        What it means, in a few words.
     dtype : {"f8", "i8", "i1", "text"}
         Little-endian; text is UTF-8 of fixed length, so that the checksum of HDF5's metadata covers it.
     dimensions : tuple of str or None

@@ -98,6 +98,7 @@ def calibrate_by_beam(
         changed_shares=field.changed(setting) / strongest,
         slow=setting.dynamics_uncertainty * slow,
         level=setting.pressure_uncertainty,
+        # The beam begins anywhere within a frame: the standard deviation of an even distribution.
         timing=1 / (np.sqrt(12) * plan.rate),
     )
     told = _life(recordings[0], array, plan)

@@ -81,6 +81,7 @@ class CalibrationBench:
 
     def quiet(self, duration: float) -> Recording:
         """A recording in which nothing presses."""
+        # A number that no take has, so that its noise is its own.
         return self.recordings(np.zeros(round(duration * self.rate)), number=10**6)[0]
 
 
@@ -91,6 +92,7 @@ def practice_bench(seed: int = 0) -> CalibrationBench:
     away = np.array([[abs(i // 4 - k // 4) + abs(i % 4 - k % 4) for k in range(16)] for i in range(16)])
     crosstalk = np.eye(16) + 0.03 * (away == 1) * (1 + 0.2 * rng.standard_normal((16, 16))) + 0.004 * (away == 2)
     model = SensorModel(grid=grid, delay=rng.uniform(0, 3e-4, grid.shape), crosstalk=crosstalk, saturation=6.0)
+    # Drawn from the uncertainty that the certificate states: it is honest, but not right.
     error = 0.005 * float(rng.standard_normal())
     return CalibrationBench(
         model=model.with_spread(seed=seed),

@@ -103,6 +103,7 @@ def _raw_sockets() -> Check:
     if sys.platform != "linux" or family is None:
         return Check(subject=subject, state="ok", found="not looked at on this system; Npcap is needed on Windows")
     try:
+        # Opening is what needs the right; nothing is sent.
         socket.socket(family, socket.SOCK_RAW).close()
     except PermissionError:
         advice = "sudo setcap cap_net_raw,cap_sys_nice=ep on the python that .venv/bin/python links to"

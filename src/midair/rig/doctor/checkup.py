@@ -93,11 +93,12 @@ def _field() -> Check:
 
 
 def _solver() -> Check:
-    """One focus, solved."""
+    """How long an iteration takes, from one focus on the paper's array and control points."""
     grid, array = ControlGrid(), TransducerArray.autd3()
     amplitude = np.zeros((1, grid.count))
     amplitude[0, grid.count // 2 + grid.columns // 2] = 1000.0
     target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid)
+    # Once before, so that loading SciPy is not measured.
     solve(target, array, iterations=1)
     begin = time.perf_counter()
     solution = solve(target, array, iterations=20)

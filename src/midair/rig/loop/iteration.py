@@ -108,6 +108,7 @@ def _asked(
     first = (len(asked) - original.frames) // 2
     part = slice(first, first + original.frames)
     lacking = np.zeros_like(asked)
+    # The lead is not judged: nothing lacks there.
     lacking[part] = original.pressure - heard[part]
     response = measured_response(asked, heard, rate, band=settings.calibration.band)
     change = correction.change(lacking, rate, response, band=settings.calibration.band, step=step)

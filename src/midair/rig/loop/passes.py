@@ -42,7 +42,7 @@ class Rig:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pass:
-    """One time through.
+    """What one time through solving, playing and re-recording gave.
 
     Attributes
     ----------

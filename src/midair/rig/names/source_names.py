@@ -44,6 +44,7 @@ class SourceOptions(BaseModel):
         base = wiring or SensorWiring.for_channels(stream.channels, name=name, unit=stream.unit or "count")
         rows, columns = self.rows or base.grid.rows, self.columns or base.grid.columns
         pitch = base.grid.pitch if self.pitch_mm is None else self.pitch_mm * 1e-3
+        # An order that was stated for other cells means nothing for these.
         same = (rows, columns) == base.grid.shape
         return SensorWiring(
             grid=SensorGrid(rows=rows, columns=columns, pitch=pitch, name=base.grid.name),
@@ -111,12 +112,14 @@ def source_sensor(name: str, *, wiring: SensorWiring | None = None) -> StreamedS
         source,
         name=name,
         wire=lambda stream: options.wire(stream, wiring, plain),
+        # At a low rate even a healthy sensor is silent for longer than the limit.
         timeout=max(options.timeout, 3 / (options.rate or 1e9)),
     )
 
 
 def split_name(name: str) -> tuple[str, str, dict[str, str]]:
     """Kind, place and options of a name."""
+    # A question mark that no option follows belongs to the place.
     match = re.fullmatch(r"([^:]*):(.*?)(?:\?((?:\w+=[^&?]*&)*\w+=[^&?]*))?", name, re.DOTALL)
     if match is None:
         return name, "", {}

@@ -41,6 +41,7 @@ def play_admitted(
     log_order(source, array.name, admission)
 
     def stop() -> None:
+        # Silence first, then the end of the program, which may take its time.
         array.silence()
         _thread.interrupt_main()
 
@@ -57,6 +58,7 @@ def play_admitted(
 @contextmanager
 def signals_end_the_program() -> Generator[None]:
     """While inside, SIGTERM and SIGHUP leave through every `with` and `finally`, as an error does."""
+    # Python lets only the main thread set what signals do.
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -66,6 +68,7 @@ def signals_end_the_program() -> Generator[None]:
     def leave(number: int, _: FrameType | None) -> None:
         for each in numbers:
             signal.signal(each, signal.SIG_IGN)  # a second one must not interrupt the silencing
+        # The status by which shells know that a signal ended a program.
         sys.exit(128 + number)
 
     before = {number: signal.signal(number, leave) for number in numbers}

@@ -129,6 +129,7 @@ class Meters:
         runs[1:-1] |= triple
         runs[:-2] |= triple
         elsewhere = ~extreme[1:]
+        # A slow or coarse signal repeats itself everywhere, and a run at its extreme then says nothing.
         repeats = (same & elsewhere).sum(axis=0) <= 0.05 * elsewhere.sum(axis=0)
         return runs & repeats & elsewhere.any(axis=0)
 
@@ -140,6 +141,7 @@ class Meters:
         last = self._frames + len(block) - 1 - changed[::-1].argmax(axis=0)
         self._since = np.where(moves, last, self._since)
         self._moved |= moves
+        # What moves again and then stops is told again.
         self._told &= ~moves
         self._frames += len(block)
 

@@ -36,7 +36,7 @@ class Subject:
 
     @property
     def stem(self) -> str:
-        """Of the names of its files: object-surface."""
+        """Beginning of the names of its files: object-surface."""
         return "-".join(part for part in (slug(self.object), slug(self.surface)) if part) or "recording"
 
 
