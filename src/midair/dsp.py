@@ -125,7 +125,7 @@ def fir_from_response(response: Complex, taps: int) -> Array:
     Parameters
     ----------
     response : ndarray of complex, shape (bin, ...)
-        At evenly spaced frequencies from 0 to half the rate, both included.
+        Response at evenly spaced frequencies from 0 to half the rate, both included.
     taps : int
         Odd, so that the delay is a whole number of frames; below 2 (bin - 1).
 

@@ -58,17 +58,17 @@ def beam_drive(
     array : TransducerArray
         What plays.
     point : ndarray, shape (3,)
-        Of the focus, in m.
+        Place of the focus, in m.
     levels : ndarray, shape (level,)
         Largest drive of each beat, 0 to 1.
     frequency : float
-        Of the beat, in Hz; `rate` over it must be whole.
+        Frequency of the beat, in Hz; `rate` over it must be whole.
     cycles : int
-        Of each level.
+        Cycles of each level.
     rate : float
         Frames per second, in Hz.
     acoustics : Acoustics, optional
-        That the focus is made for.
+        The air and directivity that the focus is made for.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def beat_amplitude(signal: Array, rate: float, *, frequency: float, parts: int) 
     Parameters
     ----------
     signal : ndarray, shape (frame,)
-        Of one channel.
+        Signal of one channel.
     rate : float
         In Hz.
     frequency : float

@@ -17,7 +17,7 @@ class Sample:
     Attributes
     ----------
     name : str
-        By which `sample` knows it.
+        The name by which `sample` knows it.
     what : str
         What it is a recording of, in one line.
     licence : str

@@ -149,7 +149,7 @@ def stroke(
     groove : bool
         Whether the sensor's surface has the grooves.
     seed : int
-        Of the texture and the slips.
+        Seed of the texture and the slips.
     rate : float
         Frames per second, up to 8000 Hz; take 8000 to drive a simulation in time.
     speed : float
@@ -159,7 +159,7 @@ def stroke(
     duration : float, optional
         In s: cuts the stroke, or adds silence. By default until the object has left, 1.26 s at the other defaults.
     column : int
-        Of the sensor; 2 lets the object pass channels 2, 6, 10 and 14.
+        Column of the sensor; 2 lets the object pass channels 2, 6, 10 and 14.
     sensor : SensorGrid, optional
         The cells; 4 x 4 at 11 mm by default.
     peak : float, optional

@@ -52,7 +52,7 @@ def advance(samples: Array, delay: float, rate: float) -> Array:
     Parameters
     ----------
     samples : ndarray, shape (frame, ...)
-        At `rate`.
+        Samples at `rate`.
     delay : float
         In s, of any sign, not necessarily whole frames.
     rate : float

@@ -23,7 +23,7 @@ class CardFigure:
     name : str
         What it is called.
     unit : str
-        Of the value; empty for a ratio.
+        Unit of the value; empty for a ratio.
     overall : float
         Over all cells.
     channels : ndarray, shape (row, column)
@@ -90,7 +90,7 @@ def perceptual_card(
     Parameters
     ----------
     original, reproduced : PressureFrames
-        Of the same cells at the same rate, at least 64 ms of them.
+        Pressures of the same cells at the same rate, at least 64 ms of them.
     skin : SkinModel, optional
         The defaults of `SkinModel` if None.
     weakest : float

@@ -23,11 +23,11 @@ class Comparison:
     Attributes
     ----------
     delay : float
-        By which the reproduction was later, taken out before all else, in s.
+        Time by which the reproduction was later, taken out before all else, in s.
     correlation : float
-        Of the waveforms over all channels, -1 to 1, about 0 by silence.
+        Correlation of the waveforms over all channels, -1 to 1, about 0 by silence.
     gain : float
-        Of the best straight line from original to reproduced pressure through 0.
+        Slope of the best straight line from original to reproduced pressure through 0.
     waveform_error : float
         ||reproduced - original|| / ||original||, nothing refitted.
     distortion_ratio : float
@@ -40,7 +40,7 @@ class Comparison:
     frequency : tuple of float
         Dominant frequency, original and reproduced, in Hz.
     rms : tuple of float
-        Of the strongest cell, original and reproduced, in Pa.
+        Rms of the strongest cell, original and reproduced, in Pa.
     channel_correlation, channel_gain : ndarray, shape (row, column)
         The same, cell by cell; 0 where the original is silent.
     simulated : bool
@@ -94,7 +94,7 @@ def compare(
     Parameters
     ----------
     original, reproduced : PressureFrames
-        Of the same cells at the same rate; the shorter one decides how many frames are compared.
+        Pressures of the same cells at the same rate; the shorter one decides how many frames are compared.
     longest_delay : float
         Largest delay that is looked for, in s.
     band : tuple of float, optional

@@ -28,7 +28,7 @@ class Fidelity:
     images : float or None
         Power in the band of the images over that in the band, in dB; None where the rate is too low to tell.
     spatial_correlation : float
-        Of the maps of rms pressure in the band, over the cells, -1 to 1.
+        Correlation of the maps of rms pressure in the band, over the cells, -1 to 1.
     gain : float
         Best gain over all cells.
     delay : float

@@ -18,7 +18,7 @@ class Leak:
     Attributes
     ----------
     peak : float
-        Of the hottest spot in any frame over the highest wanted pressure of all frames.
+        Pressure of the hottest spot in any frame over the highest wanted pressure of all frames.
     typical : float
         Median over the frames of the hottest spot, over the same.
     place : tuple of float
@@ -45,7 +45,7 @@ def surroundings(
     reach : float
         How far the larger grid goes beyond the square, in m.
     pitch : float
-        Of the larger grid, in m; 2.5 mm is a third of a wavelength at 40 kHz.
+        Pitch of the larger grid, in m; 2.5 mm is a third of a wavelength at 40 kHz.
 
     Returns
     -------

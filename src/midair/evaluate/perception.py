@@ -33,7 +33,7 @@ class Threshold:
     slope : float
         In Hz.
     span : float
-        From the least value to that at 0 Hz, in dB.
+        Distance from the least value to that at 0 Hz, in dB.
     floor : float
         Least value below 0 dB, in dB.
     """
@@ -65,11 +65,11 @@ class SkinModel:
     Attributes
     ----------
     modulus : float
-        Of skin, in Pa (TouchSim: Saal et al., PNAS 114(28), 2017).
+        Elastic modulus of skin, in Pa (TouchSim: Saal et al., PNAS 114(28), 2017).
     poisson : float
         Poisson's ratio (the same).
     radius : float
-        Of the area that a cell's pressure acts on, in m.
+        Radius of the area that a cell's pressure acts on, in m.
     just_felt : float
         Peak displacement that is just felt at `best` on the palm, in m. Nominal: thresholds differ between people by
         10 dB and with the area; only levels over the threshold depend on it, no difference between two signals.
@@ -146,7 +146,7 @@ def st_sim(reference: Array, distorted: Array, *, eta: float = 2 / 3, block: int
     Parameters
     ----------
     reference, distorted : ndarray, shape (sample,)
-        At 8 kHz, on one scale; the longer one is cut.
+        Signals at 8 kHz, on one scale; the longer one is cut.
     eta : float
         Weight of time against spectrum.
 
@@ -179,7 +179,7 @@ def spqi(reference: Array, distorted: Array, *, eta: float = 0.3, threshold: flo
     Parameters
     ----------
     reference, distorted : ndarray, shape (sample,)
-        At 8 kHz, on one scale; the longer one is cut.
+        Signals at 8 kHz, on one scale; the longer one is cut.
 
     Returns
     -------

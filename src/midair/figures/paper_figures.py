@@ -27,11 +27,11 @@ class FieldRow:
     Attributes
     ----------
     name : str
-        Of the row.
+        Name of the row.
     fields : ndarray, shape (map, point)
         Magnitudes.
     grid : ControlGrid
-        That they lie on.
+        The grid that they lie on.
     notes : tuple of str
         Above each map.
     """

@@ -27,7 +27,7 @@ class Example:
     Attributes
     ----------
     name : str
-        Of the pattern.
+        Name of the pattern.
     error : float
         E.
     target, field : ndarray, shape (point,)

@@ -22,7 +22,7 @@ class Style:
     quantity, phase : str
         Colour maps, perceptually uniform; the one of phases is cyclic.
     ink, faint, band : str
-        Of text, of grids, of shaded ranges.
+        Colours of text, of grids, of shaded ranges.
     """
 
     original: str = "#1b1f24"

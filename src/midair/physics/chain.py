@@ -39,7 +39,7 @@ class PlaybackChain:
     transducers : Transducers or None
         Each one's envelope and strength; None for such that follow at once and are as strong as the model says.
     precision : {"single", "double"}
-        Of the field. Single is true to 1e-5 of the largest pressure, and twice as fast.
+        Precision of the field. Single is true to 1e-5 of the largest pressure, and twice as fast.
     """
 
     phase_bits: int | None = 8
@@ -101,7 +101,7 @@ def radiate(
     Yields
     ------
     q : ndarray of complex, shape (frames * steps, transducer)
-        Of full drive.
+        What they radiate, as a part of full drive.
     moment : Moment
         After them.
     """

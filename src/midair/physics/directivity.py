@@ -17,7 +17,7 @@ def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: floa
     Parameters
     ----------
     angle : ndarray, any shape
-        Between the transducer's normal and the point, in rad, 0 to pi.
+        Angle between the transducer's normal and the point, in rad, 0 to pi.
     kind : {"point", "piston", "t4010a1"}
         "point": 1 everywhere. "piston": 2 J1(x) / x, x = k a sin(theta), a circular piston in a baffle.
         "t4010a1": the measured table of AUTD3's transducer.

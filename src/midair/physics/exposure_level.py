@@ -62,7 +62,7 @@ class ExposureProfile:
     source, evidence : str
         Where its limits are from, and how good the evidence is.
     places : tuple of Place
-        At least one.
+        The places; at least one.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Exposure:
     Attributes
     ----------
     profile : ExposureProfile
-        Whose places and limits these are.
+        The profile whose places and limits these are.
     level : ndarray, shape (frame, place)
         Highest sound pressure level in the cube of each place, in dB.
     rate : float
@@ -179,7 +179,7 @@ def exposure(
     Parameters
     ----------
     drive : Drive
-        To be played.
+        The drive that is to be played.
     profile : ExposureProfile
         Places and limits.
     repeats : int
@@ -220,7 +220,7 @@ def greatest_exposure(
     array : TransducerArray
         What radiates.
     level : float
-        Of every transducer, 0 to 1.
+        Level of every transducer, 0 to 1.
     profile : ExposureProfile
         Places and limits.
     rate : float

@@ -35,7 +35,7 @@ def simulate(
     drive : Drive
         What the array is told; it is silent before.
     G : ndarray of complex, shape (point, transducer)
-        From `transfer_matrix`, in Pa.
+        Transfer matrix from `transfer_matrix`, in Pa.
     chain : PlaybackChain, optional
         What is simulated; 8-bit phases that step, and transducers that follow at once, if None.
     rate : float
@@ -92,7 +92,7 @@ def playback_response(
     rate : float
         R, frames per second, in Hz.
     dynamics : TransducerDynamics, optional
-        Of the transducers; the usual ones if None.
+        Dynamics of the transducers; the usual ones if None.
     ramp : float
         T, over how long a silencer spreads each step, in s.
 
@@ -153,7 +153,7 @@ class Spread:
     factor : float
         Radiation pressure of 1 Pa of sound, in Pa.
     weights : ndarray or None, shape (point, cell)
-        Of the cells.
+        Weights of the cells.
     """
 
     G: Waves

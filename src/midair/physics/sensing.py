@@ -56,9 +56,9 @@ class SensorModel:
     full_scale : float
         Largest voltage that the converter takes, either sign, in V.
     bits : int
-        Of the converter.
+        Number of bits of the converter.
     delay : ndarray, shape (row, column)
-        Of each channel, as of a converter that takes one after the other, in s, 0 or more; empty for none.
+        Delay of each channel, as of a converter that takes one after the other, in s, 0 or more; empty for none.
     crosstalk : ndarray, shape (channel, channel)
         Pressure that cell i feels over the pressure on cell k; empty for cells that feel only their own.
     saturation : float
@@ -201,7 +201,7 @@ def sense(
     pressure : ndarray, shape (frame, row, column)
         On the cells, in Pa, at `rate` times `oversample`.
     rate : float
-        Of the samples that are returned, in Hz.
+        Rate of the samples that are returned, in Hz.
     rng : numpy.random.Generator, optional
         Makes the noise; none if None.
     oversample : int

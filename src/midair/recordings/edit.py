@@ -27,9 +27,9 @@ def cut(recording: Recording, start: float = 0.0, end: float | None = None) -> R
     Parameters
     ----------
     recording : Recording
-        To cut.
+        The recording to cut.
     start, end : float
-        From the first frame, in s; `end` None means the end of the recording.
+        Times from the first frame, in s; `end` None means the end of the recording.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def join(recordings: Sequence[Recording]) -> Recording:
     Parameters
     ----------
     recordings : sequence of Recording
-        At least one; of the same sensor, rate and unit.
+        At least one recording; all of the same sensor, rate and unit.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def resample(recording: Recording, rate: float) -> Recording:
     Parameters
     ----------
     recording : Recording
-        To resample.
+        The recording to resample.
     rate : float
         New frames per second, in Hz.
 
@@ -121,13 +121,13 @@ def trim(recording: Recording, *, share: float = 0.05, level: float | None = Non
     Parameters
     ----------
     recording : Recording
-        To trim.
+        The recording to trim.
     share : float
         The level as a part of the largest distance of any channel from its median, 0 to 1.
     level : float, optional
         The level itself, in the unit of the samples, instead of a share.
     margin : float
-        That is kept before the first and after the last frame that is not silent, in s.
+        Time that is kept before the first and after the last frame that is not silent, in s.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
     Parameters
     ----------
     recording : Recording
-        To scale.
+        The recording to scale.
     factor : float or array_like, shape (row, column)
         One for all channels, or one each.
 
@@ -183,7 +183,7 @@ def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") 
     Parameters
     ----------
     recording : Recording
-        To mask.
+        The recording to mask.
     channels : iterable of int
         Numbers of channels, row by row from 0.
     fill : {"zero", "neighbours"}

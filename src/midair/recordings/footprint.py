@@ -44,7 +44,7 @@ class Footprint:
     Attributes
     ----------
     shape : {"circle", "square", "line"}
-        Of the patch.
+        Shape of the patch.
     size : float
         Diameter, side or width, in m.
     speed : float
@@ -109,7 +109,7 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
     Parameters
     ----------
     recording : Recording
-        Of one channel.
+        A recording of one channel.
     footprint : Footprint
         What touches, and how it moves; at time 0 it is about to touch the first side.
     sensor : SensorGrid, optional

@@ -40,7 +40,7 @@ def halves(phase: Array, *, apart: float = np.pi / 4) -> tuple[Array, Array]:
     Parameters
     ----------
     phase : ndarray, shape (frame, 2 transducer)
-        Of a solution of the doubled problem, in rad.
+        Phases of a solution of the doubled problem, in rad.
     apart : float
         As it was doubled with.
 

@@ -140,7 +140,7 @@ def backend(name: str, *, precision: Literal["single", "double"] = "single") -> 
         A name in `LIBRARIES`, and after a colon the device if it is not the library's own first choice: "numpy",
         "torch", "torch:cuda", "torch:cuda:1", "cupy".
     precision : {"single", "double"}
-        Of what is put there.
+        Precision of what is put there.
 
     Raises
     ------

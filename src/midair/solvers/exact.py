@@ -29,9 +29,9 @@ class Exact:
     Attributes
     ----------
     iterations, warm_iterations : int
-        At most, for a frame on its own, and for one that starts at the previous.
+        Largest number of iterations for a frame on its own, and for one that starts at the previous.
     start : {"previous", "zero"}
-        Of every frame after the first; "zero" treats each frame on its own.
+        Start of every frame after the first; "zero" treats each frame on its own.
     first : {"field", "zero"}
         Where a frame on its own starts: at the phases that the first two moves of `Fast` give it, or at zero, as in
         the paper, from where some fifty iterations are needed.
@@ -40,7 +40,7 @@ class Exact:
     tolerance : float
         Modes of G below this part of the largest singular value are left out, except from the last steps.
     precision : {"single", "double"}
-        Of all but the last steps.
+        Precision of all but the last steps.
     last : int
         Steps at the end with all modes in double precision.
     step_tolerance, cost_tolerance : float

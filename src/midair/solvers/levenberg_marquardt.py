@@ -72,11 +72,11 @@ class LevenbergMarquardt:
     Attributes
     ----------
     iterations : int
-        At most, for a frame that starts at zero.
+        Largest number of iterations for a frame that starts at zero.
     warm_iterations : int
-        At most, for a frame that starts at the previous one.
+        Largest number of iterations for a frame that starts at the previous one.
     start : {"previous", "zero"}
-        Of every frame after the first.
+        Start of every frame after the first.
     tau : float
         First lambda over the largest diagonal element of J^T J.
     form : {"dual", "primal"}

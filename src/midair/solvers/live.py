@@ -33,17 +33,17 @@ class Live:
     Attributes
     ----------
     iterations : int
-        Of the field, for the first frame.
+        Iterations of the field, for the first frame.
     warm_iterations : int
-        Of the field, for each frame after it.
+        Iterations of the field, for each frame after it.
     lift_iterations, warm_lift_iterations : int
-        Of the phases, likewise.
+        Iterations of the phases, likewise.
     tolerance : float
         Modes of G below this part of the largest singular value are left out.
     loudness, floor, every, memory, faintest
         As in `Fast`; louder drives count for more here, since there is no third move to mend what they leave.
     step, momentum : float
-        Of the heavy ball.
+        Step and momentum of the heavy ball.
     """
 
     iterations: int = 200

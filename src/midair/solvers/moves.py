@@ -59,7 +59,7 @@ class Machine:
     backend : Backend
         Where the arrays are.
     problem : Problem
-        Whose they are.
+        The problem that the matrices are of.
     field : array of complex, shape (mode, listener)
         U diag(s) A, transposed: from V^H q to the field.
     drive : array of complex, shape (mode, transducer)
@@ -75,7 +75,7 @@ class Machine:
     lens : array of complex, shape (1, transducer)
         The drive that all frames start from.
     weights : array, shape (point, cell), or None
-        Of the cells.
+        Weights of the cells.
     memory : int
         Pairs that L-BFGS keeps.
     """
@@ -194,7 +194,7 @@ class Machine:
         before : array of complex, shape (1, transducer)
             Drive of the frame before the first, which is not moved; zero if there is none.
         iterations : int
-            Of L-BFGS.
+            Number of iterations of L-BFGS.
         slowest : float
             As above.
         """

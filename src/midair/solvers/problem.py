@@ -101,7 +101,7 @@ class Answer:
     phase : ndarray, shape (frame, transducer)
         theta, in rad, any multiple of 2 pi.
     iterations : ndarray of int, shape (frame,)
-        That were made.
+        Number of iterations that were made.
     status : tuple of {"converged", "iterations", "stalled", "silent"}
         One a frame.
     level : ndarray, shape (frame,), or None

@@ -116,7 +116,7 @@ class Greedy:
     iterations : int
         Times that every transducer gets its turn.
     seed : int
-        Of the order.
+        Seed of the order.
     """
 
     levels: int = 16

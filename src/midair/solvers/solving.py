@@ -55,11 +55,11 @@ def solve(
     acoustics : Acoustics, optional
         The air and the directivity of a transducer; the paper's if None. The drive carries it.
     iterations : int or tuple of int, optional
-        At most, for every frame; or for frames that start at zero and for those that start at the previous frame.
+        Largest number, for every frame or for frames that start at zero and those that start at the previous frame.
         The method's own (lm: 50 and 20) if None.
     start : {"previous", "zero"}, optional
-        Of every frame after the first; "zero" makes the frames independent. Only "lm" and "exact" have the choice;
-        the solver's own, "previous" unless configured, if None.
+        Start of every frame after the first; "zero" makes the frames independent. Only "lm" and "exact" have the
+        choice; the solver's own, "previous" unless configured, if None.
     level : float or "auto"
         Drive of every transducer, above 0 to 1. "auto": as much as the loudest target needs, see
         `terms.level.automatic_level`. Frames with nothing to play get 0.

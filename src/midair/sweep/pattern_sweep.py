@@ -30,7 +30,7 @@ class Condition:
     strength : float
         Peak of the target over the focus of the whole array at this height.
     height : float
-        Of the control points above the array, in m.
+        Height of the control points above the array, in m.
     count : int
         Number of patterns.
     """
@@ -55,17 +55,17 @@ class PatternSweep:
     curve_count : int
         Number of patterns behind the curves, the first ones; 0 for no curves.
     seed : int
-        Of the order of the patterns: the first few are a fair sample of all.
+        Seed of the order of the patterns: the first few are a fair sample of all.
     method : str
         A name in `solve.METHODS`.
     iterations : int or None
-        Of the method; its own if None.
+        Iterations of the method; its own if None.
     acoustics : Acoustics
         Point sources without attenuation, as in the paper's simulation.
     columns, rows : int
         Units of the array.
     bits : int
-        To which phases are rounded for the second error; 8 in an AUTD3.
+        Number of bits to which phases are rounded for the second error; 8 in an AUTD3.
     chunk : int
         Patterns a task. Part of the settings, since methods may treat the patterns of a batch differently.
     """

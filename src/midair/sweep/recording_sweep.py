@@ -29,7 +29,7 @@ class SweepTrial:
     pressure : PressureFrames
         What the sensor felt, in the settings' band and at their rate.
     settings : Settings
-        Of every stage.
+        Settings of every stage.
     """
 
     recording: str
@@ -49,7 +49,7 @@ class RecordingSweep:
     columns, rows : int
         Units of the array.
     bits : int
-        To which phases are rounded for the second error; 8 in an AUTD3.
+        Number of bits to which phases are rounded for the second error; 8 in an AUTD3.
 
     Raises
     ------

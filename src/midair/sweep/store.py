@@ -38,7 +38,7 @@ class SweepResults:
     kind : str
         ``patterns`` or ``recordings``.
     settings : mapping
-        Of the sweep, as JSON knows them.
+        Settings of the sweep, as JSON knows them.
     coordinates : mapping of str to ndarray
         What stands along the axes, by name.
     error, rounded_error : ndarray, shape (condition, item)

@@ -58,7 +58,7 @@ class Coordinate:
     Attributes
     ----------
     name : str
-        Of the array in the store.
+        Name of the array in the store.
     axis : str
         ``condition``, or the name of the items.
     values : ndarray, shape (condition,) or (item,)

@@ -32,9 +32,9 @@ def precompensate(
     Parameters
     ----------
     pressure : PressureFrames
-        At the rate of the frames that are to be played.
+        What is wanted, at the rate of the frames that are to be played.
     dynamics : TransducerDynamics, optional
-        Of the transducers; the usual ones if None.
+        Dynamics of the transducers; the usual ones if None.
     ramp : float
         Over how long a silencer spreads each step, in s; 1 / rate makes ramps of steps.
     band : tuple of float
@@ -72,7 +72,7 @@ def precompensate_sound(
     Parameters
     ----------
     target : AmplitudeFrames
-        At the rate of the frames that are to be played.
+        What is wanted, at the rate of the frames that are to be played.
     dynamics, ramp
         As in `precompensate`.
     reach : float

@@ -42,7 +42,7 @@ def decouple(
     grid : ControlGrid, optional
         The control points; the paper's if None.
     sensor : SensorModel, optional
-        Whose aperture and gel spread the pressure; the usual one on the pressure's cells if None.
+        The sensor whose aperture and gel spread the pressure; the usual one on the pressure's cells if None.
     worst : float
         Largest condition number of M: by so much noise could grow.
 

@@ -57,9 +57,9 @@ class SlowBias:
     Attributes
     ----------
     window : float
-        Of the sliding maximum, in s.
+        Length of the sliding maximum, in s.
     corner : float
-        Of the smoothing, in Hz: below what the sensor hears, so that the bias is not felt as vibration.
+        Corner of the smoothing, in Hz: below what the sensor hears, so that the bias is not felt as vibration.
     """
 
     window: float = 60e-3

@@ -22,7 +22,7 @@ class MappingStream:
     rate : float
         Frames per second, in Hz.
     offset : ndarray, shape (row, column), or float, optional
-        Of the constant offset, in Pa: a stream cannot know what its cells will pull at most.
+        The constant offset, in Pa: a stream cannot know what its cells will pull at most.
 
     Raises
     ------

@@ -44,7 +44,7 @@ def prepare(
     grid : ControlGrid, optional
         The control points; the paper's 16 x 16 at 11/3 mm if None.
     medium : Medium, optional
-        Of the sound; the defaults of `Medium` if None.
+        Medium of the sound; the defaults of `Medium` if None.
     interpolate : {"amplitude", "pressure"}
         "amplitude" converts first and interpolates after, as the paper does; "pressure" the other way round.
     gain : float

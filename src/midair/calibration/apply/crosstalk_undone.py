@@ -55,7 +55,7 @@ def undo_crosstalk(pressure: PressureFrames, crosstalk: Crosstalk, *, damping: f
     pressure : PressureFrames
         Calibrated channel by channel.
     crosstalk : Crosstalk
-        Of the same sensor.
+        Crosstalk of the same sensor.
     damping : float
         See `undo_matrix`.
 

@@ -30,7 +30,7 @@ def inverse_response(
     frequency : ndarray, shape (bin,)
         In Hz.
     band, edges : tuple of float
-        Of B(f), see `midair.dsp.band_window`, in Hz.
+        Corners and edges of B(f), see `midair.dsp.band_window`, in Hz.
     floor : float
         Density of the weakest pressure worth hearing, in Pa/sqrt(Hz).
 
@@ -66,7 +66,7 @@ def inverse_fir(
     calibration, band, edges, floor
         As in `inverse_response`.
     rate : float
-        Of the frames, in Hz.
+        Rate of the frames, in Hz.
     taps : int, optional
         Odd. By default `default_taps`.
 

@@ -34,7 +34,7 @@ def calibrate(
     recording : Recording
         In V or counts; or already in Pa.
     calibration : Calibration, optional
-        Of the same sensor and unit. None for a recording in Pa, which then only passes through the band.
+        Calibration of the same sensor and unit. None for a recording in Pa, which then only passes through the band.
     band : tuple of float
         (low, high) in Hz; half of the amplitude is left at these two corners.
     method : {"fft", "fir"}
@@ -51,7 +51,7 @@ def calibrate(
     crosstalk : {"keep", "undo"}
         Whether to undo what the cells feel of each other, by the calibration's matrix.
     damping : float
-        Of that, 0 or more; see `midair.calibration.undo_matrix`.
+        Damping of crosstalk that is undone, 0 or more; see `midair.calibration.undo_matrix`.
 
     Returns
     -------

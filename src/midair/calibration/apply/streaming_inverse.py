@@ -23,9 +23,9 @@ class StreamingInverse:
     Parameters
     ----------
     calibration : Calibration
-        Of the sensor.
+        Calibration of the sensor.
     rate : float
-        Of the frames, in Hz.
+        Rate of the frames, in Hz.
     band : tuple of float
         (low, high), in Hz.
     taps : int, optional
@@ -47,8 +47,8 @@ class StreamingInverse:
     Attributes
     ----------
     delay : float
-        Between a frame's going in and its coming out, in s; the filter is symmetric around it but for the phase that it
-        undoes.
+        Time between a frame's going in and its coming out, in s; the filter is symmetric around it but for the phase
+        that it undoes.
     """
 
     def __init__(

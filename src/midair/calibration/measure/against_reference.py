@@ -78,13 +78,13 @@ def measure_calibration(
         more on each cell alone, which also gives the crosstalk (takes on all cells then count for linearity only).
         Five different levels give the linearity.
     quiet : Recording, optional
-        In which nothing presses, for the noise; without it the noise is what the reference does not explain.
+        A recording in which nothing presses, for the noise; without it that is what the reference does not explain.
     settings : MeasureSettings, optional
         The defaults if None.
     date : str
         When it was measured, ISO 8601.
     version : int
-        Of this sensor's calibration.
+        Version of this sensor's calibration.
 
     Returns
     -------

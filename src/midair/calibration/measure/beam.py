@@ -34,7 +34,7 @@ class BeamReading:
     commanded : ndarray of complex, shape (level, tone)
         Pressure in the middle of the focus by the model, the mean of all foci, transducers' dynamics included, in Pa.
     output : ndarray of complex, shape (cell, level, tone, channel)
-        Of the sensor, in its unit.
+        Output of the sensor, in its unit.
     shares : ndarray, shape (cell heard, cell pressed)
         Mean pressure on each cell for each focus over the commanded one.
     changed_shares : ndarray, shape (cause, cell heard, cell pressed)
@@ -63,11 +63,11 @@ def tones_of(signal: Array, rate: float, plan: BeamPlan, *, lag: int = 0) -> Com
     Parameters
     ----------
     signal : ndarray, shape (frame, channel)
-        At `rate`, a whole multiple of the plan's.
+        Signal at `rate`, a whole multiple of the plan's.
     rate : float
         In Hz.
     plan : BeamPlan
-        That was played.
+        The plan that was played.
     lag : int
         Frames of `rate` by which the signal begins late.
 
@@ -99,7 +99,7 @@ def find_lag(signal: Array, expected: Array) -> int:
     Parameters
     ----------
     signal : ndarray, shape (frame,)
-        Of the channel that the beam is on.
+        Signal of the channel that the beam is on.
     expected : ndarray, shape (frame,)
         Commanded pressure at the same rate, no longer than the signal.
     """
@@ -124,11 +124,11 @@ def measure_beam(
     Parameters
     ----------
     reading : BeamReading
-        Of every cell.
+        Readings of every cell.
     sensor : Recording
         Any of the recordings, for grid, unit and life.
     quiet : Recording
-        In which nothing plays.
+        A recording in which nothing plays.
     date, version
         As in `Calibration`.
 

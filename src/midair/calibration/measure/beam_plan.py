@@ -26,11 +26,11 @@ class BeamPlan:
     low, high : float
         First and last tone, in Hz: multiples of `spacing`.
     spacing : float
-        Of the tones up to 60 Hz, in Hz; above it they are twice as far apart. 1 / spacing is listened to.
+        Spacing of the tones up to 60 Hz, in Hz; above it they are twice as far apart. 1 / spacing is listened to.
     settle : float
-        Of each level before it is listened to, in s.
+        Time of each level before it is listened to, in s.
     guard : float
-        Of each level after it was listened to, in s: the beam may begin a frame early.
+        Time of each level after it was listened to, in s: the beam may begin a frame early.
     rate : float
         Frames per second of the drive, in Hz; a whole multiple of `spacing`.
     """
@@ -99,19 +99,19 @@ class BeamSetting:
     Attributes
     ----------
     height : float
-        Of the sensor above the array, in m.
+        Height of the sensor above the array, in m.
     centre : tuple of float
         (x, y) of its middle, in m.
     placement_uncertainty : float
-        Of the centre, in m.
+        Uncertainty of the centre, in m.
     aperture, aperture_uncertainty : float
         Side of the square over which a cell averages, in m.
     spread, spread_uncertainty : float
         Standard deviation with which the gel spreads a point, in m.
     pressure_uncertainty : float
-        Of the array's radiation pressure, as a part of it: twice that of its sound pressure.
+        Uncertainty of the array's radiation pressure, as a part of it: twice that of its sound pressure.
     dynamics_uncertainty : float
-        Of what the transducers take from each tone, as a part of it.
+        Uncertainty of what the transducers take from each tone, as a part of it.
     """
 
     height: float = 0.2

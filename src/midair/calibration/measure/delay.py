@@ -21,7 +21,7 @@ def channel_delay(frequency: Array, response: Complex, uncertainty: Array) -> tu
     response : ndarray of complex, shape (bin, channel)
         A channel whose response is 0 has no delay: 0, infinitely uncertain.
     uncertainty : ndarray, shape (bin, channel)
-        Of the phase, in rad.
+        Uncertainty of the phase, in rad.
 
     Returns
     -------

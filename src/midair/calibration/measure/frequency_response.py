@@ -115,9 +115,9 @@ def band_sums(x: Array, y: Array, rate: float, *, resolution: float, width: floa
     resolution : float
         Distance of the bands, in Hz.
     width : float
-        Of a band, in Hz.
+        Width of a band, in Hz.
     order : int
-        Of the polynomials; -1 leaves T out and takes H as a constant.
+        Order of the polynomials; -1 leaves T out and takes H as a constant.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def widened(uncertainty: Array, freedom: Array | float) -> Array:
     Parameters
     ----------
     uncertainty : ndarray
-        From `freedom` degrees of freedom.
+        Standard uncertainty that rests on `freedom` degrees of freedom.
     freedom : float or ndarray
         1 or more.
     """

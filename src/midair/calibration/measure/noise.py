@@ -17,9 +17,9 @@ def quiet_density(recording: Recording, *, resolution: float, width: float) -> t
     Parameters
     ----------
     recording : Recording
-        In which nothing presses.
+        A recording in which nothing presses.
     resolution, width : float
-        Of the bands, in Hz.
+        Distance and width of the bands, in Hz.
 
     Returns
     -------

@@ -119,7 +119,7 @@ def split_channel(
     channel : int
         The reference's, row by row from 0.
     sensor : SensorGrid, optional
-        Of the other channels; a square if their number is one, else a row.
+        The cells of the other channels; a square if their number is one, else a row.
 
     Returns
     -------

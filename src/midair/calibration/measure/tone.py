@@ -35,7 +35,7 @@ def measure_tone(
     recording : Recording
         While the tone acts on all of its cells.
     frequency : float
-        That the tone is said to have, to 1 %, in Hz.
+        Frequency that the tone is said to have, to 1 %, in Hz.
     pressure : float
         Rms, in Pa; 114 dB are 10.02 Pa.
     uncertainty : float
@@ -125,9 +125,9 @@ def anchored(shape: Calibration, tone: Calibration) -> Calibration:
     Parameters
     ----------
     shape : Calibration
-        Of the same sensor, over the tone's frequency, such as one from a focused beam.
+        A calibration of the same sensor, over the tone's frequency, such as one from a focused beam.
     tone : Calibration
-        From `measure_tone`.
+        The tone's calibration from `measure_tone`.
 
     Raises
     ------

@@ -125,11 +125,11 @@ class Autd3Firmware:
         Parameters
         ----------
         x, y : tuple of float
-            From and to, in m, in the coordinates of the placement once centred.
+            First and last coordinate, in m, in the coordinates of the placement once centred.
         z : float
             In m.
         step : float
-            Between points, in m.
+            Distance between points, in m.
 
         Returns
         -------

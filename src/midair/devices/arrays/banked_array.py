@@ -22,7 +22,7 @@ class BankedArray(ArrayDevice):
     connect : callable
         Opens the device and gives its banks.
     placement : Placement
-        Of the units.
+        Placement of the units.
     name : str
         What it was opened by.
     silencer : {"auto", "off", "quarter", "half", "default"}

@@ -39,7 +39,7 @@ class Placement:
     Attributes
     ----------
     position : ndarray, shape (unit, 3)
-        Of each unit's first transducer, in m.
+        Place of each unit's first transducer, in m.
     rotation : ndarray, shape (unit, 3)
         About the fixed x, then y, then z axis, in rad.
     name : str

@@ -92,8 +92,8 @@ class PyAutd3Banks:
         ``audit``, ``nop``, ``twincat``, ``remote:ADDRESS:PORT``, or, with version 36, ``ethercrab`` or
         ``ethercrab:INTERFACE``.
     interval : float, optional
-        Between datagrams, in s; one carries one pattern. If None, the SDK's 1 ms on a real bus, at which 1000 patterns
-        a second do not get through, and half of that where there is no bus.
+        Time between datagrams, in s; one carries one pattern. If None, the SDK's 1 ms on a real bus, at which 1000
+        patterns a second do not get through, and half of that where there is no bus.
 
     Raises
     ------

@@ -34,7 +34,7 @@ class DriveStream:
     repeats : int
         How often all frames are played, one time after the other without a gap.
     delay : float
-        From the order to the first frame, in s.
+        Time from the order to the first frame, in s.
     block : float
         Longest piece that is handed over at once, in s; what a hanging computer can leave behind is at most two.
     """

@@ -66,7 +66,7 @@ class AudioSource:
     channels : int, optional
         How many; all that it has if None.
     rate : float, optional
-        Of its converter, in Hz; its default if None.
+        Rate of its converter, in Hz; its default if None.
     piece : float
         How much PortAudio hands over at a time, in s.
     """

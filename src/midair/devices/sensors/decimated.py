@@ -20,7 +20,7 @@ class Decimated:
     Parameters
     ----------
     source : Source
-        At the higher rate.
+        The source at the higher rate.
     rate : float
         Wanted, in Hz.
     """

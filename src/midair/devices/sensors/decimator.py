@@ -30,7 +30,7 @@ class Polyphase:
     pieces : ndarray, shape (piece, count, length)
         Coefficients by which each of `piece` consecutive runs of `length` frames enters `count` frames.
     delay : float
-        From a frame out to the last frame in that it needs, in s.
+        Time from a frame out to the last frame in that it needs, in s.
     """
 
     pieces: Array
@@ -97,7 +97,7 @@ class Decimator:
     Parameters
     ----------
     filter : Polyphase
-        Between the two rates.
+        The filter between the two rates.
     channels : int
         In a frame.
     """

@@ -45,7 +45,7 @@ class LslSource:
     Parameters
     ----------
     name : str
-        Of the stream.
+        Name of the stream.
     source_id : str, optional
         Which one, where several have the name.
     counter : int, optional

@@ -75,7 +75,7 @@ class NiSource:
     channels : str
         In the driver's words, such as ``Dev1/ai0:15``.
     rate : float
-        Of the frames, in Hz.
+        Rate of the frames, in Hz.
     limit : float
         Largest voltage of the range, either way, in V.
     wires : {"default", "rse", "nrse", "differential"}

@@ -15,9 +15,9 @@ class Reader:
     source : Source
         Started; `pull` is called from the reader's thread only.
     rate : float
-        Of the source, in Hz.
+        Rate of the source, in Hz.
     limit : float
-        Of the samples that wait, in bytes.
+        Limit of the samples that wait, in bytes.
     """
 
     def __init__(self, source: Source, rate: float, *, limit: float) -> None:

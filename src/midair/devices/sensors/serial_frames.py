@@ -46,7 +46,7 @@ class Layout:
     width : int
         Bytes of a sample, 2 or 3.
     period : int
-        Of a frame, in ns.
+        Period of a frame, in ns.
     """
 
     channels: int
@@ -77,9 +77,9 @@ def encode(samples: ArrayLike, *, counter: int, time_us: int, period_ns: int = 1
     samples : array_like of int, shape (channel,)
         In counts.
     counter, time_us : int
-        Of the frame; only the low 32 bits are sent.
+        Counter and time of the frame; only the low 32 bits are sent.
     period_ns : int
-        Of the frames.
+        Period of the frames.
     width : int
         Bytes of a sample, 2 or 3.
 
@@ -111,7 +111,7 @@ class Frames:
     samples : ndarray of int32, shape (frame, channel)
         In counts.
     counter : int
-        Of the first frame, without wraps: it only grows.
+        Counter of the first frame, without wraps: it only grows.
     time_us : int
         Device time of the first frame, without wraps, in µs.
     """
@@ -128,7 +128,7 @@ class Decoder:
     Attributes
     ----------
     layout : Layout or None
-        Of the first whole frame; frames of another layout are not taken.
+        Layout of the first whole frame; frames of another layout are not taken.
     skipped : int
         Bytes that belonged to no whole frame: noise, or a frame that was cut or damaged.
     broken : int

@@ -24,9 +24,9 @@ class Stream:
     rate : float
         Frames per second, in Hz.
     unit : {"V", "count", "Pa"} or None
-        Of sample * scale; None when the source knows only its own numbers.
+        Unit of sample * scale; None when the source knows only its own numbers.
     scale : float
-        Of `unit` in one of the source's numbers.
+        How much of `unit` one of the source's numbers is.
     full_scale : float or None
         Magnitude at which the source clips, in its own numbers.
     """

@@ -31,7 +31,7 @@ class StreamedSensor(SensorDevice):
     timeout : float
         After how long without a frame the source counts as lost, in s.
     memory : float
-        For frames that nobody has read yet, in bytes; what does not fit is lost, and counted.
+        Memory for frames that nobody has read yet, in bytes; what does not fit is lost, and counted.
     """
 
     def __init__(

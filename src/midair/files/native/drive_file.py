@@ -38,7 +38,7 @@ def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: A
     Parameters
     ----------
     solution : Solution
-        To write, with the whole geometry of its array.
+        The solution to write, with the whole geometry of its array.
     path : str or PathLike
         Ends in ``.drive.h5``; replaced in one piece if it is there.
     target : AmplitudeFrames, optional

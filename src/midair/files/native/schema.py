@@ -18,7 +18,7 @@ class Entry:
     Attributes
     ----------
     name : str
-        Of the dataset or attribute.
+        Name of the dataset or attribute.
     what : str
         What it means, in a few words.
     dtype : {"f8", "i8", "i1", "text"}

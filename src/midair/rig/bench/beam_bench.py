@@ -54,7 +54,7 @@ def calibrate_by_beam(
     acoustics, dynamics
         Of the array's model.
     exposure : ExposureChoices, optional
-        That each drive has to keep; the usual profile if None.
+        Limits that each drive has to keep; the usual profile if None.
     date, version
         As in `Calibration`.
     progress : callable, optional

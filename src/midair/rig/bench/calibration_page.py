@@ -20,7 +20,7 @@ def write_calibration_page(calibration: Calibration, path: Path) -> None:
     Parameters
     ----------
     calibration : Calibration
-        To show.
+        The calibration to show.
     path : Path
         NAME.png or NAME.html.
 

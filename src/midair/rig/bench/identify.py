@@ -33,7 +33,7 @@ class Identity:
     grid : SensorGrid
         The cells.
     channel : tuple of int or None
-        That answers at each cell, row by row; None where nothing does.
+        The channel that answers at each cell, row by row; None where nothing does.
     margin : ndarray, shape (cell,)
         By how much the best order without this cell's channel is worse, in dB, for each of the two or more pairs that
         would have to change; infinite where there is no other.

@@ -26,19 +26,19 @@ class CalibrationBench:
     model : SensorModel
         The sensor; whoever analyses the takes is not told.
     rate : float
-        Of sensor and reference, in Hz.
+        Rate of sensor and reference, in Hz.
     reference_sensitivity : float
-        That the reference's certificate states, in V/Pa.
+        Sensitivity that the reference's certificate states, in V/Pa.
     reference_error : float
-        By how much of it the certificate is wrong.
+        Part of it by which the certificate is wrong.
     reference_uncertainty : float
-        That the certificate states, standard (k = 1).
+        Standard uncertainty (k = 1) that the certificate states.
     reference_noise : float
         One-sided density, in Pa/sqrt(Hz).
     seating : float
         Standard deviation of the pressure's level from take to take that the reference does not see.
     seed : int
-        Of all that is random.
+        Seed of all that is random.
     """
 
     model: SensorModel = field(default_factory=SensorModel)
@@ -120,9 +120,9 @@ def write_practice(
     kind : {"noise", "sweep"}
         What presses.
     duration : float
-        Of each recording, in s.
+        Duration of each recording, in s.
     seed : int
-        Of all that is random.
+        Seed of all that is random.
     progress : callable, optional
         Called with (recordings done, recordings in all).
 

@@ -36,7 +36,7 @@ class BudgetPlan:
     Attributes
     ----------
     settings : Settings
-        Of the reproduction.
+        Settings of the reproduction.
     rig : VirtualRig
         Array, sensor and air.
     silencer : {"auto", "off", "quarter", "half", "default"}

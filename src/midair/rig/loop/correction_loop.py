@@ -33,7 +33,7 @@ class Loop:
     Attributes
     ----------
     settings : Settings
-        Of every stage.
+        Settings of every stage.
     original : PressureFrames
         What was to be reproduced.
     beam : BeamTest
@@ -72,7 +72,7 @@ def beam_test(
     array, sensor : ArrayDevice, SensorDevice
         Open.
     calibration : Calibration, optional
-        Of the sensor.
+        Calibration of the sensor.
     settings : Settings
         Its band decides the beat, its grid's height the place; its medium and directivity what is commanded.
     top : float
@@ -80,7 +80,7 @@ def beam_test(
     levels : int
         Number of levels, 5 or more, evenly spread in pressure.
     exposure : ExposureChoices, optional
-        That the beam has to keep; the usual profile if None.
+        Limits that the beam has to keep; the usual profile if None.
     progress : callable, optional
         Called with (frames played, frames in all).
     """
@@ -132,7 +132,7 @@ def run_loop(
     array, sensor, exposure, lead
         As in `Rig`.
     settings : Settings
-        Of every stage.
+        Settings of every stage.
     corrections : int
         Passes after the first that correct the amplitude; the paper's loop has one.
     iterate : int

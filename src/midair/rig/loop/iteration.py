@@ -55,11 +55,11 @@ def iterated(
     original : PressureFrames
         What was to be reproduced.
     start : Pass
-        To improve on.
+        The pass to improve on.
     rig : Rig
         Open.
     settings : Settings
-        Of every stage; the gain is that of `start`.
+        Settings of every stage; the gain is that of `start`.
     times : int
         Largest number of steps, those that are taken back among them; 0 for none.
     correction : IterativeCorrection, optional

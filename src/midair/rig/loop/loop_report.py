@@ -53,7 +53,7 @@ def write_report(loop: Loop, path: Path, *, commands: tuple[str, ...] = ()) -> N
     loop : Loop
         What to report.
     path : Path
-        Of the HTML file.
+        Path of the HTML file.
     commands : tuple of str
         With which the same can be done again.
     """

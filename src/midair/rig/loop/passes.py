@@ -25,7 +25,7 @@ class Rig:
     array, sensor : ArrayDevice, SensorDevice
         Open; the sensor lies at the settings' control grid and brings its own calibration.
     exposure : ExposureChoices
-        That every drive has to keep on an array that can be heard.
+        Limits that every drive has to keep on an array that can be heard.
     lead : float
         Silence that swells into the original before it and fades after it, in s, so that a bias has time to rise.
     """
@@ -47,7 +47,7 @@ class Pass:
     Attributes
     ----------
     gain : float
-        That the pressure was multiplied by.
+        Factor that the pressure was multiplied by.
     step : float or None
         g of an iterative correction; None of a pass that the gain alone corrects.
     asked : PressureFrames
@@ -61,7 +61,7 @@ class Pass:
     felt : PressureFrames
         The part of it that the original is of.
     comparison : Comparison
-        Of that part with the original.
+        Comparison of that part with the original.
     """
 
     gain: float

@@ -23,7 +23,7 @@ class SourceOptions(BaseModel):
     unit, full_scale, sensitivity, rows, columns, pitch_mm
         As in a sensor file, which they override.
     rate : float, optional
-        Of the frames, in Hz; a faster source is filtered and thinned out.
+        Rate of the frames, in Hz; a faster source is filtered and thinned out.
     timeout : float
         After how many seconds without a frame the sensor counts as lost.
     """
@@ -92,7 +92,7 @@ def source_sensor(name: str, *, wiring: SensorWiring | None = None) -> StreamedS
     name : str
         KIND:WHERE or KIND:WHERE?option=value&option=value.
     wiring : SensorWiring, optional
-        From its sensor file.
+        Wiring from its sensor file.
 
     Raises
     ------

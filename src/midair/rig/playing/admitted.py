@@ -30,7 +30,7 @@ def play_admitted(
     Parameters
     ----------
     admission : Admission
-        From `admit`, with this array.
+        What `admit` gave for this array.
     array : ArrayDevice
         Open.
     source : str

@@ -26,7 +26,7 @@ class Stopped:
     process : int
         Its number.
     device : str
-        That it plays on.
+        Name of the array that it plays on.
     outcome : {"silent", "gone", "no answer"}
         "gone": it had ended without a word, and its array's failsafe has silenced it.
     """

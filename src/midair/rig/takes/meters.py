@@ -56,7 +56,7 @@ class Meters:
         Limit of the converter on either side. If it is not known, a channel clips where it stays at its own highest or
         lowest value of the window for three frames or more while it hardly ever repeats a value elsewhere.
     window : float
-        That levels are taken over, in s.
+        Time that levels are taken over, in s.
     still : float
         A channel is dead or stuck when it has not changed for so long, in s.
     """

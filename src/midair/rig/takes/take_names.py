@@ -19,9 +19,9 @@ class Subject:
     object, surface : str
         Such as towel and grooved; empty where nobody said.
     speed : str
-        Of the stroke, with its unit, such as 50mm/s.
+        Speed of the stroke, with its unit, such as 50mm/s.
     operator : str
-        Who records.
+        The person who records.
     """
 
     object: str = ""

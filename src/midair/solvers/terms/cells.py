@@ -28,7 +28,7 @@ class Cells:
     sensor : SensorModel
         Its grid, aperture and spread give the weights.
     pressure : PressureFrames, optional
-        Of the cells, 0 or more, in Pa. What they would read of the target at the control points if None.
+        Pressure of the cells, 0 or more, in Pa. What they would read of the target at the control points if None.
     """
 
     sensor: SensorModel = field(default_factory=SensorModel)
@@ -80,7 +80,7 @@ def cell_misfit(xp: Any, y: Rows, weights: Rows, wanted: Rows, scale: Numbers) -
     Parameters
     ----------
     xp : module
-        Of the array API standard.
+        Module of the array API standard.
     y : array of complex, shape (row, point)
         The field at the control points.
     weights : array, shape (point, cell)

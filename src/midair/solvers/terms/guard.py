@@ -99,7 +99,7 @@ def excess(xp: Any, y: Rows, ceiling: Rows, weight: float) -> tuple[Numbers, Row
     Parameters
     ----------
     xp : module
-        Of the array API standard.
+        Module of the array API standard.
     y : array of complex, shape (row, guard point)
         The field on the ring.
     ceiling : array, shape (row, 1)

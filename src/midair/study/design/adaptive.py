@@ -21,7 +21,7 @@ class Staircase:
     Attributes
     ----------
     level : float
-        Of the next trial.
+        Level of the next trial.
     steps : tuple of float
         Change of level: the first until the first reversal, the second until the second, the last from there on.
     down : int
@@ -81,7 +81,7 @@ class QuestPlus:
     Attributes
     ----------
     levels : ndarray, shape (level,)
-        That may be presented.
+        Strengths that may be presented.
     thresholds, slopes, lapses : ndarray, one axis each
         The grid of functions thought possible; their meaning as in `Psychometric`.
     guess : float

@@ -57,13 +57,13 @@ class Block:
     Attributes
     ----------
     name : str
-        Of the block.
+        Name of the block.
     stimuli, questions : tuple of str
         Names.
     repetitions : int
         Trials of each stimulus.
     order : {"shuffle", "rounds", "fixed"}
-        Of the trials.
+        Order of the trials.
     longest_run : int
         Most trials with the same stimulus in a row; 0 for no limit.
     group : str
@@ -153,11 +153,11 @@ class Design:
     name : str
         Letters and digits only: it becomes the task of BIDS file names.
     title : str
-        For people.
+        What the study is called for people.
     participants : int
-        For whom the trials are drawn.
+        Number of people for whom the trials are drawn.
     seed : int
-        Of all shuffles.
+        Seed of all shuffles.
     stimuli, questions, blocks : tuple
         The parts.
     counterbalanced : tuple of str

@@ -47,7 +47,7 @@ def constrained_shuffle(
     items : sequence
         May repeat.
     rng : Generator
-        Of the shuffle.
+        Draws the shuffle.
     longest_run : int
         0 for no limit.
     tries : int

@@ -30,7 +30,7 @@ class Trial:
     stimulus : str
         What is presented; for the presenter only. Empty in an adaptive block: chosen when its time comes.
     levels : mapping of str to str
-        Of the stimulus and of the block.
+        Levels of the stimulus and of the block.
     questions : tuple of str
         Asked in this order.
     scored : bool
@@ -58,7 +58,7 @@ class Plan:
     design : Design
         With its seed.
     trials : tuple of Trial
-        Of all participants, in the order of presentation.
+        Trials of all participants, in the order of presentation.
     digest : str
         Names the plan by its content when it was drawn: a log says which plan it followed.
     """

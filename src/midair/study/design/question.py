@@ -17,13 +17,13 @@ class Question:
     Attributes
     ----------
     name : str
-        Of the column.
+        Name of the column.
     kind : {"choice", "rating", "magnitude", "yes-no", "same-different"}
         What an answer may be.
     text : str
         As it is asked.
     options : tuple of str
-        Of a choice.
+        Options of a choice.
     low, high : int
         Ends of a rating.
     low_label, high_label : str

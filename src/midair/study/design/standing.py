@@ -27,7 +27,7 @@ class GivenAnswer:
     answer : str
         As `Question.read` gave it.
     reaction_s : float
-        From the question to the answer, in s.
+        Time from the question to the answer, in s.
     time : str
         When, ISO 8601.
     """
@@ -44,7 +44,7 @@ class Standing:
     Attributes
     ----------
     trials : tuple of Trial
-        Of this participant.
+        Trials of this participant.
     answers : mapping of (code, question) to Answer
         Those that count.
     chosen : mapping of code to str
@@ -94,9 +94,9 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
     events : iterable of mapping
         Lines of the log, in order.
     plan : Plan
-        That the session follows.
+        The plan that the session follows.
     participant : int
-        Whose log it is.
+        Number of the participant whose log it is.
 
     Raises
     ------

@@ -30,7 +30,7 @@ class Confusion:
     by_person : ndarray of int, shape (participant, presented, answered)
         Number of trials.
     labels : tuple
-        Of the objects, for both axes.
+        Names of the objects, for both axes.
     participants : tuple
         One an entry of the first axis.
     """
@@ -79,7 +79,7 @@ def confusion_matrix(
     presented, answered : sequence, length trial
         Names of objects.
     participant : sequence, length trial, optional
-        Who answered; one person if None.
+        The person who answered; one for all trials if None.
     labels : sequence, optional
         The objects in the order wanted; those presented, in order of appearance, if None.
 

@@ -31,7 +31,7 @@ class LogisticFit:
     spread : float
         Standard deviation of people, in logits.
     log_likelihood : float
-        At the maximum.
+        Logarithm of the likelihood at its maximum.
     converged : bool
         Whether the optimiser said so.
     """
@@ -99,9 +99,9 @@ def fit_logistic(y: Array, design: Array, person: NDArray[np.int64], *, nodes: i
     design : ndarray, shape (trial, term)
         First column ones.
     person : ndarray of int, shape (trial,)
-        From 0 on.
+        Number of the person who answered, from 0 on.
     nodes : int
-        Of the quadrature over u.
+        Number of nodes of the quadrature over u.
     """
     from scipy.optimize import minimize
 

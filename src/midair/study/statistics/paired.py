@@ -113,7 +113,7 @@ def bayes_factor(t: float, n: int, *, width: float = 2**-0.5) -> float:
     Parameters
     ----------
     t : float
-        Of the paired test.
+        Student's t of the paired test.
     n : int
         Pairs, 2 or more.
     width : float
@@ -142,7 +142,7 @@ def holm(p: Sequence[float] | Array) -> Array:
     Parameters
     ----------
     p : sequence of float
-        Of one family of tests.
+        P-values of one family of tests.
 
     Raises
     ------

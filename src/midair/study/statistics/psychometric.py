@@ -56,11 +56,11 @@ class PsychometricFit:
     Attributes
     ----------
     function : Psychometric
-        At the maximum of the likelihood.
+        The function at the maximum of the likelihood.
     threshold_low, threshold_high : float
         95 % limits of the threshold by parametric bootstrap.
     deviance : float
-        From the saturated model; about the number of levels less that of parameters for a good fit.
+        Deviance from the saturated model; about the number of levels less that of parameters for a good fit.
     deviance_p : float
         Share of bootstrap data sets with a deviance as large.
     """
@@ -106,7 +106,7 @@ def fit_psychometric(
     correct, total : sequence of int
         Answers counted, and all answers, at each level; 0/1 and ones for single trials.
     rng : Generator
-        For the bootstrap.
+        Draws the bootstrap data sets.
     guess : float
         Known chance of the answer without a stimulus.
     shape : {"logistic", "normal", "weibull"}

@@ -24,13 +24,13 @@ class Published:
     Attributes
     ----------
     t : float
-        Of the paired test over objects, two surfaces.
+        Student's t of the paired test over objects, two surfaces.
     objects : int
         Pairs of that test, and alternatives of the choice.
     people : int
         Participants.
     real_trials, scored_trials : int
-        Of each participant: with real objects, and of each surface.
+        Number of trials of each participant: with real objects, and of each surface.
     real_correct : float
         "over 95 %": share of right answers with real objects.
     """

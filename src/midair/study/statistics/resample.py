@@ -49,7 +49,7 @@ class Interval:
     Attributes
     ----------
     value, low, high : ndarray
-        Of one shape.
+        The figure and its limits, all of one shape.
     level : float
         Confidence.
     """
@@ -77,7 +77,7 @@ def sign_flip(z: NDArray[Any], *, rng: np.random.Generator, draws: int = 10_000)
     z : ndarray, shape (participant,) or (participant, contrast)
         A difference, or the contrasts of one effect, of each person; symmetric about zero if there is no effect.
     rng : Generator
-        For the random turns.
+        Draws the random turns.
     draws : int
         Number of random turns.
 
@@ -112,7 +112,7 @@ def bootstrap(
     Parameters
     ----------
     statistic : callable
-        From an array like `by_person`, with people in any number, to a number or an array.
+        Takes an array like `by_person`, with people in any number, and gives a number or an array.
     by_person : ndarray, shape (participant, ...)
         What each person contributes.
     rng : Generator
