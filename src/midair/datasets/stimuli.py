@@ -148,6 +148,7 @@ def _probe(kind: str, time: NDArray[np.float64], rate: float, rng: np.random.Gen
     if kind == "25+250 Hz":
         return 0.6 * np.sin(2 * np.pi * 25 * time) + 0.4 * np.sin(2 * np.pi * 250 * time)
     if kind == "bursts":
+        # Time from the nearest burst.
         after = np.mod(time + 25e-3, 50e-3) - 25e-3
         return np.exp(-((after / 8e-3) ** 2) / 2) * np.sin(2 * np.pi * 200 * after)
     if kind == "noise":

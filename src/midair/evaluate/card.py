@@ -197,5 +197,6 @@ def _total(levels: Array) -> Array:
 
 def _difference(after: Array, before: Array) -> Array:
     """After less before; 0 where both are silent."""
+    # Minus infinity less minus infinity would be NaN.
     silent = np.isneginf(after) & np.isneginf(before)
     return np.where(silent, 0.0, np.where(silent, 0.0, after) - np.where(silent, 0.0, before))

@@ -111,6 +111,7 @@ def compare(
     frames = min(original.frames, reproduced.frames)
     x, y = original.pressure[:frames], reproduced.pressure[:frames]
     delay = find_delay(x, y, original.rate, longest=min(longest_delay, (frames - 1) / original.rate))
+    # Before all figures: a wave that is half a period late is the opposite of itself.
     y = advance(y, delay, original.rate)
     gain = _gain(x, y, axis=None)
     power_x, power_y = (x**2).mean(axis=0), (y**2).mean(axis=0)

@@ -126,7 +126,7 @@ class Exposure:
 
     @property
     def excess(self) -> float:
-        """Largest step of the loudest frame above an enforced limit, in dB; negative when all limits are kept."""
+        """How far the loudest frame is above an enforced limit, in dB; negative when all limits are kept."""
         return max(
             (
                 float(peak) - place.limit

@@ -165,6 +165,7 @@ class Spread:
         """Make it for a transfer matrix of (point, transducer), and weights of (cell, point) if there are cells."""
         real, exact = (np.float32, np.complex64) if precision == "single" else (np.float64, np.complex128)
         return cls(
+            # Laid out for the product that each moment of the drive needs.
             G=np.ascontiguousarray(G.T, exact),
             factor=float(radiation_pressure(np.ones(1), medium)[0]),
             weights=None if weights is None else np.ascontiguousarray(weights.T, real),

@@ -71,6 +71,7 @@ class Exact:
             state = ExactState.at(system, p, x, self.tau * max(diagonal, float((p**2).max())))
             while state.status is None and state.iterations < max(iterations - last, 1):
                 state = self.step(system, p, state)
+            # With the lambda that the steps have come to, not with a first one.
             end = replace(plain.begin(problem, p, state.x), damping=state.damping)
             for _ in range(min(last, iterations - state.iterations)):
                 end = plain.step(problem, p, end) if end.status is None else end

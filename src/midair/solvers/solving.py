@@ -108,7 +108,7 @@ def solve(
         else:
             answer = solver.solve(problem, progress=progress)
             part = answer.level
-        # Rounded before the error is taken: what is reported is what firmware will play.
+        # Rounded before the error is taken, so that it is the error of what will be played.
         phase = np.mod(answer.phase, 2 * np.pi) if bits is None else quantise_phase(answer.phase, bits=bits)
         error = relative_error(problem, phase, part)
     audible = np.array([status != "silent" for status in answer.status], float)

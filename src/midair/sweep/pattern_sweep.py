@@ -95,6 +95,7 @@ class PatternSweep:
             raise InputError(f"patterns: expected 1 to 65535 (curves: from 0), got {self.count}, {self.curve_count}")
         if self.chunk < 1 or not 1 <= self.bits <= 16:
             raise InputError(f"sweep: expected chunk 1 or more and 1 to 16 bits, got {self.chunk} and {self.bits}")
+        # A setting that the method does not take fails here, and not on a worker.
         solver_of(self.method, iterations=self.iterations, start="zero")
 
     @property

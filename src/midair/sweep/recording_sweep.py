@@ -72,6 +72,7 @@ class RecordingSweep:
             if names.count((recording, variant)) > 1:
                 raise InputError(f"sweep: expected each recording and setting once, got {recording} {variant} twice")
         for settings in (trial.settings for trial in self.trials):
+            # A setting that a method does not take fails here, and not on a worker.
             solver_of(settings.solver.method, iterations=settings.solver.iterations, start=settings.solver.start)
 
     @property
@@ -128,6 +129,7 @@ class RecordingSweep:
                     "recording": trial.recording,
                     "variant": trial.variant,
                     "frames": trial.pressure.frames,
+                    # Another pressure under the same name is another sweep.
                     "pressure_sha256": hashlib.sha256(trial.pressure.pressure.tobytes()).hexdigest(),
                     "settings": settings_of(trial.settings),
                 }

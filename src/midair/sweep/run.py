@@ -98,7 +98,7 @@ def cluster(scheduler: str | None = None, *, workers: int | None = None, patienc
     with (
         distributed.LocalCluster(
             n_workers=workers,
-            # The limit of one BLAS thread is a process's, and so must each worker be.
+            # The limit of one BLAS thread, which a solve sets and takes away again, is that of the whole process.
             threads_per_worker=1,
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",

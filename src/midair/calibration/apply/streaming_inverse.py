@@ -107,6 +107,7 @@ class StreamingInverse:
         from scipy.signal import oaconvolve
 
         held = np.concatenate([self._held, flat])
+        # As many as the next frame out needs before the next frame in.
         self._held = held[max(0, len(held) - len(self._fir) + 1) :]
         if len(held) < len(self._fir):
             return np.zeros((0, *self._shape))

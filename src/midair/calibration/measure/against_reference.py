@@ -107,7 +107,10 @@ def measure_calibration(
     )
     alone = _pressed_alone(takes)
     own = tuple(
-        part.only(take.presses()) for part, take in zip(parts, takes, strict=True) if not alone or take.cell is not None
+        # With single presses at hand, those on all cells are left out: there the neighbours are felt, too.
+        part.only(take.presses())
+        for part, take in zip(parts, takes, strict=True)
+        if not alone or take.cell is not None
     )
     found = Evidence(
         recording=first,
@@ -118,6 +121,7 @@ def measure_calibration(
         alone=alone,
         quiet=quiet,
         reference=", ".join(dict.fromkeys(take.reference.name for take in takes)),
+        # Of several references the least sure one counts.
         reference_uncertainty=max(take.reference.uncertainty for take in takes),
     )
     where = "each cell alone" if alone else "all cells at once"

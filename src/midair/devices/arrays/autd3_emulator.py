@@ -51,6 +51,7 @@ class Autd3Firmware:
     """
 
     frames_max = commands.FRAMES_MAX
+    # As over UDP, where the firmware refuses switches less than 10 ms ahead.
     margin = 15_000_000
 
     def __init__(self, placement: Placement) -> None:
@@ -83,6 +84,7 @@ class Autd3Firmware:
     def wait_until(self, instant: int) -> None:
         """Let virtual time pass."""
         if instant > self._now:
+            # The emulator knows whole ticks only.
             ticks = -(-(instant - self._now) // TICK)
             self._open.tick(Duration.from_nanos(ticks * TICK))
             self._now += ticks * TICK

@@ -145,4 +145,5 @@ def _unit(unit: Mapping[str, Any], number: int, path: Path) -> tuple[list[float]
 
 
 def _three(value: object) -> bool:
+    # By type, since true and false are ints to isinstance.
     return isinstance(value, list) and len(value) == 3 and all(type(each) in (int, float) for each in value)

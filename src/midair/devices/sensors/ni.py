@@ -106,7 +106,10 @@ class NiSource:
                 self._name, terminal_config=_WIRES[self._wires], min_val=-self._limit, max_val=self._limit
             )
             self._task.timing.cfg_samp_clk_timing(
-                self._rate, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=max(1000, round(10 * self._rate))
+                # The driver holds ten seconds, for when nobody takes them.
+                self._rate,
+                sample_mode=AcquisitionType.CONTINUOUS,
+                samps_per_chan=max(1000, round(10 * self._rate)),
             )
             channels, rate = len(self._task.channel_names), float(self._task.timing.samp_clk_rate)
         except DaqNotFoundError as wrong:

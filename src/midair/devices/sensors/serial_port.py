@@ -73,6 +73,7 @@ class SerialSource:
     def start(self) -> None:
         """Throw away what has come; the next whole frame is frame 0."""
         self._guarded(self._opened().reset_input_buffer)
+        # The layout stays, since channels and rate were told when it was opened.
         self._decoder = Decoder(layout=self._decoder.layout)
         self._waiting.clear()
         self._base = None
@@ -130,6 +131,7 @@ class SerialSource:
             samples=frames.samples,
             first=frames.counter - self._base,
             device_time=frames.time_us * 1e-6,
+            # What came at once was taken one frame after another, the last one just now.
             host_time=self._arrived - span,
         )
 

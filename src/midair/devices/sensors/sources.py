@@ -76,6 +76,7 @@ class Chunk:
         if whole.all():
             yield self
             return
+        # A frame that is missing on either side gives every run a beginning and an end.
         edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]])))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):
             yield self.part(int(begin), int(end), rate)

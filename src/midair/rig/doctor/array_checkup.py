@@ -39,6 +39,7 @@ def device_findings(name: str) -> list[Check]:
         with array_named(name) as array:
             said = array.banks.describe()
     except MidairError as wrong:
+        # A message of midair says what came and, after a semicolon, what to do.
         found, _, advice = str(wrong).partition("; ")
         return [Check(subject=name, state="broken", found=found, advice=advice or "midair play --help names arrays")]
     findings = [_judged(f"{name}: {subject}", subject, found) for subject, found in said.items()]

@@ -82,6 +82,7 @@ def _folder() -> Check:
 def _field() -> Check:
     """The field of four units at their focus against the figure of AUTD3's own emulator."""
     array, point = TransducerArray.autd3(), np.array([[0, 0, 0.2]])
+    # Point sources without loss, which is what the emulator computes.
     acoustics = Acoustics(medium=Medium(attenuation=0), directivity="point")
     matrix = transfer_matrix(point, array, acoustics=acoustics)
     q = np.exp(1j * quantise_phase(focus_phase(array, point[0], acoustics=acoustics)))

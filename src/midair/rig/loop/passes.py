@@ -104,6 +104,7 @@ def play_pass(
     admission = admit(made.solution.drive, rig.array, rig.exposure)
     rerecorded = rerecord(admission, rig.array, rig.sensor, progress=progress)
     heard = at_rate(felt(rerecorded, rig.sensor.calibration, settings), original.rate)
+    # A simulated sensor hears the drive's first frame at time 0.
     if not rig.sensor.simulated:
         heard = _from_the_first_frame(heard, asked)
     first = (asked.frames - original.frames) // 2

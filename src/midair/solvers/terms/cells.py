@@ -45,6 +45,7 @@ class Cells:
             If `pressure` has other frames or cells.
         """
         weights = cell_weights(self.sensor, grid, centre=grid.centre)
+        # Radiation pressure goes with the square of the amplitude.
         wanted = amplitude**2 @ weights.T
         if self.pressure is not None:
             given = self.pressure.pressure.reshape(self.pressure.frames, -1)

@@ -56,6 +56,7 @@ class Staircase:
         if correct and self.row + 1 < self.down:
             return replace(self, row=self.row + 1)
         move = -1 if correct else 1
+        # The level at which it turns counts, not the one to which it goes.
         turns = (*self.turned, self.level) if self.moves and self.moves[-1] != move else self.turned
         step = self.steps[min(len(turns), len(self.steps) - 1)]
         level = float(np.clip(self.level + move * step, self.low, self.high))
@@ -142,6 +143,7 @@ class QuestPlus:
         for chance in (right, 1 - right):
             joint = chance * self.belief
             share = joint.sum(axis=axes)
+            # 0 log 0 is 0, where NumPy says NaN.
             inside = np.where(joint > 0, joint * np.log(np.where(joint > 0, joint, 1)), 0).sum(axis=axes)
             expected += share * np.log(np.maximum(share, 1e-300)) - inside
         return float(self.levels[int(np.argmin(expected))])

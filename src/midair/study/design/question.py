@@ -98,6 +98,7 @@ def _magnitude(said: str) -> str:
     try:
         value = float(said)
     except ValueError:
+        # Refused below, as no answer is less than 0.
         value = -1.0
     if not 0 <= value < float("inf"):
         raise InputError(f"answer: expected a number of 0 or more, got {said!r}")

@@ -162,6 +162,7 @@ def _answer_row(plan: Plan, session: Standing, trial: Trial, name: str) -> dict[
     question = plan.design.question(name)
     given = session.answers[trial.code, name]
     stimulus = plan.design.stimulus(trial.stimulus or session.chosen[trial.code])
+    # What is said nearer to the question goes before.
     levels = {**stimulus.levels, **trial.levels, **question.levels}
     right = right_answer(question, stimulus, levels)
     row: dict[str, Any] = {

@@ -240,5 +240,6 @@ def _shuffled(counts: Counts, rng: np.random.Generator, draws: int) -> Counts:
     truth = np.repeat(np.arange(size), counts.sum(axis=1))
     answer = np.repeat(np.arange(size), counts.sum(axis=0))
     shuffled = rng.permuted(np.broadcast_to(answer, (draws, answer.size)), axis=1)
+    # One number for draw, object and answer, so that all draws are counted at once.
     where = (np.arange(draws)[:, None] * size + truth) * size + shuffled
     return np.bincount(where.ravel(), minlength=draws * size * size).reshape(draws, size, size)
