@@ -91,7 +91,7 @@ def play_stream(
     Raises
     ------
     DeviceError
-        If the link is lost, or the device refuses a switch twice.
+        If the link is lost, or the device refuses a switch three times.
     """
     size, bank, done = stream.frames_in_block(banks.frames_max), 1, 0
     # Before the first block is written, so that a delay counts from the order.
