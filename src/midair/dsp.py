@@ -76,7 +76,7 @@ def band_window(frequency: Array, band: Band, *, edges: tuple[float, float]) -> 
 
 
 def fft_frequencies(length: int, rate: float) -> Array:
-    """Of the bins of a real FFT of `length` frames, from 0 to half the rate, shape (length // 2 + 1,), in Hz."""
+    """Frequencies of a real FFT of `length` frames, from 0 to half the rate, shape (length // 2 + 1,), in Hz."""
     return np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64)
 
 
@@ -106,8 +106,10 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
 
     pad = int(np.ceil(reach * rate)) + 1
     x = np.asarray(x, float)
+    # Taken out, so that what is added at the ends fades to the mean and not to 0.
     mean = x.mean(axis=0)
     held = extend(x - mean, pad)
+    # A few frames more of silence cost less than a length with a large prime factor.
     length = next_fast_len(len(held), real=True)
     wanted = response(fft_frequencies(length, rate))
     changing = irfft(rfft(held, length, axis=0) * wanted, length, axis=0)[pad : pad + len(x)]
@@ -123,7 +125,7 @@ def fir_from_response(response: Complex, taps: int) -> Array:
     Parameters
     ----------
     response : ndarray of complex, shape (bin, ...)
-        At evenly spaced frequencies from 0 to half the rate, both included.
+        Response at evenly spaced frequencies from 0 to half the rate, both included.
     taps : int
         Odd, so that the delay is a whole number of frames; below 2 (bin - 1).
 
@@ -136,6 +138,7 @@ def fir_from_response(response: Complex, taps: int) -> Array:
     if taps < 1 or taps % 2 == 0 or taps >= length:
         raise InputError(f"taps: expected an odd number below {length}, got {taps}")
     impulse = np.fft.irfft(response, length, axis=0)
+    # The impulse response of a spectrum begins at time 0 and has its past at the end: turned, its middle is the delay.
     return np.roll(impulse, taps // 2, axis=0)[:taps]
 
 
@@ -230,6 +233,7 @@ def band_energy(x: Array, rate: float, band: Band, *, resolution: float = 2.0) -
         x, rate, window="blackmanharris", nperseg=segment, noverlap=3 * segment // 4, detrend="constant", axis=0
     )
     inside = (frequency >= low) & (frequency <= high)
+    # A sum times the spacing of the bins: densities integrate to a mean square.
     return np.asarray(density[inside].sum(axis=0) * rate / segment, np.float64)
 
 
@@ -259,6 +263,7 @@ def resample(x: Array, rate: float, new_rate: float) -> Array:
     if up == down:
         return np.array(x, float)
     slower = max(up, down)
+    # Kaiser's beta for a stop band of 80 dB is 8; 64 frames of the slower rate on either side give the edge its width.
     fir = firwin(128 * slower + 1, 1 / slower, window=("kaiser", 8.0))
     x = np.asarray(x, float)
     # The stubs know windows by name only; the function takes coefficients too.

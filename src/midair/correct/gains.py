@@ -58,17 +58,17 @@ def beam_drive(
     array : TransducerArray
         What plays.
     point : ndarray, shape (3,)
-        Of the focus, in m.
+        Place of the focus, in m.
     levels : ndarray, shape (level,)
         Largest drive of each beat, 0 to 1.
     frequency : float
-        Of the beat, in Hz; `rate` over it must be whole.
+        Frequency of the beat, in Hz; `rate` over it must be whole.
     cycles : int
-        Of each level.
+        Cycles of each level.
     rate : float
         Frames per second, in Hz.
     acoustics : Acoustics, optional
-        That the focus is made for.
+        The air and directivity that the focus is made for.
 
     Returns
     -------
@@ -80,6 +80,7 @@ def beam_drive(
         raise InputError(
             f"frequency: expected the rate {rate:g} Hz over a whole number of 4 or more, got {frequency:g} Hz"
         )
+    # Begins at 0, so that one level passes into the next without a jump.
     beat = np.sqrt((1 - np.cos(2 * np.pi * np.arange(cycles * round(period)) / period)) / 2)
     level = (np.asarray(levels, float)[:, None] * beat).ravel()
     phase = np.broadcast_to(focus_phase(array, point, acoustics=acoustics), (len(level), array.count))
@@ -113,7 +114,7 @@ def beat_amplitude(signal: Array, rate: float, *, frequency: float, parts: int) 
     Parameters
     ----------
     signal : ndarray, shape (frame,)
-        Of one channel.
+        Signal of one channel.
     rate : float
         In Hz.
     frequency : float
@@ -168,13 +169,14 @@ def beam_gain(commanded: Array, measured: Array) -> BeamGain:
         gain=float(gain),
         gain_error=float(np.sqrt(variance / spread)),
         intercept=float(intercept),
+        # From a x + b x^2 the slope changes by 2 b over the range.
         curvature=float(2 * bend * np.ptp(commanded) / gain),
         residual=float(np.sqrt(np.mean(rest**2))),
     )
 
 
 def amplitude_gain(measured_gain: float, *, limit: float = 4.0) -> float:
-    """By how much to multiply the pressure so that a reproduction of gain `measured_gain` comes out right.
+    """Factor on the pressure with which a reproduction of gain `measured_gain` comes out right.
 
     The paper corrects once, and so does this: 1 / gain, for `prepare(gain=...)`. It is kept within 1/limit and
     limit, so that a silent reproduction cannot ask for endless power.

@@ -75,6 +75,7 @@ def measured_response(asked: Array, heard: Array, rate: float, *, band: Band, re
     frequency, power = scipy_welch(u, rate, nperseg=segment, axis=0)
     _, cross = csd(u, y, rate, nperseg=segment, axis=0)
     inside = (frequency >= band[0]) & (frequency <= band[1])
+    # Summed before the ratio: cells that were asked for little must not make it noisy.
     power, cross = power.sum(axis=1) * inside, cross.sum(axis=1)
     if not power.max() > 0:
         raise InputError(f"asked: expected pressure within {band[0]:g} to {band[1]:g} Hz, got none")

@@ -17,9 +17,9 @@ class Sample:
     Attributes
     ----------
     name : str
-        By which `sample` knows it.
+        The name by which `sample` knows it.
     what : str
-        It is.
+        What it is a recording of, in one line.
     licence : str
         SPDX identifier; the text lies beside the file.
     source : str

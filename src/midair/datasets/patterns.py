@@ -15,9 +15,9 @@ def binary_patterns(count: int | None = None, *, seed: int = 0, channels: int = 
     count : int, optional
         How many; all 2^channels - 1 if None.
     seed : int
-        Of the order.
+        Seed of the order.
     channels : int
-        Of the sensor, at most 16.
+        Number of channels of the sensor, at most 16.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def binary_patterns(count: int | None = None, *, seed: int = 0, channels: int = 
 
 
 def channel_amplitudes(patterns: ArrayLike, sensor: SensorGrid | None = None) -> NDArray[np.float64]:
-    """0 or 1 for each channel of each pattern, shape (pattern, channel).
+    """Amplitude, 0 or 1, of each channel in each pattern, shape (pattern, channel).
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def am_stimulus(
     kind : {"i", "ii", "iii"}
         Which of the three.
     peak : float
-        Of the pressure, in Pa; "iii" comes to within 3 % of it.
+        Peak of the pressure, in Pa; "iii" comes to within 3 % of it.
     duration : float
         In s; the bins of a spectrum meet the modulation when it is a multiple of 40 ms.
     rate : float
@@ -103,15 +103,15 @@ def probe_signal(
     peak : float
         Largest pressure, in Pa.
     duration : float
-        Of its full strength, in s.
+        Duration of its full strength, in s.
     rate : float
         Frames per second, in Hz.
     rest : float
         Before it and after it, in s.
     channel : int
-        That it acts on.
+        The channel that it acts on.
     seed : int
-        Of the noise.
+        Seed of the noise.
     sensor : SensorGrid, optional
         The cells; 4 x 4 at 11 mm by default.
 
@@ -148,6 +148,7 @@ def _probe(kind: str, time: NDArray[np.float64], rate: float, rng: np.random.Gen
     if kind == "25+250 Hz":
         return 0.6 * np.sin(2 * np.pi * 25 * time) + 0.4 * np.sin(2 * np.pi * 250 * time)
     if kind == "bursts":
+        # Time from the nearest burst.
         after = np.mod(time + 25e-3, 50e-3) - 25e-3
         return np.exp(-((after / 8e-3) ** 2) / 2) * np.sin(2 * np.pi * 200 * after)
     if kind == "noise":

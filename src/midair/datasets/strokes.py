@@ -113,7 +113,7 @@ class Motion:
         return (first + sensor.y - sensor.y[0]) / self.speed
 
     def duration(self, sensor: SensorGrid) -> float:
-        """From the start to the end of the free way behind the last cell, in s."""
+        """Time from the start to the end of the free way behind the last cell, in s."""
         return float(self.passage(sensor)[[0, -1]].sum())
 
     def cover(self, sensor: SensorGrid, time: Array) -> Array:
@@ -149,7 +149,7 @@ def stroke(
     groove : bool
         Whether the sensor's surface has the grooves.
     seed : int
-        Of the texture and the slips.
+        Seed of the texture and the slips.
     rate : float
         Frames per second, up to 8000 Hz; take 8000 to drive a simulation in time.
     speed : float
@@ -159,7 +159,7 @@ def stroke(
     duration : float, optional
         In s: cuts the stroke, or adds silence. By default until the object has left, 1.26 s at the other defaults.
     column : int
-        Of the sensor; 2 lets the object pass channels 2, 6, 10 and 14.
+        Column of the sensor; 2 lets the object pass channels 2, 6, 10 and 14.
     sensor : SensorGrid, optional
         The cells; 4 x 4 at 11 mm by default.
     peak : float, optional
@@ -213,12 +213,14 @@ def _slide(
     length = next_fast_len(frames, real=True)
     frequency = fft_frequencies(length, rate)
     profile = _profile(texture, frequency / motion.speed, length, sensor.columns, rng)
+    # The same profile reaches one row after another: a delay is a phase, exact between frames, too.
     late = np.exp(-2j * np.pi * frequency[:, None] * motion.passage(sensor))
     slips = rfft(_slips(texture, motion.speed, np.arange(length) / rate, rng))
     spectrum = profile[:, None, :] * late[:, :, None] + slips[:, None, None]
     if groove:
         spectrum *= groove_gain(frequency / motion.speed)[:, None, None]
     vibration = irfft(spectrum, length, axis=0)[:frames]
+    # What touches can let go, but not pull.
     return motion.cover(sensor, np.arange(frames) / rate) * np.maximum(texture.load + vibration, 0)
 
 

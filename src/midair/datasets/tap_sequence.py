@@ -21,17 +21,17 @@ def taps(
     Parameters
     ----------
     every : float
-        Between two taps, in s; each comes after .2 to .4 of it.
+        Time between two taps, in s; each comes after .2 to .4 of it.
     quiet : float
         Before the first, in s.
     peak : float
-        Of the pressure of the strongest tap, in Pa; the weakest has a third of it.
+        Peak of the pressure of the strongest tap, in Pa; the weakest has a third of it.
     spread : float
         Part that the cells beside a tapped one feel; its square falls on those across the corner.
     rate : float
         Frames per second, in Hz.
     seed : int
-        Of strengths and times.
+        Seed of strengths and times.
     sensor : SensorGrid, optional
         The cells; 4 x 4 at 11 mm by default.
 

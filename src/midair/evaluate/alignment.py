@@ -26,6 +26,7 @@ def find_delay(original: Array, later: Array, rate: float, *, longest: float = 0
         In s; 0 when either is silent.
     """
     frames = len(original)
+    # With zeros after both, so that no delay that is looked at wraps round.
     length = frames + max(frames, len(later))
     a = np.fft.rfft(original.reshape(frames, -1), length, axis=0)
     b = np.fft.rfft(later.reshape(len(later), -1), length, axis=0)
@@ -33,12 +34,14 @@ def find_delay(original: Array, later: Array, rate: float, *, longest: float = 0
     reach = max(1, min(round(longest * rate), max(frames, len(later)) - 1))
     around = np.roll(correlation, reach)[: 2 * reach + 1]
     best = int(np.argmax(around))
+    # Nothing alike at any delay: moving one of them would be arbitrary.
     if around[best] <= 0:
         return 0.0
     if not 0 < best < 2 * reach:
         return (best - reach) / rate
     left, middle, right = around[best - 1 : best + 2]
     bend = left - 2 * middle + right
+    # A peak bends downwards; a flat one has no part of a frame to tell.
     part = 0.5 * (left - right) / bend if bend < 0 else 0.0
     return (best - reach + float(part)) / rate
 
@@ -49,7 +52,7 @@ def advance(samples: Array, delay: float, rate: float) -> Array:
     Parameters
     ----------
     samples : ndarray, shape (frame, ...)
-        At `rate`.
+        Samples at `rate`.
     delay : float
         In s, of any sign, not necessarily whole frames.
     rate : float

@@ -23,7 +23,7 @@ class CardFigure:
     name : str
         What it is called.
     unit : str
-        Of the value; empty for a ratio.
+        Unit of the value; empty for a ratio.
     overall : float
         Over all cells.
     channels : ndarray, shape (row, column)
@@ -62,7 +62,7 @@ class PerceptualCard:
         return next(each for each in self.figures if each.name == name)
 
     def plain(self) -> dict[str, object]:
-        """For JSON; cells that are not compared are null."""
+        """Plain values for JSON; cells that are not compared are null."""
         return {
             "simulated": self.simulated,
             "figures": [
@@ -90,7 +90,7 @@ def perceptual_card(
     Parameters
     ----------
     original, reproduced : PressureFrames
-        Of the same cells at the same rate, at least 64 ms of them.
+        Pressures of the same cells at the same rate, at least 64 ms of them.
     skin : SkinModel, optional
         The defaults of `SkinModel` if None.
     weakest : float
@@ -197,5 +197,6 @@ def _total(levels: Array) -> Array:
 
 def _difference(after: Array, before: Array) -> Array:
     """After less before; 0 where both are silent."""
+    # Minus infinity less minus infinity would be NaN.
     silent = np.isneginf(after) & np.isneginf(before)
     return np.where(silent, 0.0, np.where(silent, 0.0, after) - np.where(silent, 0.0, before))

@@ -23,11 +23,11 @@ class Comparison:
     Attributes
     ----------
     delay : float
-        By which the reproduction was later, taken out before all else, in s.
+        Time by which the reproduction was later, taken out before all else, in s.
     correlation : float
-        Of the waveforms over all channels, -1 to 1, about 0 by silence.
+        Correlation of the waveforms over all channels, -1 to 1, about 0 by silence.
     gain : float
-        Of the best straight line from original to reproduced pressure through 0.
+        Slope of the best straight line from original to reproduced pressure through 0.
     waveform_error : float
         ||reproduced - original|| / ||original||, nothing refitted.
     distortion_ratio : float
@@ -40,7 +40,7 @@ class Comparison:
     frequency : tuple of float
         Dominant frequency, original and reproduced, in Hz.
     rms : tuple of float
-        Of the strongest cell, original and reproduced, in Pa.
+        Rms of the strongest cell, original and reproduced, in Pa.
     channel_correlation, channel_gain : ndarray, shape (row, column)
         The same, cell by cell; 0 where the original is silent.
     simulated : bool
@@ -94,7 +94,7 @@ def compare(
     Parameters
     ----------
     original, reproduced : PressureFrames
-        Of the same cells at the same rate; the shorter one decides how many frames are compared.
+        Pressures of the same cells at the same rate; the shorter one decides how many frames are compared.
     longest_delay : float
         Largest delay that is looked for, in s.
     band : tuple of float, optional
@@ -111,6 +111,7 @@ def compare(
     frames = min(original.frames, reproduced.frames)
     x, y = original.pressure[:frames], reproduced.pressure[:frames]
     delay = find_delay(x, y, original.rate, longest=min(longest_delay, (frames - 1) / original.rate))
+    # Before all figures: a wave that is half a period late is the opposite of itself.
     y = advance(y, delay, original.rate)
     gain = _gain(x, y, axis=None)
     power_x, power_y = (x**2).mean(axis=0), (y**2).mean(axis=0)
@@ -133,6 +134,7 @@ def compare(
 def _peaks(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[tuple[float, float], tuple[float, float]]:
     """Places of the largest mean square, shape (row, column) each; see `Comparison.peak`."""
     found = peak_position(reproduced, sensor)
+    # Squared, since these are mean squares and 5 % is meant of the rms.
     rows, columns = np.nonzero(original >= 0.95**2 * original.max())
     away = np.hypot(sensor.x[columns] - found[0], sensor.y[rows] - found[1])
     nearest = int(np.argmin(away))

@@ -28,7 +28,7 @@ class Fidelity:
     images : float or None
         Power in the band of the images over that in the band, in dB; None where the rate is too low to tell.
     spatial_correlation : float
-        Of the maps of rms pressure in the band, over the cells, -1 to 1.
+        Correlation of the maps of rms pressure in the band, over the cells, -1 to 1.
     gain : float
         Best gain over all cells.
     delay : float
@@ -78,6 +78,7 @@ def fidelity(
     frames = min(len(x), len(y))
     x, y = in_band(x[:frames], rate, band), in_band(y[:frames], rate, band)
     delay = find_delay(x, y, rate, longest=min(0.05, (frames - 1) / rate))
+    # Before any gain is fitted: what is only late is not distorted.
     y = advance(y, delay, rate)
     power = (x**2).sum(axis=0)
     touched = (power > 0) & (power >= power.max() * 10 ** (-weakest / 10))

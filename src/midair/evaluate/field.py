@@ -17,7 +17,7 @@ def peak_position(values: Array, grid: ControlGrid | SensorGrid) -> tuple[float,
     values : ndarray, shape (row, column) or (point,)
         One map.
     grid : ControlGrid or SensorGrid
-        That it lies on.
+        The grid that it lies on.
     """
     row, column = np.unravel_index(int(np.argmax(values)), grid.shape)
     return float(grid.x[column]), float(grid.y[row])

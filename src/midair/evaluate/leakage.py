@@ -18,7 +18,7 @@ class Leak:
     Attributes
     ----------
     peak : float
-        Of the hottest spot in any frame over the highest wanted pressure of all frames.
+        Pressure of the hottest spot in any frame over the highest wanted pressure of all frames.
     typical : float
         Median over the frames of the hottest spot, over the same.
     place : tuple of float
@@ -45,7 +45,7 @@ def surroundings(
     reach : float
         How far the larger grid goes beyond the square, in m.
     pitch : float
-        Of the larger grid, in m; 2.5 mm is a third of a wavelength at 40 kHz.
+        Pitch of the larger grid, in m; 2.5 mm is a third of a wavelength at 40 kHz.
 
     Returns
     -------
@@ -58,6 +58,7 @@ def surroundings(
     rows, columns = (2 * int(np.ceil((half + reach) / pitch)) + 1 for half in (half_y, half_x))
     around = ControlGrid(rows=rows, columns=columns, pitch=pitch, height=grid.height, centre=grid.centre)
     x, y = np.meshgrid(around.x, around.y)
+    # Points on the edge count as inside, whatever their rounding.
     outside = (np.abs(x) > half_x + 1e-9) | (np.abs(y) > half_y + 1e-9)
     return around, outside.ravel()
 
@@ -91,6 +92,7 @@ def leak(
     acoustics = acoustics or drive.acoustics
     wanted = radiation_pressure(amplitude, acoustics.medium)
     chosen = np.unique(np.linspace(0, drive.frames - 1, min(frames, drive.frames)).astype(int))
+    # The strongest frame too, since all are measured against its pressure.
     chosen = np.union1d(chosen, [int(np.argmax(wanted.max(axis=1)))])
     around, outside = surroundings(grid, reach=reach)
     part = Drive(phase=drive.phase[chosen], level=drive.level[chosen], rate=drive.rate, array=drive.array)

@@ -33,7 +33,7 @@ class Threshold:
     slope : float
         In Hz.
     span : float
-        From the least value to that at 0 Hz, in dB.
+        Distance from the least value to that at 0 Hz, in dB.
     floor : float
         Least value below 0 dB, in dB.
     """
@@ -60,16 +60,16 @@ class Threshold:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SkinModel:
-    """From pressure on a cell to what skin does, and what of it is felt.
+    """A model from the pressure on a cell to what skin does, and what of it is felt.
 
     Attributes
     ----------
     modulus : float
-        Of skin, in Pa (TouchSim: Saal et al., PNAS 114(28), 2017).
+        Elastic modulus of skin, in Pa (TouchSim: Saal et al., PNAS 114(28), 2017).
     poisson : float
         Poisson's ratio (the same).
     radius : float
-        Of the area that a cell's pressure acts on, in m.
+        Radius of the area that a cell's pressure acts on, in m.
     just_felt : float
         Peak displacement that is just felt at `best` on the palm, in m. Nominal: thresholds differ between people by
         10 dB and with the area; only levels over the threshold depend on it, no difference between two signals.
@@ -92,7 +92,7 @@ class SkinModel:
     step: float = 1.58
 
     def displacement(self, pressure: Array) -> Array:
-        """Of the skin in the middle of an evenly pressed disc, u = 2 (1 - nu^2) P a / E, in m; 100 Pa: 17 µm."""
+        """Displacement of skin amid an evenly pressed disc, u = 2 (1 - nu^2) P a / E, in m; 100 Pa make 17 µm."""
         return 2 * (1 - self.poisson**2) * self.radius / self.modulus * np.asarray(pressure, float)
 
     def threshold(self, frequency: Array) -> Array:
@@ -146,7 +146,7 @@ def st_sim(reference: Array, distorted: Array, *, eta: float = 2 / 3, block: int
     Parameters
     ----------
     reference, distorted : ndarray, shape (sample,)
-        At 8 kHz, on one scale; the longer one is cut.
+        Signals at 8 kHz, on one scale; the longer one is cut.
     eta : float
         Weight of time against spectrum.
 
@@ -179,7 +179,7 @@ def spqi(reference: Array, distorted: Array, *, eta: float = 0.3, threshold: flo
     Parameters
     ----------
     reference, distorted : ndarray, shape (sample,)
-        At 8 kHz, on one scale; the longer one is cut.
+        Signals at 8 kHz, on one scale; the longer one is cut.
 
     Returns
     -------
@@ -218,6 +218,7 @@ def pacinian_level(pressure: Array, rate: float, skin: SkinModel | None = None) 
         In dB; a just-felt sine at any frequency is 0 dB, silence is minus infinity.
     """
     skin = skin or SkinModel()
+    # Without the mean: Pacinian corpuscles do not feel steady pressure, and it has no octave.
     spectrum = np.fft.rfft(skin.displacement(pressure), axis=0)[1:] * 2 / len(pressure)
     frequency = np.fft.rfftfreq(len(pressure), 1 / rate)[1:]
     weight = 1 / skin.threshold(np.asarray(frequency, np.float64)) ** 2

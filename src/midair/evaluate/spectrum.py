@@ -24,6 +24,7 @@ def spectral_error(original: Array, later: Array) -> float:
     total = original.sum()
     if total <= 0:
         return 0.0 if later.sum() <= 0 else float("inf")
+    # 120 dB below the strongest bin stand in for silence, which has no level.
     tiny = 1e-12 * original.max()
     difference = 10 * np.log10((later + tiny) / (original + tiny))
     return float(np.sqrt((original * difference**2).sum() / total))

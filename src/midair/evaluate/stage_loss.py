@@ -16,9 +16,9 @@ class StageOutput:
     Attributes
     ----------
     name : str
-        Of the stage.
+        Name of the stage.
     what : str
-        It does, in one line.
+        What it does, in one line.
     pressure : PressureFrames
         After it.
     leak : Leak or None
@@ -44,13 +44,13 @@ class StageLoss:
     Attributes
     ----------
     name, what : str
-        Of the stage.
+        Name of the stage, and what it does.
     alone : Fidelity
-        Of the stage's output with its input: what this stage does.
+        Comparison of the stage's output with its input: what this stage does.
     so_far : Fidelity
-        Of the stage's output with the original: what has come through.
+        Comparison of the stage's output with the original: what has come through.
     leak : Leak or None
-        Outside the square of control points.
+        Pressure outside the square of control points.
     """
 
     name: str
@@ -60,7 +60,7 @@ class StageLoss:
     leak: Leak | None = None
 
     def plain(self) -> dict[str, object]:
-        """For JSON; what cannot be told is null."""
+        """Plain values for JSON; what cannot be told is null."""
         return {
             "stage": self.name,
             "what": self.what,
@@ -88,7 +88,7 @@ class Budget:
     band : tuple of float
         (low, high) that signal and distortion are measured in, in Hz.
     strength : float
-        Of the target.
+        Strength of the target.
     simulated : bool
         Whether any part of it was simulated.
     """
@@ -104,7 +104,7 @@ class Budget:
         return next(each for each in self.stages if each.name == name)
 
     def plain(self) -> dict[str, object]:
-        """For JSON."""
+        """Plain values of the whole budget, for JSON."""
         return {
             "simulated": self.simulated,
             "band_hz": list(self.band),
@@ -132,7 +132,7 @@ def budget(
     outputs : sequence of StageOutput
         In the order of the way, all on the original's cells and of the same time.
     strength : float
-        Of the target.
+        Strength of the target.
     kept : float, optional
         Part of the recording's power that lies in the band.
     band, images : tuple of float

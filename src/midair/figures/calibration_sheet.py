@@ -52,7 +52,7 @@ def _colours(count: int) -> Array:
 
 
 def _curves(values: Array) -> Array:
-    """Shape (channel, bin)."""
+    """Values of (bin, row, column) as curves, shape (channel, bin)."""
     return values.reshape(len(values), -1).T
 
 
@@ -100,6 +100,7 @@ def _response(axis: Axes, calibration: Calibration, style: Style) -> None:
     for channel in heard:
         _line(axis, calibration.frequency, size[channel], colours[channel])
         if wide is not None:
+            # A logarithmic axis has no 0: a band that would reach it ends just above.
             low, high = size[channel] * (1 - np.minimum(wide[channel], 0.99)), size[channel] * (1 + wide[channel])
             _band(axis, calibration.frequency, low, high, colours[channel], 0.15)
     axis.set_yscale("log")
@@ -163,6 +164,7 @@ def _uncertainty(axis: Axes, calibration: Calibration, measured: Measurement | N
     axis.axhline(
         200 * measured.reference_uncertainty, color=style.reproduced, lw=1, ls="--", label="shared: the reference"
     )
+    # A few bins of a deaf channel must not flatten all others.
     axis.set_ylim(0, max(1.1 * float(np.quantile(each, 0.99)), 220 * measured.reference_uncertainty, 1e-3))
     axis.legend(fontsize=8, frameon=False)
     axis.set_title("how sure", fontsize=8, loc="left")
@@ -176,6 +178,7 @@ def _coherence(axis: Axes, calibration: Calibration, measured: Measurement | Non
     lost, colours = np.maximum(1 - _curves(measured.coherence), 1e-9), _colours(calibration.sensor.count)
     for channel in _heard(calibration)[1]:
         _line(axis, calibration.frequency, lost[channel], colours[channel])
+    # One less the coherence that `MeasureSettings` asks for by default.
     axis.axhline(0.1, color=style.reproduced, lw=1, ls="--")
     axis.set_yscale("log")
     axis.set_title("not explained by the reference; a bin above the dashed line is rejected", fontsize=8, loc="left")

@@ -22,6 +22,7 @@ def exposure_figure(exposure: Exposure, *, simulated: bool, style: Style | None 
     colours = (style.original, style.reproduced, style.before, "#009e73", "#cc79a7", "#e69f00")
     for number, place in enumerate(exposure.profile.places):
         colour = colours[number % len(colours)]
+        # Silence stands at the floor of the scale, far below all that sounds: left out, or it would rule the axis.
         heard = exposure.level[:, number] > 0
         label = f"{place.name}, limit {place.limit:g} dB{'' if place.enforced else ' (advice)'}"
         axis.plot(time, np.where(heard, exposure.level[:, number], np.nan), color=colour, linewidth=0.8, label=label)

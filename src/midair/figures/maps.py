@@ -35,11 +35,11 @@ def maps_figure(
     maps : sequence of (str, ndarray of shape (row, column) or (point,))
         Title of each map, and its values.
     grid : ControlGrid or SensorGrid
-        That they lie on.
+        The grid that they lie on.
     quantity : str
         What the colours mean, with its unit.
     sensor : SensorGrid, optional
-        Whose cells are marked by white circles, as in the paper's Fig. 3.
+        The sensor whose cells are marked by white circles, as in the paper's Fig. 3.
     """
     style = style or Style()
     figure = new_figure(3.1 * len(maps) + 0.9, 3.3, simulated=simulated, style=style)
@@ -74,6 +74,7 @@ def phase_figure(drive: Drive, frame: int, *, simulated: bool, style: Style | No
     circles.set_clim(0, 2 * np.pi)
     axis.add_collection(circles)
     axis.set_xlim(places[:, 0].min() - 8, places[:, 0].max() + 8)
+    # y grows downwards, as the rows of the maps do.
     axis.set_ylim(places[:, 1].max() + 8, places[:, 1].min() - 8)
     axis.set_aspect("equal")
     axis.tick_params(labelsize=8)

@@ -27,11 +27,11 @@ class FieldRow:
     Attributes
     ----------
     name : str
-        Of the row.
+        Name of the row.
     fields : ndarray, shape (map, point)
         Magnitudes.
     grid : ControlGrid
-        That they lie on.
+        The grid that they lie on.
     notes : tuple of str
         Above each map.
     """
@@ -150,6 +150,7 @@ def objects_figure(
                 level = 10 * np.log10(np.maximum(density[1:], 1e-12))
                 top = max(top, float(level.max()))
                 axis.plot(frequency[1:], level, color=colour, linewidth=0.9, label=name)
+            # Below it the grooves add most, above it the objects differ (paper, 5.3).
             axis.axvline(300, color=style.faint, linewidth=0.8)
             axis.set_xlim(0, 500)
             axis.set_title(f"channel {channel}" if number == 0 else "", fontsize=8, loc="left", color=style.ink)

@@ -27,7 +27,7 @@ class Example:
     Attributes
     ----------
     name : str
-        Of the pattern.
+        Name of the pattern.
     error : float
         E.
     target, field : ndarray, shape (point,)
@@ -76,6 +76,7 @@ def histogram_figure(
     axes.set_xlabel("E (%)", fontsize=9)
     axes.set_ylabel("patterns", fontsize=9)
     axes.set_xlim(0, max(top, 100 * published[1]) * 1.02)
+    # Room for the legend above what it names.
     axes.set_ylim(0, axes.get_ylim()[1] * 1.3)
     axes.legend(fontsize=8, frameon=False, loc="upper right")
     return figure

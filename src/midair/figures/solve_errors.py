@@ -27,6 +27,7 @@ def error_figure(
     axis.plot(solution.drive.time, error, color=style.reproduced, linewidth=0.8, label="this drive")
     axis.set_xlabel("time (s)", fontsize=9)
     axis.set_ylabel("E (%)", fontsize=9)
+    # Not the worst frame: faint ones can be off by several times their own size.
     top = np.nanpercentile(error, 99) if plays.any() else 0
     axis.set_ylim(0, max(20.0, 1.2 * top))
     axis.margins(x=0)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Style:
-    """Colours and sizes.
+    """Colours and sizes that all figures share.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class Style:
     quantity, phase : str
         Colour maps, perceptually uniform; the one of phases is cyclic.
     ink, faint, band : str
-        Of text, of grids, of shaded ranges.
+        Colours of text, of grids, of shaded ranges.
     """
 
     original: str = "#1b1f24"
@@ -42,6 +42,7 @@ def new_figure(width: float, height: float, *, simulated: bool, style: Style | N
     style = style or Style()
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
     if simulated:
+        # A strip at the top is kept free, so that the mark covers nothing.
         figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.24 / height))  # pyright: ignore[reportOptionalMemberAccess, reportCallIssue]
         figure.text(
             0.995, 1 - 0.05 / height, "SIMULATED", ha="right", va="top", fontsize=8, fontweight="bold", color="#a40e26"

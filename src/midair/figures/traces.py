@@ -79,6 +79,7 @@ def spectra_figure(
         for (name, frames), colour in zip(series, colours, strict=False):
             row, column = divmod(channel, frames.sensor.columns)
             frequency, density = welch(np.maximum(frames.pressure[:, row, column], 0), frames.rate)
+            # Without 0 Hz, at which there is no vibration.
             level = 10 * np.log10(np.maximum(density[1:], 1e-12))
             top = max(top, float(level.max()))
             axis.plot(frequency[1:], level, color=colour, linewidth=0.9, label=name)

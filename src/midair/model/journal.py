@@ -17,11 +17,11 @@ class Event:
     kind : {"lost", "clipped", "dead", "stuck", "rate", "clock", "trigger"}
         What.
     frame : int
-        Of the recording, from 0: the first that it concerns.
+        First frame of the recording that it concerns, from 0.
     frames : int
         How many it concerns.
     channel : int
-        Of the sensor; -1 for all.
+        Channel of the sensor; -1 for all.
     ppm : float
         How much faster than this computer's clock, for rate and clock, in millionths.
     """

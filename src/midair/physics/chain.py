@@ -39,7 +39,7 @@ class PlaybackChain:
     transducers : Transducers or None
         Each one's envelope and strength; None for such that follow at once and are as strong as the model says.
     precision : {"single", "double"}
-        Of the field. Single is true to 1e-5 of the largest pressure, and twice as fast.
+        Precision of the field. Single is true to 1e-5 of the largest pressure, and twice as fast.
     """
 
     phase_bits: int | None = 8
@@ -101,7 +101,7 @@ def radiate(
     Yields
     ------
     q : ndarray of complex, shape (frames * steps, transducer)
-        Of full drive.
+        What they radiate, as a part of full drive.
     moment : Moment
         After them.
     """
@@ -135,6 +135,7 @@ class _Pull:
     def of(cls, transducers: Transducers | None, step: float, count: int) -> "_Pull":
         if transducers is None:
             nothing = np.zeros(count, complex)
+            # Without an envelope a transducer is where its drive is at the end of the step.
             return cls(e=nothing, a=nothing, b=np.ones(count, complex))
         e = np.exp(transducers.pole * step)
         moved = (e - 1) / (transducers.pole * step)
@@ -147,6 +148,7 @@ class _Pull:
         force = nodes[:, :-1] * self.a.astype(kind) + nodes[:, 1:] * self.b.astype(kind)
         force = force.reshape(-1, nodes.shape[2])
         if e.any():
+            # In place and in turn, since each moment starts where the one before it ended.
             for now in force:
                 now += e * q
                 q = now
@@ -166,8 +168,10 @@ def _command(
     nodes = np.empty((len(phase), steps + 1, phase.shape[1]), exact)
     time = np.arange(steps + 1) / (rate * steps)
     turned, raised = _ramp(time, chain.phase_ramp), _ramp(time, chain.level_ramp)
+    # An array that was silent has no phase to turn from.
     now, loud = (phase[0] if moment.phase is None else moment.phase), moment.level
     for frame, (to, louder) in enumerate(zip(phase, level, strict=True)):
+        # The silencer turns the short way round the circle.
         short = np.mod(to - now + np.pi, 2 * np.pi) - np.pi
         turning, raising = now + turned * short, loud + raised * (louder - loud)
         nodes[frame] = raising * np.exp(1j * turning)

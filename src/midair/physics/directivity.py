@@ -17,7 +17,7 @@ def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: floa
     Parameters
     ----------
     angle : ndarray, any shape
-        Between the transducer's normal and the point, in rad, 0 to pi.
+        Angle between the transducer's normal and the point, in rad, 0 to pi.
     kind : {"point", "piston", "t4010a1"}
         "point": 1 everywhere. "piston": 2 J1(x) / x, x = k a sin(theta), a circular piston in a baffle.
         "t4010a1": the measured table of AUTD3's transducer.
@@ -50,6 +50,7 @@ def _piston(x: Array) -> Array:
     """2 J1(x) / x; Kinsler et al., Fundamentals of Acoustics, 7.4."""
     from scipy.special import j1
 
+    # On the axis the quotient is 0 / 0; its limit is 1.
     small = np.abs(x) < 1e-8
     return np.where(small, 1.0, 2 * j1(x) / np.where(small, 1.0, x))
 
@@ -71,6 +72,7 @@ def _t4010a1(degrees: Array) -> Array:
         ]
     )
     front = np.where(degrees > 90, 180 - degrees, degrees)
+    # A multiple of 10 degrees belongs to the piece below it, as in the SDK.
     piece = np.clip(np.ceil(front / 10).astype(int) - 1, 0, 8)
     x = front - 10 * piece
     a, b, c, d = table[piece].transpose(-1, *range(piece.ndim))

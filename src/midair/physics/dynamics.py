@@ -49,7 +49,7 @@ def envelope(
     substeps : int
         Samples a frame; the last one of each frame is at the frame's end.
     dynamics : TransducerDynamics
-        Of every transducer.
+        Dynamics of every transducer.
     start : ndarray of complex, shape (transducer,), optional
         Envelope before the first frame; at rest if None.
 

@@ -62,7 +62,7 @@ class ExposureProfile:
     source, evidence : str
         Where its limits are from, and how good the evidence is.
     places : tuple of Place
-        At least one.
+        The places; at least one.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Exposure:
     Attributes
     ----------
     profile : ExposureProfile
-        Whose places and limits these are.
+        The profile whose places and limits these are.
     level : ndarray, shape (frame, place)
         Highest sound pressure level in the cube of each place, in dB.
     rate : float
@@ -101,7 +101,7 @@ class Exposure:
 
     @property
     def duration(self) -> float:
-        """With all repeats, in s."""
+        """Time that all repeats take together, in s."""
         return len(self.level) * self.repeats / self.rate
 
     @property
@@ -126,7 +126,7 @@ class Exposure:
 
     @property
     def excess(self) -> float:
-        """By how much the loudest frame is above an enforced limit, in dB; negative when all are kept."""
+        """How far the loudest frame is above an enforced limit, in dB; negative when all limits are kept."""
         return max(
             (
                 float(peak) - place.limit
@@ -179,7 +179,7 @@ def exposure(
     Parameters
     ----------
     drive : Drive
-        To be played.
+        The drive that is to be played.
     profile : ExposureProfile
         Places and limits.
     repeats : int
@@ -196,6 +196,7 @@ def exposure(
     points = np.concatenate([place.points for place in profile.places])
     matrix = transfer_matrix(points, drive.array, acoustics=acoustics).T
     level = np.empty((drive.frames, len(profile.places)))
+    # In parts, since the field of a whole drive at all places may not fit into memory.
     for first in range(0, drive.frames, 256):
         part = slice(first, first + 256)
         pressure = np.abs(_drive(drive, part) @ matrix).reshape(-1, len(profile.places), 27).max(axis=2)
@@ -219,7 +220,7 @@ def greatest_exposure(
     array : TransducerArray
         What radiates.
     level : float
-        Of every transducer, 0 to 1.
+        Level of every transducer, 0 to 1.
     profile : ExposureProfile
         Places and limits.
     rate : float
@@ -250,6 +251,7 @@ def greatest_exposure(
 
 def sound_level(peak: Array) -> Array:
     """Sound pressure level of an amplitude, in dB re 20 µPa rms: 20 lg(p / sqrt(2) / 20 µPa), not below -40 dB."""
+    # The floor stands in for silence, which has no level.
     return np.asarray(20 * np.log10(np.maximum(peak / np.sqrt(2) / 20e-6, 1e-2)), np.float64)
 
 
@@ -274,10 +276,11 @@ def nonlinearity_index(pressure: Array, path: Array, medium: Medium, frequency: 
 
 
 def _nonlinearity(drive: Drive, profile: ExposureProfile, acoustics: Acoustics, level: Array) -> float:
-    """Of the frame that is strongest at the lowest place, which is the palm, along the line that leads there."""
+    """Index of the frame that is strongest at the nearest place, the palm, along the line that leads there."""
     number = int(np.argmin([np.linalg.norm(place.position) for place in profile.places]))
     strongest = int(level[:, number].argmax())
     end = np.array(profile.places[number].position)
+    # Not from 0: a point on a transducer has no finite field.
     share = np.linspace(0.02, 1, 200)
     matrix = transfer_matrix(share[:, None] * end, drive.array, acoustics=acoustics)
     pressure = np.abs(matrix @ _drive(drive, slice(strongest, strongest + 1))[0])

@@ -35,7 +35,7 @@ def simulate(
     drive : Drive
         What the array is told; it is silent before.
     G : ndarray of complex, shape (point, transducer)
-        From `transfer_matrix`, in Pa.
+        Transfer matrix from `transfer_matrix`, in Pa.
     chain : PlaybackChain, optional
         What is simulated; 8-bit phases that step, and transducers that follow at once, if None.
     rate : float
@@ -64,6 +64,7 @@ def simulate(
     _check(drive, G, chain, weights)
     spread = Spread.of(G, acoustics.medium, weights, chain.precision)
     if chain.hold == "ideal":
+        # A band-limited curve between pressures can dip below 0, and sound cannot pull.
         return np.maximum(resample(_still(drive, chain, spread), drive.rate, rate), 0.0)
     out = np.empty((drive.frames * steps, spread.width))
     done = 0
@@ -91,7 +92,7 @@ def playback_response(
     rate : float
         R, frames per second, in Hz.
     dynamics : TransducerDynamics, optional
-        Of the transducers; the usual ones if None.
+        Dynamics of the transducers; the usual ones if None.
     ramp : float
         T, over how long a silencer spreads each step, in s.
 
@@ -143,7 +144,7 @@ def check_frame_rate(rate: float, frequency: float = 40e3) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Spread:
-    """From what transducers radiate to pressure at points, or on cells.
+    """The way from what transducers radiate to pressure at points, or on cells.
 
     Attributes
     ----------
@@ -152,7 +153,7 @@ class Spread:
     factor : float
         Radiation pressure of 1 Pa of sound, in Pa.
     weights : ndarray or None, shape (point, cell)
-        Of the cells.
+        Weights of the cells.
     """
 
     G: Waves
@@ -161,9 +162,10 @@ class Spread:
 
     @classmethod
     def of(cls, G: Complex, medium: Medium, weights: Array | None, precision: Precision) -> "Spread":
-        """For a transfer matrix of (point, transducer), and weights of (cell, point) if there are cells."""
+        """Make it for a transfer matrix of (point, transducer), and weights of (cell, point) if there are cells."""
         real, exact = (np.float32, np.complex64) if precision == "single" else (np.float64, np.complex128)
         return cls(
+            # Laid out for the product that each moment of the drive needs.
             G=np.ascontiguousarray(G.T, exact),
             factor=float(radiation_pressure(np.ones(1), medium)[0]),
             weights=None if weights is None else np.ascontiguousarray(weights.T, real),
@@ -171,11 +173,11 @@ class Spread:
 
     @property
     def width(self) -> int:
-        """Points, or cells."""
+        """Number of points, or of cells where there are weights."""
         return self.G.shape[1] if self.weights is None else self.weights.shape[1]
 
     def pressure(self, q: Waves) -> Array:
-        """(step, point) or (step, cell), in Pa."""
+        """Radiation pressure of drives (step, transducer), shape (step, point) or (step, cell), in Pa."""
         field = q.astype(self.G.dtype, copy=False) @ self.G
         power = field.real**2 + field.imag**2
         return self.factor * np.asarray(power if self.weights is None else power @ self.weights, np.float64)

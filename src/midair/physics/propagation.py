@@ -12,7 +12,7 @@ Points = ControlGrid | NDArray[np.float64]
 
 
 def wavenumber(array: TransducerArray, medium: Medium) -> float:
-    """2 pi f / c, the wave number k, in rad/m."""
+    """Wave number k = 2 pi f / c, in rad/m."""
     return 2 * np.pi * array.frequency / medium.speed
 
 
@@ -47,6 +47,7 @@ def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoust
     if distance.min() <= 0:
         raise InputError("points: expected none on a transducer, got distance 0; move the grid away from the array")
     k = wavenumber(array, acoustics.medium)
+    # Straight ahead, rounding can bring the cosine above 1, where there is no angle.
     cosine = np.clip(np.einsum("mnx,nx->mn", away, array.normal) / distance, -1, 1)
     radiated = array.pressure * off_axis(np.arccos(cosine), acoustics.directivity, wavenumber=k)
     return radiated * np.exp((1j * k - acoustics.medium.attenuation) * distance) / distance
@@ -92,6 +93,7 @@ def focus_amplitude(points: Points, array: TransducerArray, *, acoustics: Acoust
 def quantise_phase(phase: NDArray[np.float64], *, bits: int = 8) -> NDArray[np.float64]:
     """Phases as the firmware holds them: rounded to 2 pi / 2^bits, within 0 to 2 pi, same shape, in rad."""
     steps = 2**bits
+    # Rounded first: the last half step rounds up to a whole turn, which is step 0.
     return np.mod(np.rint(phase / (2 * np.pi) * steps), steps) * (2 * np.pi / steps)
 
 

@@ -56,9 +56,9 @@ class SensorModel:
     full_scale : float
         Largest voltage that the converter takes, either sign, in V.
     bits : int
-        Of the converter.
+        Number of bits of the converter.
     delay : ndarray, shape (row, column)
-        Of each channel, as of a converter that takes one after the other, in s, 0 or more; empty for none.
+        Delay of each channel, as of a converter that takes one after the other, in s, 0 or more; empty for none.
     crosstalk : ndarray, shape (channel, channel)
         Pressure that cell i feels over the pressure on cell k; empty for cells that feel only their own.
     saturation : float
@@ -201,7 +201,7 @@ def sense(
     pressure : ndarray, shape (frame, row, column)
         On the cells, in Pa, at `rate` times `oversample`.
     rate : float
-        Of the samples that are returned, in Hz.
+        Rate of the samples that are returned, in Hz.
     rng : numpy.random.Generator, optional
         Makes the noise; none if None.
     oversample : int
@@ -227,8 +227,10 @@ def sense(
         )
     volts = _respond(model, _felt(model, pressure), rate, oversample)
     if np.isfinite(model.saturation):
+        # Before the noise, and the converter last: the order in which a signal meets them.
         volts = model.saturation * np.tanh(volts / model.saturation)
     if rng is not None:
+        # White noise of one-sided density n has a variance of n^2 times half the rate.
         volts = volts + model.noise * np.sqrt(rate / 2) * rng.standard_normal(volts.shape)
     return _convert(model, volts)
 
@@ -248,6 +250,7 @@ def calibration_of(model: SensorModel, *, highest: float = 4000.0, bins: int = 1
     """
     frequency = np.concatenate([[0.0], np.geomspace(1.0, positive(highest, "highest", "Hz"), bins)])
     alone = (model.crosstalk == np.eye(model.grid.count)).all()
+    # A channel's answer to its own cell is part of its response: a crosstalk matrix has 1 on its diagonal.
     own = model.crosstalk / np.diag(model.crosstalk)[:, None]
     return Calibration(
         sensor=model.grid,
@@ -264,6 +267,7 @@ def _shares(model: SensorModel, cells: Array, points: Array, pitch: float) -> Ar
     """Along one axis: share of each point's stretch in each cell's average, shape (cell, point)."""
     offset = points[None, :] - cells[:, None]
     far, near = (pitch + model.aperture) / 2, (pitch - model.aperture) / 2
+    # Two boxes and a Gaussian convolved are the second difference of an integrated ramp: four ends, four terms.
     ramps = [sign * _ramp(offset + edge, model.spread) for sign, edge in ((1, far), (-1, near), (-1, -near), (1, -far))]
     return np.sum(ramps, axis=0) / model.aperture
 
@@ -290,11 +294,13 @@ def _respond(model: SensorModel, pressure: Array, rate: float, oversample: int) 
     slowest = (
         1 / (2 * np.pi * model.high_pass * model.corner.min()) + model.relaxation + model.quality / model.resonance
     )
+    # exp(-20) is 2e-9, a fifth of the 1e-8 that `sense` promises.
     settle = int(np.ceil((20 * slowest + model.delay.max()) * rate)) + 1
     fade = 0.5 + 0.5 * np.cos(np.pi * np.arange(1, settle * oversample) / (settle * oversample))
     held = np.concatenate([pressure, fade[:, None, None] * pressure[-1]])
     length = next_fast_len(frames + 2 * settle, real=True)
     bins = length // 2 + 1
+    # Cutting the bins above half the output's rate is the ideal anti-alias filter.
     spectrum = rfft(held, length * oversample, axis=0)[:bins] / oversample
     response = channel_response(model, np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
     return irfft(spectrum * response, length, axis=0)[:frames]

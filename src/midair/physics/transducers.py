@@ -90,6 +90,7 @@ class Transducers:
                 f"{gain:g}, {gain_spread:g}, {resonance_spread:g} Hz and {quality_spread:g}"
             )
         rng = np.random.default_rng(seed)
+        # A draw below 0 would be a transducer of the opposite sign.
         strength = np.clip(gain * (1 + gain_spread * rng.standard_normal(count)), 0, None)
         resonance = resonance_spread * rng.standard_normal(count)
         quality = np.clip(1 + quality_spread * rng.standard_normal(count), 0.2, None)

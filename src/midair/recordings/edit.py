@@ -27,9 +27,9 @@ def cut(recording: Recording, start: float = 0.0, end: float | None = None) -> R
     Parameters
     ----------
     recording : Recording
-        To cut.
+        The recording to cut.
     start, end : float
-        From the first frame, in s; `end` None means the end of the recording.
+        Times from the first frame, in s; `end` None means the end of the recording.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def join(recordings: Sequence[Recording]) -> Recording:
     Parameters
     ----------
     recordings : sequence of Recording
-        At least one; of the same sensor, rate and unit.
+        At least one recording; all of the same sensor, rate and unit.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def resample(recording: Recording, rate: float) -> Recording:
     Parameters
     ----------
     recording : Recording
-        To resample.
+        The recording to resample.
     rate : float
         New frames per second, in Hz.
 
@@ -107,26 +107,27 @@ def _rate_of(rate: float, wanted: float) -> float:
     from fractions import Fraction
 
     slow, fast = sorted((rate, wanted))
+    # The same fraction as `dsp.resample` takes.
     ratio = Fraction(fast / slow).limit_denominator(1000)
     exact = rate * float(ratio) if wanted > rate else rate / float(ratio)
     return wanted if abs(exact / wanted - 1) < 1e-6 else exact
 
 
 def trim(recording: Recording, *, share: float = 0.05, level: float | None = None, margin: float = 0.05) -> Recording:
-    """Without the silence at both ends.
+    """The recording without the silence at both ends.
 
     A frame is silent while no channel is further from its median than `level`. Silence inside stays.
 
     Parameters
     ----------
     recording : Recording
-        To trim.
+        The recording to trim.
     share : float
         The level as a part of the largest distance of any channel from its median, 0 to 1.
     level : float, optional
         The level itself, in the unit of the samples, instead of a share.
     margin : float
-        That is kept before the first and after the last frame that is not silent, in s.
+        Time that is kept before the first and after the last frame that is not silent, in s.
 
     Raises
     ------
@@ -137,6 +138,7 @@ def trim(recording: Recording, *, share: float = 0.05, level: float | None = Non
         raise InputError(f"trim: expected a share of 0 to below 1, got {share:g}")
     if not 0 <= margin < np.inf:
         raise InputError(f"trim: expected a margin of 0 s or more, got {margin:g} s")
+    # The median is what a channel says at rest, which need not be 0; a mean would follow the touch.
     change = np.abs(recording.samples - np.median(recording.samples, axis=0)).max(axis=(1, 2))
     limit = float(share * change.max()) if level is None else float(level)
     loud = np.flatnonzero(change > limit)
@@ -157,7 +159,7 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
     Parameters
     ----------
     recording : Recording
-        To scale.
+        The recording to scale.
     factor : float or array_like, shape (row, column)
         One for all channels, or one each.
 
@@ -176,12 +178,12 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
 
 
 def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") -> Recording:
-    """Without some channels: they become 0, or the mean of their neighbours that are not masked.
+    """The recording without some channels: they become 0, or the mean of their neighbours that are not masked.
 
     Parameters
     ----------
     recording : Recording
-        To mask.
+        The recording to mask.
     channels : iterable of int
         Numbers of channels, row by row from 0.
     fill : {"zero", "neighbours"}

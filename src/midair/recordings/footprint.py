@@ -44,7 +44,7 @@ class Footprint:
     Attributes
     ----------
     shape : {"circle", "square", "line"}
-        Of the patch.
+        Shape of the patch.
     size : float
         Diameter, side or width, in m.
     speed : float
@@ -109,7 +109,7 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
     Parameters
     ----------
     recording : Recording
-        Of one channel.
+        A recording of one channel.
     footprint : Footprint
         What touches, and how it moves; at time 0 it is about to touch the first side.
     sensor : SensorGrid, optional
@@ -152,11 +152,12 @@ def covered(footprint: Footprint, sensor: SensorGrid, time: Array) -> Array:
     for first in range(0, len(time), _BLOCK):
         part = slice(first, first + _BLOCK)
         share[part] = _area(footprint, sensor, footprint.centre(time[part], sensor)) / sensor.pitch**2
+    # Differences of areas leave some rounding on cells that are not touched.
     return np.clip(np.where(share < 1e-12, 0.0, share), 0.0, 1.0)
 
 
 def _area(footprint: Footprint, sensor: SensorGrid, centre: Array) -> Array:
-    """Of each cell under the footprint, broadcasts to (time, row, column), in m2."""
+    """Area of each cell that is under the footprint, broadcasts to (time, row, column), in m2."""
     half = sensor.pitch / 2
     x = sensor.x[None, None, :] - centre[:, 0, None, None]
     y = sensor.y[None, :, None] - centre[:, 1, None, None]

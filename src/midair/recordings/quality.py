@@ -59,6 +59,7 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     (J. von Neumann, Ann. Math. Stat. 12, 1941: variance 4 (n - 2) / (n^2 - 1)).
     """
     samples = recording.samples.reshape(recording.frames, -1)
+    # To 1 at most, so that the squares of very small or large units do not leave the range of numbers.
     samples = samples / max(np.abs(samples).max(), np.finfo(float).tiny)
     first = recording.samples[0].ravel()
     spread = samples.std(axis=0)

@@ -40,7 +40,7 @@ def halves(phase: Array, *, apart: float = np.pi / 4) -> tuple[Array, Array]:
     Parameters
     ----------
     phase : ndarray, shape (frame, 2 transducer)
-        Of a solution of the doubled problem, in rad.
+        Phases of a solution of the doubled problem, in rad.
     apart : float
         As it was doubled with.
 
@@ -53,8 +53,10 @@ def halves(phase: Array, *, apart: float = np.pi / 4) -> tuple[Array, Array]:
     """
     count = phase.shape[1] // 2
     q = (np.exp(1j * (phase[:, :count] + apart)) + np.exp(1j * (phase[:, count:] - apart))) / 2
+    # Rounding can leave a hair above full drive, which a drive refuses.
     return np.angle(q), np.minimum(np.abs(q), 1.0)
 
 
 def _twice(G: Complex, apart: float) -> Complex:
+    # Halved, so that a pair in step is as loud as the one transducer that it stands for.
     return np.asarray(np.concatenate([np.exp(1j * apart) * G, np.exp(-1j * apart) * G], axis=1) / 2, np.complex128)

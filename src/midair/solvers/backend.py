@@ -64,11 +64,12 @@ class Backend:
 
     def get(self, array: Rows) -> NDArray[np.float64]:
         """A NumPy array of it, in double precision."""
+        # PyTorch's way back to the host is `cpu`, CuPy's is `get`; the standard names none.
         host = array.cpu() if hasattr(array, "cpu") else array.get() if hasattr(array, "get") else array
         return np.asarray(host, np.float64)
 
     def complex(self, real: Rows, imaginary: Rows) -> Rows:
-        """Real + j imaginary."""
+        """Complex numbers real + j imaginary, same shape."""
         if self.xp is np:
             made = np.empty(real.shape, np.result_type(real, np.complex64))
             made.real, made.imag = real, imaginary
@@ -115,7 +116,7 @@ class Backend:
 
     @contextmanager
     def at_work(self) -> Generator[None]:
-        """Within it, PyTorch uses one thread of the CPU, as NumPy does here: two wait for each other, spinning.
+        """Keep PyTorch to one thread of the CPU, as NumPy is here: two wait for each other, spinning.
 
         And NumPy does not warn of what overflows: such a step counts as one that failed.
         """
@@ -139,7 +140,7 @@ def backend(name: str, *, precision: Literal["single", "double"] = "single") -> 
         A name in `LIBRARIES`, and after a colon the device if it is not the library's own first choice: "numpy",
         "torch", "torch:cuda", "torch:cuda:1", "cupy".
     precision : {"single", "double"}
-        Of what is put there.
+        Precision of what is put there.
 
     Raises
     ------
@@ -172,6 +173,7 @@ def _try(xp: Any, name: str, device: str) -> None:
     """Refuse a device on which not even one number can be made."""
     try:
         xp.zeros(1, device=device)
+    # PyTorch without CUDA raises AssertionError, PyTorch with CUDA but without this device RuntimeError.
     except (RuntimeError, AssertionError) as missing:
         reason = str(missing).partition("\n")[0]
         raise InputError(f"backend: expected a device that is here, got {name!r} ({reason}); try torch") from missing

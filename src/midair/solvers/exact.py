@@ -29,9 +29,9 @@ class Exact:
     Attributes
     ----------
     iterations, warm_iterations : int
-        At most, for a frame on its own, and for one that starts at the previous.
+        Largest number of iterations for a frame on its own, and for one that starts at the previous.
     start : {"previous", "zero"}
-        Of every frame after the first; "zero" treats each frame on its own.
+        Start of every frame after the first; "zero" treats each frame on its own.
     first : {"field", "zero"}
         Where a frame on its own starts: at the phases that the first two moves of `Fast` give it, or at zero, as in
         the paper, from where some fifty iterations are needed.
@@ -40,7 +40,7 @@ class Exact:
     tolerance : float
         Modes of G below this part of the largest singular value are left out, except from the last steps.
     precision : {"single", "double"}
-        Of all but the last steps.
+        Precision of all but the last steps.
     last : int
         Steps at the end with all modes in double precision.
     step_tolerance, cost_tolerance : float
@@ -61,7 +61,9 @@ class Exact:
     def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
         """Phases for each frame, one after another."""
         system = System.of(modes(problem.G, tolerance=self.tolerance), problem.level, self.precision)
+        # Left-out modes and single precision set a floor under the error; the plain method's step goes below it.
         last = self.last if self.precision == "single" or self.tolerance > 0 else 0
+        # J^T J has these on its diagonal by theta, and p^2 by psi.
         diagonal = float(((np.abs(problem.G) * problem.level) ** 2).sum(axis=0).max())
         plain = LevenbergMarquardt()
 
@@ -69,6 +71,7 @@ class Exact:
             state = ExactState.at(system, p, x, self.tau * max(diagonal, float((p**2).max())))
             while state.status is None and state.iterations < max(iterations - last, 1):
                 state = self.step(system, p, state)
+            # With the lambda that the steps have come to, not with a first one.
             end = replace(plain.begin(problem, p, state.x), damping=state.damping)
             for _ in range(min(last, iterations - state.iterations)):
                 end = plain.step(problem, p, end) if end.status is None else end
@@ -96,6 +99,7 @@ class Exact:
         trial = ExactState.at(system, p, state.x + h, state.damping)
         fall = state.cost - trial.cost
         promised = 0.5 * float(h @ (state.damping * h - system.gradient(p, state.x, state.residual)))
+        # An exact step always promises a fall; one spoilt by rounding may not, and is refused.
         gain = fall / promised if promised > 0 else -1.0
         if not gain > 0:
             return state.refused()
@@ -115,9 +119,11 @@ class Exact:
         alone = np.flatnonzero(problem.amplitude.any(axis=1))
         if self.first == "zero" or not len(alone):
             return None
+        # With warm starts only the first audible frame is on its own.
         alone = alone if self.start == "zero" else alone[:1]
         some = replace(problem, amplitude=problem.amplitude[alone])
         x = np.zeros((len(problem.amplitude), problem.transducers + problem.points))
+        # Without its polish: from there on the steps of this method are better.
         theta = Fast(iterations=0, more_iterations=0).solve(some).phase
         x[alone] = np.hstack([theta, np.where(some.amplitude > 0, np.angle(some.field(theta)), 0.0)])
         return x

@@ -33,12 +33,12 @@ class Fast:
     Attributes
     ----------
     iterations : int
-        Of the polish; five times as many where changes of phase count (`Problem.smooth`) and all frames of a batch
-        are polished together.
+        Iterations of the polish; five times as many where changes of phase count (`Problem.smooth`) and all frames of
+        a batch are polished together.
     more_iterations : int
-        That the worst quarter of a batch gets on top, where frames are on their own.
+        Iterations that the worst quarter of a batch gets on top, where frames are on their own.
     field_iterations, lift_iterations : int
-        Of the first and the second move.
+        Iterations of the first and the second move.
     tolerance : float
         Modes of G below this part of the largest singular value are left out of the iterations; the error that is
         reported is that of the whole G.
@@ -49,7 +49,7 @@ class Fast:
     every : int
         One transducer in so many is looked at for loudness: a drive made of r modes is smooth.
     relaxation : float
-        Of the projections, 1 to 2.
+        Over-relaxation of the projections, 1 to 2.
     batch : int, optional
         Frames at once: large enough for matrix products, small enough for the cache. What suits the backend if None.
     memory : int
@@ -57,7 +57,7 @@ class Fast:
     faintest : float
         Norm of a target, in units of the focus, below which it counts as this faint: the range of single precision.
     precision : {"single", "double"}
-        Of the iterations. Rounding of single precision is a thousandth of the smallest error seen.
+        Precision of the iterations. Rounding of single precision is a thousandth of the smallest error seen.
     backend : str
         What does the arithmetic, and where: see `backend.backend`. The modes are always worked out by NumPy.
     """
@@ -105,6 +105,7 @@ class Fast:
     ) -> None:
         """Phases of the audible frames, batch by batch."""
         there = machine.backend
+        # Before the first frame nothing sounds: a drive of 0 pulls no phase.
         before = there.xp.zeros_like(machine.lens)
         for some in _batches(audible, self.batch or there.rows):
             theta = self._phases(machine, machine.batch(some, faintest=self.faintest), before)
@@ -119,6 +120,7 @@ class Fast:
         )
         theta = machine.lift(field, self.lift_iterations, relaxation=self.relaxation)
         if machine.problem.smooth > 0:
+            # Tied frames converge together, and the worst of them cannot be given more on its own.
             return machine.together(theta, batch, before, 5 * self.iterations)
         return machine.polish(theta, batch, self.iterations, more=self.more_iterations)
 

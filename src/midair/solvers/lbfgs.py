@@ -82,8 +82,11 @@ class LBFGS:
         # Rounding of the cost itself must not count as a rise.
         slack = 4 * xp.finfo(cost.dtype).eps * state.cost
         better = cost <= state.cost + self.armijo * state.length * slope + slack
+        # Before the step is judged: one that failed has shown how the slope changes, too.
         self._remember(state, s, gradient - state.gradient)
+        # Up to the full step, which is the method's own; longer ones have no reason.
         state.length = xp.where(better, xp.clip(self.grow * state.length, None, 1), self.shrink * state.length)
+        # Nearly always all rows are better, and the choice would cost three copies.
         if not bool(xp.all(better)):
             kept = better[:, None]
             x, cost = xp.where(kept, x, state.x), xp.where(better, cost, state.cost)
@@ -106,9 +109,11 @@ class LBFGS:
         """Keep the pair; where the curvature is not positive it counts as none."""
         xp = self.xp
         sy, yy = self._dot(s, y), self._dot(y, y)
+        # A pair of no positive curvature would turn later directions uphill.
         curved = (sy > 1e-10 * yy) & (yy > 0)
         one = xp.ones_like(sy)
         inverse = xp.where(curved, 1 / xp.where(curved, sy, one), 0 * one)
+        # The size of the inverse Hessian along the last step (Nocedal & Wright, eq. 7.20).
         state.scale = xp.where(curved, sy / xp.where(curved, yy, one), state.scale)
         state.pairs.append((s, y, inverse))
         del state.pairs[: -self.memory]

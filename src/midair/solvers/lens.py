@@ -24,7 +24,7 @@ def spreading_phase(grid: ControlGrid, array: TransducerArray, medium: Medium) -
     array : TransducerArray
         What radiates.
     medium : Medium
-        For the wavelength.
+        Air, for the wavelength.
 
     Returns
     -------

@@ -72,11 +72,11 @@ class LevenbergMarquardt:
     Attributes
     ----------
     iterations : int
-        At most, for a frame that starts at zero.
+        Largest number of iterations for a frame that starts at zero.
     warm_iterations : int
-        At most, for a frame that starts at the previous one.
+        Largest number of iterations for a frame that starts at the previous one.
     start : {"previous", "zero"}
-        Of every frame after the first.
+        Start of every frame after the first.
     tau : float
         First lambda over the largest diagonal element of J^T J.
     form : {"dual", "primal"}
@@ -114,6 +114,7 @@ class LevenbergMarquardt:
 
     def begin(self, problem: Problem, p: Array, x: Array) -> State:
         """The state before the first step: lambda = tau max diag(J^T J)."""
+        # The diagonal by theta is the power of each column of A G, by psi it is p^2.
         largest = max(float((np.abs(problem.level * problem.G) ** 2).sum(axis=0).max()), float((p**2).max()))
         return _at(problem, p, x, damping=self.tau * largest)
 
@@ -136,7 +137,9 @@ class LevenbergMarquardt:
         """Gain ratio: the fall of the cost over the fall that the linear model promised."""
         trial = _at(problem, p, state.x + h, damping=state.damping)
         fall = state.cost - trial.cost
+        # (lambda h - J^T f) . h / 2 is the promised fall without another product with J.
         gain = fall / (0.5 * float(h @ (state.damping * h - state.gradient)))
+        # Written so that NaN is refused as well.
         if not gain > 0:
             return _refused(state)
         return replace(
@@ -163,6 +166,7 @@ def dual_step(problem: Problem, p: Array, state: State) -> Array:
     from scipy.linalg import cho_factor, cho_solve
 
     normal = _normal(problem, p, state.x) if state.normal is None else state.normal
+    # A copy, since the factor overwrites it, and a refused step needs J J^T again.
     normal = _bordered(problem, normal, state) if len(state.excess) else normal.copy()
     normal[np.diag_indices_from(normal)] += state.damping
     f = np.concatenate([state.residual.real, state.residual.imag, state.excess])

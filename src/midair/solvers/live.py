@@ -33,20 +33,21 @@ class Live:
     Attributes
     ----------
     iterations : int
-        Of the field, for the first frame.
+        Iterations of the field, for the first frame.
     warm_iterations : int
-        Of the field, for each frame after it.
+        Iterations of the field, for each frame after it.
     lift_iterations, warm_lift_iterations : int
-        Of the phases, likewise.
+        Iterations of the phases, likewise.
     tolerance : float
         Modes of G below this part of the largest singular value are left out.
     loudness, floor, every, memory, faintest
         As in `Fast`; louder drives count for more here, since there is no third move to mend what they leave.
     step, momentum : float
-        Of the heavy ball.
+        Step and momentum of the heavy ball.
     """
 
     iterations: int = 200
+    # With 7 + 9 iterations 99 % of the frames take less than a millisecond; with fewer, what jumps is missed.
     warm_iterations: int = 7
     lift_iterations: int = 60
     warm_lift_iterations: int = 9
@@ -54,6 +55,7 @@ class Live:
     loudness: float = 0.1
     floor: float = 0.1
     every: int = 4
+    # Close to what random phases ask for, 2.2 and .25 (see above).
     step: float = 2.0
     momentum: float = 0.3
     memory: int = 6

@@ -23,7 +23,9 @@ def cost_and_slope(z, p, gain, out, drive, weight, y, q, conjugate, g):
         size = np.sqrt(re * re + im * im)
         missed = size - p[m]
         cost += missed * missed
+        # A silent point has no direction; the floor matters since fastmath knows no NaN.
         part = missed / max(size, np.float32(1e-30))
+        # Conjugated, so that the product with `out` as it lies in memory is that with its adjoint.
         y[m] = complex(part * re, -part * im)
     np.dot(out, y, g)
     np.dot(drive.T, z, q)
@@ -54,6 +56,7 @@ def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
     for _ in range(iterations):
         _two_loops(gx, S, Y, rho, held, count[0], scale[0], direction)
         fall = np.dot(direction, gx)
+        # What was learnt in earlier frames may lead uphill in this one: then down the slope, with no memory.
         if not fall < 0:
             count[0] = 0
             for i in range(len(x)):
@@ -71,6 +74,7 @@ def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
         if yy > 0 and sy > np.float32(1e-10) * yy:
             rho[row], scale[0] = 1 / sy, sy / yy
             count[0] += 1
+        # 5e-7 of the cost are four roundings of it, which must not count as a rise.
         if new <= cost + np.float32(1e-4) * length * fall + np.float32(5e-7) * cost:
             cost, length = new, min(np.float32(1), 3 * length)
             for i in range(len(x)):

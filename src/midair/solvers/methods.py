@@ -97,10 +97,10 @@ def solver(
         A name in `METHODS`, or a solver of this package such as ``Fast(iterations=60)``, kept as it is but for what
         is given here.
     iterations : int or tuple of int, optional
-        At most: for every frame, or for frames that start at zero and for those that start at the previous one.
+        Largest number, for every frame or for frames that start at zero and for those that start at the previous one.
     start : {"previous", "zero"}, optional
-        Of every frame after the first. Methods that solve each frame on its own have none, and "live" always goes on
-        from the frame before.
+        Start of every frame after the first. Methods that solve each frame on its own have none, and "live" always
+        goes on from the frame before.
     backend : str, optional
         What does the arithmetic, see `backend.backend`; the method's own if None. Only "fast" has the choice.
 

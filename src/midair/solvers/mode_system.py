@@ -53,7 +53,7 @@ class System:
 
     @classmethod
     def of(cls, kept: Modes, level: float, precision: Literal["single", "double"]) -> "System":
-        """From the modes of G and A."""
+        """Make the system from the modes of G and the level A."""
         real = np.float32 if precision == "single" else np.float64
         kind = np.complex64 if precision == "single" else np.complex128
         C = np.ascontiguousarray((level * kept.s)[:, None] * kept.V.conj().T, kind)
@@ -133,6 +133,7 @@ class System:
     def _solved(self, K: Array, u: Complex, w: Array, damping: float, right: Array) -> Array:
         """The z of (lambda I + (I - Q) K) z = right, shape (2 mode,); NaN if the matrix is singular."""
         kind = self.power.dtype
+        # A point without a target has no psi to leave out, hence no row.
         heard = np.flatnonzero(w > 0)
         F = self.U[heard] * (np.sqrt(w[heard]) * u[heard].conj()).astype(self.C.dtype)[:, None]
         # Re(conj(v) y) of y = U z, by the real and the imaginary parts of z; the sign is squared away.
@@ -140,6 +141,7 @@ class System:
         Q = _blas("syrk", kind)(1, rows.T)
         matrix = _blas("symm", kind)(-1, Q, K, beta=1, c=K)
         matrix[np.diag_indices_from(matrix)] += damping
+        # (I - Q) K is not symmetric; splitting it into two Cholesky factors was slower at 284 rows.
         _, _, x, info = _lapack("gesv", kind)(matrix, right, overwrite_a=True, overwrite_b=True)
         return np.asarray(x) if info == 0 else np.full_like(right, np.nan)
 

@@ -53,16 +53,19 @@ def modes(G: Complex, *, tolerance: float = 0.0) -> Modes:
     Modes
         At least one.
     """
+    # G G^H squares the singular values, and so loses half of the digits of small ones.
     if tolerance >= 1e-6:
         return _by_gram(G, tolerance)
     U, s, Vh = np.linalg.svd(G, full_matrices=False)
+    # What rounding leaves of a zero singular value; `numpy.linalg.matrix_rank` draws the line there too.
     rank = _rank(s, max(tolerance, max(G.shape) * np.finfo(float).eps))
     return Modes(U=U[:, :rank], s=s[:rank], V=Vh[:rank].conj().T)
 
 
 def _by_gram(G: Complex, tolerance: float) -> Modes:
-    """From the eigenvectors of G G^H: four times as fast, and true above 1e-8 of the largest singular value."""
+    """Modes from the eigenvectors of G G^H: four times as fast, and true above 1e-8 of the largest singular value."""
     power, U = np.linalg.eigh(G @ G.conj().T)
+    # Rounding makes some of the smallest eigenvalues negative.
     s = np.sqrt(np.maximum(power[::-1], 0))
     rank = _rank(s, tolerance)
     fields, s = U[:, ::-1][:, :rank], s[:rank]

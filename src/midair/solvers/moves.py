@@ -59,7 +59,7 @@ class Machine:
     backend : Backend
         Where the arrays are.
     problem : Problem
-        Whose they are.
+        The problem that the matrices are of.
     field : array of complex, shape (mode, listener)
         U diag(s) A, transposed: from V^H q to the field.
     drive : array of complex, shape (mode, transducer)
@@ -75,7 +75,7 @@ class Machine:
     lens : array of complex, shape (1, transducer)
         The drive that all frames start from.
     weights : array, shape (point, cell), or None
-        Of the cells.
+        Weights of the cells.
     memory : int
         Pairs that L-BFGS keeps.
     """
@@ -95,7 +95,7 @@ class Machine:
 
     @classmethod
     def of(cls, problem: Problem, backend: Backend, *, tolerance: float, memory: int) -> "Machine":
-        """From the modes of the problem above `tolerance` of the strongest, worked out in double precision."""
+        """Make it from the modes above `tolerance` of the strongest, which are worked out in double precision."""
         heard = problem.G if problem.guard is None else np.concatenate([problem.G, problem.guard.G])
         kept = modes(heard, tolerance=tolerance)
         s, psi = problem.level * kept.s, np.exp(1j * problem.first_psi)
@@ -147,6 +147,7 @@ class Machine:
         # The field p exp(j psi), without asking much of weak modes: z = sqrt(s) a, a = s U^H y / (s^2 + floor^2).
         smooth = root / (root**4 + (floor * self.strongest) ** 2)
         first = ((batch.p * self.psi / gain) @ self.field_back[: batch.p.shape[1], :]) * smooth
+        # One over the largest curvature, which by z is s gain^2, and by the phases (s gain)^2.
         step = 1 / (self.strongest * gain[:, 0] ** 2)
         state = LBFGS(memory=self.memory, xp=xp).run(function, self.backend.as_real(first), step, iterations)
         return as_complex(state.x) / root
@@ -169,6 +170,7 @@ class Machine:
         step = 1 / (self.strongest * batch.gain[:, 0]) ** 2
         state = method.run(self.phase_function(batch), theta, step, iterations)
         order = xp.argsort(state.cost)
+        # The quarter is rounded up, so that a frame alone in its batch counts as worst.
         good = theta.shape[0] - (theta.shape[0] + 3) // 4
         worst = order[good:]
         x, scale = xp.take(state.x, worst, axis=0), xp.take(state.scale, worst)
@@ -192,7 +194,7 @@ class Machine:
         before : array of complex, shape (1, transducer)
             Drive of the frame before the first, which is not moved; zero if there is none.
         iterations : int
-            Of L-BFGS.
+            Number of iterations of L-BFGS.
         slowest : float
             As above.
         """
@@ -214,7 +216,7 @@ class Machine:
         return part * xp.reshape(x, shape)
 
     def phase_function(self, batch: Batch) -> Function:
-        """Theta -> cost and its gradient, row by row.
+        """The function of theta that gives cost and gradient, row by row.
 
         With r the slope of the cost by the field, its gradient by theta_n is Im(conj(q_n) (G^H r)_n).
         """
@@ -225,6 +227,7 @@ class Machine:
             cost, slope = self.heard(batch, (gain * (q @ self.drive_back)) @ self.field)
             back = (gain * (slope @ self.field_back)) @ self.drive
             back *= xp.conj(q)
+            # NumPy's imaginary part is a view with gaps that would keep the whole product in memory.
             return cost, xp.asarray(xp.imag(back), copy=True)
 
         return function

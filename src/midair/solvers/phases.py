@@ -9,7 +9,7 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 
 
 def unit(q: Complex) -> Complex:
-    """Q / |q|; 1 where q is 0."""
+    """The numbers q / |q|, of magnitude 1; 1 where q is 0."""
     size = np.abs(q)
     return np.where(size > 0, q / np.where(size > 0, size, 1), 1).astype(q.dtype)
 

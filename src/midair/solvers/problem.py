@@ -80,12 +80,12 @@ class Problem:
 
     @property
     def points(self) -> int:
-        """M."""
+        """Number of control points, M."""
         return self.G.shape[0]
 
     @property
     def transducers(self) -> int:
-        """N."""
+        """Number of transducers, N."""
         return self.G.shape[1]
 
     def field(self, theta: Array) -> Complex:
@@ -102,7 +102,7 @@ class Answer:
     phase : ndarray, shape (frame, transducer)
         theta, in rad, any multiple of 2 pi.
     iterations : ndarray of int, shape (frame,)
-        That were made.
+        Number of iterations that were made.
     status : tuple of {"converged", "iterations", "stalled", "silent"}
         One a frame.
     level : ndarray, shape (frame,), or None
@@ -146,6 +146,7 @@ def error_of(problem: Problem, theta: Array, level: Array | None = None) -> Arra
     else:
         field = level[:, None] * np.abs(problem.field(theta))
     if problem.cells is not None:
+        # What the cells of a silent frame were to read does not count: it is played as silence.
         return problem.cells.error(field) * problem.amplitude.any(axis=1)
     # A silent target is played as silence, whatever its phases are.
     return np.where(problem.amplitude.any(axis=1), relative_error(field, problem.amplitude), 0.0)

@@ -72,6 +72,7 @@ class WeightedGerchbergSaxton:
             u, size = unit(y), np.abs(y)
             scale = (size * sounding).sum(axis=1, keepdims=True) / np.maximum(p.sum(axis=1, keepdims=True), 1e-300)
             w = w * np.where(sounding, scale * p / np.maximum(size, 1e-300), 0.0)
+            # Only their ratios matter, and unscaled they would run out of range.
             w /= np.maximum(w.max(axis=1, keepdims=True), 1e-300)
         return _shape_only(problem, unit((w * u) @ problem.G.conj()), self.iterations, progress)
 
@@ -96,6 +97,7 @@ class GSPAT:
         for _ in range(self.iterations):
             a = p * unit(a @ R.T)
         y = a @ R.T
+        # The last pass makes up for magnitudes that the iteration, which turns phases only, has missed.
         last = p**2 * unit(y) / np.maximum(np.abs(y), 1e-300)
         return _shape_only(problem, unit(last @ back.T), self.iterations, progress)
 
@@ -114,7 +116,7 @@ class Greedy:
     iterations : int
         Times that every transducer gets its turn.
     seed : int
-        Of the order.
+        Seed of the order.
     """
 
     levels: int = 16
@@ -130,6 +132,7 @@ class Greedy:
         order = np.random.default_rng(self.seed)
         for _ in range(self.iterations):
             for n in order.permutation(problem.transducers):
+                # In later rounds its own part is taken out first: it chooses against the others only.
                 y -= q[:, n, None] * G[:, n]
                 trial = np.abs(y[:, None, :] + choices[:, None] * G[:, n])
                 best = ((trial - p[:, None, :]) ** 2).sum(axis=2).argmin(axis=1)
@@ -143,6 +146,7 @@ def best_level(problem: Problem, theta: Array) -> Array:
     size = np.abs(problem.field(theta))
     power = np.einsum("fm,fm->f", size, size)
     fit = np.einsum("fm,fm->f", size, problem.amplitude)
+    # At most full drive, even where a louder field would fit better.
     return np.clip(fit / np.where(power > 0, power, 1), 0, 1)
 
 

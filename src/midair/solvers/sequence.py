@@ -43,9 +43,9 @@ def solve_in_turn(
     one : callable
         Solves one frame.
     iterations : tuple of int
-        At most for a frame on its own, and for one that starts at the previous frame.
+        Largest numbers for a frame on its own, and for one that starts at the previous frame.
     start : {"previous", "zero"}
-        Of every frame after the first; with "zero" each is on its own.
+        Start of every frame after the first; with "zero" each is on its own.
     first : ndarray, shape (frame, transducer + point), optional
         x that a frame on its own starts from; zero if None.
     progress : callable, optional

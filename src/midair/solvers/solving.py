@@ -55,11 +55,11 @@ def solve(
     acoustics : Acoustics, optional
         The air and the directivity of a transducer; the paper's if None. The drive carries it.
     iterations : int or tuple of int, optional
-        At most, for every frame; or for frames that start at zero and for those that start at the previous frame.
+        Largest number, for every frame or for frames that start at zero and those that start at the previous frame.
         The method's own (lm: 50 and 20) if None.
     start : {"previous", "zero"}, optional
-        Of every frame after the first; "zero" makes the frames independent. Only "lm" and "exact" have the choice;
-        the solver's own, "previous" unless configured, if None.
+        Start of every frame after the first; "zero" makes the frames independent. Only "lm" and "exact" have the
+        choice; the solver's own, "previous" unless configured, if None.
     level : float or "auto"
         Drive of every transducer, above 0 to 1. "auto": as much as the loudest target needs, see
         `terms.level.automatic_level`. Frames with nothing to play get 0.
@@ -108,9 +108,11 @@ def solve(
         else:
             answer = solver.solve(problem, progress=progress)
             part = answer.level
+        # Rounded before the error is taken, so that it is the error of what will be played.
         phase = np.mod(answer.phase, 2 * np.pi) if bits is None else quantise_phase(answer.phase, bits=bits)
         error = error_of(problem, phase, part)
     audible = np.array([status != "silent" for status in answer.status], float)
+    # Transposed twice, so that (frame,) and (frame, transducer) are both multiplied frame by frame.
     played = problem.level * (audible if part is None else (audible * part.T).T)
     settings: dict[str, Setting] = {
         "method": name_of(method),
@@ -149,6 +151,7 @@ class _Scene:
     def of(cls, target: AmplitudeFrames, array: TransducerArray, acoustics: Acoustics) -> "_Scene":
         G = transfer_matrix(target.grid, array, acoustics=acoustics)
         focus = float(np.abs(G).sum(axis=1).max())
+        # In units of the focus tolerances, weights and single precision fit any array.
         return cls(target=target, array=array, acoustics=acoustics, G=G / focus, focus=focus)
 
     def problem(

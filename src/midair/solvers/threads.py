@@ -12,7 +12,7 @@ from importlib import import_module
 
 @contextmanager
 def one_blas_thread() -> Generator[None]:
-    """Within it, matrix products of this process use one thread."""
+    """Keep the matrix products of this process to one thread while inside."""
     from threadpoolctl import threadpool_limits
 
     # Only a BLAS that is loaded can be limited; SciPy's, which Numba calls too, is another one than NumPy's.

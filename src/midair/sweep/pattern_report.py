@@ -41,7 +41,7 @@ class PatternReport:
     words: str
 
     def plain(self) -> Row:
-        """For JSON."""
+        """Plain values for JSON."""
         return {"simulated": True} | asdict(self)
 
 
@@ -69,7 +69,7 @@ class PatternResults:
 
     @classmethod
     def of(cls, results: SweepResults) -> "PatternResults":
-        """From what is in a store.
+        """Take the results from what is in a store.
 
         Raises
         ------
@@ -145,12 +145,14 @@ def examples_of(
     sweep, error = results.sweep, results.error[number]
     condition = sweep.conditions()[number]
     solved = np.flatnonzero(np.isfinite(error))
+    # Stable, so that equal errors give the same examples each time.
     order = solved[np.argsort(error[solved], kind="stable")]
     chosen = [int(order[round(share * (len(order) - 1))]) for share in quantiles]
     return [_example(sweep, condition, results.patterns, place) for place in chosen]
 
 
 def _example(sweep: PatternSweep, condition: Condition, patterns: NDArray[np.int64], place: int) -> Example:
+    # The whole task again, since a method may treat the patterns of a batch together.
     first = place - place % sweep.chunk
     some = patterns[first : min(first + sweep.chunk, condition.count)]
     solved, problem = solve_patterns(sweep, condition, some), problem_of(sweep, condition, some)

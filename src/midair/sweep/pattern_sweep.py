@@ -30,7 +30,7 @@ class Condition:
     strength : float
         Peak of the target over the focus of the whole array at this height.
     height : float
-        Of the control points above the array, in m.
+        Height of the control points above the array, in m.
     count : int
         Number of patterns.
     """
@@ -55,17 +55,17 @@ class PatternSweep:
     curve_count : int
         Number of patterns behind the curves, the first ones; 0 for no curves.
     seed : int
-        Of the order of the patterns: the first few are a fair sample of all.
+        Seed of the order of the patterns: the first few are a fair sample of all.
     method : str
         A name in `solve.METHODS`.
     iterations : int or None
-        Of the method; its own if None.
+        Iterations of the method; its own if None.
     acoustics : Acoustics
         Point sources without attenuation, as in the paper's simulation.
     columns, rows : int
         Units of the array.
     bits : int
-        To which phases are rounded for the second error; 8 in an AUTD3.
+        Number of bits to which phases are rounded for the second error; 8 in an AUTD3.
     chunk : int
         Patterns a task. Part of the settings, since methods may treat the patterns of a batch differently.
     """
@@ -95,6 +95,7 @@ class PatternSweep:
             raise InputError(f"patterns: expected 1 to 65535 (curves: from 0), got {self.count}, {self.curve_count}")
         if self.chunk < 1 or not 1 <= self.bits <= 16:
             raise InputError(f"sweep: expected chunk 1 or more and 1 to 16 bits, got {self.chunk} and {self.bits}")
+        # A setting that the method does not take fails here, and not on a worker.
         solver_of(self.method, iterations=self.iterations, start="zero")
 
     @property
@@ -109,7 +110,7 @@ class PatternSweep:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(condition, pattern)."""
+        """Numbers of conditions and of patterns."""
         return len(self.conditions()), max(self.count, self.curve_count)
 
     @property
@@ -181,7 +182,7 @@ class PatternSweep:
         return cls(**said)
 
     def provenance(self) -> Provenance:
-        """Of the results: simulated."""
+        """Where the results come from: they are simulated."""
         settings: dict[str, Setting] = {
             name: value
             for name, value in ((one.name, getattr(self, one.name)) for one in fields(self))
@@ -199,7 +200,7 @@ class PatternJob:
     patterns: NDArray[np.int64]
 
     def __call__(self) -> Found:
-        """E of each."""
+        """Solve the patterns, and give E of each."""
         solved = solve_patterns(self.sweep, self.condition, self.patterns)
         return Found(error=solved.error, rounded_error=solved.rounded_error, strength=self.condition.strength)
 

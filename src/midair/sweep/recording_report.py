@@ -22,7 +22,7 @@ class TrialReport:
     words: str
 
     def plain(self) -> Row:
-        """For JSON."""
+        """Plain values for JSON."""
         return {"simulated": True, "trials": list(self.rows), "words": self.words}
 
 
@@ -74,6 +74,7 @@ def _row(results: SweepResults, number: int, trial: dict[str, Any]) -> Row:
     known = results.error[number][np.isfinite(results.error[number])]
     if not len(known):
         return {}
+    # E is 0 by definition where nothing is asked for, and never quite 0 elsewhere.
     plays = known > 0
     error = known[plays] if plays.any() else np.zeros(1)
     rounded = results.rounded_error[number][: len(known)][plays] if plays.any() else np.zeros(1)

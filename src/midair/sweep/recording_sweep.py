@@ -29,7 +29,7 @@ class SweepTrial:
     pressure : PressureFrames
         What the sensor felt, in the settings' band and at their rate.
     settings : Settings
-        Of every stage.
+        Settings of every stage.
     """
 
     recording: str
@@ -49,7 +49,7 @@ class RecordingSweep:
     columns, rows : int
         Units of the array.
     bits : int
-        To which phases are rounded for the second error; 8 in an AUTD3.
+        Number of bits to which phases are rounded for the second error; 8 in an AUTD3.
 
     Raises
     ------
@@ -72,6 +72,7 @@ class RecordingSweep:
             if names.count((recording, variant)) > 1:
                 raise InputError(f"sweep: expected each recording and setting once, got {recording} {variant} twice")
         for settings in (trial.settings for trial in self.trials):
+            # A setting that a method does not take fails here, and not on a worker.
             solver_of(settings.solver.method, iterations=settings.solver.iterations, start=settings.solver.start)
 
     @property
@@ -86,7 +87,7 @@ class RecordingSweep:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(condition, frame), as many frames as the longest trial has."""
+        """Numbers of conditions and of frames, which are those of the longest trial."""
         return len(self.trials), max(trial.pressure.frames for trial in self.trials)
 
     @property
@@ -118,7 +119,7 @@ class RecordingSweep:
         )
 
     def settings(self) -> dict[str, Any]:
-        """Of every trial, and a digest of its pressure."""
+        """Settings of every trial, and a digest of its pressure."""
         return {
             "columns": self.columns,
             "rows": self.rows,
@@ -128,6 +129,7 @@ class RecordingSweep:
                     "recording": trial.recording,
                     "variant": trial.variant,
                     "frames": trial.pressure.frames,
+                    # Another pressure under the same name is another sweep.
                     "pressure_sha256": hashlib.sha256(trial.pressure.pressure.tobytes()).hexdigest(),
                     "settings": settings_of(trial.settings),
                 }
@@ -136,7 +138,7 @@ class RecordingSweep:
         }
 
     def provenance(self) -> Provenance:
-        """Of the results: fields that are computed, not measured."""
+        """Where the results come from: fields that are computed, not measured."""
         names = ", ".join(dict.fromkeys(trial.recording for trial in self.trials))
         return Provenance(source=names, simulated=True).then("sweep", {"bits": self.bits, "trials": len(self.trials)})
 

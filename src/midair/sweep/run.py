@@ -98,6 +98,7 @@ def cluster(scheduler: str | None = None, *, workers: int | None = None, patienc
     with (
         distributed.LocalCluster(
             n_workers=workers,
+            # The limit of one BLAS thread, which a solve sets and takes away again, is that of the whole process.
             threads_per_worker=1,
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",
@@ -140,7 +141,9 @@ def _leave_ctrl_c_to_the_client() -> None:
 def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task]) -> Iterator[Result]:
     """What each task found, as it comes."""
     futures: list[Any] = [
-        client.submit(do, sweep.job(task), task, pure=False, priority=-number) for number, task in enumerate(tasks)
+        # In the order of the tasks: whenever it is stopped, what is known is the beginning.
+        client.submit(do, sweep.job(task), task, pure=False, priority=-number)
+        for number, task in enumerate(tasks)
     ]
     for future in _distributed().as_completed(futures, loop=client.loop):
         if future.status != "finished":

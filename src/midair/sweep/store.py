@@ -39,7 +39,7 @@ class SweepResults:
     kind : str
         ``patterns`` or ``recordings``.
     settings : mapping
-        Of the sweep, as JSON knows them.
+        Settings of the sweep, as JSON knows them.
     coordinates : mapping of str to ndarray
         What stands along the axes, by name.
     error, rounded_error : ndarray, shape (condition, item)
@@ -132,6 +132,7 @@ def load_sweep(path: Path) -> SweepResults:
     group = _group(path, "r")
     with refusing(path, "a sweep of midair"):
         settings, done = dict(group.attrs["settings"]), group["done"][:]
+        # Results without their task's flag may be half written: they count as unknown.
         known = np.repeat(done, group["error"].chunks[1], axis=1)[:, : group["error"].shape[1]]
         return SweepResults(
             kind=str(group.attrs["kind"]),

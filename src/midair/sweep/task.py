@@ -47,7 +47,7 @@ class Job(Protocol):
     """A task with all that it needs; goes to a worker, and is called there."""
 
     def __call__(self) -> Found:
-        """Solve."""
+        """Solve the task, and give its errors."""
         ...
 
 
@@ -58,7 +58,7 @@ class Coordinate:
     Attributes
     ----------
     name : str
-        Of the array in the store.
+        Name of the array in the store.
     axis : str
         ``condition``, or the name of the items.
     values : ndarray, shape (condition,) or (item,)
@@ -101,7 +101,7 @@ class Sweep(Protocol):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(condition, item)."""
+        """Numbers of conditions and of items."""
         ...
 
     def tasks(self) -> tuple[Task, ...]:
@@ -121,7 +121,7 @@ class Sweep(Protocol):
         ...
 
     def provenance(self) -> Provenance:
-        """Of the results."""
+        """Where the results come from."""
         ...
 
 

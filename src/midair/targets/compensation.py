@@ -32,9 +32,9 @@ def precompensate(
     Parameters
     ----------
     pressure : PressureFrames
-        At the rate of the frames that are to be played.
+        What is wanted, at the rate of the frames that are to be played.
     dynamics : TransducerDynamics, optional
-        Of the transducers; the usual ones if None.
+        Dynamics of the transducers; the usual ones if None.
     ramp : float
         Over how long a silencer spreads each step, in s; 1 / rate makes ramps of steps.
     band : tuple of float
@@ -49,11 +49,13 @@ def precompensate(
 
     def inverse(frequency: np.ndarray) -> np.ndarray:
         inside = band_window(frequency, (low / 2, 1.025 * high), edges=(low, high / 20))
+        # The window is .5 at its corners: these put the whole band into its flat part.
         response = playback_response(frequency, pressure.rate, dynamics=dynamics, ramp=ramp)
         return (1 + inside * (1 / np.where(inside > 0, response, 1) - 1)).reshape(-1, 1, 1)
 
     return replace(
         pressure,
+        # Four periods of the lower edge, which is `low` wide and reaches furthest.
         pressure=filter_response(pressure.pressure, pressure.rate, inverse, reach=4 / low),
         provenance=pressure.provenance.then("precompensate", _settings(dynamics, ramp) | {"band_hz": band}),
     )
@@ -70,7 +72,7 @@ def precompensate_sound(
     Parameters
     ----------
     target : AmplitudeFrames
-        At the rate of the frames that are to be played.
+        What is wanted, at the rate of the frames that are to be played.
     dynamics, ramp
         As in `precompensate`.
     reach : float

@@ -21,7 +21,7 @@ class MappingReport:
     mapping : str
         Its name.
     gain : float
-        Of the wanted part: best factor from the recorded to the pushed pressure, in the band.
+        Gain of the wanted part: best factor from the recorded to the pushed pressure, in the band.
     distortion_ratio : float
         The wanted part over all else in the band, in dB.
     wanted : float
@@ -58,7 +58,7 @@ def mapping_report(
     Parameters
     ----------
     pressure : PressureFrames
-        At the rate at which it is mapped.
+        The recording's pressure, at the rate at which it is mapped.
     mapping : str
         A name in `MAPPINGS`.
     band : tuple of float
@@ -97,6 +97,7 @@ def _half_wave_gain(x: Array, wanted: Array, rate: float, band: tuple[float, flo
 
 def _in_band(x: Array, rate: float, band: tuple[float, float]) -> Array:
     edges = band_edges(band, rate)
+    # Two periods of the lower edge, which is half as wide as `low` and reaches furthest.
     return filter_response(x, rate, lambda f: _column(band_window(f, band, edges=edges), x.ndim), reach=4 / band[0])
 
 

@@ -19,6 +19,7 @@ def coupling(sensor: SensorModel, grid: ControlGrid) -> Array:
     The interpolation spreads a cell's pressure over a tent of one pitch, and the sensor averages what presses on it:
     M = w T, with T the interpolation and w the cells' weights (`physics.cell_weights`).
     """
+    # The interpolation puts the sensor at the grid's centre, wherever that is; so must the weights.
     return cell_weights(sensor, replace(grid, centre=(0.0, 0.0))) @ interpolation_matrix(sensor.grid, grid)
 
 
@@ -41,7 +42,7 @@ def decouple(
     grid : ControlGrid, optional
         The control points; the paper's if None.
     sensor : SensorModel, optional
-        Whose aperture and gel spread the pressure; the usual one on the pressure's cells if None.
+        The sensor whose aperture and gel spread the pressure; the usual one on the pressure's cells if None.
     worst : float
         Largest condition number of M: by so much noise could grow.
 

@@ -57,9 +57,9 @@ class SlowBias:
     Attributes
     ----------
     window : float
-        Of the sliding maximum, in s.
+        Length of the sliding maximum, in s.
     corner : float
-        Of the smoothing, in Hz: below what the sensor hears, so that the bias is not felt as vibration.
+        Corner of the smoothing, in Hz: below what the sensor hears, so that the bias is not felt as vibration.
     """
 
     window: float = 60e-3
@@ -71,6 +71,7 @@ class SlowBias:
 
     def lengths(self, rate: float) -> tuple[int, int]:
         """Frames of the sliding maximum and of the Hann window, both odd."""
+        # Odd lengths have a middle, so that neither shifts the bias by half a frame.
         return 2 * round(self.window * rate / 2) + 1, 2 * round(0.36 / self.corner * rate) + 1
 
     def reach(self, rate: float) -> int:
@@ -83,6 +84,7 @@ class SlowBias:
 
         longest, smooth = self.lengths(rate)
         pulls = np.asarray(maximum_filter1d(np.maximum(-surrounded, 0.0), longest, axis=0, mode="nearest"), np.float64)
+        # Without the two zeros at its ends, which only a delay would come of.
         hann = np.hanning(smooth + 2)[1:-1]
         bias = np.asarray(convolve1d(pulls, hann / hann.sum(), axis=0, mode="nearest"), np.float64)
         reach = self.reach(rate)

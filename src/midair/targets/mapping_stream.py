@@ -22,7 +22,7 @@ class MappingStream:
     rate : float
         Frames per second, in Hz.
     offset : ndarray, shape (row, column), or float, optional
-        Of the constant offset, in Pa: a stream cannot know what its cells will pull at most.
+        The constant offset, in Pa: a stream cannot know what its cells will pull at most.
 
     Raises
     ------
@@ -55,6 +55,7 @@ class MappingStream:
             raise ShapeError(f"block: expected at least one frame, got shape {block.shape}")
         before = np.repeat(block[:1], self.delay, axis=0) if self._kept is None else self._kept
         have = np.concatenate([before, block])
+        # The next frame is surrounded by a reach on either side.
         self._kept = have[max(0, len(have) - 2 * self.delay) :]
         if self._bias is not None:
             return self._bias.lift(have, self._rate) if len(have) > 2 * self.delay else have[:0]

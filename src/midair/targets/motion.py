@@ -37,7 +37,7 @@ class Circle:
             raise InputError(f"frequency of the circle: expected below 20 Hz, got {self.frequency:g} Hz")
 
     def offset(self, time: Array) -> Array:
-        """(x, y) from the pattern's own place, shape (frame, 2), in m; at time 0 it lies to the right."""
+        """Way (x, y) from the pattern's own place, shape (frame, 2), in m; at time 0 it lies to the right."""
         turn = 2 * np.pi * self.frequency * time
         return self.radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
 

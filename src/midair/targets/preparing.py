@@ -44,7 +44,7 @@ def prepare(
     grid : ControlGrid, optional
         The control points; the paper's 16 x 16 at 11/3 mm if None.
     medium : Medium, optional
-        Of the sound; the defaults of `Medium` if None.
+        Medium of the sound; the defaults of `Medium` if None.
     interpolate : {"amplitude", "pressure"}
         "amplitude" converts first and interpolates after, as the paper does; "pressure" the other way round.
     gain : float
@@ -67,6 +67,7 @@ def prepare(
         raise InputError(f"interpolate: expected one of {', '.join(get_args(Interpolated))}, got {interpolate!r}")
     gain = positive(gain, "gain of the pressure")
     grid, medium = grid or ControlGrid(), medium or Medium()
+    # On the pressure, not on the drive: the transducers stay equally loud and the target gets stronger (eq. 6).
     pushed = gain * to_push(pressure.pressure, pressure.rate).reshape(pressure.frames, -1)
     if interpolate == "amplitude":
         amplitude = _spread(sound_amplitude(pushed, medium), pressure, grid, circle)
@@ -89,7 +90,7 @@ def prepare(
 
 
 def _spread(cells: Array, pressure: PressureFrames, grid: ControlGrid, circle: Circle | None) -> Array:
-    """From (frame, channel) to (frame, point)."""
+    """Interpolate values (frame, channel) to (frame, point)."""
     if circle is None:
         return cells @ interpolation_matrix(pressure.sensor, grid).T
     return moved_interpolation(cells, pressure.sensor, grid, circle.offset(pressure.time))

@@ -38,6 +38,7 @@ def undo_matrix(crosstalk: Crosstalk, *, damping: float = 0.0) -> Array:
         raise InputError(f"damping: expected 0 or more, got {damping:g}")
     matrix, extra = crosstalk.matrix, damping**2 * np.eye(len(crosstalk.matrix))
     normal = matrix.T @ matrix + extra
+    # C^T C has the square of C's condition.
     condition = float(np.sqrt(np.linalg.cond(normal)))
     if condition > 1e6:
         raise InputError(
@@ -54,7 +55,7 @@ def undo_crosstalk(pressure: PressureFrames, crosstalk: Crosstalk, *, damping: f
     pressure : PressureFrames
         Calibrated channel by channel.
     crosstalk : Crosstalk
-        Of the same sensor.
+        Crosstalk of the same sensor.
     damping : float
         See `undo_matrix`.
 

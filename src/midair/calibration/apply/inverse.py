@@ -30,7 +30,7 @@ def inverse_response(
     frequency : ndarray, shape (bin,)
         In Hz.
     band, edges : tuple of float
-        Of B(f), see `midair.dsp.band_window`, in Hz.
+        Corners and edges of B(f), see `midair.dsp.band_window`, in Hz.
     floor : float
         Density of the weakest pressure worth hearing, in Pa/sqrt(Hz).
 
@@ -66,7 +66,7 @@ def inverse_fir(
     calibration, band, edges, floor
         As in `inverse_response`.
     rate : float
-        Of the frames, in Hz.
+        Rate of the frames, in Hz.
     taps : int, optional
         Odd. By default `default_taps`.
 
@@ -78,10 +78,12 @@ def inverse_fir(
     taps = default_taps(rate, edges) if taps is None else taps
     if taps < 3 or taps % 2 == 0:
         raise InputError(f"taps: expected an odd number from 3 on, got {taps}; {max(taps + 1, 3)} would do")
+    # So many frequencies that the impulse response has died away before it wraps round.
     length = 2 ** int(np.ceil(np.log2(16 * max(taps, default_taps(rate, edges)))))
     frequency = fft_frequencies(length, rate)
     wanted = inverse_response(calibration, frequency, band, edges=edges, floor=floor)
     fir = fir_from_response(wanted, taps)
+    # Of all changes that make the sum 0, the even one is the smallest.
     return fir if wanted[0].any() else fir - fir.mean(axis=0)
 
 

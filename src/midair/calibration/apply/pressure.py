@@ -34,7 +34,7 @@ def calibrate(
     recording : Recording
         In V or counts; or already in Pa.
     calibration : Calibration, optional
-        Of the same sensor and unit. None for a recording in Pa, which then only passes through the band.
+        Calibration of the same sensor and unit. None for a recording in Pa, which then only passes through the band.
     band : tuple of float
         (low, high) in Hz; half of the amplitude is left at these two corners.
     method : {"fft", "fir"}
@@ -51,7 +51,7 @@ def calibrate(
     crosstalk : {"keep", "undo"}
         Whether to undo what the cells feel of each other, by the calibration's matrix.
     damping : float
-        Of that, 0 or more; see `midair.calibration.undo_matrix`.
+        Damping of crosstalk that is undone, 0 or more; see `midair.calibration.undo_matrix`.
 
     Returns
     -------
@@ -182,6 +182,7 @@ def _share_inside(recording: Recording, band: Band) -> float:
     variance = samples.var(axis=0)
     inside, length = band_energy(samples, rate, band, resolution=rate / recording.frames), recording.frames // 4
     while length >= 16 and low + 4 * rate / length < high - 4 * rate / length:
+        # Four bins are how far the window of `band_energy` leaks.
         inner = (low + 4 * rate / length, high - 4 * rate / length)
         inside = np.maximum(inside, band_energy(samples, rate, inner, resolution=rate / length))
         length //= 4

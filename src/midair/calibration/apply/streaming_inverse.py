@@ -23,9 +23,9 @@ class StreamingInverse:
     Parameters
     ----------
     calibration : Calibration
-        Of the sensor.
+        Calibration of the sensor.
     rate : float
-        Of the frames, in Hz.
+        Rate of the frames, in Hz.
     band : tuple of float
         (low, high), in Hz.
     taps : int, optional
@@ -47,8 +47,8 @@ class StreamingInverse:
     Attributes
     ----------
     delay : float
-        Between a frame's going in and its coming out, in s; the filter is symmetric around it but for the phase that it
-        undoes.
+        Time between a frame's going in and its coming out, in s; the filter is symmetric around it but for the phase
+        that it undoes.
     """
 
     def __init__(
@@ -107,6 +107,7 @@ class StreamingInverse:
         from scipy.signal import oaconvolve
 
         held = np.concatenate([self._held, flat])
+        # As many as the next frame out needs before the next frame in.
         self._held = held[max(0, len(held) - len(self._fir) + 1) :]
         if len(held) < len(self._fir):
             return np.zeros((0, *self._shape))

@@ -78,13 +78,13 @@ def measure_calibration(
         more on each cell alone, which also gives the crosstalk (takes on all cells then count for linearity only).
         Five different levels give the linearity.
     quiet : Recording, optional
-        In which nothing presses, for the noise; without it the noise is what the reference does not explain.
+        A recording in which nothing presses, for the noise; without it that is what the reference does not explain.
     settings : MeasureSettings, optional
         The defaults if None.
     date : str
         When it was measured, ISO 8601.
     version : int
-        Of this sensor's calibration.
+        Version of this sensor's calibration.
 
     Returns
     -------
@@ -107,7 +107,10 @@ def measure_calibration(
     )
     alone = _pressed_alone(takes)
     own = tuple(
-        part.only(take.presses()) for part, take in zip(parts, takes, strict=True) if not alone or take.cell is not None
+        # With single presses at hand, those on all cells are left out: there the neighbours are felt, too.
+        part.only(take.presses())
+        for part, take in zip(parts, takes, strict=True)
+        if not alone or take.cell is not None
     )
     found = Evidence(
         recording=first,
@@ -118,6 +121,7 @@ def measure_calibration(
         alone=alone,
         quiet=quiet,
         reference=", ".join(dict.fromkeys(take.reference.name for take in takes)),
+        # Of several references the least sure one counts.
         reference_uncertainty=max(take.reference.uncertainty for take in takes),
     )
     where = "each cell alone" if alone else "all cells at once"

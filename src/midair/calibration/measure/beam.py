@@ -34,7 +34,7 @@ class BeamReading:
     commanded : ndarray of complex, shape (level, tone)
         Pressure in the middle of the focus by the model, the mean of all foci, transducers' dynamics included, in Pa.
     output : ndarray of complex, shape (cell, level, tone, channel)
-        Of the sensor, in its unit.
+        Output of the sensor, in its unit.
     shares : ndarray, shape (cell heard, cell pressed)
         Mean pressure on each cell for each focus over the commanded one.
     changed_shares : ndarray, shape (cause, cell heard, cell pressed)
@@ -63,11 +63,11 @@ def tones_of(signal: Array, rate: float, plan: BeamPlan, *, lag: int = 0) -> Com
     Parameters
     ----------
     signal : ndarray, shape (frame, channel)
-        At `rate`, a whole multiple of the plan's.
+        Signal at `rate`, a whole multiple of the plan's.
     rate : float
         In Hz.
     plan : BeamPlan
-        That was played.
+        The plan that was played.
     lag : int
         Frames of `rate` by which the signal begins late.
 
@@ -99,7 +99,7 @@ def find_lag(signal: Array, expected: Array) -> int:
     Parameters
     ----------
     signal : ndarray, shape (frame,)
-        Of the channel that the beam is on.
+        Signal of the channel that the beam is on.
     expected : ndarray, shape (frame,)
         Commanded pressure at the same rate, no longer than the signal.
     """
@@ -108,6 +108,7 @@ def find_lag(signal: Array, expected: Array) -> int:
     if len(expected) > len(signal):
         raise ShapeError(f"recording: expected {len(expected)} frames of beam or more, got {len(signal)}")
     alike = correlate(signal - signal.mean(), expected - expected.mean(), mode="valid")
+    # By magnitude: a sensor whose output falls with pressure is found, too.
     return int(np.argmax(np.abs(alike)))
 
 
@@ -123,11 +124,11 @@ def measure_beam(
     Parameters
     ----------
     reading : BeamReading
-        Of every cell.
+        Readings of every cell.
     sensor : Recording
         Any of the recordings, for grid, unit and life.
     quiet : Recording
-        In which nothing plays.
+        A recording in which nothing plays.
     date, version
         As in `Calibration`.
 
@@ -191,6 +192,7 @@ def _slopes(reading: BeamReading) -> tuple[Complex, Array]:
     y = np.einsum("kltc->tclk", reading.output)
     found = np.einsum("tpl,tclk->tcpk", pseudo, y)
     rest = y - np.einsum("tlp,tcpk->tclk", design, found)
+    # A complex number counts as two; the line takes two of them.
     free = 2 * (len(reading.commanded) - 2)
     scatter = np.sqrt((np.abs(rest) ** 2).sum(axis=2) / free)
     error = scatter * np.sqrt((np.abs(pseudo[:, 0]) ** 2).sum(axis=-1))[:, None, None]
@@ -268,6 +270,7 @@ def _explained(reading: BeamReading) -> Array:
 def _noise(quiet: Recording, plan: BeamPlan) -> tuple[Array, Array, Array]:
     width = max(4 * plan.spacing, 16 / quiet.duration)
     bins, power, averages = quiet_density(quiet, resolution=width / 2, width=width)
+    # 2: each band is twice as wide as the distance to the next.
     level, error = white_level(power, averages, 2.0)
     return np.sqrt(np.stack([np.interp(plan.tones, bins, one) for one in power.T], axis=1)), level, error
 

@@ -26,11 +26,11 @@ class BeamPlan:
     low, high : float
         First and last tone, in Hz: multiples of `spacing`.
     spacing : float
-        Of the tones up to 60 Hz, in Hz; above it they are twice as far apart. 1 / spacing is listened to.
+        Spacing of the tones up to 60 Hz, in Hz; above it they are twice as far apart. 1 / spacing is listened to.
     settle : float
-        Of each level before it is listened to, in s.
+        Time of each level before it is listened to, in s.
     guard : float
-        Of each level after it was listened to, in s: the beam may begin a frame early.
+        Time of each level after it was listened to, in s: the beam may begin a frame early.
     rate : float
         Frames per second of the drive, in Hz; a whole multiple of `spacing`.
     """
@@ -61,7 +61,7 @@ class BeamPlan:
 
     @property
     def tones(self) -> Array:
-        """In Hz, shape (tone,)."""
+        """Frequencies of the tones, shape (tone,), in Hz."""
         close = np.arange(self.low, min(60.0, self.high) - self.spacing / 2, self.spacing)
         far = np.arange(max(60.0, self.low), self.high - self.spacing, 2 * self.spacing)
         return np.unique(np.concatenate([close, far, [self.high]]).round(9))
@@ -87,6 +87,7 @@ class BeamPlan:
         phase = -np.pi * number * (number - 1) / len(tones)
         time = np.arange(self.stretch) / self.rate
         wave = np.cos(2 * np.pi * tones[:, None] * time + phase[:, None]).sum(axis=0)
+        # Raised until nothing is below 0, since sound only pushes.
         one = (wave - wave.min()) / np.ptp(wave)
         return (np.arange(1, self.levels + 1)[:, None] / self.levels * one).ravel()
 
@@ -98,19 +99,19 @@ class BeamSetting:
     Attributes
     ----------
     height : float
-        Of the sensor above the array, in m.
+        Height of the sensor above the array, in m.
     centre : tuple of float
         (x, y) of its middle, in m.
     placement_uncertainty : float
-        Of the centre, in m.
+        Uncertainty of the centre, in m.
     aperture, aperture_uncertainty : float
         Side of the square over which a cell averages, in m.
     spread, spread_uncertainty : float
         Standard deviation with which the gel spreads a point, in m.
     pressure_uncertainty : float
-        Of the array's radiation pressure, as a part of it: twice that of its sound pressure.
+        Uncertainty of the array's radiation pressure, as a part of it: twice that of its sound pressure.
     dynamics_uncertainty : float
-        Of what the transducers take from each tone, as a part of it.
+        Uncertainty of what the transducers take from each tone, as a part of it.
     """
 
     height: float = 0.2
@@ -196,6 +197,7 @@ def beam_field(
     """
     acoustics = acoustics or Acoustics()
     around = ControlGrid(
+        # A cell more on every side, since a focus on an outer cell presses beyond it.
         rows=12 * (sensor.rows + 2),
         columns=12 * (sensor.columns + 2),
         pitch=sensor.pitch / 12,

@@ -59,4 +59,5 @@ def crosstalk_of(
 
 
 def _finite(values: Array) -> Array:
+    # Uncertainties are infinite where a response is 0, and their product would be NaN.
     return np.where(np.isfinite(values), values, 1e6)

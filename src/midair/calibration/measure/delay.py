@@ -21,7 +21,7 @@ def channel_delay(frequency: Array, response: Complex, uncertainty: Array) -> tu
     response : ndarray of complex, shape (bin, channel)
         A channel whose response is 0 has no delay: 0, infinitely uncertain.
     uncertainty : ndarray, shape (bin, channel)
-        Of the phase, in rad.
+        Uncertainty of the phase, in rad.
 
     Returns
     -------
@@ -37,9 +37,11 @@ def channel_delay(frequency: Array, response: Complex, uncertainty: Array) -> tu
         raise BandError(f"delay: expected three bins or more, got {len(frequency)}")
     heard = (np.abs(response) > 0).all(axis=0)
     phase = np.unwrap(np.angle(np.where(heard, response, 1)), axis=0)
+    # What is not known weighs next to nothing, and what is known perfectly not infinitely much.
     weight = 1 / np.maximum(np.where(np.isfinite(uncertainty), uncertainty, 1e6), 1e-9) ** 2
     total = weight.sum(axis=0)
     turn = 2 * np.pi * frequency[:, None]
+    # About the weighted mean, where the slope does not depend on the intercept.
     away = turn - (weight * turn).sum(axis=0) / total
     spread = (weight * away**2).sum(axis=0)
     slope = (weight * away * phase).sum(axis=0) / spread

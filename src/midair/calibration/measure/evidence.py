@@ -35,11 +35,11 @@ class MeasureSettings:
     resolution : float
         Distance of the bins, in Hz.
     width : float or None
-        Of the band around a bin in which the response is taken as a parabola, in Hz; twice the resolution if None.
+        Width of the band around a bin in which the response is a parabola, in Hz; twice the resolution if None.
     coherence : float
         Smallest coherence of a bin, 0 to 1; it counts only if every live channel reaches it.
     order : int
-        Of the polynomials, see `midair.calibration.measure.frequency_response`.
+        Order of the polynomials, see `midair.calibration.measure.frequency_response`.
     """
 
     resolution: float = 1.0
@@ -48,7 +48,7 @@ class MeasureSettings:
     order: int = 2
 
     def as_settings(self) -> dict[str, Setting]:
-        """For a step of a provenance."""
+        """The settings with their units, for a step of a provenance."""
         step, width = check_resolution(self.resolution, self.width)
         return {"resolution_hz": step, "width_hz": width, "coherence": self.coherence, "order": self.order}
 
@@ -62,17 +62,17 @@ class Evidence:
     recording : Recording
         The first one, for sensor, unit and rate.
     parts : tuple of BandSums
-        Of all takes.
+        Sums of all takes.
     own : tuple of BandSums
-        Of those that the response rests on, 0 in the channels that a take does not press on.
+        Sums of the takes that the response rests on, 0 in the channels that a take does not press on.
     settings : MeasureSettings
         How spectra become a calibration.
     takes : tuple of ReferencedTake
-        That the parts come from; none for one recording of a pressure that differs from cell to cell.
+        The takes that the parts come from; none for one recording of a pressure that differs from cell to cell.
     alone : bool
         Whether each cell was pressed on alone.
     quiet : Recording or None
-        In which nothing presses.
+        A recording in which nothing presses.
     reference : str
         What measured the pressure.
     reference_uncertainty : float
@@ -126,6 +126,7 @@ class Evidence:
 
         `other` is what adds to the noise, in magnitude and in phase.
         """
+        # The averages are of complex numbers, each of which has two degrees of freedom.
         random = widened(np.where(alive, fit.uncertainty[counts], 1.0), 2 * fit.averages)
         magnitude = np.sqrt(random**2 + other[0] ** 2 + self.reference_uncertainty**2)
         frequency, response = fit.frequency[counts], np.where(alive, fit.response[counts], 0)

@@ -47,9 +47,9 @@ def sweep_signal(
     Parameters
     ----------
     rms : float
-        Of the sine, in any unit.
+        Rms of the sine, in any unit.
     duration : float
-        Of the sweep, in s.
+        Duration of the sweep, in s.
     rate : float
         In Hz.
     band : tuple of float

@@ -115,9 +115,9 @@ def band_sums(x: Array, y: Array, rate: float, *, resolution: float, width: floa
     resolution : float
         Distance of the bands, in Hz.
     width : float
-        Of a band, in Hz.
+        Width of a band, in Hz.
     order : int
-        Of the polynomials; -1 leaves T out and takes H as a constant.
+        Order of the polynomials; -1 leaves T out and takes H as a constant.
 
     Raises
     ------
@@ -126,6 +126,7 @@ def band_sums(x: Array, y: Array, rate: float, *, resolution: float, width: floa
     """
     frames, terms = len(x), max(order, 0) + 1
     count = round(width * frames / rate)
+    # Twice as many frequencies as H and T together have terms.
     if count < 4 * terms:
         raise BandError(
             f"record: expected {4 * terms * rate / width / rate:.3g} s or more for bands of {width:g} Hz, got "
@@ -134,6 +135,7 @@ def band_sums(x: Array, y: Array, rate: float, *, resolution: float, width: floa
     step = rate / frames
     centres = np.asarray(resolution * (np.arange(int(rate / 2 / resolution)) + 0.5), np.float64)
     first = np.rint(centres / step - (count - 1) / 2).astype(int)
+    # Not the bin at 0 Hz: the mean was removed there.
     fits = (first >= 1) & (first + count <= frames // 2 + 1)
     centres, bins = centres[fits], first[fits, None] + np.arange(count)
     offset = (bins * step - centres[:, None]) * 2 / width
@@ -189,7 +191,7 @@ def widened(uncertainty: Array, freedom: Array | float) -> Array:
     Parameters
     ----------
     uncertainty : ndarray
-        From `freedom` degrees of freedom.
+        Standard uncertainty that rests on `freedom` degrees of freedom.
     freedom : float or ndarray
         1 or more.
     """
@@ -205,7 +207,7 @@ def check_resolution(resolution: float, width: float | None) -> tuple[float, flo
 
 
 def _ratio(above: Array, below: Array) -> Array:
-    """0 where there is nothing below."""
+    """The quotient of two arrays, and 0 where the lower one is 0."""
     return np.divide(above, below, out=np.zeros_like(above), where=below > 0)
 
 

@@ -23,7 +23,7 @@ def fit_levels(pressure: Array, output: Array, uncertainty: Array) -> Linearity:
     pressure, output : ndarray, shape (level, row, column)
         In Pa.
     uncertainty : ndarray, shape (level, row, column)
-        Of `output` from noise, in Pa.
+        Uncertainty of `output` from noise, in Pa.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def bend_uncertainty(share: Array, error: Array) -> Array:
     Parameters
     ----------
     share, error : ndarray, shape (level, channel)
-        From `followed_share`.
+        Shares and uncertainties from `followed_share`.
     """
     return np.maximum(np.abs(share - 1) - 2 * error, 0).max(axis=0) / np.sqrt(3)
 
@@ -110,6 +110,7 @@ def distinct(levels: Array, *, apart: float = 0.05) -> Array:
 
 def _polynomial(x: Array, y: Array, noise: Array, degree: int) -> tuple[Array, Array]:
     """Coefficients and standard errors, lowest power first, each of shape (power, row, column)."""
+    # Powers of the pressure over the highest one, so that the normal equations stay well conditioned.
     top = np.maximum(np.abs(x).max(axis=0), 1e-300)
     powers = np.arange(degree + 1)
     design = np.moveaxis(x / top, 0, -1)[..., None] ** powers

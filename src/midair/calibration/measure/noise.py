@@ -17,9 +17,9 @@ def quiet_density(recording: Recording, *, resolution: float, width: float) -> t
     Parameters
     ----------
     recording : Recording
-        In which nothing presses.
+        A recording in which nothing presses.
     resolution, width : float
-        Of the bands, in Hz.
+        Distance and width of the bands, in Hz.
 
     Returns
     -------
@@ -31,6 +31,7 @@ def quiet_density(recording: Recording, *, resolution: float, width: float) -> t
         Independent values in each.
     """
     flat = recording.samples.reshape(recording.frames, -1)
+    # Of no input nothing is explained, so that all of the output counts as noise.
     sums = band_sums(np.zeros((len(flat), 1)), flat, recording.rate, resolution=resolution, width=width)
     return sums.frequency, sums.power / sums.points, float(sums.points[0])
 

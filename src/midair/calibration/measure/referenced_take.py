@@ -102,7 +102,7 @@ class ReferencedTake:
         return float(self.reference.pressure.std())
 
     def presses(self) -> NDArray[np.bool_]:
-        """On which channels, shape (channel,)."""
+        """Whether the take presses on each channel, shape (channel,)."""
         channels = np.arange(self.recording.sensor.count)
         return np.full(len(channels), True) if self.cell is None else channels == self.cell
 
@@ -119,7 +119,7 @@ def split_channel(
     channel : int
         The reference's, row by row from 0.
     sensor : SensorGrid, optional
-        Of the other channels; a square if their number is one, else a row.
+        The cells of the other channels; a square if their number is one, else a row.
 
     Returns
     -------

@@ -23,9 +23,9 @@ def repeatability(
     Parameters
     ----------
     parts : sequence of BandSums
-        Of the takes; 0 in the channels that a take does not press on.
+        Sums of the takes; 0 in the channels that a take does not press on.
     whole : FrequencyResponse
-        Of all of them.
+        Response of all of them.
     counts : ndarray of bool, shape (band,)
         Which bands count.
 

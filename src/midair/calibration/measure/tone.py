@@ -35,7 +35,7 @@ def measure_tone(
     recording : Recording
         While the tone acts on all of its cells.
     frequency : float
-        That the tone is said to have, to 1 %, in Hz.
+        Frequency that the tone is said to have, to 1 %, in Hz.
     pressure : float
         Rms, in Pa; 114 dB are 10.02 Pa.
     uncertainty : float
@@ -72,6 +72,7 @@ def measure_tone(
     wave, rest = _fit(flat[: time.size].reshape(*time.shape, -1), time, found)
     amplitude = wave.mean(axis=0)
     size = np.abs(amplitude)
+    # The rest taken as white noise: its variance over half the rate is its density.
     noise = np.sqrt(2 * rest / recording.rate)
     heard = size > 0
     # Half of the scatter of complex numbers is along them, the other half across.
@@ -124,9 +125,9 @@ def anchored(shape: Calibration, tone: Calibration) -> Calibration:
     Parameters
     ----------
     shape : Calibration
-        Of the same sensor, over the tone's frequency, such as one from a focused beam.
+        A calibration of the same sensor, over the tone's frequency, such as one from a focused beam.
     tone : Calibration
-        From `measure_tone`.
+        The tone's calibration from `measure_tone`.
 
     Raises
     ------
@@ -154,6 +155,7 @@ def anchored(shape: Calibration, tone: Calibration) -> Calibration:
         noise=shape.noise,
         provenance=shape.provenance.then("anchor", settings, simulated=tone.provenance.simulated),
         measurement=_anchored_measurement(shape, tone),
+        # It was told in Pa by the level that the response had before.
         linearity=None,
     )
 
@@ -191,11 +193,13 @@ def _refined(flat: Array, rate: float, frequency: float) -> float:
     from scipy.optimize import minimize_scalar
 
     time = np.arange(len(flat)) / rate
+    # Under a window the tone is one hump, without the ripple that a search could be caught in.
     centred = (flat - flat.mean(axis=0)) * np.hanning(len(flat))[:, None]
 
     def power(f: float) -> float:
         return float((np.abs(np.exp(-2j * np.pi * f * time) @ centred) ** 2).sum())
 
+    # Half a bin: no hump is narrower.
     step = 0.5 * rate / len(flat)
     reach = max(0.01 * frequency, 2 * step)
     tried = np.arange(frequency - reach, frequency + reach + step / 2, step)

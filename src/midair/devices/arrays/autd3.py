@@ -30,6 +30,7 @@ def autd3_array(
         return _module("midair.devices.arrays.autd3_udp", "autd3").Autd3Udp(placement, where)
 
     name = "autd3" if where == "auto" else f"autd3:{where}"
+    # An address with a port is an emulator's: real units are searched for behind an interface.
     emulated = where == "emulator" or "]:" in where
     return BankedArray(connect, placement or Placement.grid(), name=name, silencer=silencer, simulated=emulated)
 

@@ -44,7 +44,9 @@ def geometry(placement: Placement) -> Geometry:
 def silencer(chosen: Silencer) -> SetSilencer:
     """Steps spread as chosen. "Off" is a limit of a whole turn a tick, which the firmware never reaches."""
     if chosen.phase == 0:
+        # Not the SDK's own way to switch it off: with that, the emulator turns phases the long way round for a while.
         return SetSilencer(FixedUpdateRate(65535, 65535))
+    # Strict, the firmware would refuse drives whose frames are shorter than the completion time.
     spread = FixedCompletionTime(_duration(chosen.intensity), _duration(chosen.phase), strict_mode=False)
     return SetSilencer(spread)
 

@@ -51,6 +51,7 @@ class Autd3Firmware:
     """
 
     frames_max = commands.FRAMES_MAX
+    # As over UDP, where the firmware refuses switches less than 10 ms ahead.
     margin = 15_000_000
 
     def __init__(self, placement: Placement) -> None:
@@ -60,7 +61,7 @@ class Autd3Firmware:
         self._playing = False
 
     def set_silencer(self, silencer: Silencer) -> None:
-        """Over how long steps are spread."""
+        """Set over how long the firmware spreads steps."""
         self._open.send(commands.silencer(silencer))
 
     def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
@@ -83,6 +84,7 @@ class Autd3Firmware:
     def wait_until(self, instant: int) -> None:
         """Let virtual time pass."""
         if instant > self._now:
+            # The emulator knows whole ticks only.
             ticks = -(-(instant - self._now) // TICK)
             self._open.tick(Duration.from_nanos(ticks * TICK))
             self._now += ticks * TICK
@@ -98,7 +100,7 @@ class Autd3Firmware:
         return self._playing
 
     def describe(self) -> dict[str, str]:
-        """What is emulated."""
+        """Say what is emulated, and what is not."""
         return {
             "units": f"{self._units} emulated",
             "buffers": f"2 x {self.frames_max} patterns",
@@ -125,11 +127,11 @@ class Autd3Firmware:
         Parameters
         ----------
         x, y : tuple of float
-            From and to, in m, in the coordinates of the placement once centred.
+            First and last coordinate, in m, in the coordinates of the placement once centred.
         z : float
             In m.
         step : float
-            Between points, in m.
+            Distance between points, in m.
 
         Returns
         -------
@@ -141,6 +143,7 @@ class Autd3Firmware:
         grid = Grid((x[0] * 1e3, x[1] * 1e3), (y[0] * 1e3, y[1] * 1e3), z * 1e3, step * 1e3, "xyz")
         field = record.sound_field(grid, RmsRecordOption())
         places = field.observe_points().to_numpy().reshape(-1, 3) * 1e-3
+        # Only the last tick, when phases have arrived and no frame is mixed with the one before.
         field.skip(Duration.from_nanos((record.num_samples() - 1) * TICK))
         pressure = field.next(Duration.from_nanos(TICK)).to_numpy()
         return np.column_stack([places, pressure[:, -1]])

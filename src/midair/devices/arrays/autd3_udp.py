@@ -71,12 +71,13 @@ class Autd3Udp:
             self._do(lambda: client.send(SetCpuConfig(config)), 5)
             self.silence()
         except BaseException:
+            # Ctrl-C as well: the thread of the loop must not outlive a device that was never opened.
             self._client = None
             self._end_loop()
             raise
 
     def set_silencer(self, silencer: Silencer) -> None:
-        """Over how long steps are spread."""
+        """Set over how long the firmware spreads steps."""
         self._send([commands.silencer(silencer)])
 
     def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
@@ -100,6 +101,7 @@ class Autd3Udp:
         """Return at an instant, or raise as soon as a unit is lost."""
         while (left := instant - self.now()) > 0:
             self._check()
+            # In short naps, so that a lost unit is noticed at once and not at the end.
             time.sleep(min(left * 1e-9, 0.02))
         self._check()
 
@@ -185,6 +187,7 @@ class Autd3Udp:
         async def wait() -> T:
             return await begin()
 
+        # Begun on the loop itself, where the SDK wants its calls to be made.
         future = asyncio.run_coroutine_threadsafe(wait(), self._loop)
         try:
             return future.result(timeout)

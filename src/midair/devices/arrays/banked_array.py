@@ -22,7 +22,7 @@ class BankedArray(ArrayDevice):
     connect : callable
         Opens the device and gives its banks.
     placement : Placement
-        Of the units.
+        Placement of the units.
     name : str
         What it was opened by.
     silencer : {"auto", "off", "quarter", "half", "default"}
@@ -69,17 +69,19 @@ class BankedArray(ArrayDevice):
             self._banks = self._connect(self.placement)
 
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
-        """Stream every frame."""
+        """Stream every frame through the two memories, and report how it went."""
         banks, ticks = self.banks, divider(drive.rate)
         phases = phase_bytes(drive, self.placement.units)
         intensity = intensity_bytes(drive, self.placement.units)
         silencer = choose_silencer(self.silencer, phases, intensity, drive.rate)
+        # The silencer is set while nothing sounds, and `play_stream` begins on silent banks.
         banks.silence()
         banks.set_silencer(silencer)
         ordered = self._silenced
 
         def switch(bank: int, instant: int) -> None:
             with self._lock:
+                # Under the lock no silence from another thread can fall between this check and the switch.
                 if self._silenced != ordered:
                     raise DeviceError(f"{self.name}: silenced from elsewhere while it played")
                 banks.switch(bank, instant)

@@ -27,7 +27,7 @@ class Banks(Protocol):
         ...
 
     def set_silencer(self, silencer: Silencer) -> None:
-        """Over how long steps are spread."""
+        """Set over how long the firmware spreads steps."""
         ...
 
     def load(self, bank: int, phases: Bytes, intensity: Bytes, divider: int) -> None:
@@ -69,5 +69,5 @@ class Banks(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go."""
+        """Let go of the device."""
         ...

@@ -39,7 +39,7 @@ class Placement:
     Attributes
     ----------
     position : ndarray, shape (unit, 3)
-        Of each unit's first transducer, in m.
+        Place of each unit's first transducer, in m.
     rotation : ndarray, shape (unit, 3)
         About the fixed x, then y, then z axis, in rad.
     name : str
@@ -70,14 +70,15 @@ class Placement:
 
     @property
     def quaternion(self) -> Array:
-        """Of each unit's rotation as both SDKs want it, (w, x, y, z), shape (unit, 4)."""
+        """Rotation of each unit as a quaternion as both SDKs want it, (w, x, y, z), shape (unit, 4)."""
         from scipy.spatial.transform import Rotation
 
+        # SciPy puts w last, the SDKs put it first.
         return np.roll(np.asarray(Rotation.from_euler("xyz", self.rotation).as_quat(), np.float64), 1, axis=1)
 
     @property
     def origin(self) -> Array:
-        """Of each unit's first transducer once the whole is centred, shape (unit, 3), in m."""
+        """Place of each unit's first transducer once the whole is centred, shape (unit, 3), in m."""
         return self.position - self._transducers().mean(axis=(0, 1))
 
     def array(self) -> TransducerArray:
@@ -144,4 +145,5 @@ def _unit(unit: Mapping[str, Any], number: int, path: Path) -> tuple[list[float]
 
 
 def _three(value: object) -> bool:
+    # By type, since true and false are ints to isinstance.
     return isinstance(value, list) and len(value) == 3 and all(type(each) in (int, float) for each in value)

@@ -70,7 +70,7 @@ def _look_up(table, _, unit, transducer, drive):
 
 
 class _TableGain(Gain):
-    """One frame."""
+    """One frame, read by the SDK out of a table."""
 
     def __init__(self, phases: Bytes, intensity: Bytes) -> None:
         super().__init__()
@@ -92,8 +92,8 @@ class PyAutd3Banks:
         ``audit``, ``nop``, ``twincat``, ``remote:ADDRESS:PORT``, or, with version 36, ``ethercrab`` or
         ``ethercrab:INTERFACE``.
     interval : float, optional
-        Between datagrams, in s; one carries one pattern. If None, the SDK's 1 ms on a real bus, at which 1000 patterns
-        a second do not get through, and half of that where there is no bus.
+        Time between datagrams, in s; one carries one pattern. If None, the SDK's 1 ms on a real bus, at which 1000
+        patterns a second do not get through, and half of that where there is no bus.
 
     Raises
     ------
@@ -115,13 +115,14 @@ class PyAutd3Banks:
             self._controller: Controller | None = Controller.open(units, self.link)
             between = Duration.from_nanos(round(1e9 * (interval or (0.5e-3 if link in ("audit", "nop") else 1e-3))))
             self._controller.default_sender_option = SenderOption(send_interval=between, receive_interval=between)
+            # Units do not say whether they play unless they are asked to.
             self._send(ReadsFPGAState(lambda _: True))
             self.silence()
         except AUTDError as wrong:
             raise DeviceError(f"pyautd3: {wrong}; {_ADVICE}") from wrong
 
     def set_silencer(self, silencer: Silencer) -> None:
-        """Over how long steps are spread."""
+        """Set over how long the firmware spreads steps."""
         if silencer.phase == 0:
             return self._send(SetSilencer(FixedUpdateRate(intensity=65535, phase=65535)))
         intensity, phase = (Duration.from_nanos(round(each * 1e9)) for each in (silencer.intensity, silencer.phase))
@@ -132,6 +133,7 @@ class PyAutd3Banks:
         gains = [_TableGain(phase, strength) for phase, strength in zip(phases, intensity, strict=True)]
         gains.append(_TableGain(np.zeros((self._units, UNIT), np.uint8), np.zeros(1, np.uint8)))
         sequence = GainSTM(gains, SamplingConfig(divider), GainSTMOption())
+        # `Later` writes the segment without playing it; `switch` orders that.
         self._send(WithFiniteLoop(sequence, SEGMENTS[bank], transition_mode.Later(), 1))
 
     def switch(self, bank: int, instant: int) -> None:

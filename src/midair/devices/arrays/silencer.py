@@ -13,7 +13,7 @@ SilencerChoice = Literal["auto", "off", "quarter", "half", "default"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Silencer:
-    """Over how long the firmware spreads a step.
+    """The time over which the firmware spreads a step.
 
     Attributes
     ----------
@@ -38,7 +38,9 @@ def typical_step(phases: Bytes, intensity: Bytes) -> float:
     both = np.flatnonzero(on[1:] & on[:-1])
     if not both.size:
         return 0.0
+    # Some five hundred steps tell the percentile of a drive of any length.
     both = both[:: max(1, both.size // 500)]
+    # Bytes wrap as phases do: read with a sign, their difference is the short way round.
     step = (phases[both + 1] - phases[both]).view(np.int8).astype(np.int16)
     return float(np.percentile(np.abs(step), 99) * 360 / 256)
 
@@ -68,5 +70,6 @@ def choose_silencer(choice: SilencerChoice, phases: Bytes, intensity: Bytes, rat
         return Silencer(phase=0, intensity=0, reason=reason)
     period = (0.25 if wanted == "quarter" else 0.5) / rate
     tick = TICK * 1e-9
+    # Whole ticks, from one up to the firmware's own 1 ms.
     spread = max(1, min(round(1e-3 / tick), round(period / tick))) * tick
     return Silencer(phase=spread, intensity=min(spread, 0.25e-3), reason=reason)

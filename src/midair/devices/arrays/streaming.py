@@ -34,7 +34,7 @@ class DriveStream:
     repeats : int
         How often all frames are played, one time after the other without a gap.
     delay : float
-        From the order to the first frame, in s.
+        Time from the order to the first frame, in s.
     block : float
         Longest piece that is handed over at once, in s; what a hanging computer can leave behind is at most two.
     """
@@ -53,7 +53,7 @@ class DriveStream:
 
     @property
     def period(self) -> int:
-        """Of a frame, in ns."""
+        """Duration of a frame, in ns."""
         return self.divider * TICK
 
     def frames_in_block(self, frames_max: int) -> int:
@@ -91,9 +91,10 @@ def play_stream(
     Raises
     ------
     DeviceError
-        If the link is lost, or the device refuses a switch twice.
+        If the link is lost, or the device refuses a switch three times.
     """
     size, bank, done = stream.frames_in_block(banks.frames_max), 1, 0
+    # Before the first block is written, so that a delay counts from the order.
     begin = banks.now()
     planned = first = 0
     late = gap = 0
@@ -105,6 +106,7 @@ def play_stream(
         start = _order(banks, switch or banks.switch, bank, planned, stream.period)
         if start > planned:
             late, gap = late + len(phases), gap + start - planned
+        # Half a frame into the new bank: only then is the other one surely free to be written.
         banks.wait_until(start + stream.period // 2)
         if progress:
             progress(done, stream.total)
@@ -132,6 +134,7 @@ def _order(banks: Banks, switch: Switch, bank: int, planned: int, period: int) -
 
 
 def _soon(banks: Banks) -> int:
+    # Twice the margin, since the order takes time to get there.
     return banks.now() + 2 * banks.margin
 
 

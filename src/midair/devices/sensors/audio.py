@@ -66,7 +66,7 @@ class AudioSource:
     channels : int, optional
         How many; all that it has if None.
     rate : float, optional
-        Of its converter, in Hz; its default if None.
+        Rate of its converter, in Hz; its default if None.
     piece : float
         How much PortAudio hands over at a time, in s.
     """
@@ -105,7 +105,7 @@ class AudioSource:
         return Stream(channels=channels, rate=self._rate, full_scale=1.0)
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Begin to listen; frame 0 is the first one after this."""
         stream = self._opened()
         self._frames, self._pieces, self._last, self._overflows = 0, queue.SimpleQueue(), None, 0
         try:
@@ -135,7 +135,7 @@ class AudioSource:
         )
 
     def stop(self) -> None:
-        """End listening."""
+        """End listening; harmless when it has not begun."""
         if self._stream is not None and self._stream.active:
             self._within_limit(self._stream.abort)
 
@@ -155,6 +155,7 @@ class AudioSource:
 
     def _take(self, data: Any, frames: int, times: Any, status: Any) -> None:
         """Called by PortAudio in a thread of its own; nothing here may wait."""
+        # A copy, since PortAudio uses its memory again when this returns.
         samples = np.frombuffer(data, np.float32).reshape(frames, -1).copy()
         taken, age = float(times.inputBufferAdcTime), float(times.currentTime) - float(times.inputBufferAdcTime)
         if not 0 < age < 10:  # some drivers do not tell

@@ -20,7 +20,7 @@ class Decimated:
     Parameters
     ----------
     source : Source
-        At the higher rate.
+        The source at the higher rate.
     rate : float
         Wanted, in Hz.
     """
@@ -78,6 +78,7 @@ class Decimated:
         rate = self._stream.rate
         for part in chunk.finite_parts(rate):
             decimator = self._continued(part, self._filter)
+            # After a gap the filter waits for the start of a run, so that frames out keep their places in time.
             out = decimator.push(part.samples[max(0, self._begin - part.first) :])
             if len(out):
                 # In frames of the source, from the part's first frame to the middle of the filter.

@@ -30,7 +30,7 @@ class Polyphase:
     pieces : ndarray, shape (piece, count, length)
         Coefficients by which each of `piece` consecutive runs of `length` frames enters `count` frames.
     delay : float
-        From a frame out to the last frame in that it needs, in s.
+        Time from a frame out to the last frame in that it needs, in s.
     """
 
     pieces: Array
@@ -70,6 +70,7 @@ class Polyphase:
             )
         runs = -(-2 * CENTRE // count)
         half = CENTRE * length
+        # Times `count`: at the interpolated rate only one frame in so many is not zero.
         fir = np.asarray(firwin(2 * half + 1, 1 / length, window=("kaiser", 8.0)), np.float64) * count
         return cls(pieces=_cut(fir, count, length, runs + 2), delay=CENTRE / new_rate)
 
@@ -96,7 +97,7 @@ class Decimator:
     Parameters
     ----------
     filter : Polyphase
-        Between the two rates.
+        The filter between the two rates.
     channels : int
         In a frame.
     """
@@ -129,5 +130,6 @@ class Decimator:
             return np.zeros((0, held.shape[1]))
         whole = held[: (runs + len(pieces) - 1) * length].reshape(-1, length, held.shape[1])
         out = sum(np.matmul(piece, whole[at : at + runs]) for at, piece in enumerate(pieces))
+        # A view would keep everything that was ever pushed in memory.
         self._held = held[runs * length :].copy()
         return np.asarray(out, np.float64).reshape(-1, held.shape[1])

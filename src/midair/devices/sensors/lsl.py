@@ -45,7 +45,7 @@ class LslSource:
     Parameters
     ----------
     name : str
-        Of the stream.
+        Name of the stream.
     source_id : str, optional
         Which one, where several have the name.
     counter : int, optional
@@ -92,6 +92,7 @@ class LslSource:
         if self._waiting:
             return self._waiting.popleft()
         try:
+            # Without `min_samples` a pull with a time limit would wait until 4096 had come.
             samples, stamps = self._opened().pull_chunk(timeout=wait, max_samples=4096, min_samples=1)
         except LostError as wrong:
             raise self._lost() from wrong
@@ -100,7 +101,7 @@ class LslSource:
         return self._waiting.popleft() if self._waiting else None
 
     def stop(self) -> None:
-        """Unsubscribe."""
+        """Unsubscribe from the stream; its sender goes on."""
         if self._inlet is not None:
             self._inlet.close_stream()
 
@@ -155,6 +156,7 @@ class LslSource:
         if number[0] < self._frames or (np.diff(number) < 1).any():
             raise DeviceError(f"lsl: expected a counter that grows from {self._name!r}; it went back: sender restarted")
         self._frames = int(number[-1]) + 1
+        # Both clocks are steady and run alike; they began at different times.
         offset = time.monotonic() - pylsl.local_clock()
         starts = [0, *(np.flatnonzero(np.diff(number) > 1) + 1), len(number)]
         for begin, end in pairwise(starts):

@@ -32,22 +32,22 @@ class NiTask(Protocol):
 
     @property
     def ai_channels(self) -> Any:
-        """The inputs."""
+        """The inputs of the task."""
         ...
 
     @property
     def timing(self) -> Any:
-        """The sample clock."""
+        """The sample clock of the task."""
         ...
 
     @property
     def in_stream(self) -> Any:
-        """The buffer."""
+        """The driver's buffer of samples."""
         ...
 
     @property
     def channel_names(self) -> Sequence[str]:
-        """Of the inputs."""
+        """Names of the inputs, one each."""
         ...
 
     def start(self) -> None:
@@ -75,7 +75,7 @@ class NiSource:
     channels : str
         In the driver's words, such as ``Dev1/ai0:15``.
     rate : float
-        Of the frames, in Hz.
+        Rate of the frames, in Hz.
     limit : float
         Largest voltage of the range, either way, in V.
     wires : {"default", "rse", "nrse", "differential"}
@@ -99,14 +99,17 @@ class NiSource:
         self._frames = 0
 
     def open(self) -> Stream:
-        """Reserve the inputs."""
+        """Reserve the inputs and set range and clock."""
         try:
             self._task = self._make()
             self._task.ai_channels.add_ai_voltage_chan(
                 self._name, terminal_config=_WIRES[self._wires], min_val=-self._limit, max_val=self._limit
             )
             self._task.timing.cfg_samp_clk_timing(
-                self._rate, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=max(1000, round(10 * self._rate))
+                # The driver holds ten seconds, for when nobody takes them.
+                self._rate,
+                sample_mode=AcquisitionType.CONTINUOUS,
+                samps_per_chan=max(1000, round(10 * self._rate)),
             )
             channels, rate = len(self._task.channel_names), float(self._task.timing.samp_clk_rate)
         except DaqNotFoundError as wrong:
@@ -134,6 +137,7 @@ class NiSource:
                 if time.monotonic() > end:
                     return None
                 time.sleep(0.002)
+            # No more than is there already, so that the read itself need not wait.
             samples = np.atleast_2d(np.asarray(task.read(ready, wait), np.float64)).T
         except DaqmxError as wrong:
             raise self._failed(wrong) from wrong

@@ -12,7 +12,7 @@ class PacedSensor(SensorDevice):
     Parameters
     ----------
     sensor : SensorDevice
-        Whose clock runs when it is read.
+        The sensor whose clock runs when it is read.
     """
 
     def __init__(self, sensor: SensorDevice) -> None:

@@ -15,9 +15,9 @@ class Reader:
     source : Source
         Started; `pull` is called from the reader's thread only.
     rate : float
-        Of the source, in Hz.
+        Rate of the source, in Hz.
     limit : float
-        Of the samples that wait, in bytes.
+        Limit of the samples that wait, in bytes.
     """
 
     def __init__(self, source: Source, rate: float, *, limit: float) -> None:
@@ -57,6 +57,7 @@ class Reader:
     def _run(self) -> None:
         try:
             while not self._ends.is_set():
+                # A short wait, so that `stop` is noticed even when nothing comes.
                 chunk = self._source.pull(0.1)
                 if chunk is not None:
                     for part in chunk.finite_parts(self._rate):

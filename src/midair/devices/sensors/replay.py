@@ -36,7 +36,7 @@ class ReplaySensor(SensorDevice):
         return FrameBlock(samples=samples, first=first, device_time=now, host_time=now)
 
     def stop(self) -> None:
-        """End."""
+        """End the replay; the next start begins at the first frame."""
         self._taken = None
 
     def close(self) -> None:

@@ -46,7 +46,7 @@ class Layout:
     width : int
         Bytes of a sample, 2 or 3.
     period : int
-        Of a frame, in ns.
+        Period of a frame, in ns.
     """
 
     channels: int
@@ -55,7 +55,7 @@ class Layout:
 
     @property
     def size(self) -> int:
-        """Of a frame, in bytes."""
+        """Length of a frame, in bytes."""
         return _HEADER.size + self.channels * self.width + _CRC.size
 
     @property
@@ -77,9 +77,9 @@ def encode(samples: ArrayLike, *, counter: int, time_us: int, period_ns: int = 1
     samples : array_like of int, shape (channel,)
         In counts.
     counter, time_us : int
-        Of the frame; only the low 32 bits are sent.
+        Counter and time of the frame; only the low 32 bits are sent.
     period_ns : int
-        Of the frames.
+        Period of the frames.
     width : int
         Bytes of a sample, 2 or 3.
 
@@ -104,14 +104,14 @@ def encode(samples: ArrayLike, *, counter: int, time_us: int, period_ns: int = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frames:
-    """Consecutive frames.
+    """Frames that followed each other without a gap.
 
     Attributes
     ----------
     samples : ndarray of int32, shape (frame, channel)
         In counts.
     counter : int
-        Of the first frame, without wraps: it only grows.
+        Counter of the first frame, without wraps: it only grows.
     time_us : int
         Device time of the first frame, without wraps, in µs.
     """
@@ -128,7 +128,7 @@ class Decoder:
     Attributes
     ----------
     layout : Layout or None
-        Of the first whole frame; frames of another layout are not taken.
+        Layout of the first whole frame; frames of another layout are not taken.
     skipped : int
         Bytes that belonged to no whole frame: noise, or a frame that was cut or damaged.
     broken : int
@@ -160,7 +160,7 @@ class Decoder:
         return [] if self.layout is None else [_frames(run, self.layout) for run in runs]
 
     def _next(self) -> tuple[int, int, bytes] | None:
-        """(counter, time, bytes of the samples) of the next whole frame, if there is one."""
+        """The next whole frame as (counter, time, bytes of the samples), or None while there is none."""
         while self._to_sync() and len(self._held) >= _HEADER.size:
             _, version, width, channels, flags, period, counter, time_us = _HEADER.unpack_from(self._held)
             layout = Layout(channels=channels, width=width, period=period)
@@ -172,6 +172,7 @@ class Decoder:
                 del self._held[: layout.size]
                 self.layout = layout
                 return self._unwrapped(counter, time_us, samples)
+            # One byte only: a true frame may begin inside what looked like one.
             self._skip(1)
         return None
 
@@ -191,6 +192,7 @@ class Decoder:
     def _crc_fits(self, layout: Layout) -> bool:
         body = memoryview(self._held)[len(SYNC) : layout.size - _CRC.size]
         right = zlib.crc32(body) == _CRC.unpack_from(self._held, layout.size - _CRC.size)[0]
+        # The bytes cannot be cut while a view of them is held.
         body.release()
         self.broken += not right
         return right
@@ -200,6 +202,7 @@ class Decoder:
             self._counter, self._time = counter, time_us
             return counter, time_us, samples
         ahead = (counter - self._counter) % WRAP
+        # Up to half a turn ahead is a gap; more is a step back.
         if not 0 < ahead < WRAP // 2:
             raise DeviceError(
                 f"serial: expected a frame after number {self._counter % WRAP}, got {counter}; the sensor started anew"

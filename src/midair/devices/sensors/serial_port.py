@@ -22,7 +22,7 @@ class Port(Protocol):
         ...
 
     def read(self, size: int = 1) -> bytes:
-        """At least one byte within the time limit, or none."""
+        """Read up to `size` bytes: at least one within the time limit, or none."""
         ...
 
     def reset_input_buffer(self) -> None:
@@ -30,7 +30,7 @@ class Port(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go."""
+        """Let go of the port."""
         ...
 
 
@@ -73,6 +73,7 @@ class SerialSource:
     def start(self) -> None:
         """Throw away what has come; the next whole frame is frame 0."""
         self._guarded(self._opened().reset_input_buffer)
+        # The layout stays, since channels and rate were told when it was opened.
         self._decoder = Decoder(layout=self._decoder.layout)
         self._waiting.clear()
         self._base = None
@@ -116,6 +117,7 @@ class SerialSource:
 
     def _read(self) -> bytes:
         port = self._opened()
+        # At least one byte, so that an empty port is waited for and not asked again and again.
         data: bytes = self._guarded(lambda: port.read(max(1, port.in_waiting)))
         self._arrived = time.monotonic()
         return data
@@ -129,6 +131,7 @@ class SerialSource:
             samples=frames.samples,
             first=frames.counter - self._base,
             device_time=frames.time_us * 1e-6,
+            # What came at once was taken one frame after another, the last one just now.
             host_time=self._arrived - span,
         )
 

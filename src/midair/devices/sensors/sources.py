@@ -24,9 +24,9 @@ class Stream:
     rate : float
         Frames per second, in Hz.
     unit : {"V", "count", "Pa"} or None
-        Of sample * scale; None when the source knows only its own numbers.
+        Unit of sample * scale; None when the source knows only its own numbers.
     scale : float
-        Of `unit` in one of the source's numbers.
+        How much of `unit` one of the source's numbers is.
     full_scale : float or None
         Magnitude at which the source clips, in its own numbers.
     """
@@ -76,6 +76,7 @@ class Chunk:
         if whole.all():
             yield self
             return
+        # A frame that is missing on either side gives every run a beginning and an end.
         edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]])))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):
             yield self.part(int(begin), int(end), rate)

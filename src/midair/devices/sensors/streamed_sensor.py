@@ -31,7 +31,7 @@ class StreamedSensor(SensorDevice):
     timeout : float
         After how long without a frame the source counts as lost, in s.
     memory : float
-        For frames that nobody has read yet, in bytes; what does not fit is lost, and counted.
+        Memory for frames that nobody has read yet, in bytes; what does not fit is lost, and counted.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class StreamedSensor(SensorDevice):
         )
 
     def stop(self) -> None:
-        """End sampling."""
+        """End sampling; harmless when it has not begun."""
         reader, self._reader = self._reader, None
         if reader is not None:
             reader.stop()
@@ -136,6 +136,7 @@ class StreamedSensor(SensorDevice):
             try:
                 chunk = reader.take(self.timeout) if self._rest is None else self._rest
             except Exception:
+                # What came before a failure is given first; the next read meets the failure.
                 if parts:
                     return parts
                 raise
@@ -168,6 +169,7 @@ class StreamedSensor(SensorDevice):
             )
         scale = _scale(self.name, stream, wiring)
         clips = None if stream.full_scale is None else stream.full_scale * scale
+        # What somebody stated goes before what the source says of itself.
         self.wiring = replace(wiring, full_scale=wiring.full_scale or clips)
         self.grid, self.rate, self.unit, self._scale = wiring.grid, stream.rate, wiring.unit, scale
         self.full_scale = self.wiring.full_scale
@@ -176,7 +178,7 @@ class StreamedSensor(SensorDevice):
 
 
 def _scale(name: str, stream: Stream, wiring: SensorWiring) -> float:
-    """Of the sensor's unit in one of the source's numbers."""
+    """How much of the sensor's unit one of the source's numbers is."""
     if stream.unit is not None:
         if stream.unit != wiring.unit:
             raise MismatchError(

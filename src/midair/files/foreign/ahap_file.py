@@ -47,6 +47,7 @@ def write_ahap(recording: Recording, path: Path, calibration: Calibration | None
     pattern = [
         *(_event(start, min(LONGEST, recording.duration - start)) for start in _starts(recording.duration)),
         *_curves("HapticIntensityControl", time, intensity),
+        # This curve is added to the .5 of the events.
         *_curves("HapticSharpnessControl", time, sharpness - 0.5),
     ]
     with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
@@ -73,6 +74,7 @@ def envelope(recording: Recording) -> tuple[Array, Array, Array]:
     time = np.linspace(0, recording.duration, count)
     half = max(2, round(STEP * recording.rate))
     window = np.hanning(2 * half + 1)[:, None]
+    # Silence on both sides, so that windows fit around the first and the last point.
     padded = np.concatenate([np.zeros((half, change.shape[1])), change, np.zeros((half + 1, change.shape[1]))])
     bins = np.fft.rfftfreq(2 * half + 1, 1 / recording.rate)
     power, frequency = np.zeros(count), np.zeros(count)

@@ -30,6 +30,7 @@ def write_csv(recording: Recording, path: Path, calibration: Calibration | None)
     with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
         file.write(f"{MARK}{header_of(recording)}\n")
         file.write(",".join(["time [s]", *cells]) + "\n")
+        # repr gives the fewest digits that are read back as the same number.
         file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
     return calibration_lost(calibration, "CSV")
 
@@ -46,6 +47,7 @@ def read_csv(path: Path, given: Given) -> OpenedTake:
     InputError
         Its leaf, if a number is missing or the file does not say enough.
     """
+    # Some programs begin with a byte-order mark, which would become a part of the first name.
     text = path.read_bytes().decode("utf-8-sig")
     if text.startswith(MARK):
         return _own(text, path, given)

@@ -21,9 +21,9 @@ def header_of(recording: Recording, *, scale_exponent: int | None = None) -> str
     Parameters
     ----------
     recording : Recording
-        To describe.
+        The recording to describe.
     scale_exponent : int, optional
-        Of the power of two that stands for full scale, where a format has one.
+        Exponent of the power of two that stands for full scale, where a format has one.
     """
     sensor = recording.sensor
     plain: dict[str, Any] = {

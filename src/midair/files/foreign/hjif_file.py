@@ -70,6 +70,7 @@ def write_hjif(recording: Recording, path: Path, calibration: Calibration | None
 def _channel(recording: Recording, number: int, cell: NDArray[np.float64], ticks: list[int]) -> dict[str, Any]:
     row, column = divmod(number, recording.sensor.columns)
     x, y = recording.sensor.channel_position(number)
+    # Six digits tell the 32767 steps apart.
     values = cell.round(6).tolist()
     keyframes = [{"relative_position": ticks[i], "amplitude_modulation": values[i]} for i in _turns(cell)]
     effect = {"effect_type": "Basis", "position": 0, "phase": 0.0, "base_signal": "Sine", "keyframes": keyframes}

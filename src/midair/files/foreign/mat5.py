@@ -60,11 +60,13 @@ def _elements(data: bytes, order: str, path: Path) -> Iterator[_Element]:
     place = 0
     while place + 8 <= len(data):
         kind, length = struct.unpack_from(order + "II", data, place)
+        # A short element: the length is in the upper half of the type, the data in the rest of the tag.
         if kind >> 16:
             kind, length, place = kind & 0xFFFF, kind >> 16, place + 4
             end = place + 4
         else:
             place += 8
+            # Compressed elements follow each other without padding.
             end = place + (length if kind == _COMPRESSED else length + -length % 8)
         if place + length > len(data) or place + length > end:
             raise BrokenFileError(f"{path}: expected {length} bytes at {place}, got {len(data) - place}; it was cut")
@@ -87,6 +89,7 @@ def _matrix(data: bytes, order: str, path: Path) -> tuple[str, Any]:
     if kind not in _CLASSES or len(parts) < 4:
         return name, np.empty(0, object)
     real = _numbers(parts[3], shape, _CLASSES[kind], order, path)
+    # The imaginary part is not read: by its type nobody takes the real part for the whole.
     return name, real.astype(complex) if complex_numbers else real
 
 

@@ -62,6 +62,7 @@ def read_mcap(path: Path, given: Given) -> OpenedTake:
     topic, name = _chosen(topics, path, given)
     decode = topic.decode or _from_json
     rows, names = _rows([decode(data) for _, data in topic.messages], name, path)
+    # Differences of whole ns first: as float64 today's time is rounded to 256 ns.
     stamps = np.array([time - topic.messages[0][0] for time, _ in topic.messages], np.float64) * 1e-9
     even = uniform(stamps, rows.reshape(len(rows), -1), rate=given.rate)
     return Foreign(
@@ -96,6 +97,7 @@ def _messages(path: Path) -> tuple[dict[str, _Topic], bool]:
     schemas: dict[int, str] = {}
     channels: dict[int, _Topic] = {}
     topics: dict[str, _Topic] = {}
+    # Until the footer comes, which only a closed file has.
     cut = True
     for record in _records(path):
         if isinstance(record, Schema):
@@ -120,6 +122,7 @@ def _records(path: Path) -> Iterator[Any]:
         try:
             yield from StreamReader(file, validate_crcs=True, record_size_limit=1 << 30).records
         except (EndOfFile, struct.error) as wrong:
+            # At the end of the bytes the file was cut; before it, a length in it is wrong.
             if file.read(1):
                 raise BrokenFileError(f"{path}: expected an MCAP file, got a damaged one ({reason(wrong)})") from wrong
         except (McapError, ZstdError) as wrong:

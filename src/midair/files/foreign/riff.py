@@ -62,6 +62,7 @@ def append_chunk(path: Path, content: bytes) -> None:
     """Put midair's chunk behind the others of a RIFF file, and its length into that of the whole."""
     with path.open("rb+") as file:
         end = file.seek(0, 2)
+        # A chunk begins at an even place.
         file.write(b"\0" * (end % 2) + CHUNK + struct.pack("<I", len(content)) + content + b"\0" * (len(content) % 2))
         length = file.tell() - 8
         file.seek(4)

@@ -106,6 +106,7 @@ def _rate(channels: dict[str, _Object], path: Path) -> float | None:
     step = next(iter(steps))
     if not isinstance(step, float) or not math.isfinite(step) or step <= 0:
         return None
+    # The rounding of a step in binary must not become a rate of 1000.0000000001 Hz.
     return float(f"{1 / step:.12g}")
 
 
@@ -146,6 +147,7 @@ def _objects(cursor: _Cursor) -> tuple[dict[str, _Object], bool]:
         cursor.order = "<"
         if cursor.take(4) != b"TDSm":
             raise BrokenFileError(f"{cursor.path}: expected a TDMS segment at byte {start}, got other bytes")
+        # The flags, which tell the byte order of the rest, are little-endian themselves.
         flags = cursor.number("I")
         cursor.order = ">" if flags & _BIG else "<"
         cursor.number("I")
@@ -170,6 +172,7 @@ def _metadata(cursor: _Cursor, objects: dict[str, _Object], active: list[str]) -
         item = objects.setdefault(name, _Object())
         index = cursor.number("I")
         if index not in (0, 0xFFFFFFFF):
+            # The index of plain numbers is 20 bytes long.
             if index != 20:
                 raise UnknownFormatError(f"{cursor.path}: {name} holds text or DAQmx raw data, which is not read")
             _index(cursor, item, name)

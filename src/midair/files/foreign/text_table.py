@@ -59,6 +59,7 @@ def read_table(text: str, path: Path) -> TextTable:
 def _rows(text: str, path: Path) -> Iterator[_Row]:
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    # What is there most often; where nothing is, the comma, as it comes first.
     reader = csv.reader(lines, delimiter=max(",;\t", key=first.count), skipinitialspace=True)
     try:
         for fields in reader:
@@ -90,6 +91,7 @@ def _numbers(rows: list[_Row], names: tuple[str, ...], path: Path) -> NDArray[np
     try:
         values = np.array([row.fields for row in rows], np.float64)
     except ValueError:
+        # One by one, to say where the field is that is no number.
         values = np.array([[_number(row, i, names, path) for i in range(len(row.fields))] for row in rows])
     if not np.isfinite(values).all():
         row, column = (int(i) for i in np.argwhere(~np.isfinite(values))[0])

@@ -33,8 +33,10 @@ def write_wav(recording: Recording, path: Path, calibration: Calibration | None)
     cells = recording.sensor.count
     if cells > 1024:
         raise FileError(f"{path}: a WAV holds up to 1024 channels, got a sensor of {cells}; save to .h5")
+    # Lengths have 32 bits; a megabyte is left for the header and midair's chunk.
     if recording.samples.nbytes > 2**32 - 2**20:
         raise FileError(f"{path}: a WAV holds less than 4 GB, got {recording.samples.nbytes} bytes; save to .h5")
+    # A WAV has whole rates; midair's header keeps the exact one.
     rate = max(1, round(recording.rate))
     exponent = int(np.frexp(np.abs(recording.samples).max())[1])
     samples = np.ldexp(recording.samples, -exponent).reshape(recording.frames, cells)

@@ -37,7 +37,7 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
     Parameters
     ----------
     calibration : Calibration
-        To write.
+        The calibration to write.
     path : str or PathLike
         Ends in ``.calibration.h5``; replaced in one piece if it is there.
 

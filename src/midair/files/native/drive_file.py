@@ -38,7 +38,7 @@ def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: A
     Parameters
     ----------
     solution : Solution
-        To write, with the whole geometry of its array.
+        The solution to write, with the whole geometry of its array.
     path : str or PathLike
         Ends in ``.drive.h5``; replaced in one piece if it is there.
     target : AmplitudeFrames, optional
@@ -61,6 +61,7 @@ def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: A
         values |= _target_values(target)
     with new_file(path) as file:
         write_group(file, "drive", values)
+        # What the numbers mean, in the way of the CF conventions.
         file["status"].attrs["flag_values"] = np.arange(len(get_args(Status)), dtype="i1")
         file["status"].attrs["flag_meanings"] = fixed_text(" ".join(get_args(Status)))
 

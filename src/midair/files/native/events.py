@@ -56,6 +56,7 @@ def events_from(values: Mapping[str, Any]) -> tuple[Event, ...]:
 
 def with_events(provenance: Provenance, events: Iterable[Event], frames: int) -> Provenance:
     """The life of a recording of so many frames with what happened in them as its step "events"; as it is without."""
+    # The journal is flushed before the samples: a writer that was killed may tell of frames that are not there.
     inside = tuple(event for event in events if event.frame < frames)
     return provenance.then("events", _settings(inside, frames)) if inside else provenance
 

@@ -45,6 +45,7 @@ def new_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
     with whole_file(path) as partial:
         with h5py.File(partial, "w", driver="core", backing_store=False, libver=LAYOUT) as file:
             yield file
+            # The image has only what HDF5 no longer holds in buffers.
             file.flush()
             image = file.id.get_file_image()
         partial.write_bytes(image)

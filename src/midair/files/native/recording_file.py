@@ -187,6 +187,7 @@ def _whole_frames(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], t
     """The frames of a recording without its end that were written whole, and a sentence that says so."""
     samples = values["samples"]
     written = ~np.isnan(samples).all(axis=(1, 2))
+    # What was not written is NaN: the recording ends with the last frame that is not.
     frames = len(samples) - int(np.argmax(written[::-1])) if written.any() else 0
     if frames == 0:
         raise BrokenFileError(f"{path}: the recording stopped before its first frame was written; record it again")

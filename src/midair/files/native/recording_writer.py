@@ -38,17 +38,17 @@ class RecordingWriter:
     Parameters
     ----------
     path : str or PathLike
-        To make; a file that is there is left alone.
+        The file to make; one that is there is left alone.
     rate : float
         Frames per second, in Hz.
     sensor : SensorGrid
         The cells.
     unit : {"V", "count", "Pa"}
-        Of the samples.
+        Unit of the samples.
     provenance : Provenance
         Where the samples come from.
     calibration : Calibration, optional
-        Of the sensor, kept in the same file.
+        Calibration of the sensor, kept in the same file.
     interval : float
         Longest time that a frame waits in memory, in s, and how many frames of it may wait there.
     reserve : int
@@ -104,6 +104,7 @@ class RecordingWriter:
             if self.calibration is not None:
                 write_calibration(file.create_group("calibration"), self.calibration)
         try:
+            # Opened again for SWMR, in which rows can grow but no name can be added any more.
             self._file = h5py.File(self.path, "r+", libver=LAYOUT)
             self._file.swmr_mode = True
         except OSError as wrong:

@@ -13,14 +13,14 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One stored name.
+    """One stored name, with its type, axes and unit.
 
     Attributes
     ----------
     name : str
-        Of the dataset or attribute.
+        Name of the dataset or attribute.
     what : str
-        It means.
+        What it means, in a few words.
     dtype : {"f8", "i8", "i1", "text"}
         Little-endian; text is UTF-8 of fixed length, so that the checksum of HDF5's metadata covers it.
     dimensions : tuple of str or None

@@ -65,6 +65,7 @@ class _ClosedView(FileIO):
 def _closed_block(block: bytes, size: int) -> bytes:
     """The superblock of a file with the flag cleared and its end at `size`."""
     closed = bytearray(block[: _LENGTH - 4])
+    # Byte 11 holds the flags of who has it open, bytes 28 to 35 the end of the file.
     closed[11] = 0
     closed[28:36] = struct.pack("<Q", size)
     return bytes(closed) + struct.pack("<I", checksum(bytes(closed)))

@@ -54,7 +54,7 @@ def calibrate_by_beam(
     acoustics, dynamics
         Of the array's model.
     exposure : ExposureChoices, optional
-        That each drive has to keep; the usual profile if None.
+        Limits that each drive has to keep; the usual profile if None.
     date, version
         As in `Calibration`.
     progress : callable, optional
@@ -98,6 +98,7 @@ def calibrate_by_beam(
         changed_shares=field.changed(setting) / strongest,
         slow=setting.dynamics_uncertainty * slow,
         level=setting.pressure_uncertainty,
+        # The beam begins anywhere within a frame: the standard deviation of an even distribution.
         timing=1 / (np.sqrt(12) * plan.rate),
     )
     told = _life(recordings[0], array, plan)

@@ -20,7 +20,7 @@ def write_calibration_page(calibration: Calibration, path: Path) -> None:
     Parameters
     ----------
     calibration : Calibration
-        To show.
+        The calibration to show.
     path : Path
         NAME.png or NAME.html.
 
@@ -114,7 +114,7 @@ def uncertainty_of(calibration: Calibration) -> str:
 
 
 def _middle(calibration: Calibration) -> float:
-    """100 Hz, or the bin closest to it."""
+    """The bin closest to 100 Hz, in Hz."""
     return float(calibration.frequency[np.argmin(np.abs(calibration.frequency - 100.0))])
 
 
@@ -175,5 +175,6 @@ def _with(value: float, unsure: float | None) -> str:
         return f"{value:.4g}"
     if unsure <= 0:
         return f"{value:.5g} ± 0"
+    # Two digits of the uncertainty, and as many places of the number.
     digits = max(0, 1 - int(np.floor(np.log10(unsure))))
     return f"{value:.{digits}f} ± {unsure:.{digits}f}"

@@ -33,7 +33,7 @@ class Identity:
     grid : SensorGrid
         The cells.
     channel : tuple of int or None
-        That answers at each cell, row by row; None where nothing does.
+        The channel that answers at each cell, row by row; None where nothing does.
     margin : ndarray, shape (cell,)
         By how much the best order without this cell's channel is worse, in dB, for each of the two or more pairs that
         would have to change; infinite where there is no other.
@@ -97,6 +97,7 @@ def identify(answer: Array, noise: Array, grid: SensorGrid, *, signals: Array | 
     """
     if answer.shape != (grid.count, grid.count) or noise.shape != (grid.count,):
         raise ShapeError(f"answers: expected {grid.count} cells and channels, got {answer.shape} and {noise.shape}")
+    # A channel without any noise would be infinitely far above it.
     floor = np.maximum(noise, 1e-9 * answer.max())
     heard = np.asarray((answer > HEARD * floor).any(axis=0))
     if not heard.any():
@@ -158,6 +159,7 @@ def tone_answers(samples: Array, rate: float, frequency: Array) -> tuple[Array, 
     frames, gap = len(samples), float(np.diff(np.sort(frequency)).min(initial=np.inf))
     if not 0 < frequency.min() <= frequency.max() < rate / 2:
         raise InputError(f"tones: expected 0 to {rate / 2:g} Hz, got {frequency.min():g} to {frequency.max():g} Hz")
+    # Two periods of their difference tell two tones apart.
     if frames < 2 * rate / gap or frames <= 2 * len(frequency) + 1:
         raise InputError(f"tones {gap:g} Hz apart: expected {2 / gap:.3g} s or more, got {frames / rate:.3g} s")
     phase = 2 * np.pi * np.arange(frames)[:, None] / rate * frequency
@@ -179,6 +181,7 @@ def _assignment(cost: Array) -> tuple[dict[int, int], float]:
 def _margin(cost: Array, cell: int, column: int, total: float) -> float:
     """How much worse the best order without a pair is, for each of the two pairs that must change at least."""
     other: Any = cost.copy()
+    # Dearer than any order, so that it is taken only where there is no other.
     forbidden = float(cost.sum()) + 1e6
     other[cell, column] = forbidden
     _, without = _assignment(other)

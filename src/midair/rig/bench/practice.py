@@ -26,19 +26,19 @@ class CalibrationBench:
     model : SensorModel
         The sensor; whoever analyses the takes is not told.
     rate : float
-        Of sensor and reference, in Hz.
+        Rate of sensor and reference, in Hz.
     reference_sensitivity : float
-        That the reference's certificate states, in V/Pa.
+        Sensitivity that the reference's certificate states, in V/Pa.
     reference_error : float
-        By how much of it the certificate is wrong.
+        Part of it by which the certificate is wrong.
     reference_uncertainty : float
-        That the certificate states, standard (k = 1).
+        Standard uncertainty (k = 1) that the certificate states.
     reference_noise : float
         One-sided density, in Pa/sqrt(Hz).
     seating : float
         Standard deviation of the pressure's level from take to take that the reference does not see.
     seed : int
-        Of all that is random.
+        Seed of all that is random.
     """
 
     model: SensorModel = field(default_factory=SensorModel)
@@ -81,6 +81,7 @@ class CalibrationBench:
 
     def quiet(self, duration: float) -> Recording:
         """A recording in which nothing presses."""
+        # A number that no take has, so that its noise is its own.
         return self.recordings(np.zeros(round(duration * self.rate)), number=10**6)[0]
 
 
@@ -91,6 +92,7 @@ def practice_bench(seed: int = 0) -> CalibrationBench:
     away = np.array([[abs(i // 4 - k // 4) + abs(i % 4 - k % 4) for k in range(16)] for i in range(16)])
     crosstalk = np.eye(16) + 0.03 * (away == 1) * (1 + 0.2 * rng.standard_normal((16, 16))) + 0.004 * (away == 2)
     model = SensorModel(grid=grid, delay=rng.uniform(0, 3e-4, grid.shape), crosstalk=crosstalk, saturation=6.0)
+    # Drawn from the uncertainty that the certificate states: it is honest, but not right.
     error = 0.005 * float(rng.standard_normal())
     return CalibrationBench(
         model=model.with_spread(seed=seed),
@@ -118,9 +120,9 @@ def write_practice(
     kind : {"noise", "sweep"}
         What presses.
     duration : float
-        Of each recording, in s.
+        Duration of each recording, in s.
     seed : int
-        Of all that is random.
+        Seed of all that is random.
     progress : callable, optional
         Called with (recordings done, recordings in all).
 

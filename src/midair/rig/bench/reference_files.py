@@ -22,9 +22,9 @@ class ReferenceChoice:
     uncertainty : float
         Standard (k = 1), as a part of the sensitivity.
     name : str
-        Of the reference; what its file says if empty.
+        Name of the reference; what its file says if empty.
     channel : int or None
-        Of the sensor's own recording on which the reference is; None for files of its own.
+        Channel of the sensor's own recording on which the reference is; None for files of its own.
     """
 
     sensitivity: float | None = None
@@ -45,9 +45,9 @@ def read_takes(
     Parameters
     ----------
     recordings : sequence of Path
-        Of the sensor.
+        Recordings of the sensor.
     references : sequence of Path
-        Of the reference, one for each, begun at the same moment; none when it is on a channel of the recordings.
+        Files of the reference, one for each, begun at the same moment; none if it is on a channel of the recordings.
     choice : ReferenceChoice
         What measured the pressure.
     cells : sequence of int or None, optional

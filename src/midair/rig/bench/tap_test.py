@@ -43,7 +43,7 @@ class TapTest:
 
 
 def nobody_skips() -> bool:
-    """Nobody says anything."""
+    """Whether a cell is to be left out: never, since nobody looks on."""
     return False
 
 
@@ -176,6 +176,7 @@ class _Ear:
 
     def _begin(self, samples: Array, *, share: float = 1.0) -> int | None:
         """The first frame at which any channel leaves its rest."""
+        # A channel without noise would take the smallest change for a tap.
         floor = np.maximum(self.noise, max(0.1 * float(np.median(self.noise)), 1e-12))
         past = (np.abs(samples - self.rest) > share * self._test.level * floor).any(axis=1)
         return int(past.argmax()) if past.any() else None

@@ -39,6 +39,7 @@ def device_findings(name: str) -> list[Check]:
         with array_named(name) as array:
             said = array.banks.describe()
     except MidairError as wrong:
+        # A message of midair says what came and, after a semicolon, what to do.
         found, _, advice = str(wrong).partition("; ")
         return [Check(subject=name, state="broken", found=found, advice=advice or "midair play --help names arrays")]
     findings = [_judged(f"{name}: {subject}", subject, found) for subject, found in said.items()]
@@ -103,6 +104,7 @@ def _raw_sockets() -> Check:
     if sys.platform != "linux" or family is None:
         return Check(subject=subject, state="ok", found="not looked at on this system; Npcap is needed on Windows")
     try:
+        # Opening is what needs the right; nothing is sent.
         socket.socket(family, socket.SOCK_RAW).close()
     except PermissionError:
         advice = "sudo setcap cap_net_raw,cap_sys_nice=ep on the python that .venv/bin/python links to"

@@ -82,6 +82,7 @@ def _folder() -> Check:
 def _field() -> Check:
     """The field of four units at their focus against the figure of AUTD3's own emulator."""
     array, point = TransducerArray.autd3(), np.array([[0, 0, 0.2]])
+    # Point sources without loss, which is what the emulator computes.
     acoustics = Acoustics(medium=Medium(attenuation=0), directivity="point")
     matrix = transfer_matrix(point, array, acoustics=acoustics)
     q = np.exp(1j * quantise_phase(focus_phase(array, point[0], acoustics=acoustics)))
@@ -93,11 +94,12 @@ def _field() -> Check:
 
 
 def _solver() -> Check:
-    """One focus, solved."""
+    """How long an iteration takes, from one focus on the paper's array and control points."""
     grid, array = ControlGrid(), TransducerArray.autd3()
     amplitude = np.zeros((1, grid.count))
     amplitude[0, grid.count // 2 + grid.columns // 2] = 1000.0
     target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid)
+    # Once before, so that loading SciPy is not measured.
     solve(target, array, iterations=1)
     begin = time.perf_counter()
     solution = solve(target, array, iterations=20)

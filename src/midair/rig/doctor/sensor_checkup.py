@@ -38,6 +38,7 @@ def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[
             said = sensor.describe()
             unit, full_scale = sensor.unit, sensor.full_scale
     except MidairError as wrong:
+        # A message of midair says what came and, after a semicolon, what to do.
         found, _, advice = str(wrong).partition("; ")
         return [Check(subject=plain, state="broken", found=found, advice=advice or "see docs, build a sensor")]
     low, high = block.samples.min(axis=0), block.samples.max(axis=0)

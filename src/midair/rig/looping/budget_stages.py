@@ -36,7 +36,7 @@ class BudgetPlan:
     Attributes
     ----------
     settings : Settings
-        Of the reproduction.
+        Settings of the reproduction.
     rig : VirtualRig
         Array, sensor and air.
     silencer : {"auto", "off", "quarter", "half", "default"}
@@ -158,6 +158,7 @@ def _chains(drive: Drive, plan: BudgetPlan) -> Generator[tuple[str, str, Playbac
     yield "frame hold", f"each frame stands for {1e3 / drive.rate:g} ms", held
     moving = replace(held, transducers=full.transducers)
     yield "transducers", "each follows its drive at its own resonance, quality and strength", moving
+    # As if of one unit: only the steps count here.
     silencer = choose_silencer(plan.silencer, phase_bytes(drive, 1), intensity_bytes(drive, 1), drive.rate)
     spread = replace(moving, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
     yield "silencer", f"spreads steps: {silencer}", spread
@@ -182,6 +183,7 @@ def _heard_perfectly(asked: PressureFrames, settings: Settings) -> PressureFrame
     def window(frequency: Array) -> Array:
         return band_window(frequency, band, edges=edges).reshape(-1, 1, 1)
 
+    # Two periods of the lower edge, which is half as wide as `low`.
     return replace(asked, pressure=filter_response(asked.pressure, asked.rate, window, reach=4 / band[0]))
 
 

@@ -33,7 +33,7 @@ class Loop:
     Attributes
     ----------
     settings : Settings
-        Of every stage.
+        Settings of every stage.
     original : PressureFrames
         What was to be reproduced.
     beam : BeamTest
@@ -72,7 +72,7 @@ def beam_test(
     array, sensor : ArrayDevice, SensorDevice
         Open.
     calibration : Calibration, optional
-        Of the sensor.
+        Calibration of the sensor.
     settings : Settings
         Its band decides the beat, its grid's height the place; its medium and directivity what is commanded.
     top : float
@@ -80,7 +80,7 @@ def beam_test(
     levels : int
         Number of levels, 5 or more, evenly spread in pressure.
     exposure : ExposureChoices, optional
-        That the beam has to keep; the usual profile if None.
+        Limits that the beam has to keep; the usual profile if None.
     progress : callable, optional
         Called with (frames played, frames in all).
     """
@@ -103,6 +103,7 @@ def beam_test(
     heard = felt(rerecord(admission, array, sensor, progress=progress), calibration, settings)
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
     measured = beat_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
+    # Half peak to peak, which is what `beat_amplitude` reads.
     commanded = full * drives**2 / 2
     return BeamTest(channel=channel, commanded=commanded, measured=measured, line=beam_gain(commanded, measured))
 
@@ -131,7 +132,7 @@ def run_loop(
     array, sensor, exposure, lead
         As in `Rig`.
     settings : Settings
-        Of every stage.
+        Settings of every stage.
     corrections : int
         Passes after the first that correct the amplitude; the paper's loop has one.
     iterate : int
@@ -149,6 +150,7 @@ def run_loop(
     passes: list[Pass] = []
     for number in range(corrections + 1):
         if passes:
+            # On top of the gain so far: the pass before was played with it.
             gain *= amplitude_gain(passes[-1].comparison.gain)
         passes.append(play_pass(original, asked, rig, settings.but(gain=gain), f"pass {number + 1}", stage))
     further = iterated(original, passes[-1], rig, settings, iterate, stage=stage)
@@ -165,5 +167,6 @@ def run_loop(
 def _beat(settings: Settings) -> tuple[float, int]:
     """Frequency of the beat in Hz, in the middle of the band on a logarithmic scale, and its cycles at each level."""
     middle = float(np.sqrt(settings.calibration.band[0] * settings.calibration.band[1]))
+    # Of at least four frames, as `beam_drive` asks.
     frequency = settings.target.rate / max(4, round(settings.target.rate / middle))
     return frequency, max(4, round(0.2 * frequency))

@@ -55,11 +55,11 @@ def iterated(
     original : PressureFrames
         What was to be reproduced.
     start : Pass
-        To improve on.
+        The pass to improve on.
     rig : Rig
         Open.
     settings : Settings
-        Of every stage; the gain is that of `start`.
+        Settings of every stage; the gain is that of `start`.
     times : int
         Largest number of steps, those that are taken back among them; 0 for none.
     correction : IterativeCorrection, optional
@@ -108,6 +108,7 @@ def _asked(
     first = (len(asked) - original.frames) // 2
     part = slice(first, first + original.frames)
     lacking = np.zeros_like(asked)
+    # The lead is not judged: nothing lacks there.
     lacking[part] = original.pressure - heard[part]
     response = measured_response(asked, heard, rate, band=settings.calibration.band)
     change = correction.change(lacking, rate, response, band=settings.calibration.band, step=step)

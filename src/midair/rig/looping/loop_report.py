@@ -53,7 +53,7 @@ def write_report(loop: Loop, path: Path, *, commands: tuple[str, ...] = ()) -> N
     loop : Loop
         What to report.
     path : Path
-        Of the HTML file.
+        Path of the HTML file.
     commands : tuple of str
         With which the same can be done again.
     """
@@ -202,7 +202,7 @@ def settings_rows(settings: object, prefix: str = "") -> list[Row]:
 
 
 def versions() -> list[Row]:
-    """Of midair, Python and the libraries that the figures depend on."""
+    """Versions of midair, Python and the libraries that the figures depend on."""
     libraries = [
         (name, importlib.metadata.version(name)) for name in ("midair", "numpy", "scipy", "h5py", "matplotlib")
     ]
@@ -229,6 +229,7 @@ def _figures(loop: Loop) -> list[Row]:
 def _pass_figures(loop: Loop, number: int) -> Mapping[str, tuple[float, str]]:
     this = loop.passes[number]
     solution, target = this.reproduction.solution, this.reproduction.target
+    # Silent frames have no error, and would make the mean better than it is.
     plays = np.array([status != "silent" for status in solution.status])
     settings: Settings = loop.settings
     field = propagate(solution.drive, target.grid, acoustics=settings.acoustics)

@@ -25,7 +25,7 @@ class Rig:
     array, sensor : ArrayDevice, SensorDevice
         Open; the sensor lies at the settings' control grid and brings its own calibration.
     exposure : ExposureChoices
-        That every drive has to keep on an array that can be heard.
+        Limits that every drive has to keep on an array that can be heard.
     lead : float
         Silence that swells into the original before it and fades after it, in s, so that a bias has time to rise.
     """
@@ -42,12 +42,12 @@ class Rig:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pass:
-    """One time through.
+    """What one time through solving, playing and re-recording gave.
 
     Attributes
     ----------
     gain : float
-        That the pressure was multiplied by.
+        Factor that the pressure was multiplied by.
     step : float or None
         g of an iterative correction; None of a pass that the gain alone corrects.
     asked : PressureFrames
@@ -61,7 +61,7 @@ class Pass:
     felt : PressureFrames
         The part of it that the original is of.
     comparison : Comparison
-        Of that part with the original.
+        Comparison of that part with the original.
     """
 
     gain: float
@@ -104,6 +104,7 @@ def play_pass(
     admission = admit(made.solution.drive, rig.array, rig.exposure)
     rerecorded = rerecord(admission, rig.array, rig.sensor, progress=progress)
     heard = at_rate(felt(rerecorded, rig.sensor.calibration, settings), original.rate)
+    # A simulated sensor hears the drive's first frame at time 0.
     if not rig.sensor.simulated:
         heard = _from_the_first_frame(heard, asked)
     first = (asked.frames - original.frames) // 2

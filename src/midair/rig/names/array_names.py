@@ -20,7 +20,7 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
         EtherCAT, ``pyautd3:twincat`` and ``pyautd3:remote:ADDRESS:PORT`` through a server; ``pyautd3:audit`` and
         ``pyautd3:nop`` have no hardware behind them. ``virtual`` is not among them: it needs a skin to press on.
     placement : Placement, optional
-        Of the units; two by two if None.
+        Placement of the units; two by two if None.
     silencer : {"auto", "off", "quarter", "half", "default"}
         How phase steps are spread.
 

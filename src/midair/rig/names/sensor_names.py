@@ -22,9 +22,9 @@ def sensor_named(
     rig : VirtualRig
         What virtual names refer to.
     duration : float, optional
-        For how long a virtual object touches, in s.
+        Time for which a virtual object touches, in s.
     wiring : SensorWiring, optional
-        From a sensor file: which channel is which cell. The cells of a virtual or replayed sensor count as channels.
+        Which channel is which cell, from a sensor file. The cells of a virtual or replayed sensor count as channels.
 
     Raises
     ------

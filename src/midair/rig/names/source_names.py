@@ -23,7 +23,7 @@ class SourceOptions(BaseModel):
     unit, full_scale, sensitivity, rows, columns, pitch_mm
         As in a sensor file, which they override.
     rate : float, optional
-        Of the frames, in Hz; a faster source is filtered and thinned out.
+        Rate of the frames, in Hz; a faster source is filtered and thinned out.
     timeout : float
         After how many seconds without a frame the sensor counts as lost.
     """
@@ -44,6 +44,7 @@ class SourceOptions(BaseModel):
         base = wiring or SensorWiring.for_channels(stream.channels, name=name, unit=stream.unit or "count")
         rows, columns = self.rows or base.grid.rows, self.columns or base.grid.columns
         pitch = base.grid.pitch if self.pitch_mm is None else self.pitch_mm * 1e-3
+        # An order that was stated for other cells means nothing for these.
         same = (rows, columns) == base.grid.shape
         return SensorWiring(
             grid=SensorGrid(rows=rows, columns=columns, pitch=pitch, name=base.grid.name),
@@ -91,7 +92,7 @@ def source_sensor(name: str, *, wiring: SensorWiring | None = None) -> StreamedS
     name : str
         KIND:WHERE or KIND:WHERE?option=value&option=value.
     wiring : SensorWiring, optional
-        From its sensor file.
+        Wiring from its sensor file.
 
     Raises
     ------
@@ -111,12 +112,14 @@ def source_sensor(name: str, *, wiring: SensorWiring | None = None) -> StreamedS
         source,
         name=name,
         wire=lambda stream: options.wire(stream, wiring, plain),
+        # At a low rate even a healthy sensor is silent for longer than the limit.
         timeout=max(options.timeout, 3 / (options.rate or 1e9)),
     )
 
 
 def split_name(name: str) -> tuple[str, str, dict[str, str]]:
     """Kind, place and options of a name."""
+    # A question mark that no option follows belongs to the place.
     match = re.fullmatch(r"([^:]*):(.*?)(?:\?((?:\w+=[^&?]*&)*\w+=[^&?]*))?", name, re.DOTALL)
     if match is None:
         return name, "", {}

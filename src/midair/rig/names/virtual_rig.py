@@ -18,17 +18,17 @@ class VirtualRig:
     array : TransducerArray
         The transducers.
     height : float
-        Of the sensor above the array, in m.
+        Height of the sensor above the array, in m.
     acoustics : Acoustics
         The air and the directivity of a transducer.
     dynamics : TransducerDynamics
-        Of a transducer.
+        Dynamics of a transducer.
     rate : float
-        Of the sensor, in Hz.
+        Rate of the sensor, in Hz.
     steps : int
         Time steps of the simulation in one frame of the sensor.
     seed : int
-        Of everything random: the sensor's spread and noise, the transducers' strengths.
+        Seed of everything random: the sensor's spread and noise, the transducers' strengths.
     peak : float
         Highest pressure of a modulated focus, in Pa; at 30 Pa two corrected foci stay within the array's power.
     """

@@ -30,7 +30,7 @@ def play_admitted(
     Parameters
     ----------
     admission : Admission
-        From `admit`, with this array.
+        What `admit` gave for this array.
     array : ArrayDevice
         Open.
     source : str
@@ -41,6 +41,7 @@ def play_admitted(
     log_order(source, array.name, admission)
 
     def stop() -> None:
+        # Silence first, then the end of the program, which may take its time.
         array.silence()
         _thread.interrupt_main()
 
@@ -61,6 +62,7 @@ def signals_end_the_program() -> Generator[None]:
     def leave(number: int, _: FrameType | None) -> None:
         for each in ENDING:
             signal.signal(each, signal.SIG_IGN)  # a second one must not interrupt the silencing
+        # The status by which shells know that a signal ended a program.
         sys.exit(128 + number)
 
     with handled(ENDING, leave):

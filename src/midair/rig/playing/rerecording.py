@@ -31,7 +31,7 @@ def rerecord(
     Parameters
     ----------
     admission : Admission
-        From `admit`, with this array.
+        What `admit` gave for this array.
     array, sensor : ArrayDevice, SensorDevice
         Open. The sensor must keep what it samples until it is read.
     source : str

@@ -26,7 +26,7 @@ class Stopped:
     process : int
         Its number.
     device : str
-        That it plays on.
+        Name of the array that it plays on.
     outcome : {"silent", "gone", "no answer"}
         "gone": it had ended without a word, and its array's failsafe has silenced it.
     """
@@ -43,6 +43,7 @@ def stop_line(device: str, silence: Callable[[], None]) -> Generator[Path]:
     with socket.create_server(("127.0.0.1", 0)) as server:
         path = make_state_folder() / f"playing-{os.getpid()}.json"
         entry = {"process": os.getpid(), "device": device, "port": server.getsockname()[1], "secret": secret}
+        # For this user alone: whoever reads the secret can stop what plays.
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             json.dump(entry, file)
@@ -70,6 +71,7 @@ def _listen(server: socket.socket, secret: str, silence: Callable[[], None]) -> 
         except OSError:
             return
         with call, contextlib.suppress(OSError):
+            # A caller who says nothing must not keep others from being heard.
             call.settimeout(1)
             order = call.recv(256).decode(errors="replace").split()
             if order == ["end", secret]:
@@ -91,6 +93,7 @@ def _stop(path: Path, timeout: float) -> Stopped:
             call.settimeout(timeout)
             call.sendall(f"silence {secret}\n".encode())
             silent = call.recv(64) == ANSWER
+    # Nobody listens there: the program died before it could remove its file.
     except ConnectionError:
         path.unlink(missing_ok=True)
         return Stopped(process=process, device=device, outcome="gone")

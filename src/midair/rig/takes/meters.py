@@ -56,7 +56,7 @@ class Meters:
         Limit of the converter on either side. If it is not known, a channel clips where it stays at its own highest or
         lowest value of the window for three frames or more while it hardly ever repeats a value elsewhere.
     window : float
-        That levels are taken over, in s.
+        Time that levels are taken over, in s.
     still : float
         A channel is dead or stuck when it has not changed for so long, in s.
     """
@@ -129,6 +129,7 @@ class Meters:
         runs[1:-1] |= triple
         runs[:-2] |= triple
         elsewhere = ~extreme[1:]
+        # A slow or coarse signal repeats itself everywhere, and a run at its extreme then says nothing.
         repeats = (same & elsewhere).sum(axis=0) <= 0.05 * elsewhere.sum(axis=0)
         return runs & repeats & elsewhere.any(axis=0)
 
@@ -140,6 +141,7 @@ class Meters:
         last = self._frames + len(block) - 1 - changed[::-1].argmax(axis=0)
         self._since = np.where(moves, last, self._since)
         self._moved |= moves
+        # What moves again and then stops is told again.
         self._told &= ~moves
         self._frames += len(block)
 

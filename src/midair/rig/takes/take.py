@@ -41,6 +41,7 @@ def record_take(sensor: SensorDevice, plan: TakePlan, watcher: Watcher) -> Take:
     """
     if plan.duration is not None and round(plan.duration * sensor.rate) < 1:
         raise InputError(f"duration: expected at least one frame of {1e3 / sensor.rate:g} ms, got {plan.duration:g} s")
+    # Before the sensor starts: frames would pile up while HDF5 is loaded.
     RecordingWriter.warm_up()
     sensor.start()
     try:
@@ -61,6 +62,7 @@ class _Taking:
         self._trigger = None if plan.level is None else Trigger(plan.level, sensor.rate)
         self._before = PreRoll(round(plan.pre_roll * sensor.rate))
         self._writer: RecordingWriter | None = None
+        # Bounded, since a take may wait for its touch for hours.
         self._early: deque[Event] = deque(maxlen=1000)
         self._told: set[EventKind] = set()
         self._origin = self._lost = self._held = 0
@@ -92,6 +94,7 @@ class _Taking:
         if (order := self._watcher.order()) in ("quit", "kill"):
             return order
         if self._writer is None and self._plan.start == "key" and self._sensor.on_demand and order is None:
+            # Reading would use up a source that gives frames on demand before anybody has pressed the key.
             time.sleep(self._plan.block)
             self._show()
             return None
@@ -111,6 +114,7 @@ class _Taking:
             self._tell([Event(kind="lost", frame=seamless.first, frames=seamless.lost)])
         self._tell(self._meters.add(seamless.samples))
         if not self._sensor.on_demand:
+            # A source on demand has no clock of its own.
             self._rate.add(block.first / self._sensor.rate, block.host_time)
             self._clock.add(block.device_time, block.host_time)
             self._tell_drift()

@@ -19,9 +19,9 @@ class Subject:
     object, surface : str
         Such as towel and grooved; empty where nobody said.
     speed : str
-        Of the stroke, with its unit, such as 50mm/s.
+        Speed of the stroke, with its unit, such as 50mm/s.
     operator : str
-        Who records.
+        The person who records.
     """
 
     object: str = ""
@@ -36,7 +36,7 @@ class Subject:
 
     @property
     def stem(self) -> str:
-        """Of the names of its files: object-surface."""
+        """Beginning of the names of its files: object-surface."""
         return "-".join(part for part in (slug(self.object), slug(self.surface)) if part) or "recording"
 
 
@@ -100,6 +100,7 @@ def remembered() -> Subject:
     try:
         stored = json.loads((state_folder() / "subject.json").read_text(encoding="utf-8"))
         return Subject(**{each.name: str(stored.get(each.name, "")) for each in fields(Subject)})
+    # Only offered as an answer: what cannot be read is left out in silence.
     except (OSError, ValueError, AttributeError):
         return Subject()
 

@@ -24,11 +24,11 @@ class TakePlan:
     Attributes
     ----------
     path : Path
-        Of the recording to make; nothing is written over.
+        Path of the recording to make; nothing is written over.
     start : {"at once", "key", "touch"}
         What it waits for.
     duration : float or None
-        From the start on, in s; None until something else ends it.
+        Time from the start on, in s; None until something else ends it.
     level : float or None
         Distance of any channel from its resting value that is a touch, in the sensor's unit.
     pre_roll : float
@@ -81,9 +81,9 @@ class View:
     lost : int
         Frames that never came, since the sensor was started.
     levels : Levels
-        Of the channels.
+        Levels of the channels.
     rate, clock : Drift or None
-        Of the frames counted and of the device's clock, against this computer's.
+        Drifts of the frames counted and of the device's clock, against this computer's.
     """
 
     state: Literal["waiting", "recording"]
@@ -102,7 +102,7 @@ class Take:
     Attributes
     ----------
     path : Path or None
-        Of the recording; None when it ended before it began.
+        Path of the recording; None when it ended before it began.
     frames, lost : int
         In the file, and how many of them are held ones.
     end : str
@@ -110,9 +110,9 @@ class Take:
     problem : str
         What was in its way, if that was the end.
     levels : Levels
-        Of the channels.
+        Levels of the channels.
     lowest, highest : float
-        Of all samples in the file, in the sensor's unit.
+        Lowest and highest of all samples in the file, in the sensor's unit.
     rate, clock : Drift or None
         As in `View`.
     """

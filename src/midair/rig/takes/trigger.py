@@ -29,7 +29,7 @@ class Trigger:
         self._rest: Array | None = None
 
     def exceeded(self, samples: Array) -> NDArray[np.bool_]:
-        """At which frames a channel is past the level, for samples of shape (frame, row, column)."""
+        """Whether any channel is past the level, for each frame of samples of shape (frame, row, column)."""
         if not len(samples):
             return np.zeros(0, bool)
         flat = np.asarray(samples, np.float64).reshape(len(samples), -1)
@@ -59,6 +59,7 @@ class PreRoll:
         """Frames that came; the oldest are forgotten."""
         if self._frames == 0:
             return
+        # A copy, since a view would keep its whole block in memory.
         self._parts.append(np.array(samples[-self._frames :]))
         self._have += len(self._parts[-1])
         while self._have - len(self._parts[0]) >= self._frames:

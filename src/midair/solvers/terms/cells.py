@@ -28,7 +28,7 @@ class Cells:
     sensor : SensorModel
         Its grid, aperture and spread give the weights.
     pressure : PressureFrames, optional
-        Of the cells, 0 or more, in Pa. What they would read of the target at the control points if None.
+        Pressure of the cells, 0 or more, in Pa. What they would read of the target at the control points if None.
     """
 
     sensor: SensorModel = field(default_factory=SensorModel)
@@ -45,6 +45,7 @@ class Cells:
             If `pressure` has other frames or cells.
         """
         weights = cell_weights(self.sensor, grid, centre=grid.centre)
+        # Radiation pressure goes with the square of the amplitude.
         wanted = amplitude**2 @ weights.T
         if self.pressure is not None:
             given = self.pressure.pressure.reshape(self.pressure.frames, -1)
@@ -75,12 +76,12 @@ class CellTarget:
 
 
 def cell_misfit(xp: Any, y: Rows, weights: Rows, wanted: Rows, scale: Numbers) -> tuple[Numbers, Rows]:
-    """Scale || w |y|^2 - P ||^2 / 2 of each row, and its gradient by y, 2 scale (w^T (w |y|^2 - P)) y.
+    """The cost scale || w |y|^2 - P ||^2 / 2 of each row, and its gradient by y, 2 scale (w^T (w |y|^2 - P)) y.
 
     Parameters
     ----------
     xp : module
-        Of the array API standard.
+        Module of the array API standard.
     y : array of complex, shape (row, point)
         The field at the control points.
     weights : array, shape (point, cell)

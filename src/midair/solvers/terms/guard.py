@@ -67,6 +67,7 @@ class Guard:
         )
         away = np.abs(larger.position[:, :2] - np.asarray(grid.centre))
         edge = (np.array([grid.columns, grid.rows]) - 1) * grid.pitch / 2 + grid.pitch / 2
+        # A nanometre more: points on the edge itself must not depend on rounding.
         ring = larger.position[(away > edge + 1e-9).any(axis=1)]
         if not len(ring):
             raise InputError(
@@ -93,12 +94,12 @@ class GuardField:
 
 
 def excess(xp: Any, y: Rows, ceiling: Rows, weight: float) -> tuple[Numbers, Rows]:
-    """Lambda sum max(|y| - c, 0)^2 / 2 of each row, and its gradient by y.
+    """The cost lambda sum max(|y| - c, 0)^2 / 2 of each row, and its gradient by y.
 
     Parameters
     ----------
     xp : module
-        Of the array API standard.
+        Module of the array API standard.
     y : array of complex, shape (row, guard point)
         The field on the ring.
     ceiling : array, shape (row, 1)
@@ -114,6 +115,7 @@ def excess(xp: Any, y: Rows, ceiling: Rows, weight: float) -> tuple[Numbers, Row
     """
     size = xp.abs(y)
     above = xp.clip(size - ceiling, 0, None)
+    # The smallest number keeps the slope at a silent point 0 instead of 0 / 0.
     return 0.5 * weight * xp.vecdot(above, above), y * (weight * above / (size + xp.finfo(size.dtype).smallest_normal))
 
 
@@ -151,6 +153,7 @@ def excess_rows(
 def _count(points: int, pitch: float, margin: float, new: float) -> int:
     """Points of the larger grid along one axis: as many as fit, and as odd or even as keeps them on the old grid."""
     half = (points - 1) / 2 * pitch + margin
+    # 1e-9 keeps a margin of whole pitches from losing its outermost points to rounding.
     if np.isclose(pitch, new):
         return points + 2 * int(margin / pitch + 1e-9)
     return 2 * int(half / new + 1e-9) + 1

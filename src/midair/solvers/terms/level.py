@@ -17,7 +17,7 @@ def automatic_level(amplitude: NDArray[np.float64], *, strength: float = 0.1, lo
     amplitude : ndarray, shape (frame, point)
         Targets, in units of the focus of the whole array at full drive.
     strength : float
-        Of the loudest target over the level. E hardly grows up to .1, and fast beyond it.
+        Strength of the loudest target over the level. E hardly grows up to .1, and fast beyond it.
     lowest : float
         Below it an 8-bit intensity has hardly a dozen steps.
     """

@@ -13,7 +13,7 @@ def misfit(xp: Any, y: Rows, p: Rows) -> tuple[Numbers, Rows]:
     Parameters
     ----------
     xp : module
-        Of the array API standard.
+        Module of the array API standard.
     y : array of complex, shape (row, point)
         The field; overwritten.
     p : array, shape (row, point)

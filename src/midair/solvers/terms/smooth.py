@@ -11,12 +11,12 @@ from midair.solvers.backend import Numbers, Rows
 
 
 def change(xp: Any, q: Rows, before: Rows, weight: float) -> tuple[Numbers, Rows]:
-    """Mu mean_n (1 - Re(conj(q_n) q_n')) of each row with the row before it, and its gradient by the phases of q.
+    """The cost mu mean_n (1 - Re(conj(q_n) q_n')) of each row and the one before it, with its gradient by the phases.
 
     Parameters
     ----------
     xp : module
-        Of the array API standard.
+        Module of the array API standard.
     q : array of complex, shape (row, transducer)
         Drives of magnitude 1, one frame after another.
     before : array of complex, shape (1, transducer)
@@ -28,7 +28,7 @@ def change(xp: Any, q: Rows, before: Rows, weight: float) -> tuple[Numbers, Rows
     -------
     cost : array, shape (row,)
     gradient : array, shape (row, transducer)
-        By the phases: mu / N Im(q_n conj(q_n' + q_n'')), with the rows on both sides; the last row has one.
+        Gradient by the phases: mu / N Im(q_n conj(q_n' + q_n'')), with the rows on both sides; the last row has one.
     """
     count = q.shape[1]
     earlier = xp.concat([before, q[:-1, :]], axis=0)

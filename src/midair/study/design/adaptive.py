@@ -21,7 +21,7 @@ class Staircase:
     Attributes
     ----------
     level : float
-        Of the next trial.
+        Level of the next trial.
     steps : tuple of float
         Change of level: the first until the first reversal, the second until the second, the last from there on.
     down : int
@@ -56,6 +56,7 @@ class Staircase:
         if correct and self.row + 1 < self.down:
             return replace(self, row=self.row + 1)
         move = -1 if correct else 1
+        # The level at which it turns counts, not the one to which it goes.
         turns = (*self.turned, self.level) if self.moves and self.moves[-1] != move else self.turned
         step = self.steps[min(len(turns), len(self.steps) - 1)]
         level = float(np.clip(self.level + move * step, self.low, self.high))
@@ -81,7 +82,7 @@ class QuestPlus:
     Attributes
     ----------
     levels : ndarray, shape (level,)
-        That may be presented.
+        Strengths that may be presented.
     thresholds, slopes, lapses : ndarray, one axis each
         The grid of functions thought possible; their meaning as in `Psychometric`.
     guess : float
@@ -142,6 +143,7 @@ class QuestPlus:
         for chance in (right, 1 - right):
             joint = chance * self.belief
             share = joint.sum(axis=axes)
+            # 0 log 0 is 0, where NumPy says NaN.
             inside = np.where(joint > 0, joint * np.log(np.where(joint > 0, joint, 1)), 0).sum(axis=axes)
             expected += share * np.log(np.maximum(share, 1e-300)) - inside
         return float(self.levels[int(np.argmin(expected))])

@@ -56,6 +56,7 @@ def threshold(plan: Plan, progress: Standing, block_name: str) -> tuple[float, f
     if block.adaptive == "quest+":
         return ask_quest(plan.design, block, history).threshold
     state = climb(ladder, history)
+    # For its check alone: the mean is of strengths, not of rungs.
     state.threshold(last=6)
     return float(np.mean(strength[np.rint(state.turned[-6:]).astype(int)])), float("nan")
 

@@ -20,7 +20,7 @@ Adaptive = Literal["", "staircase", "quest+"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stimulus:
-    """Something to feel.
+    """Something to feel: a drive, an object, nothing, or a pair.
 
     Attributes
     ----------
@@ -57,13 +57,13 @@ class Block:
     Attributes
     ----------
     name : str
-        Of the block.
+        Name of the block.
     stimuli, questions : tuple of str
         Names.
     repetitions : int
         Trials of each stimulus.
     order : {"shuffle", "rounds", "fixed"}
-        Of the trials.
+        Order of the trials.
     longest_run : int
         Most trials with the same stimulus in a row; 0 for no limit.
     group : str
@@ -153,11 +153,11 @@ class Design:
     name : str
         Letters and digits only: it becomes the task of BIDS file names.
     title : str
-        For people.
+        What the study is called for people.
     participants : int
-        For whom the trials are drawn.
+        Number of people for whom the trials are drawn.
     seed : int
-        Of all shuffles.
+        Seed of all shuffles.
     stimuli, questions, blocks : tuple
         The parts.
     counterbalanced : tuple of str
@@ -204,15 +204,15 @@ class Design:
         return tuple(dict.fromkeys(factor for part in parts for factor in part.levels))
 
     def stimulus(self, name: str) -> Stimulus:
-        """By its name."""
+        """The stimulus of this name."""
         return next(part for part in self.stimuli if part.name == name)
 
     def question(self, name: str) -> Question:
-        """By its name."""
+        """The question of this name."""
         return next(part for part in self.questions if part.name == name)
 
     def block(self, name: str) -> Block:
-        """By its name."""
+        """The block of this name."""
         return next(part for part in self.blocks if part.name == name)
 
     def _parts(self) -> dict[str, Any]:
@@ -226,6 +226,7 @@ class Design:
         factors = (*condition, *strength, *self.analysis.within, *self.analysis.only)
         truths = tuple(question.truth for question in self.questions if question.truth)
         _known((*factors, *truths), list(self.factors), "factors")
+        # The table of answers has columns of these names, and one for each factor beside them.
         taken = {"participant", "trial", "answer", "question", "block", "correct", "right", "stimulus", "scored"}
         if clash := taken & set(self.factors):
             raise MismatchError(

@@ -47,7 +47,7 @@ def constrained_shuffle(
     items : sequence
         May repeat.
     rng : Generator
-        Of the shuffle.
+        Draws the shuffle.
     longest_run : int
         0 for no limit.
     tries : int
@@ -93,6 +93,7 @@ def _built(items: list[Item], rng: np.random.Generator, longest_run: int) -> lis
         while run < len(order) and order[-1 - run] == order[-1]:
             run += 1
         allowed = [item for item in left if left[item] and _can_follow(item, left, order, run, longest_run)]
+        # As from an urn: what is left more often comes sooner, and is not piled up for the end.
         weight = np.array([left[item] for item in allowed], float)
         chosen = allowed[int(rng.choice(len(allowed), p=weight / weight.sum()))]
         left[chosen] -= 1
@@ -110,6 +111,7 @@ def _can_follow(item: Item, left: Counter[Item], order: list[Item], run: int, lo
     total = rest.total()
     for other, count in rest.items():
         start = longest_run - now if other == item else longest_run
+        # Each of the others can part two runs; more than these runs hold would have to stand together.
         if count > start + longest_run * (total - count):
             return False
     return True

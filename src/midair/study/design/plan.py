@@ -30,7 +30,7 @@ class Trial:
     stimulus : str
         What is presented; for the presenter only. Empty in an adaptive block: chosen when its time comes.
     levels : mapping of str to str
-        Of the stimulus and of the block.
+        Levels of the stimulus and of the block.
     questions : tuple of str
         Asked in this order.
     scored : bool
@@ -58,7 +58,7 @@ class Plan:
     design : Design
         With its seed.
     trials : tuple of Trial
-        Of all participants, in the order of presentation.
+        Trials of all participants, in the order of presentation.
     digest : str
         Names the plan by its content when it was drawn: a log says which plan it followed.
     """
@@ -73,7 +73,7 @@ class Plan:
             object.__setattr__(self, "digest", digest)
 
     def trial(self, code: str) -> Trial:
-        """By its code.
+        """The trial of this code.
 
         Raises
         ------
@@ -103,6 +103,7 @@ class Plan:
 
 def digest_of(design: Mapping[str, Any], trials: Sequence[Mapping[str, Any]]) -> str:
     """Sixteen hexadecimal digits of SHA-256 over the JSON of a design and its trials."""
+    # Sorted, so that only content makes a difference and not the order of keys in a file.
     return sha256(dumps([dict(design), list(trials)], sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -160,6 +161,7 @@ def _stimuli(block: Block, rng: np.random.Generator) -> list[str]:
     order: list[str] = []
     for _ in range(block.repetitions):
         part = constrained_shuffle(block.stimuli, rng=rng)
+        # Within a round none comes twice: only where two rounds meet can it follow itself.
         while block.longest_run == 1 and len(set(block.stimuli)) > 1 and order and order[-1] == part[0]:
             part = constrained_shuffle(block.stimuli, rng=rng)
         order += part

@@ -17,13 +17,13 @@ class Question:
     Attributes
     ----------
     name : str
-        Of the column.
+        Name of the column.
     kind : {"choice", "rating", "magnitude", "yes-no", "same-different"}
         What an answer may be.
     text : str
         As it is asked.
     options : tuple of str
-        Of a choice.
+        Options of a choice.
     low, high : int
         Ends of a rating.
     low_label, high_label : str
@@ -73,6 +73,7 @@ class Question:
             return _magnitude(said)
         if said in self.answers:
             return said
+        # Of a rating the digits are the answers themselves.
         if self.kind != "rating" and said.isdigit() and 1 <= int(said) <= len(self.answers):
             return self.answers[int(said) - 1]
         begun = [option for option in self.answers if said and option.lower().startswith(said.lower())]
@@ -97,6 +98,7 @@ def _magnitude(said: str) -> str:
     try:
         value = float(said)
     except ValueError:
+        # Refused below, as no answer is less than 0.
         value = -1.0
     if not 0 <= value < float("inf"):
         raise InputError(f"answer: expected a number of 0 or more, got {said!r}")

@@ -27,7 +27,7 @@ class GivenAnswer:
     answer : str
         As `Question.read` gave it.
     reaction_s : float
-        From the question to the answer, in s.
+        Time from the question to the answer, in s.
     time : str
         When, ISO 8601.
     """
@@ -44,7 +44,7 @@ class Standing:
     Attributes
     ----------
     trials : tuple of Trial
-        Of this participant.
+        Trials of this participant.
     answers : mapping of (code, question) to Answer
         Those that count.
     chosen : mapping of code to str
@@ -77,6 +77,7 @@ class Standing:
     def redo(self, policy: Policy) -> tuple[str, ...]:
         """Codes of the trials whose answers a policy puts aside."""
         index = self.next_trial
+        # Up to the trial that was interrupted, some of whose questions may have been answered.
         if policy == "restart":
             return tuple(trial.code for trial in self.trials[: index + 1])
         if policy == "block" and index < len(self.trials):
@@ -93,9 +94,9 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
     events : iterable of mapping
         Lines of the log, in order.
     plan : Plan
-        That the session follows.
+        The plan that the session follows.
     participant : int
-        Whose log it is.
+        Number of the participant whose log it is.
 
     Raises
     ------
@@ -161,6 +162,7 @@ def _answer_row(plan: Plan, session: Standing, trial: Trial, name: str) -> dict[
     question = plan.design.question(name)
     given = session.answers[trial.code, name]
     stimulus = plan.design.stimulus(trial.stimulus or session.chosen[trial.code])
+    # What is said nearer to the question goes before.
     levels = {**stimulus.levels, **trial.levels, **question.levels}
     right = right_answer(question, stimulus, levels)
     row: dict[str, Any] = {

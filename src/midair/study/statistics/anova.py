@@ -115,6 +115,7 @@ def _row(z: Array, noise: float, *, scale: float) -> dict[str, object]:
     df1, df2 = d, d * (people - 1)
     between = people * float((z.mean(axis=0) ** 2).sum())
     within = float(((z - z.mean(axis=0)) ** 2).sum())
+    # Sums of squares as small as this are the rounding of the answers.
     negligible = people * d * (1e-12 * scale) ** 2
     shares = {
         "np2": between / (between + within) if between + within > negligible else np.nan,
@@ -143,6 +144,7 @@ def _sphericity(covariance: Array, people: int) -> tuple[dict[str, float], str]:
     trace = float(np.trace(covariance))
     gg = trace**2 / (d * float((covariance**2).sum()))
     room = people - 1 - d * gg
+    # Where the estimate has no finite value there is nothing to correct by: 1.
     hf = (people * d * gg - 2) / (d * room) if room > 1e-9 else 1.0
     if people - 1 < d:
         note = f"Mauchly's test needs more than {d} participants, got {people}"

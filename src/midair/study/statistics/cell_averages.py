@@ -30,7 +30,7 @@ class CellMeans:
     participants : tuple
         One a row.
     levels : tuple of tuple
-        Of each factor.
+        Levels of each factor.
     """
 
     mean: Array

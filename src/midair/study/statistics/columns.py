@@ -78,6 +78,7 @@ def levels(values: Series | NDArray[Any]) -> tuple[list[Any], NDArray[np.int64]]
     """The different values in the order in which they first appear, and the number of each row's value."""
     from pandas import factorize
 
+    # With a sentinel, a missing value would be number -1, which indexes the last level.
     number, order = factorize(values, use_na_sentinel=False)
     return order.tolist(), number.astype(np.int64)
 

@@ -30,7 +30,7 @@ class Confusion:
     by_person : ndarray of int, shape (participant, presented, answered)
         Number of trials.
     labels : tuple
-        Of the objects, for both axes.
+        Names of the objects, for both axes.
     participants : tuple
         One an entry of the first axis.
     """
@@ -41,7 +41,7 @@ class Confusion:
 
     @property
     def counts(self) -> Counts:
-        """Over all people, shape (presented, answered)."""
+        """Counts over all people, shape (presented, answered)."""
         return self.by_person.sum(axis=0)
 
     @property
@@ -51,7 +51,7 @@ class Confusion:
 
     @property
     def f_measure(self) -> Array:
-        """Of each object, shape (object,)."""
+        """F of each object over all people, shape (object,)."""
         return f_measure(self.counts)
 
     @property
@@ -72,14 +72,14 @@ def confusion_matrix(
     participant: Sequence[Any] | NDArray[Any] | None = None,
     labels: Sequence[Any] | None = None,
 ) -> Confusion:
-    """Count the answers.
+    """Count the answers to each object, person by person.
 
     Parameters
     ----------
     presented, answered : sequence, length trial
         Names of objects.
     participant : sequence, length trial, optional
-        Who answered; one person if None.
+        The person who answered; one for all trials if None.
     labels : sequence, optional
         The objects in the order wanted; those presented, in order of appearance, if None.
 
@@ -177,6 +177,7 @@ def wilson(hits: Any, total: Any, *, level: float = 0.95) -> tuple[Array, Array]
     z = float(norm.ppf((1 + level) / 2))
     middle = (k + z**2 / 2) / (n + z**2)
     half = z / (n + z**2) * np.sqrt(k * (n - k) / n + z**2 / 4)
+    # At 0 and at all hits rounding can leave the limits a hair outside.
     return np.maximum(middle - half, 0), np.minimum(middle + half, 1)
 
 
@@ -239,5 +240,6 @@ def _shuffled(counts: Counts, rng: np.random.Generator, draws: int) -> Counts:
     truth = np.repeat(np.arange(size), counts.sum(axis=1))
     answer = np.repeat(np.arange(size), counts.sum(axis=0))
     shuffled = rng.permuted(np.broadcast_to(answer, (draws, answer.size)), axis=1)
+    # One number for draw, object and answer, so that all draws are counted at once.
     where = (np.arange(draws)[:, None] * size + truth) * size + shuffled
     return np.bincount(where.ravel(), minlength=draws * size * size).reshape(draws, size, size)

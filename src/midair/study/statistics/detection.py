@@ -82,6 +82,7 @@ def proportion_correct(d_prime: Any, *, alternatives: int) -> Array:
         raise InputError(f"alternatives: expected 2 or more, got {alternatives}")
     node, weight = np.polynomial.hermite_e.hermegauss(81)
     inside = ndtr(np.asarray(d_prime, float)[..., None] + node) ** (alternatives - 1)
+    # The quadrature weighs by exp(-x^2 / 2), which is phi without its factor.
     return np.asarray(inside @ weight / np.sqrt(2 * np.pi))
 
 
@@ -119,6 +120,7 @@ def d_prime_yes_no(hits: int, signals: int, false_alarms: int, blanks: int) -> S
     """
     from scipy.stats import norm
 
+    # For its checks of the counts alone.
     wilson([hits, false_alarms], [signals, blanks])
     rate = (np.array([hits, false_alarms]) + 0.5) / (np.array([signals, blanks]) + 1)
     z = norm.ppf(rate)
@@ -142,6 +144,7 @@ def d_prime_same_different(hits: int, different: int, false_alarms: int, same: i
     from scipy.optimize import brentq
     from scipy.stats import norm
 
+    # For its checks of the counts alone.
     wilson([hits, false_alarms], [different, same])
     hit, alarm = (hits + 0.5) / (different + 1), (false_alarms + 0.5) / (same + 1)
     k = float(-np.sqrt(2) * norm.ppf(alarm / 2))

@@ -31,7 +31,7 @@ class LogisticFit:
     spread : float
         Standard deviation of people, in logits.
     log_likelihood : float
-        At the maximum.
+        Logarithm of the likelihood at its maximum.
     converged : bool
         Whether the optimiser said so.
     """
@@ -99,9 +99,9 @@ def fit_logistic(y: Array, design: Array, person: NDArray[np.int64], *, nodes: i
     design : ndarray, shape (trial, term)
         First column ones.
     person : ndarray of int, shape (trial,)
-        From 0 on.
+        Number of the person who answered, from 0 on.
     nodes : int
-        Of the quadrature over u.
+        Number of nodes of the quadrature over u.
     """
     from scipy.optimize import minimize
 
@@ -109,6 +109,7 @@ def fit_logistic(y: Array, design: Array, person: NDArray[np.int64], *, nodes: i
     log_weight = np.log(weight / weight.sum())
     order = np.argsort(person, kind="stable")
     y, design, person = y[order], design[order], person[order]
+    # Sorted by person, so that the trials of each are one stretch that can be summed at once.
     first = np.flatnonzero(np.r_[True, np.diff(person) > 0])
     sign = (2 * y - 1)[:, None]
 
@@ -117,6 +118,7 @@ def fit_logistic(y: Array, design: Array, person: NDArray[np.int64], *, nodes: i
         logit = (design @ parameters[:-1])[:, None] + spread * u
         log_p = -np.logaddexp(0, -sign * logit)
         joint = np.add.reduceat(log_p, first, axis=0) + log_weight
+        # Taken out of the exponential: the product over many trials is below the smallest number.
         top = joint.max(axis=1, keepdims=True)
         part = np.exp(joint - top)
         marginal = part.sum(axis=1, keepdims=True)
@@ -126,6 +128,7 @@ def fit_logistic(y: Array, design: Array, person: NDArray[np.int64], *, nodes: i
         return -float((np.log(marginal) + top).sum()), -gradient
 
     start = np.r_[np.zeros(design.shape[1]), np.log(0.5)]
+    # Where a logit runs off to infinity this stops it, beyond all that answers could tell apart.
     limits = [(-25.0, 25.0)] * design.shape[1] + [(-6.0, 3.0)]
     found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=limits, options={"maxiter": 500, "ftol": 1e-12})
     x = np.asarray(found.x, np.float64)
@@ -197,5 +200,6 @@ def _design(
     shape = [len(order) for order, _ in found]
     cell = np.ravel_multi_index(tuple(number for _, number in found), shape) if shape else np.zeros(len(y), int)
     blocks: list[Array] = [np.ones((len(y), 1))]
+    # Scaled to a mean square of 1 over the cells, so that coefficients do not depend on their number.
     blocks += [np.sqrt(np.prod(shape)) * contrasts(shape, effect).T[cell] for effect in effects(list(within))]
     return y, person, blocks

@@ -38,7 +38,7 @@ def ordinal_check(
     table, value, participant, within
         As for `rm_anova`.
     rng : Generator
-        For the random turns, beyond 13 people.
+        Draws the random turns, beyond 13 people.
 
     Returns
     -------

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairedT:
-    """Paired t-test.
+    """What a paired t-test found.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class PairedT:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Equivalence:
-    """Two one-sided tests.
+    """What two one-sided tests for equivalence found.
 
     Attributes
     ----------
@@ -97,6 +97,7 @@ def equivalence(first: Sequence[float] | Array, second: Sequence[float] | Array,
     if not margin > 0:
         raise InputError(f"margin: expected a difference above 0, got {margin:g}")
     mean, error, n = _difference(first, second)
+    # Of the two tests the one at the nearer margin has the larger p, and decides.
     p = t_distribution.sf((margin - abs(mean)) / error, n - 1)
     half = error * float(t_distribution.ppf(0.95, n - 1))
     return Equivalence(p=float(p), margin=float(margin), low=mean - half, high=mean + half)
@@ -112,7 +113,7 @@ def bayes_factor(t: float, n: int, *, width: float = 2**-0.5) -> float:
     Parameters
     ----------
     t : float
-        Of the paired test.
+        Student's t of the paired test.
     n : int
         Pairs, 2 or more.
     width : float
@@ -130,6 +131,7 @@ def bayes_factor(t: float, n: int, *, width: float = 2**-0.5) -> float:
         prior = 0.5 * np.log(width**2 / (2 * np.pi)) - 1.5 * x - width**2 / (2 * g)
         return float(np.exp(prior + x - 0.5 * np.log1p(n * g) - n / 2 * np.log1p(t**2 / ((1 + n * g) * df)) - null))
 
+    # Over the logarithm of g the integrand is one wide hump; over g it is a spike near 0 with a long tail.
     value, _ = quad(weight, -25, 40, limit=400, points=[-5.0, 0.0, 5.0])
     return float(value)
 
@@ -140,7 +142,7 @@ def holm(p: Sequence[float] | Array) -> Array:
     Parameters
     ----------
     p : sequence of float
-        Of one family of tests.
+        P-values of one family of tests.
 
     Raises
     ------
@@ -151,6 +153,7 @@ def holm(p: Sequence[float] | Array) -> Array:
     if not np.isfinite(raw).all():
         raise NonFiniteError("p-values: expected numbers, got NaN; drop the tests that could not be made")
     order = np.argsort(raw, kind="stable")
+    # A larger p must not come out with a smaller corrected one.
     stepped = np.maximum.accumulate(raw[order] * np.arange(len(raw), 0, -1))
     corrected = np.empty_like(raw)
     corrected[order] = np.minimum(stepped, 1)
@@ -166,6 +169,7 @@ def _difference(first: Any, second: Any) -> tuple[float, float, int]:
         raise NonFiniteError("pairs: expected finite numbers; leave out the pair that is not complete")
     difference = a - b
     error = float(difference.std(ddof=1)) / len(a) ** 0.5
+    # Differences that vary by no more than rounding do not vary.
     if error <= 1e-13 * max(1.0, float(np.abs(difference).max())):
         raise InputError(
             f"pairs: expected differences that vary, got {difference[0]:g} from everyone; there is no error to"

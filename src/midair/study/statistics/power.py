@@ -61,6 +61,7 @@ def power_paired_t(participants: int, *, d_z: float, alpha: float = 0.05) -> flo
         raise InputError(f"participants: expected two or more, got {participants}")
     edge = float(t_distribution.ppf(1 - alpha / 2, participants - 1))
     shift = abs(d_z) * participants**0.5
+    # A two-sided test also rejects on the wrong side, which counts when the effect is small.
     return float(nct.sf(edge, participants - 1, shift) + nct.cdf(-edge, participants - 1, shift))
 
 

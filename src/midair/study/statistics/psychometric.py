@@ -45,7 +45,7 @@ class Psychometric:
             raise InputError(f"guess and lapse: expected 0 or more, together below 1, got {self.guess}, {self.lapse}")
 
     def probability(self, level: Any) -> Array:
-        """At each level, same shape."""
+        """Chance of the answer at each level, same shape."""
         return self.guess + (1 - self.guess - self.lapse) * steepness(level, self.threshold, self.slope, self.shape)
 
 
@@ -56,11 +56,11 @@ class PsychometricFit:
     Attributes
     ----------
     function : Psychometric
-        At the maximum of the likelihood.
+        The function at the maximum of the likelihood.
     threshold_low, threshold_high : float
         95 % limits of the threshold by parametric bootstrap.
     deviance : float
-        From the saturated model; about the number of levels less that of parameters for a good fit.
+        Deviance from the saturated model; about the number of levels less that of parameters for a good fit.
     deviance_p : float
         Share of bootstrap data sets with a deviance as large.
     """
@@ -80,6 +80,7 @@ def steepness(level: Any, threshold: Any, slope: Any, shape: CurveShape) -> Arra
     if shape == "weibull":
         with np.errstate(divide="ignore"):
             rise = slope * np.log(np.maximum(x, 0) / threshold)
+        # Far below 50 F is 1 to the last digit; far above it the exponential overflows.
         return np.asarray(-np.expm1(-np.exp(np.minimum(rise, 50))))
     z = slope * (x - threshold)
     return np.asarray(expit(z) if shape == "logistic" else ndtr(z))
@@ -105,7 +106,7 @@ def fit_psychometric(
     correct, total : sequence of int
         Answers counted, and all answers, at each level; 0/1 and ones for single trials.
     rng : Generator
-        For the bootstrap.
+        Draws the bootstrap data sets.
     guess : float
         Known chance of the answer without a stimulus.
     shape : {"logistic", "normal", "weibull"}
@@ -134,6 +135,7 @@ def fit_psychometric(
     data = rng.binomial(n.astype(int), function.probability(x), (draws, len(x))).astype(float)
     again = [_fit(x, row, n, guess, shape, lapse_most, start=at) for row in data]
     low, high = np.quantile([f.threshold for f, _, _ in again], [0.025, 0.975])
+    # The data count as one of the draws, so that p is never 0.
     share = (1 + sum(d >= deviance for _, d, _ in again)) / (1 + draws)
     return PsychometricFit(
         function=function,
@@ -193,6 +195,7 @@ def _fit(
     def loss(z: Array) -> float:
         threshold, slope, lapse = unpack(z)
         p = guess + (1 - guess - lapse) * steepness(x, threshold, slope, shape)
+        # An answer that a function thinks impossible must cost much, but not infinitely much.
         p = np.clip(p, 1e-9, 1 - 1e-9)
         return -float((k * np.log(p) + (n - k) * np.log1p(-p)).sum())
 

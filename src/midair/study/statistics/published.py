@@ -24,13 +24,13 @@ class Published:
     Attributes
     ----------
     t : float
-        Of the paired test over objects, two surfaces.
+        Student's t of the paired test over objects, two surfaces.
     objects : int
         Pairs of that test, and alternatives of the choice.
     people : int
         Participants.
     real_trials, scored_trials : int
-        Of each participant: with real objects, and of each surface.
+        Number of trials of each participant: with real objects, and of each surface.
     real_correct : float
         "over 95 %": share of right answers with real objects.
     """
@@ -63,6 +63,7 @@ def derive(published: Published | None = None) -> DataFrame:
     n, d_z = paper.objects, paper.t / paper.objects**0.5
     low, high = _effect_limits(paper.t, n)
     trials = paper.people * paper.real_trials
+    # "Over 95 %": the next whole number of answers above it.
     fewest = int(np.floor(paper.real_correct * trials)) + 1
     share = wilson(fewest, trials)
     sense = d_prime_choice(fewest, trials, alternatives=n)
@@ -105,7 +106,7 @@ def chance_of_published(
 
 
 def _effect_limits(t: float, n: int) -> tuple[float, float]:
-    """95 % limits of d_z: the noncentral t distributions of which t is the 2.5th and the 97.5th percentile."""
+    """Limits (95 %) of d_z: the noncentral t distributions of which t is the 2.5th and the 97.5th percentile."""
     from scipy.optimize import brentq
     from scipy.stats import nct
 

@@ -32,7 +32,7 @@ class Chance:
 
     @property
     def mean(self) -> float:
-        """Of the distribution."""
+        """Mean of the distribution."""
         return float(self.distribution.mean())
 
     @property
@@ -49,7 +49,7 @@ class Interval:
     Attributes
     ----------
     value, low, high : ndarray
-        Of one shape.
+        The figure and its limits, all of one shape.
     level : float
         Confidence.
     """
@@ -62,6 +62,7 @@ class Interval:
 
 def percentile_p(value: float, distribution: Array) -> float:
     """Share of a distribution at or above a value, the value included (Phipson and Smyth, 2010)."""
+    # Draws that are equal to the value but for rounding count.
     slack = 1e-12 * max(1.0, abs(value))
     return float((1 + np.count_nonzero(distribution >= value - slack)) / (1 + len(distribution)))
 
@@ -76,7 +77,7 @@ def sign_flip(z: NDArray[Any], *, rng: np.random.Generator, draws: int = 10_000)
     z : ndarray, shape (participant,) or (participant, contrast)
         A difference, or the contrasts of one effect, of each person; symmetric about zero if there is no effect.
     rng : Generator
-        For the random turns.
+        Draws the random turns.
     draws : int
         Number of random turns.
 
@@ -89,6 +90,7 @@ def sign_flip(z: NDArray[Any], *, rng: np.random.Generator, draws: int = 10_000)
     if len(z) < 2:
         raise InputError(f"participants: expected two or more to turn signs, got {len(z)}")
     observed = float((z.sum(axis=0) ** 2).sum())
+    # All 2^13 turns are fewer than the random ones would be.
     if len(z) <= 13:
         turns = 1.0 - 2.0 * ((np.arange(2 ** len(z))[:, None] >> np.arange(len(z))) & 1)
         size = ((turns @ z) ** 2).sum(axis=1)
@@ -110,7 +112,7 @@ def bootstrap(
     Parameters
     ----------
     statistic : callable
-        From an array like `by_person`, with people in any number, to a number or an array.
+        Takes an array like `by_person`, with people in any number, and gives a number or an array.
     by_person : ndarray, shape (participant, ...)
         What each person contributes.
     rng : Generator
@@ -147,6 +149,7 @@ def _bca_shares(value: Array, drawn: Array, left: Array, level: float) -> tuple[
     from scipy.stats import norm
 
     below = (drawn < value).mean(axis=0) + (drawn == value).mean(axis=0) / 2
+    # A value beyond all draws would have an infinite bias.
     bias = norm.ppf(np.clip(below, 1 / (2 * len(drawn)), 1 - 1 / (2 * len(drawn))))
     away = left.mean(axis=0) - left
     spread = (away**2).sum(axis=0) ** 1.5
