@@ -36,6 +36,9 @@ class Reproduction:
         focus = focus_amplitude(self.target.grid, drive.array, acoustics=drive.acoustics)
         return float(self.target.amplitude.max() / focus)
 
+    def __repr__(self) -> str:
+        return f"<Reproduction strength {self.strength():.3g}, {self.solution!r}>"
+
 
 def felt(recording: Recording, calibration: Calibration | None, settings: Settings) -> PressureFrames:
     """The pressure that the sensor felt, in the settings' band and at their rate."""

@@ -148,6 +148,11 @@ class Admission:
         weaker = drive if self.factor == 1 else _weakened(drive, self.factor, self.exposure.profile.name)
         return replace(self, drive=weaker, _key=_ONLY_HERE)
 
+    def __repr__(self) -> str:
+        what = f"frames to come up to level {self.level:.3g}" if self.drive is None else f"{self.drive.frames} frames"
+        answers = f", {self.by[:40]} answers for it" if self.by else ""
+        return f"<Admission of {what}, {self.repeats} times on {self.array.name[:40]}: {self.outcome}{answers}>"
+
 
 def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: int = 1) -> Admission:
     """Check a drive against a profile before it is played.

@@ -43,6 +43,10 @@ class FrameBlock:
     host_time: float
     overflow: bool = False
 
+    def __repr__(self) -> str:
+        lost = ", after lost frames" if self.overflow else ""
+        return f"<FrameBlock {len(self.samples)} frames from {self.first} at {self.device_time:.3f} s{lost}>"
+
 
 class SensorDevice(ABC):
     """A pressure sensor that gives blocks of frames.

@@ -77,6 +77,10 @@ class PerceptualCard:
             ],
         }
 
+    def __repr__(self) -> str:
+        cells = f"{int(self.compared.sum())} of {self.compared.size} cells"
+        return f"<PerceptualCard {len(self.figures)} figures on {cells}{', SIMULATED' if self.simulated else ''}>"
+
 
 def perceptual_card(
     original: PressureFrames, reproduced: PressureFrames, *, skin: SkinModel | None = None, weakest: float = 20.0

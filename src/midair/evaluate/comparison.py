@@ -81,6 +81,11 @@ class Comparison:
             "delay": (1e3 * self.delay, "ms"),
         }
 
+    def __repr__(self) -> str:
+        said = f"correlation {self.correlation:.3f}, gain {self.gain:.3g}, error {100 * self.waveform_error:.1f} %"
+        heard = f"signal to distortion {self.distortion_ratio:.1f} dB, delay {1e3 * self.delay:.2g} ms"
+        return f"<Comparison {said}, {heard}{', SIMULATED' if self.simulated else ''}>"
+
 
 def compare(
     original: PressureFrames,

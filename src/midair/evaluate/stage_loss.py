@@ -113,6 +113,11 @@ class Budget:
             "stages": [stage.plain() for stage in self.stages],
         }
 
+    def __repr__(self) -> str:
+        last = self.stages[-1]
+        said = f"{len(self.stages)} stages, {last.so_far.distortion_ratio:.1f} dB after {last.name}"
+        return f"<Budget {said}, strength {self.strength:.3g}{', SIMULATED' if self.simulated else ''}>"
+
 
 def budget(
     original: PressureFrames,

@@ -40,6 +40,10 @@ class OpenedTake:
     report: tuple[str, ...] = ()
     stored: bool = False
 
+    def __repr__(self) -> str:
+        known = "no calibration" if self.calibration is None else "with calibration"
+        return f"<OpenedTake {self.recording!r}, {known}, {len(self.journal)} events>"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Given:

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import SensorGrid
 from midair.model.measurement import Crosstalk, Linearity, Measurement
+from midair.model.pictures import captioned, lines
 from midair.model.provenance import Provenance
 from midair.model.recording import Unit
+from midair.model.telling import came_from, short, span
 from midair.validation import frozen_array
 
 
@@ -144,3 +146,16 @@ class Calibration:
             raise ShapeError(f"crosstalk: expected {cells} x {cells}, got {self.crosstalk.matrix.shape}")
         if self.linearity is not None and self.linearity.gain.shape != self.sensor.shape:
             raise ShapeError(f"linearity: expected {self.sensor.shape} cells, got {self.linearity.gain.shape}")
+
+    def __repr__(self) -> str:
+        band = f"{self.frequency[0]:g} to {self.frequency[-1]:g} Hz"
+        rows, columns = self.sensor.shape
+        size = span(np.abs(self.response), f"{self.unit}/Pa")
+        sure = "" if self.measurement is None else ", measured"
+        said = f"{rows} x {columns} '{short(self.sensor.name)}', {band}, |H| {size}{sure}, version {self.version}"
+        return f"<Calibration {said}, {came_from(self.provenance)}>"
+
+    def _repr_html_(self) -> str:
+        size = np.abs(self.response).reshape(len(self.frequency), -1).T
+        shown = lines(size, low=f"{self.frequency[0]:g} Hz", high=f"{self.frequency[-1]:g} Hz; |H| in {self.unit}/Pa")
+        return captioned(shown, repr(self)[1:-1])

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from midair.errors import InputError, ShapeError
 from midair.model.acoustics import Acoustics
 from midair.model.geometry import TransducerArray
+from midair.model.pictures import captioned, dots, lines
 from midair.model.provenance import Provenance
+from midair.model.telling import came_from, frames_at, short, span
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -74,6 +76,18 @@ class Drive:
         level = self.level if self.level.ndim == 2 else self.level[:, None]
         return np.asarray(level * np.exp(1j * self.phase), np.complex128)
 
+    def __repr__(self) -> str:
+        array = f"{self.array.count} transducers of {short(self.array.name)}"
+        said = f"{frames_at(self.frames, self.rate)}, {array}, level {span(self.level, '')}"
+        return f"<Drive {said}, {came_from(self.provenance)}>"
+
+    def _repr_html_(self) -> str:
+        loud = self.level if self.level.ndim == 1 else self.level.max(axis=1)
+        first = int(np.argmax(loud > 0))
+        x, y = self.array.position[:, 0], self.array.position[:, 1]
+        shown = dots(x, y, self.phase[first], low="phase as colour", high=f"{1e3 * float(np.ptp(x)):.0f} mm wide")
+        return captioned(shown, f"{repr(self)[1:-1]}; frame {first}")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solution:
@@ -102,3 +116,14 @@ class Solution:
         object.__setattr__(self, "iterations", frozen_array(self.iterations, "iterations", (frames,), np.int64))
         if len(self.status) != frames:
             raise ShapeError(f"status: expected {frames} entries, one a frame, got {len(self.status)}")
+
+    def __repr__(self) -> str:
+        heard = np.array([status != "silent" for status in self.status])
+        error = 100 * self.error[heard]
+        said = f"E mean {error.mean():.1f} %, worst {error.max():.1f} %" if heard.any() else "nothing to play"
+        return f"<Solution {said}, {int((~heard).sum())} silent, of {self.drive!r}>"
+
+    def _repr_html_(self) -> str:
+        end = self.drive.frames / self.drive.rate
+        shown = lines(100 * self.error[None], low="0 s", high=f"{end:.3g} s; E in %")
+        return captioned(shown, repr(self)[1:-1])

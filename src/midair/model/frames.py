@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.model.geometry import ControlGrid, SensorGrid
+from midair.model.pictures import captioned, heat_map, lines
 from midair.model.provenance import Provenance
+from midair.model.telling import came_from, frames_at, span
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -68,6 +70,15 @@ class PressureFrames:
         step = self.provenance.then("cut", {"start_s": first / self.rate, "duration_s": (last - first) / self.rate})
         return replace(self, pressure=self.pressure[first:last], provenance=step)
 
+    def __repr__(self) -> str:
+        rows, columns = self.sensor.shape
+        said = f"{frames_at(self.frames, self.rate)}, {rows} x {columns}, {span(self.pressure, 'Pa')}"
+        return f"<PressureFrames {said}, {came_from(self.provenance)}>"
+
+    def _repr_html_(self) -> str:
+        flat = self.pressure.reshape(self.frames, -1).T
+        return captioned(lines(flat, low="0 s", high=f"{self.frames / self.rate:.3g} s"), repr(self)[1:-1])
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AmplitudeFrames:
@@ -106,3 +117,14 @@ class AmplitudeFrames:
     def time(self) -> Array:
         """Of each frame, shape (frame,), in s."""
         return np.arange(self.frames) / self.rate
+
+    def __repr__(self) -> str:
+        grid = f"{self.grid.rows} x {self.grid.columns} points at {1e3 * self.grid.height:g} mm"
+        said = f"{frames_at(self.frames, self.rate)}, {grid}, up to {self.amplitude.max(initial=0.0):.4g} Pa of sound"
+        return f"<AmplitudeFrames {said}, {came_from(self.provenance)}>"
+
+    def _repr_html_(self) -> str:
+        loudest = int(self.amplitude.max(axis=1).argmax())
+        top = f"{self.amplitude.max(initial=0.0):.4g} Pa"
+        shown = heat_map(self.amplitude[loudest].reshape(self.grid.shape), low="white: 0 Pa", high=f"full: {top}")
+        return captioned(shown, f"{repr(self)[1:-1]}; frame {loudest}")

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
+from midair.model.pictures import captioned, dots
+from midair.model.telling import short
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -91,6 +93,17 @@ class TransducerArray:
             and np.abs(self.normal - other.normal).max() < 1e-6
         )
 
+    def __repr__(self) -> str:
+        size = " x ".join(f"{1e3 * float(np.ptp(self.position[:, axis])):.0f}" for axis in (0, 1))
+        return (
+            f"<TransducerArray {short(self.name)}, {self.count} transducers on {size} mm, {self.frequency / 1e3:g} kHz>"
+        )
+
+    def _repr_html_(self) -> str:
+        wide = f"{1e3 * float(np.ptp(self.position[:, 0])):.0f} mm wide"
+        shown = dots(self.position[:, 0], self.position[:, 1], low="seen from the palm", high=wide)
+        return captioned(shown, repr(self)[1:-1])
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
@@ -160,6 +173,9 @@ class SensorGrid(Grid):
         row, column = divmod(channel, self.columns)
         return float(self.x[column]), float(self.y[row])
 
+    def __repr__(self) -> str:
+        return f"<SensorGrid {self.rows} x {self.columns}, pitch {1e3 * self.pitch:g} mm, '{short(self.name)}'>"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControlGrid(Grid):
@@ -193,6 +209,11 @@ class ControlGrid(Grid):
         """Of each point, row by row, shape (point, 3), in m."""
         x, y = np.meshgrid(self.x + self.centre[0], self.y + self.centre[1])
         return np.stack([x.ravel(), y.ravel(), np.full(self.count, self.height)], axis=1)
+
+    def __repr__(self) -> str:
+        x, y = (f"{1e3 * each:g}" for each in self.centre)
+        where = f"{1e3 * self.height:g} mm above ({x}, {y}) mm"
+        return f"<ControlGrid {self.rows} x {self.columns}, pitch {1e3 * self.pitch:.4g} mm, {where}>"
 
 
 def centred(count: int, pitch: float) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
+from midair.model.telling import short, span
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
@@ -71,6 +72,11 @@ class Measurement:
         if not 0 <= self.reference_uncertainty < np.inf:
             raise InputError(f"reference uncertainty: expected 0 or more, got {self.reference_uncertainty:g}")
 
+    def __repr__(self) -> str:
+        sure = f"u of |H| {100 * float(np.median(self.magnitude_uncertainty)):.2g} % (median)"
+        said = f"{short(self.method) or 'unnamed method'}, {self.takes} takes, {sure}"
+        return f"<Measurement {said}, reference {short(self.reference) or 'not named'}>"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Crosstalk:
@@ -93,6 +99,13 @@ class Crosstalk:
             raise ShapeError(f"crosstalk: expected a square matrix with 1 on its diagonal, got shape {matrix.shape}")
         object.__setattr__(self, "matrix", matrix)
         _freeze(self, "uncertainty", matrix.shape, least=0.0)
+
+    def __repr__(self) -> str:
+        count = len(self.matrix)
+        others = np.abs(self.matrix[~np.eye(count, dtype=bool)])
+        return (
+            f"<Crosstalk of {count} channels, at most {100 * others.max(initial=0.0):.2g} % of a neighbour's pressure>"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -135,6 +148,9 @@ class Linearity:
     def levels(self) -> int:
         """Number of levels."""
         return len(self.pressure)
+
+    def __repr__(self) -> str:
+        return f"<Linearity of {len(self.gain)} channels at {self.levels} levels, {span(self.pressure, 'Pa')}>"
 
 
 def _freeze(owner: Any, name: str, shape: tuple[int, ...], *, least: float = -np.inf) -> None:

@@ -18,6 +18,9 @@ class Step:
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
+    def __repr__(self) -> str:
+        return f"<Step {self.stage[:40]}, {len(self.settings)} settings>"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
@@ -47,3 +50,9 @@ class Provenance:
         """The same life, one step on."""
         step = Step(stage=stage, settings=settings)
         return replace(self, steps=(*self.steps, step), simulated=self.simulated or simulated)
+
+    def __repr__(self) -> str:
+        stages = [step.stage[:20] for step in self.steps]
+        told = ", ".join(stages if len(stages) <= 6 else [*stages[:3], f"… {len(stages) - 6} more …", *stages[-3:]])
+        said = f"from {self.source[:40]}, {len(self.notes)} notes, steps: {told or 'none'}"
+        return f"<Provenance {said}{', SIMULATED' if self.simulated else ''}>"

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from midair.errors import UnitError
 from midair.model.geometry import SensorGrid
+from midair.model.pictures import captioned, lines
 from midair.model.provenance import Provenance
+from midair.model.telling import came_from, frames_at, short, span
 from midair.validation import frozen_array, positive
 
 Unit = Literal["V", "count", "Pa"]
@@ -60,3 +62,13 @@ class Recording:
     def time(self) -> NDArray[np.float64]:
         """Of each frame, shape (frame,), in s."""
         return np.arange(self.frames) / self.rate
+
+    def __repr__(self) -> str:
+        rows, columns = self.sensor.shape
+        said = f"{frames_at(self.frames, self.rate)}, {rows} x {columns} '{short(self.sensor.name)}'"
+        return f"<Recording {said}, {span(self.samples, self.unit)}, {came_from(self.provenance)}>"
+
+    def _repr_html_(self) -> str:
+        flat = self.samples.reshape(self.frames, -1).T
+        traces = lines(flat - flat.mean(axis=1, keepdims=True), low="0 s", high=f"{self.duration:.3g} s")
+        return captioned(traces, f"{repr(self)[1:-1]}; mean of each channel taken out")

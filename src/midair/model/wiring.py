@@ -99,3 +99,8 @@ class SensorWiring:
                 "correct the order in the sensor file"
             )
         return samples[:, list(self.order)].reshape(-1, *self.grid.shape)
+
+    def __repr__(self) -> str:
+        changed = sum(place != channel for place, channel in enumerate(self.order))
+        said = f"{self.channels} channels of {self.grid!r} in {self.unit}, {changed} out of order"
+        return f"<SensorWiring {said}>"

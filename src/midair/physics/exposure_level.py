@@ -166,6 +166,9 @@ class Exposure:
             f"in frame {frame}, limit {place.limit:g} dB"
         )
 
+    def __repr__(self) -> str:
+        return f"<Exposure {len(self.level)} frames, {self.repeats} times, {self.verdict()}>"
+
 
 def exposure(
     drive: Drive,

@@ -53,6 +53,9 @@ class Loop:
     taken_back: int = 0
     end: str = ""
 
+    def __repr__(self) -> str:
+        return f"<Loop of {len(self.passes)} passes, the last {self.passes[-1]!r}>"
+
 
 def beam_test(
     array: ArrayDevice,

@@ -73,6 +73,9 @@ class Pass:
     felt: PressureFrames
     comparison: Comparison
 
+    def __repr__(self) -> str:
+        return f"<Pass at gain {self.gain:.3g}, {self.comparison!r}>"
+
 
 def quiet(_: str) -> Progress | None:
     """A stage reporter that says nothing."""
