@@ -26,10 +26,10 @@ def test_a_flat_line_a_silent_map_and_one_dot_are_drawn():
         assert "nan" not in drawn
 
 
-def test_a_map_has_row_0_at_the_bottom():
+def test_a_map_has_row_0_at_the_top():
     drawn = heat_map(np.array([[1.0, 0.0], [0.0, 0.0]]), low="a", high="b")
     cells = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)" width="60.00"', drawn)
-    assert cells == [("0.0", "60.0")]
+    assert cells == [("0.0", "0.0")]
 
 
 def test_labels_are_escaped():

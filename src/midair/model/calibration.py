@@ -156,6 +156,7 @@ class Calibration:
         return f"<Calibration {said}, {came_from(self.provenance)}>"
 
     def _repr_html_(self) -> str:
-        size = np.abs(self.response).reshape(len(self.frequency), -1).T
+        even = np.linspace(self.frequency[0], self.frequency[-1], 240)  # its own frequencies need not be even
+        size = np.abs(self.response_at(even)).reshape(len(even), -1).T
         shown = lines(size, low=f"{self.frequency[0]:g} Hz", high=f"{self.frequency[-1]:g} Hz; |H| in {self.unit}/Pa")
         return captioned(shown, repr(self)[1:-1])

@@ -126,5 +126,5 @@ class AmplitudeFrames:
     def _repr_html_(self) -> str:
         loudest = int(self.amplitude.max(axis=1).argmax())
         top = f"{self.amplitude.max(initial=0.0):.4g} Pa"
-        shown = heat_map(self.amplitude[loudest].reshape(self.grid.shape), low="white: 0 Pa", high=f"full: {top}")
+        shown = heat_map(self.amplitude[loudest].reshape(self.grid.shape), low="clear: 0 Pa", high=f"full: {top}")
         return captioned(shown, f"{repr(self)[1:-1]}; frame {loudest}")

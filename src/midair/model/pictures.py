@@ -40,7 +40,7 @@ def lines(rows: Array, *, low: str, high: str) -> str:
 
 
 def heat_map(values: Array, *, low: str, high: str) -> str:
-    """A map of numbers from 0 to the largest, row 0 at the bottom.
+    """A map of numbers from 0 to the largest, row 0 at the top as on every map.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def heat_map(values: Array, *, low: str, high: str) -> str:
     shades = np.clip(values / top, 0, 1) if top > 0 else np.zeros_like(values)
     side = min(HEIGHT / rows, WIDTH / columns)
     cells = "".join(
-        f'<rect x="{column * side:.1f}" y="{(rows - 1 - row) * side:.1f}" width="{side:.2f}" height="{side:.2f}" '
+        f'<rect x="{column * side:.1f}" y="{row * side:.1f}" width="{side:.2f}" height="{side:.2f}" '
         f'fill="#d95f02" fill-opacity="{shades[row, column]:.2f}" stroke="none"/>'
         for row in range(rows)
         for column in range(columns)
@@ -84,7 +84,7 @@ def dots(x: Array, y: Array, turn: Array | None = None, *, low: str, high: str) 
     grey = turn is None
     middle = (float(x.min() + x.max()) / 2, float(y.min() + y.max()) / 2)
     across = WIDTH / 2 + (x - middle[0]) * scale
-    down = HEIGHT / 2 - (y - middle[1]) * scale
+    down = HEIGHT / 2 + (y - middle[1]) * scale  # y grows with the row, and row 0 is at the top
     drawn = "".join(
         f'<circle cx="{cx:.0f}" cy="{cy:.0f}" r="2" fill="{"currentColor" if grey else f"hsl({hue:.0f} 70% 55%)"}"/>'
         for cx, cy, hue in zip(across, down, hues, strict=True)
