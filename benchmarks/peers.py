@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.targets import AIR, ARRAY, GRID
-from midair.devices.arrays.placement import Placement
+from midair.model import Placement
 from midair.solvers import Problem
 
 Phases = Callable[[], np.ndarray]

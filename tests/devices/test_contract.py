@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from midair.devices import Placement, VirtualArray, VirtualSkin, autd3_array, autd3_firmware, pyautd3_array
+from midair.devices import VirtualArray, VirtualSkin, autd3_array, autd3_firmware, pyautd3_array
 from midair.errors import DeviceStateError, InputError, MismatchError
-from midair.model import Drive, TransducerArray
+from midair.model import Drive, Placement, TransducerArray
 from midair.physics import focus_phase
 from midair.physics.sensing import SensorModel
 from midair.testing import overridden

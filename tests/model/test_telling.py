@@ -20,6 +20,7 @@ from midair.model import (
     Linearity,
     Measurement,
     Medium,
+    Placement,
     PressureFrames,
     Provenance,
     Recording,
@@ -83,6 +84,7 @@ NOUNS = {
     "PressureFrames": PressureFrames(
         pressure=RNG.normal(size=(5000, 4, 4)), rate=1000.0, sensor=SENSOR, provenance=LIFE
     ),
+    "Placement": Placement(position=np.zeros((4, 3)), rotation=np.zeros((4, 3)), name=LONG),
     "Provenance": LIFE,
     "Recording": Recording(samples=RNG.normal(size=(5000, 4, 4)), rate=1000.0, sensor=SENSOR, provenance=LIFE),
     "SensorGrid": SENSOR,

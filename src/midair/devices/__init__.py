@@ -3,12 +3,10 @@
 from midair.devices.admission import Admission, ExposureChoices, admit, admit_level, admit_parts
 from midair.devices.arrays import (
     BankedArray,
-    Placement,
     SilencerChoice,
     autd3_array,
     autd3_firmware,
     choose_silencer,
-    load_placement,
     pyautd3_array,
 )
 from midair.devices.frame_bytes import amplitude_of, intensity_bytes, phase_bytes
@@ -24,7 +22,6 @@ __all__ = [
     "Decimated",
     "FrameBlock",
     "PacedSensor",
-    "Placement",
     "PlayReport",
     "ReplaySensor",
     "Rewired",
@@ -47,7 +44,6 @@ __all__ = [
     "choose_silencer",
     "gapless",
     "intensity_bytes",
-    "load_placement",
     "phase_bytes",
     "read_frames",
     "pyautd3_array",

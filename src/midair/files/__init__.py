@@ -23,6 +23,7 @@ from midair.files.report_rows import csv_text, for_json
 from midair.files.toml import (
     DEFAULT_PROFILE,
     from_plain,
+    load_placement,
     load_profiles,
     load_sensor,
     profile_named,
@@ -47,6 +48,7 @@ __all__ = [
     "load",
     "load_calibration",
     "load_pressure",
+    "load_placement",
     "load_profiles",
     "load_sensor",
     "load_solution",

@@ -8,6 +8,7 @@ from midair.model.geometry import ControlGrid, SensorGrid, TransducerArray
 from midair.model.journal import Event, EventKind
 from midair.model.measurement import Crosstalk, Linearity, Measurement
 from midair.model.medium import Medium
+from midair.model.placement import UNIT, Placement
 from midair.model.progress import Progress
 from midair.model.provenance import Provenance, Setting, Step
 from midair.model.recording import Recording, Unit
@@ -27,6 +28,8 @@ __all__ = [
     "Measurement",
     "Medium",
     "PressureFrames",
+    "UNIT",
+    "Placement",
     "Progress",
     "Provenance",
     "Recording",

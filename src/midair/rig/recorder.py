@@ -6,19 +6,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from midair.devices import (
-    ArrayDevice,
-    ExposureChoices,
-    Placement,
-    PlayReport,
-    SensorDevice,
-    SilencerChoice,
-    admit,
-)
+from midair.devices import ArrayDevice, ExposureChoices, PlayReport, SensorDevice, SilencerChoice, admit
 from midair.errors import InputError
 from midair.files import OpenedTake, load_calibration, open_take
 from midair.flow import felt
-from midair.model import Acoustics, Calibration, Drive, PressureFrames, Progress, SensorWiring, Solution
+from midair.model import Acoustics, Calibration, Drive, Placement, PressureFrames, Progress, SensorWiring, Solution
 from midair.rig.looping import Loop, Stage, lead_of, quiet, run_loop
 from midair.rig.names import VirtualRig, array_named, sensor_named
 from midair.rig.playing import play_admitted, rerecord, usual_exposure

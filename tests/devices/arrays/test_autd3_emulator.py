@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from midair.devices import Placement, autd3_firmware
+from midair.devices import autd3_firmware
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import amplitude_of, phase_bytes
-from midair.model import Acoustics, Drive, Medium
+from midair.model import Acoustics, Drive, Medium, Placement
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.testing import overridden
 

@@ -8,10 +8,10 @@ import time
 import numpy as np
 import pytest
 
-from midair.devices import Placement, autd3_array
+from midair.devices import autd3_array
 from midair.devices.frame_bytes import phase_bytes
 from midair.errors import DeviceError, LinkLostError
-from midair.model import Drive
+from midair.model import Drive, Placement
 from midair.testing import overridden
 
 pytest.importorskip("autd3")
@@ -24,8 +24,8 @@ PATTERN, FAILSAFE = 0x08, 0x10
 PLAYER = """
 import sys
 import numpy as np
-from midair.devices import Placement, autd3_array
-from midair.model import Drive
+from midair.devices import autd3_array
+from midair.model import Drive, Placement
 from midair.rig.playing.admitted import signals_end_the_program
 from midair.testing import overridden
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from midair.devices import Placement, pyautd3_array
+from midair.devices import pyautd3_array
 from midair.devices.frame_bytes import intensity_bytes, phase_bytes
 from midair.errors import DeviceStateError, UnknownDeviceError
-from midair.model import Drive
+from midair.model import Drive, Placement
 from midair.testing import overridden
 
 pyautd3 = pytest.importorskip("pyautd3")

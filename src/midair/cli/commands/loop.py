@@ -23,8 +23,9 @@ from midair.cli.terminal import (
     quantity,
     stages,
 )
-from midair.devices import SilencerChoice, load_placement
+from midair.devices import SilencerChoice
 from midair.errors import InputError
+from midair.files import load_placement
 from midair.rig import Loop, OpenRig, card_of_loop, open_rig, write_report
 from midair.rig import loop as go_round
 from midair.settings import Settings

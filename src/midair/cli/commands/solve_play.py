@@ -18,8 +18,7 @@ from midair.cli.terminal import (
     quantity,
     stages,
 )
-from midair.devices import load_placement
-from midair.files import load_solution, save, save_solution
+from midair.files import load_placement, load_solution, save, save_solution
 from midair.flow import reproduce
 from midair.model import TransducerArray
 from midair.rig import VirtualRig, rerecord

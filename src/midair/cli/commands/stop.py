@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from midair.cli.terminal import print_rows
-from midair.devices import load_placement
+from midair.files import load_placement
 from midair.rig import array_named, stop_playing
 
 

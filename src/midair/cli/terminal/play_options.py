@@ -8,8 +8,8 @@ from cyclopts import Parameter
 from midair.cli.terminal.console import banner, print_rows, stages
 from midair.cli.terminal.exposure_options import ExposureOptions
 from midair.cli.terminal.options import Time
-from midair.devices import Admission, ArrayDevice, PlayReport, SilencerChoice, admit, load_placement
-from midair.files import load_solution
+from midair.devices import Admission, ArrayDevice, PlayReport, SilencerChoice, admit
+from midair.files import load_placement, load_solution
 from midair.model import Drive
 from midair.rig import array_named, play_admitted
 

@@ -2,17 +2,14 @@
 
 from midair.devices.arrays.autd3 import autd3_array, autd3_firmware, pyautd3_array
 from midair.devices.arrays.banked_array import BankedArray
-from midair.devices.arrays.placement import Placement, load_placement
 from midair.devices.arrays.silencer import Silencer, SilencerChoice, choose_silencer
 
 __all__ = [
     "BankedArray",
-    "Placement",
     "Silencer",
     "SilencerChoice",
     "autd3_array",
     "autd3_firmware",
     "choose_silencer",
-    "load_placement",
     "pyautd3_array",
 ]

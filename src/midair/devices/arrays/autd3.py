@@ -5,9 +5,9 @@ from typing import Any
 
 from midair.devices.arrays.banked_array import BankedArray
 from midair.devices.arrays.banks import Banks
-from midair.devices.arrays.placement import Placement
 from midair.devices.arrays.silencer import SilencerChoice
 from midair.errors import MissingExtraError
+from midair.model import Placement
 
 
 def autd3_array(

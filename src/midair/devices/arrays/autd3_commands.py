@@ -20,9 +20,9 @@ from autd3.value import LoopBehavior, PatternBank, SamplingConfig, SysTime, Tran
 from autd3_core import Duration
 from autd3_pattern import IntensityBuffer, PhaseBuffer
 
-from midair.devices.arrays.placement import UNIT, Placement
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
+from midair.model import UNIT, Placement
 
 Command = WritePatternPhase | WritePatternBuffer | ConfigPattern | ActivatePatternBank | Pattern | SetSilencer
 

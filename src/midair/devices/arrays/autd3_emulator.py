@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from midair.devices.arrays import autd3_commands as commands
 from midair.devices.arrays.banks import TooLateError
-from midair.devices.arrays.placement import Placement
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import TICK, Bytes
 from midair.errors import DeviceStateError
+from midair.model import Placement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

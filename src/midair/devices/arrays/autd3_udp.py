@@ -16,10 +16,10 @@ from autd3.commands import CpuConfig, SetCpuConfig
 
 from midair.devices.arrays import autd3_commands as commands
 from midair.devices.arrays.banks import TooLateError
-from midair.devices.arrays.placement import Placement
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
 from midair.errors import DeviceError, DeviceStateError, LinkLostError
+from midair.model import Placement
 
 T = TypeVar("T")
 

@@ -5,13 +5,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from midair.devices.arrays.banks import Banks
-from midair.devices.arrays.placement import Placement
 from midair.devices.arrays.silencer import SilencerChoice, choose_silencer
 from midair.devices.arrays.streaming import DriveStream, play_stream
 from midair.devices.frame_bytes import divider, intensity_bytes, phase_bytes
 from midair.devices.interface import ArrayDevice, PlayReport
 from midair.errors import DeviceError, DeviceStateError
-from midair.model import Drive, Progress
+from midair.model import Drive, Placement, Progress
 
 
 class BankedArray(ArrayDevice):

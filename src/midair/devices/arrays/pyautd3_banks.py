@@ -50,10 +50,10 @@ from pyautd3.link.twincat import TwinCAT
 from pyautd3.native_methods.autd3capi import NativeMethods
 
 from midair.devices.arrays.banks import TooLateError
-from midair.devices.arrays.placement import UNIT, Placement
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
 from midair.errors import DeviceError, DeviceStateError, LinkLostError, UnknownDeviceError
+from midair.model import UNIT, Placement
 
 SEGMENTS = Segment.S0, Segment.S1
 

@@ -1,7 +1,8 @@
 """Arrays by the names that people give them on the command line: ``autd3:eth0``, ``pyautd3:audit``."""
 
-from midair.devices import BankedArray, Placement, SilencerChoice, autd3_array, pyautd3_array
+from midair.devices import BankedArray, SilencerChoice, autd3_array, pyautd3_array
 from midair.errors import UnknownDeviceError
+from midair.model import Placement
 
 NAMES = (
     "virtual, autd3, autd3:INTERFACE, autd3:emulator, pyautd3, pyautd3:INTERFACE, pyautd3:twincat, "

@@ -1,29 +1,13 @@
-"""Where the units of an AUTD3 array stand: a few lines of TOML, or the paper's two by two.
+"""Where the units of an AUTD3 array stand; the paper's two by two, or any other."""
 
-::
-
-    name = "my array"
-
-    [[unit]]
-    position_mm = [0, 0, 0]        # of the unit's first transducer
-    rotation_deg = [0, 0, 0]       # about the fixed x, then y, then z axis; may be left out
-
-Units come in the order in which they are wired. The whole is shifted so that its centre, the mean of all transducers,
-is the origin.
-"""
-
-import os
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import BrokenFileError, InputError, MissingFileError
-from midair.model import TransducerArray
+from midair.errors import InputError
+from midair.model.geometry import TransducerArray
+from midair.model.telling import short
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
@@ -101,49 +85,5 @@ class Placement:
 
         return np.stack([turn.apply(points) for turn in Rotation.from_euler("xyz", self.rotation)])
 
-
-def load_placement(path: str | os.PathLike[str]) -> Placement:
-    """The placement that a TOML file describes.
-
-    Raises
-    ------
-    MissingFileError
-        If the file is not there.
-    BrokenFileError
-        If it is no TOML, or its keys or numbers are not the ones above.
-    """
-    try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise MissingFileError(
-            f"{path}: expected a TOML file with the placement of the units; it is not there"
-        ) from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as wrong:
-        raise BrokenFileError(f"{path}: expected a TOML file, got {wrong}") from wrong
-    name, units = content.pop("name", Path(path).stem), content.pop("unit", None)
-    if content or not isinstance(units, list) or not units:
-        raise BrokenFileError(
-            f"{path}: expected name and one [[unit]] or more, got {', '.join(content) or 'no unit'}; "
-            "write position_mm for each unit in the order of the wiring"
-        )
-    places = [_unit(unit, number, Path(path)) for number, unit in enumerate(units)]
-    return Placement(
-        position=np.array([place for place, _ in places]) * 1e-3,
-        rotation=np.radians([turn for _, turn in places]),
-        name=str(name),
-    )
-
-
-def _unit(unit: Mapping[str, Any], number: int, path: Path) -> tuple[list[float], list[float]]:
-    place, turn = unit.get("position_mm"), unit.get("rotation_deg", [0, 0, 0])
-    unknown = set(unit) - {"position_mm", "rotation_deg"}
-    if unknown or not _three(place) or not _three(turn):
-        raise BrokenFileError(
-            f"{path}: unit {number}: expected position_mm and perhaps rotation_deg, three numbers each, got {unit}"
-        )
-    return place, turn  # pyright: ignore[reportReturnType]  # _three has looked
-
-
-def _three(value: object) -> bool:
-    # By type, since true and false are ints to isinstance.
-    return isinstance(value, list) and len(value) == 3 and all(type(each) in (int, float) for each in value)
+    def __repr__(self) -> str:
+        return f"<Placement of {self.units} units, '{short(self.name)}'>"

@@ -3,18 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.devices import Placement, load_placement
-from midair.errors import BrokenFileError, InputError, MissingFileError
-from midair.model import TransducerArray
-
-TURNED = """
-name = "corner"
-[[unit]]
-position_mm = [0, 0, 0]
-[[unit]]
-position_mm = [192.0, 0.0, 50]
-rotation_deg = [0, -30, 90]
-"""
+from midair.model import Placement, TransducerArray
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(1, 1), (2, 2), (3, 1)])
@@ -57,42 +46,3 @@ def test_older_sdk_s_geometry_agrees():
     with pyautd3.Controller.open(units, pyautd3.Nop()) as controller:
         position = np.array([each.position() for unit in controller.geometry() for each in unit]) * 1e-3
     np.testing.assert_allclose(placement.array().position, position, atol=1e-6)
-
-
-def test_from_a_file(tmp_path):
-    path = tmp_path / "corner.toml"
-    path.write_text(TURNED, encoding="utf-8")
-    placement = load_placement(path)
-    assert (placement.name, placement.units) == ("corner", 2)
-    np.testing.assert_allclose(placement.position[1], [0.192, 0, 0.05])
-    np.testing.assert_allclose(np.degrees(placement.rotation[1]), [0, -30, 90])
-    np.testing.assert_allclose(placement.array().position.mean(axis=0), 0, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        ("", "no unit"),
-        ("unit = 3", "no unit"),
-        ("[[unit]]\nposition_mm = [0, 0]", "three numbers"),
-        ("[[unit]]\nposition_mm = [0, 0, true]", "three numbers"),
-        ("[[unit]]\nposition = [0, 0, 0]", "position_mm"),
-        ("[[unit]]\nposition_mm = [0, 0, 0]\nrotation_deg = 3", "three numbers"),
-        ("columns = 3\n[[unit]]\nposition_mm = [0, 0, 0]", "columns"),
-        ("[[unit", "TOML"),
-    ],
-)
-def test_wrong_files_are_refused(tmp_path, text, word):
-    (tmp_path / "x.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(BrokenFileError, match=word):
-        load_placement(tmp_path / "x.toml")
-
-
-def test_numbers_that_are_none_and_files_that_are_not_there(tmp_path):
-    (tmp_path / "x.toml").write_text("[[unit]]\nposition_mm = [0, 0, nan]", encoding="utf-8")
-    with pytest.raises(InputError, match="unit position"):
-        load_placement(tmp_path / "x.toml")
-    with pytest.raises(MissingFileError, match=r"y\.toml"):
-        load_placement(tmp_path / "y.toml")
-    with pytest.raises(InputError, match="0 x 1"):
-        Placement.grid(columns=0, rows=1)
