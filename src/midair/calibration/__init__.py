@@ -12,7 +12,6 @@ from midair.calibration.apply import (
     inverse_fir,
     inverse_response,
     typical_uncertainty,
-    undo_crosstalk,
     undo_matrix,
 )
 from midair.calibration.measure import (
@@ -64,6 +63,5 @@ __all__ = [
     "sweep_signal",
     "tones_of",
     "typical_uncertainty",
-    "undo_crosstalk",
     "undo_matrix",
 ]

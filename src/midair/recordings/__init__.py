@@ -2,7 +2,7 @@
 
 from midair.recordings.edit import Fill, cut, gain, join, mask, resample, trim
 from midair.recordings.footprint import Footprint, Path, Shape, Turn, footprint_field
-from midair.recordings.quality import at_limit, clipped_share, dead_channels, suspicious
+from midair.recordings.quality import at_limit, dead_channels, suspicious
 
 __all__ = [
     "at_limit",
@@ -11,7 +11,6 @@ __all__ = [
     "Path",
     "Shape",
     "Turn",
-    "clipped_share",
     "cut",
     "dead_channels",
     "footprint_field",

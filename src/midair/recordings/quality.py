@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Recording
-from midair.validation import positive
 
 
 def dead_channels(recording: Recording) -> NDArray[np.bool_]:
@@ -24,31 +23,6 @@ def at_limit(samples: NDArray[np.float64], full_scale: float) -> NDArray[np.bool
     """
     # The converter's largest code is one step below its limit; 1e-4 of it is more than a step of 14 bits.
     return np.abs(samples) >= full_scale * (1 - 1e-4)
-
-
-def clipped_share(recording: Recording, *, full_scale: float | None = None) -> NDArray[np.float64]:
-    """Share of the frames at which each channel stands at its limit.
-
-    Parameters
-    ----------
-    recording : Recording
-        What came.
-    full_scale : float, optional
-        Limit of the converter on either side, in the recording's unit. If it is not known, a channel counts as clipped
-        where it stays at its own highest or lowest value for three frames or more.
-
-    Returns
-    -------
-    ndarray, shape (row, column)
-        0 to 1; 0 for a dead channel where the limit is not known.
-    """
-    samples = recording.samples
-    if full_scale is not None:
-        limit = positive(full_scale, "full scale", recording.unit)
-        return np.asarray(at_limit(samples, limit).mean(axis=0), np.float64)
-    at_top = _in_runs(samples == samples.max(axis=0))
-    at_bottom = _in_runs(samples == samples.min(axis=0))
-    return np.asarray(np.where(dead_channels(recording), 0.0, (at_top | at_bottom).mean(axis=0)), np.float64)
 
 
 def suspicious(recording: Recording) -> tuple[str, ...]:
@@ -81,14 +55,3 @@ def _white(samples: NDArray[np.float64], spread: NDArray[np.float64]) -> NDArray
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.square(np.diff(samples, axis=0)).mean(axis=0) / np.square(spread)
     return np.abs(ratio - 2) < 4 * np.sqrt(4 * (n - 2) / (n**2 - 1))
-
-
-def _in_runs(flag: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The flags that belong to a run of three or more along the first axis."""
-    whole = np.zeros_like(flag)
-    if len(flag) >= 3:
-        triple = flag[:-2] & flag[1:-1] & flag[2:]
-        whole[:-2] |= triple
-        whole[1:-1] |= triple
-        whole[2:] |= triple
-    return whole

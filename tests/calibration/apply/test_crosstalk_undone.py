@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.calibration import undo_crosstalk, undo_matrix
-from midair.errors import InputError, MismatchError
-from midair.model import Crosstalk, PressureFrames, SensorGrid
+from midair.calibration import undo_matrix
+from midair.errors import InputError
+from midair.model import Crosstalk
 
 
 def crosstalk(matrix):
@@ -28,14 +28,11 @@ def test_what_was_mixed_comes_back(seed, strength):
     rng = np.random.default_rng(seed)
     matrix = strength * rng.uniform(-1, 1, (6, 6))
     np.fill_diagonal(matrix, 1)
-    pressure = rng.standard_normal((50, 2, 3))
-    felt = (pressure.reshape(50, 6) @ matrix.T).reshape(50, 2, 3)
-    frames = PressureFrames(pressure=felt, rate=1000.0, sensor=SensorGrid(rows=2, columns=3))
-    undone = undo_crosstalk(frames, crosstalk(matrix))
-    assert undone.pressure == pytest.approx(pressure, abs=1e-9)
-    assert undone.provenance.steps[-1].stage == "undo crosstalk"
+    pressure = rng.standard_normal((50, 6))
+    felt = pressure @ matrix.T
+    assert felt @ undo_matrix(crosstalk(matrix)).T == pytest.approx(pressure, abs=1e-9)
     # heavily damped it is left alone
-    assert undo_crosstalk(frames, crosstalk(matrix), damping=1e4).pressure == pytest.approx(felt, abs=1e-6)
+    assert felt @ undo_matrix(crosstalk(matrix), damping=1e4).T == pytest.approx(felt, abs=1e-6)
 
 
 def test_bad_crosstalk_is_refused():
@@ -45,5 +42,3 @@ def test_bad_crosstalk_is_refused():
     assert np.isfinite(undo_matrix(even, damping=0.1)).all()
     with pytest.raises(InputError, match="damping"):
         undo_matrix(even, damping=-1.0)
-    with pytest.raises(MismatchError, match="16 channels like the pressure, got 2"):
-        undo_crosstalk(PressureFrames(pressure=np.ones((3, 4, 4)), rate=1.0), even)

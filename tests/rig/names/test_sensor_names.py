@@ -4,7 +4,7 @@ import pytest
 from midair.errors import MissingFileError, UnknownDeviceError
 from midair.files import save
 from midair.model import Recording
-from midair.rig.names.sensor_names import check_array_name, sensor_named
+from midair.rig.names.sensor_names import sensor_named
 from midair.rig.names.virtual_rig import VirtualRig
 
 RIG = VirtualRig()
@@ -36,8 +36,3 @@ def test_names_that_nothing_answers_to(name):
 def test_replay_of_a_file_that_is_not_there():
     with pytest.raises(MissingFileError):
         sensor_named("replay:nothing.h5", RIG)
-
-
-def test_unknown_array():
-    with pytest.raises(UnknownDeviceError, match="autd9"):
-        check_array_name("autd9")

@@ -1,6 +1,6 @@
 """Apply a calibration: whole recordings, or block by block while they are made."""
 
-from midair.calibration.apply.crosstalk_undone import undo_crosstalk, undo_matrix
+from midair.calibration.apply.crosstalk_undone import undo_matrix
 from midair.calibration.apply.inverse import default_taps, inverse_fir, inverse_response
 from midair.calibration.apply.pressure import Method, calibrate, typical_uncertainty
 from midair.calibration.apply.streaming_inverse import StreamingInverse
@@ -13,6 +13,5 @@ __all__ = [
     "inverse_fir",
     "inverse_response",
     "typical_uncertainty",
-    "undo_crosstalk",
     "undo_matrix",
 ]

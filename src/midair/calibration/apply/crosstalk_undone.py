@@ -1,12 +1,10 @@
 """What cells feel of each other's pressure, undone."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import InputError, MismatchError
-from midair.model import Crosstalk, PressureFrames
+from midair.errors import InputError
+from midair.model import Crosstalk
 
 Array = NDArray[np.float64]
 
@@ -45,29 +43,3 @@ def undo_matrix(crosstalk: Crosstalk, *, damping: float = 0.0) -> Array:
             f"crosstalk: expected a matrix that can be inverted, got a condition of {condition:.2g}; give a damping"
         )
     return np.asarray(np.linalg.solve(normal, matrix.T + extra), np.float64)
-
-
-def undo_crosstalk(pressure: PressureFrames, crosstalk: Crosstalk, *, damping: float = 0.0) -> PressureFrames:
-    """The pressure on each cell from what all cells felt.
-
-    Parameters
-    ----------
-    pressure : PressureFrames
-        Calibrated channel by channel.
-    crosstalk : Crosstalk
-        Crosstalk of the same sensor.
-    damping : float
-        See `undo_matrix`.
-
-    Raises
-    ------
-    MismatchError
-        If the matrix is of a sensor with another number of cells.
-    """
-    if len(crosstalk.matrix) != pressure.sensor.count:
-        raise MismatchError(
-            f"crosstalk: expected {pressure.sensor.count} channels like the pressure, got {len(crosstalk.matrix)}"
-        )
-    flat = pressure.pressure.reshape(pressure.frames, -1) @ undo_matrix(crosstalk, damping=damping).T
-    step = pressure.provenance.then("undo crosstalk", {"damping": damping})
-    return replace(pressure, pressure=flat.reshape(pressure.pressure.shape), provenance=step)

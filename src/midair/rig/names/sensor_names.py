@@ -50,15 +50,3 @@ def _made(kind: str, rest: str, name: str, rig: VirtualRig, duration: float | No
         "sensor: expected virtual:OBJECT, replay:FILE, lsl:NAME, audio:DEVICE, serial:PORT or ni:CHANNELS, "
         f"got {name!r}; try virtual:towel"
     )
-
-
-def check_array_name(name: str) -> None:
-    """Refuse a name of an array that nothing answers to.
-
-    Raises
-    ------
-    UnknownDeviceError
-        If it is not ``virtual``.
-    """
-    if name != "virtual":
-        raise UnknownDeviceError(f"array: expected virtual, got {name!r}; midair play takes others")
