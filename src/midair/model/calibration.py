@@ -96,7 +96,10 @@ class Calibration:
     @property
     def identifier(self) -> str:
         """Eight letters and digits that change with sensor, unit, date, version, bins, response, noise or crosstalk."""
-        digest = hashlib.sha256(f"{self.sensor!r} {self.unit} {self.date} {self.version}".encode())
+        sensor = self.sensor
+        # Spelt out, not by its repr: the name of a calibration must outlive a change of how a sensor is shown.
+        grid = f"SensorGrid(rows={sensor.rows}, columns={sensor.columns}, pitch={sensor.pitch!r}, name={sensor.name!r})"
+        digest = hashlib.sha256(f"{grid} {self.unit} {self.date} {self.version}".encode())
         for part in (self.frequency, self.response, self.noise):
             digest.update(part.tobytes())
         if self.crosstalk is not None:
