@@ -456,11 +456,15 @@ def spelt(value: Any, unit: str = "") -> str:
 
 
 def choices_table() -> str:
-    """The table of the documentation: every choice, what it is, where it is in `Settings`, its value in each mode."""
-    lines = ["| option | what | in `Settings` | paper | best | quick |", "| --- | --- | --- | --- | --- | --- |"]
+    """The table of the documentation: every choice, its place in `Settings`, what it is, its value in each mode.
+
+    A mode's value is left out where it is that of the mode before it.
+    """
+    lines = ["| option, in `Settings` | what | paper | best | quick |", "| --- | --- | --- | --- | --- |"]
     for choice in CHOICES:
-        values = " | ".join(spelt(choice.of(MODES[mode]()), choice.unit) for mode in ("paper", "best", "quick"))
-        lines.append(f"| `--{choice.name}` | {choice.help} | `{choice.path}` | {values} |")
+        paper, best, quick = (spelt(choice.of(MODES[mode]()), choice.unit) for mode in ("paper", "best", "quick"))
+        said = f"{paper} | {best if best != paper else ''} | {quick if quick != best else ''}"
+        lines.append(f"| `--{choice.name}`<br>`{choice.path}` | {choice.help} | {said} |")
     return "\n".join(lines)
 
 
