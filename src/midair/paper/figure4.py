@@ -61,8 +61,8 @@ def figure_4(plan: StimuliPlan | None = None, *, stage: Stage = quiet) -> PaperR
     rows: list[Row] = []
     shown: dict[str, dict[str, PressureFrames]] = {}
     for name, thing in STIMULI.items():
-        for name, settings in beside_paper(plan.mode, plan.paper, plan.best).items():
-            mode, iterate = f"{name} mode", 0 if name == "paper" else plan.iterate
+        for which, settings in beside_paper(plan.mode, plan.paper, plan.best).items():
+            mode, iterate = f"{which} mode", 0 if which == "paper" else plan.iterate
             original = recorded(plan.rig, thing, settings, plan.duration)
             loop = reproduced(
                 original, plan, settings, iterate, lambda what, m=mode, n=name: stage(f"{n[:3]} {m}: {what}")

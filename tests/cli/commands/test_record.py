@@ -211,7 +211,7 @@ def test_what_cannot_be_is_one_clear_line(arguments, status, words, capsys):
 def test_a_real_stream_with_holes_is_recorded_over_its_transport(monkeypatch, capsys):
     """LSL over loopback; the sender leaves out seven frames now and then, which its counter shows."""
     pytest.importorskip("pylsl")
-    here = Path(__file__).parent.parent / "devices" / "live"
+    here = Path(__file__).parents[2] / "devices" / "sensors"
     monkeypatch.setenv("LSLAPICFG", str(here / "lsl_api.cfg"))
     name = f"record {os.getpid()}"
     command = [sys.executable, here / "lsl_sender.py", name, "1000", "3600", "-", "7"]
