@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import SensorGrid
 from midair.model.measurement import Crosstalk, Linearity, Measurement
-from midair.model.pictures import captioned, lines
+from midair.model.pictures import curve, framed
 from midair.model.provenance import Provenance
 from midair.model.recording import Unit
-from midair.model.telling import came_from, short, span
+from midair.model.reprs import came_from, clipped, counted, span, told
 from midair.validation import frozen_array
 
 
@@ -76,6 +76,33 @@ class Calibration:
             raise InputError(f"version of the calibration: expected 1 or more, got {self.version}")
         self._check_parts()
 
+    def __repr__(self) -> str:
+        return told(
+            self,
+            f"{counted(len(self.frequency), 'bin')} {span(self.frequency, 'Hz')}",
+            self.sensor.spelled,
+            f"|response| {span(np.abs(self.response), f'{self.unit}/Pa')}",
+            "stated" if self.measurement is None else "measured",
+            f"version {self.version} {clipped(self.date)}".rstrip(),
+            came_from(self.provenance.source),
+            simulated=self.provenance.simulated,
+        )
+
+    def _repr_html_(self) -> str:
+        # A response falls to nothing at 0 Hz, which no logarithmic axis has.
+        kept = self.frequency > 0 if (self.frequency > 0).sum() > 1 else np.ones(len(self.frequency), bool)
+        size = np.abs(self.response[kept]).reshape(int(kept.sum()), -1)
+        picture = curve(
+            self.frequency[kept],
+            np.median(size, axis=1),
+            around=(size.min(axis=1), size.max(axis=1)),
+            x_label="Hz",
+            y_unit=f"{self.unit}/Pa",
+            logarithmic=bool(kept.sum() > 1 and self.frequency[kept][0] > 0),
+        )
+        said = f"|response| in {self.unit}/Pa over frequency in Hz: median and range of {self.sensor.count} channels"
+        return framed(self, picture, said, simulated=self.provenance.simulated)
+
     @classmethod
     def flat(cls, sensor: SensorGrid, *, sensitivity: float = 1.0, unit: Unit = "V") -> "Calibration":
         """A nominal calibration: the same `sensitivity` (unit per Pa) on every channel at every frequency.
@@ -96,10 +123,9 @@ class Calibration:
     @property
     def identifier(self) -> str:
         """Eight letters and digits that change with sensor, unit, date, version, bins, response, noise or crosstalk."""
-        sensor = self.sensor
-        # Spelt out, not by its repr: the name of a calibration must outlive a change of how a sensor is shown.
-        grid = f"SensorGrid(rows={sensor.rows}, columns={sensor.columns}, pitch={sensor.pitch!r}, name={sensor.name!r})"
-        digest = hashlib.sha256(f"{grid} {self.unit} {self.date} {self.version}".encode())
+        # Spelled out, and for good: files tell by this number which calibration their recording was made pressure with.
+        cells = ", ".join(f"{name}={getattr(self.sensor, name)!r}" for name in ("rows", "columns", "pitch", "name"))
+        digest = hashlib.sha256(f"SensorGrid({cells}) {self.unit} {self.date} {self.version}".encode())
         for part in (self.frequency, self.response, self.noise):
             digest.update(part.tobytes())
         if self.crosstalk is not None:
@@ -149,17 +175,3 @@ class Calibration:
             raise ShapeError(f"crosstalk: expected {cells} x {cells}, got {self.crosstalk.matrix.shape}")
         if self.linearity is not None and self.linearity.gain.shape != self.sensor.shape:
             raise ShapeError(f"linearity: expected {self.sensor.shape} cells, got {self.linearity.gain.shape}")
-
-    def __repr__(self) -> str:
-        band = f"{self.frequency[0]:g} to {self.frequency[-1]:g} Hz"
-        rows, columns = self.sensor.shape
-        size = span(np.abs(self.response), f"{self.unit}/Pa")
-        sure = "" if self.measurement is None else ", measured"
-        said = f"{rows} x {columns} '{short(self.sensor.name)}', {band}, |H| {size}{sure}, version {self.version}"
-        return f"<Calibration {said}, {came_from(self.provenance)}>"
-
-    def _repr_html_(self) -> str:
-        even = np.linspace(self.frequency[0], self.frequency[-1], 240)  # its own frequencies need not be even
-        size = np.abs(self.response_at(even)).reshape(len(even), -1).T
-        shown = lines(size, low=f"{self.frequency[0]:g} Hz", high=f"{self.frequency[-1]:g} Hz; |H| in {self.unit}/Pa")
-        return captioned(shown, repr(self)[1:-1])

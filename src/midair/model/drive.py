@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from midair.errors import InputError, ShapeError
 from midair.model.acoustics import Acoustics
 from midair.model.geometry import TransducerArray
-from midair.model.pictures import captioned, dots, lines
+from midair.model.pictures import curve, dots, framed
 from midair.model.provenance import Provenance
-from midair.model.telling import came_from, frames_at, short, span
+from midair.model.reprs import came_from, clipped, counted, lasting, span, told
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -60,6 +60,26 @@ class Drive:
         object.__setattr__(self, "level", level)
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
 
+    def __repr__(self) -> str:
+        return told(
+            self,
+            lasting(self.frames, self.rate),
+            f"{counted(self.array.count, 'transducer')} of {clipped(self.array.name)}",
+            f"level {span(self.level)}",
+            came_from(self.provenance.source),
+            simulated=self.provenance.simulated,
+        )
+
+    def _repr_html_(self) -> str:
+        sounds = self.level.reshape(self.frames, -1) > 0
+        first = int(sounds.any(axis=1).argmax())
+        turn = self.phase[first] / (2 * np.pi) % 1
+        colour = np.where(sounds[first], (turn * 16).astype(int) % 16, -1)
+        picture = dots(self.array.position, colour, bar=("2π rad", "0"))
+        said = f"Phase in rad of the first frame that sounds, at {first / self.rate:.4g} s; x, y in mm"
+        said = said if sounds.any() else "No frame sounds; x, y in mm"
+        return framed(self, picture, said, simulated=self.provenance.simulated)
+
     @property
     def frames(self) -> int:
         """Number of frames."""
@@ -75,18 +95,6 @@ class Drive:
         """Complex drive of each transducer (paper, eq. 4), shape (frame, transducer), 0 to 1 in magnitude."""
         level = self.level if self.level.ndim == 2 else self.level[:, None]
         return np.asarray(level * np.exp(1j * self.phase), np.complex128)
-
-    def __repr__(self) -> str:
-        array = f"{self.array.count} transducers of {short(self.array.name)}"
-        said = f"{frames_at(self.frames, self.rate)}, {array}, level {span(self.level, '')}"
-        return f"<Drive {said}, {came_from(self.provenance)}>"
-
-    def _repr_html_(self) -> str:
-        loud = self.level if self.level.ndim == 1 else self.level.max(axis=1)
-        first = int(np.argmax(loud > 0))
-        x, y = self.array.position[:, 0], self.array.position[:, 1]
-        shown = dots(x, y, self.phase[first], low="phase as colour", high=f"{1e3 * float(np.ptp(x)):.0f} mm wide")
-        return captioned(shown, f"{repr(self)[1:-1]}; frame {first}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,12 +126,23 @@ class Solution:
             raise ShapeError(f"status: expected {frames} entries, one a frame, got {len(self.status)}")
 
     def __repr__(self) -> str:
-        heard = np.array([status != "silent" for status in self.status])
-        error = 100 * self.error[heard]
-        said = f"E mean {error.mean():.1f} %, worst {error.max():.1f} %" if heard.any() else "nothing to play"
-        return f"<Solution {said}, {int((~heard).sum())} silent, of {self.drive!r}>"
+        plays, error = self.plays, 100 * self.error[self.plays]
+        return told(
+            self,
+            counted(self.drive.frames, "frame"),
+            f"E mean {error.mean():.3g} %, worst {error.max():.3g} %" if plays.any() else "",
+            f"{(~plays).sum()} silent" if not plays.all() else "",
+            f"of {self.drive!r}",
+        )
 
     def _repr_html_(self) -> str:
-        end = self.drive.frames / self.drive.rate
-        shown = lines(100 * self.error[None], low="0 s", high=f"{end:.3g} s; E in %")
-        return captioned(shown, repr(self)[1:-1])
+        frames = np.arange(self.drive.frames, dtype=float)
+        error = np.where(self.plays, 100 * self.error, np.nan)
+        picture = curve(frames, error, x_label="frame", y_unit="%")
+        said = "E in % of each frame that sounds" if self.plays.any() else "E in %: no frame sounds"
+        return framed(self, picture, said, simulated=self.drive.provenance.simulated)
+
+    @property
+    def plays(self) -> NDArray[np.bool_]:
+        """Whether a frame has anything to play, shape (frame,); E says something about these only."""
+        return np.array([status != "silent" for status in self.status])

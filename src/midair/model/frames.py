@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.model.geometry import ControlGrid, SensorGrid
-from midair.model.pictures import captioned, heat_map, lines
+from midair.model.pictures import framed, heat_map, sparklines
 from midair.model.provenance import Provenance
-from midair.model.telling import came_from, frames_at, span
+from midair.model.reprs import came_from, lasting, span, told
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -44,6 +44,21 @@ class PressureFrames:
         object.__setattr__(self, "pressure", frozen_array(self.pressure, "pressure", axes))
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
 
+    def __repr__(self) -> str:
+        return told(
+            self,
+            lasting(self.frames, self.rate),
+            self.sensor.spelled,
+            span(self.pressure, "Pa"),
+            "" if self.band is None else f"band {self.band[0]:g} to {self.band[1]:g} Hz",
+            came_from(self.provenance.source),
+            simulated=self.provenance.simulated,
+        )
+
+    def _repr_html_(self) -> str:
+        picture = sparklines(self.pressure, duration=self.frames / self.rate, unit="Pa")
+        return framed(self, picture, "Pressure in Pa", simulated=self.provenance.simulated)
+
     @property
     def frames(self) -> int:
         """Number of frames."""
@@ -69,15 +84,6 @@ class PressureFrames:
             raise InputError(f"cut: expected a part of 0 to {whole:g} s, got {wanted}")
         step = self.provenance.then("cut", {"start_s": first / self.rate, "duration_s": (last - first) / self.rate})
         return replace(self, pressure=self.pressure[first:last], provenance=step)
-
-    def __repr__(self) -> str:
-        rows, columns = self.sensor.shape
-        said = f"{frames_at(self.frames, self.rate)}, {rows} x {columns}, {span(self.pressure, 'Pa')}"
-        return f"<PressureFrames {said}, {came_from(self.provenance)}>"
-
-    def _repr_html_(self) -> str:
-        flat = self.pressure.reshape(self.frames, -1).T
-        return captioned(lines(flat, low="0 s", high=f"{self.frames / self.rate:.3g} s"), repr(self)[1:-1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -108,6 +114,23 @@ class AmplitudeFrames:
         object.__setattr__(self, "amplitude", amplitude)
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))
 
+    def __repr__(self) -> str:
+        return told(
+            self,
+            lasting(self.frames, self.rate),
+            f"{self.grid.rows} x {self.grid.columns} points {1e3 * self.grid.height:.4g} mm above the array",
+            f"up to {self.amplitude.max():.4g} Pa",
+            came_from(self.provenance.source),
+            simulated=self.provenance.simulated,
+        )
+
+    def _repr_html_(self) -> str:
+        loudest = int(self.amplitude.max(axis=1).argmax())
+        grid, (x, y) = self.grid, self.grid.centre
+        picture = heat_map(self.amplitude[loudest].reshape(grid.shape), grid.x + x, grid.y + y, unit="Pa")
+        caption = f"Peak sound pressure in Pa of the loudest frame, at {loudest / self.rate:.4g} s"
+        return framed(self, picture, caption, simulated=self.provenance.simulated)
+
     @property
     def frames(self) -> int:
         """Number of frames."""
@@ -117,14 +140,3 @@ class AmplitudeFrames:
     def time(self) -> Array:
         """Of each frame, shape (frame,), in s."""
         return np.arange(self.frames) / self.rate
-
-    def __repr__(self) -> str:
-        grid = f"{self.grid.rows} x {self.grid.columns} points at {1e3 * self.grid.height:g} mm"
-        said = f"{frames_at(self.frames, self.rate)}, {grid}, up to {self.amplitude.max(initial=0.0):.4g} Pa of sound"
-        return f"<AmplitudeFrames {said}, {came_from(self.provenance)}>"
-
-    def _repr_html_(self) -> str:
-        loudest = int(self.amplitude.max(axis=1).argmax())
-        top = f"{self.amplitude.max(initial=0.0):.4g} Pa"
-        shown = heat_map(self.amplitude[loudest].reshape(self.grid.shape), low="clear: 0 Pa", high=f"full: {top}")
-        return captioned(shown, f"{repr(self)[1:-1]}; frame {loudest}")

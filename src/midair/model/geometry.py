@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model.pictures import captioned, dots
-from midair.model.telling import short
+from midair.model.pictures import dots, framed
+from midair.model.reprs import clipped, counted, told
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -58,6 +58,23 @@ class TransducerArray:
         positive(self.pressure, "pressure of one transducer", "Pa m")
         positive(self.frequency, "frequency of the ultrasound", "Hz")
 
+    def __repr__(self) -> str:
+        units = len(np.unique(self.unit))
+        width, depth = 1e3 * np.ptp(self.position[:, :2], axis=0)
+        return told(
+            self,
+            clipped(self.name),
+            f"{counted(self.count, 'transducer')} in {counted(units, 'unit')}",
+            f"{width:.3g} x {depth:.3g} mm",
+            f"{self.frequency / 1e3:g} kHz",
+            f"{self.pressure:.3g} Pa m each",
+        )
+
+    def _repr_html_(self) -> str:
+        # Neighbours among the 16 colours look alike: steps of 5 keep units apart that stand side by side.
+        picture = dots(self.position, np.asarray(self.unit * 5 % 16, np.int64))
+        return framed(self, picture, "Transducers from above, coloured by unit; x, y in mm")
+
     @classmethod
     def autd3(cls, *, columns: int = 2, rows: int = 2) -> "TransducerArray":
         """`columns` by `rows` AUTD3 units side by side: 249 transducers each, in the order of the firmware.
@@ -92,17 +109,6 @@ class TransducerArray:
             and np.abs(self.position - other.position).max() < 1e-6
             and np.abs(self.normal - other.normal).max() < 1e-6
         )
-
-    def __repr__(self) -> str:
-        size = " x ".join(f"{1e3 * float(np.ptp(self.position[:, axis])):.0f}" for axis in (0, 1))
-        return (
-            f"<TransducerArray {short(self.name)}, {self.count} transducers on {size} mm, {self.frequency / 1e3:g} kHz>"
-        )
-
-    def _repr_html_(self) -> str:
-        wide = f"{1e3 * float(np.ptp(self.position[:, 0])):.0f} mm wide"
-        shown = dots(self.position[:, 0], self.position[:, 1], low="seen from the palm", high=wide)
-        return captioned(shown, repr(self)[1:-1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,15 +172,20 @@ class SensorGrid(Grid):
     pitch: float = 11e-3
     name: str = "sensor"
 
+    def __repr__(self) -> str:
+        return told(self, self.spelled, f"{1e3 * self.pitch:.4g} mm apart")
+
+    @property
+    def spelled(self) -> str:
+        """``4 x 4 'sensor'``: rows, columns and the name on one short line."""
+        return f"{self.rows} x {self.columns} '{clipped(self.name)}'"
+
     def channel_position(self, channel: int) -> tuple[float, float]:
         """(x, y) of a channel from the centre of the grid, in m."""
         if not 0 <= channel < self.count:
             raise ShapeError(f"channel: expected 0 to {self.count - 1}, got {channel}")
         row, column = divmod(channel, self.columns)
         return float(self.x[column]), float(self.y[row])
-
-    def __repr__(self) -> str:
-        return f"<SensorGrid {self.rows} x {self.columns}, pitch {1e3 * self.pitch:g} mm, '{short(self.name)}'>"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,11 +220,6 @@ class ControlGrid(Grid):
         """Of each point, row by row, shape (point, 3), in m."""
         x, y = np.meshgrid(self.x + self.centre[0], self.y + self.centre[1])
         return np.stack([x.ravel(), y.ravel(), np.full(self.count, self.height)], axis=1)
-
-    def __repr__(self) -> str:
-        x, y = (f"{1e3 * each:g}" for each in self.centre)
-        where = f"{1e3 * self.height:g} mm above ({x}, {y}) mm"
-        return f"<ControlGrid {self.rows} x {self.columns}, pitch {1e3 * self.pitch:.4g} mm, {where}>"
 
 
 def centred(count: int, pitch: float) -> Array:

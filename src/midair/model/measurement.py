@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model.telling import short, span
+from midair.model.reprs import clipped, counted, span, told
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
@@ -73,9 +73,17 @@ class Measurement:
             raise InputError(f"reference uncertainty: expected 0 or more, got {self.reference_uncertainty:g}")
 
     def __repr__(self) -> str:
-        sure = f"u of |H| {100 * float(np.median(self.magnitude_uncertainty)):.2g} % (median)"
-        said = f"{short(self.method) or 'unnamed method'}, {self.takes} takes, {sure}"
-        return f"<Measurement {said}, reference {short(self.reference) or 'not named'}>"
+        bins, rows, columns = self.coherence.shape
+        return told(
+            self,
+            f"{counted(bins, 'bin')} of {rows} x {columns} cells",
+            f"magnitude to {100 * np.median(self.magnitude_uncertainty):.3g} % (median, k = 1)",
+            f"coherence {np.median(self.coherence):.3g}",
+            f"delay {span(1e3 * self.delay, 'ms')}",
+            f"by {clipped(self.reference)}" if self.reference else "",
+            clipped(self.method),
+            counted(self.takes, "take"),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -101,11 +109,9 @@ class Crosstalk:
         _freeze(self, "uncertainty", matrix.shape, least=0.0)
 
     def __repr__(self) -> str:
-        count = len(self.matrix)
-        others = np.abs(self.matrix[~np.eye(count, dtype=bool)])
-        return (
-            f"<Crosstalk of {count} channels, at most {100 * others.max(initial=0.0):.2g} % of a neighbour's pressure>"
-        )
+        others = np.abs(self.matrix[~np.eye(len(self.matrix), dtype=bool)])
+        said = f"at most {100 * others.max():.3g} % of a pressure on another cell" if others.size else ""
+        return told(self, f"{len(self.matrix)} x {len(self.matrix)} channels", said)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -144,13 +150,21 @@ class Linearity:
             _freeze(self, name, pressure.shape[1:])
             _freeze(self, f"{name}_uncertainty", pressure.shape[1:], least=0.0)
 
+    def __repr__(self) -> str:
+        rows, columns = self.gain.shape
+        return told(
+            self,
+            f"{counted(self.levels, 'level')} of {rows} x {columns} cells",
+            f"{span(self.pressure, 'Pa')} rms",
+            f"gain {span(self.gain)}",
+            f"intercept {span(self.intercept, 'Pa')}",
+            f"curvature {span(100 * self.curvature, '%')}",
+        )
+
     @property
     def levels(self) -> int:
         """Number of levels."""
         return len(self.pressure)
-
-    def __repr__(self) -> str:
-        return f"<Linearity of {len(self.gain)} channels at {self.levels} levels, {span(self.pressure, 'Pa')}>"
 
 
 def _freeze(owner: Any, name: str, shape: tuple[int, ...], *, least: float = -np.inf) -> None:

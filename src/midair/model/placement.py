@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.model.geometry import TransducerArray
-from midair.model.telling import short
+from midair.model.reprs import clipped
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
@@ -86,4 +86,4 @@ class Placement:
         return np.stack([turn.apply(points) for turn in Rotation.from_euler("xyz", self.rotation)])
 
     def __repr__(self) -> str:
-        return f"<Placement of {self.units} units, '{short(self.name)}'>"
+        return f"<Placement of {self.units} units, '{clipped(self.name)}'>"

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
+from midair.model.reprs import came_from, clipped, clipped_list, counted, told
+
 Setting = str | int | float | bool | None | tuple["Setting", ...]
 """What a setting of a step can be: everything that JSON can hold without losing its type."""
 
@@ -19,7 +21,8 @@ class Step:
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
     def __repr__(self) -> str:
-        return f"<Step {self.stage[:40]}, {len(self.settings)} settings>"
+        settings = clipped_list((f"{name}={value}" for name, value in self.settings.items()), letters=36)
+        return told(self, clipped(self.stage) + (f": {settings}" if settings else ""))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,13 +49,17 @@ class Provenance:
     def __post_init__(self) -> None:
         object.__setattr__(self, "notes", MappingProxyType(dict(self.notes)))
 
+    def __repr__(self) -> str:
+        stages = clipped_list(step.stage for step in self.steps)
+        return told(
+            self,
+            came_from(self.source),
+            f"{counted(len(self.steps), 'step')}: {stages}" if stages else "no steps",
+            f"{counted(len(self.notes), 'note')}: {clipped_list(self.notes)}" if self.notes else "",
+            simulated=self.simulated,
+        )
+
     def then(self, stage: str, settings: Mapping[str, Setting], *, simulated: bool = False) -> "Provenance":
         """The same life, one step on."""
         step = Step(stage=stage, settings=settings)
         return replace(self, steps=(*self.steps, step), simulated=self.simulated or simulated)
-
-    def __repr__(self) -> str:
-        stages = [step.stage[:20] for step in self.steps]
-        told = ", ".join(stages if len(stages) <= 6 else [*stages[:3], f"… {len(stages) - 6} more …", *stages[-3:]])
-        said = f"from {self.source[:40]}, {len(self.notes)} notes, steps: {told or 'none'}"
-        return f"<Provenance {said}{', SIMULATED' if self.simulated else ''}>"

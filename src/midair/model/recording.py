@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from midair.errors import UnitError
 from midair.model.geometry import SensorGrid
-from midair.model.pictures import captioned, lines
+from midair.model.pictures import framed, sparklines
 from midair.model.provenance import Provenance
-from midair.model.telling import came_from, frames_at, short, span
+from midair.model.reprs import came_from, lasting, span, told
 from midair.validation import frozen_array, positive
 
 Unit = Literal["V", "count", "Pa"]
@@ -48,6 +48,20 @@ class Recording:
         if self.unit not in get_args(Unit):
             raise UnitError(f"unit of the samples: expected one of {', '.join(get_args(Unit))}, got {self.unit!r}")
 
+    def __repr__(self) -> str:
+        return told(
+            self,
+            lasting(self.frames, self.rate),
+            self.sensor.spelled,
+            span(self.samples, self.unit),
+            came_from(self.provenance.source),
+            simulated=self.provenance.simulated,
+        )
+
+    def _repr_html_(self) -> str:
+        picture = sparklines(self.samples, duration=self.duration, unit=self.unit)
+        return framed(self, picture, f"Samples in {self.unit}", simulated=self.provenance.simulated)
+
     @property
     def frames(self) -> int:
         """Number of frames."""
@@ -62,13 +76,3 @@ class Recording:
     def time(self) -> NDArray[np.float64]:
         """Of each frame, shape (frame,), in s."""
         return np.arange(self.frames) / self.rate
-
-    def __repr__(self) -> str:
-        rows, columns = self.sensor.shape
-        said = f"{frames_at(self.frames, self.rate)}, {rows} x {columns} '{short(self.sensor.name)}'"
-        return f"<Recording {said}, {span(self.samples, self.unit)}, {came_from(self.provenance)}>"
-
-    def _repr_html_(self) -> str:
-        flat = self.samples.reshape(self.frames, -1).T
-        traces = lines(flat - flat.mean(axis=1, keepdims=True), low="0 s", high=f"{self.duration:.3g} s")
-        return captioned(traces, f"{repr(self)[1:-1]}; mean of each channel taken out")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError, ShapeError, UnitError
 from midair.model.geometry import SensorGrid
 from midair.model.recording import Unit
+from midair.model.reprs import counted, told
 from midair.validation import positive
 
 
@@ -57,6 +58,17 @@ class SensorWiring:
                 "if nobody knows it"
             )
 
+    def __repr__(self) -> str:
+        in_order = self.order == tuple(range(self.grid.count))
+        return told(
+            self,
+            self.grid.spelled,
+            f"{counted(self.grid.count, 'channel')} {'in order' if in_order else 'in an order of their own'}",
+            f"in {self.unit}",
+            "" if self.full_scale is None else f"full scale {self.full_scale:g} {self.unit}",
+            "" if self.sensitivity is None else f"{self.sensitivity:g} {self.unit}/Pa",
+        )
+
     @classmethod
     def for_channels(cls, channels: int, *, name: str = "sensor", unit: Unit = "count") -> "SensorWiring":
         """In the order of the source: a square of cells 11 mm apart where the number allows one, else one row."""
@@ -99,8 +111,3 @@ class SensorWiring:
                 "correct the order in the sensor file"
             )
         return samples[:, list(self.order)].reshape(-1, *self.grid.shape)
-
-    def __repr__(self) -> str:
-        changed = sum(place != channel for place, channel in enumerate(self.order))
-        said = f"{self.channels} channels of {self.grid!r} in {self.unit}, {changed} out of order"
-        return f"<SensorWiring {said}>"

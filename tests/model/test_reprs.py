@@ -1,0 +1,296 @@
+"""What every noun says of itself: short, with units, never the numbers of an array; and its picture."""
+
+import re
+from dataclasses import is_dataclass, replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from midair import model
+from midair.model import (
+    Acoustics,
+    AmplitudeFrames,
+    Calibration,
+    ControlGrid,
+    Crosstalk,
+    Drive,
+    Event,
+    Linearity,
+    Measurement,
+    Medium,
+    Placement,
+    PressureFrames,
+    Provenance,
+    Recording,
+    SensorGrid,
+    SensorWiring,
+    Solution,
+    Step,
+    TransducerArray,
+)
+from midair.model.reprs import clipped, clipped_list, counted, lasting, short, span
+
+SVG = "{http://www.w3.org/2000/svg}"
+LONG = "<b>" + "a very long name " * 40 + "\n</b>"
+RNG = np.random.default_rng(4)
+
+TOWEL = Provenance(source="virtual:towel", simulated=True, notes={"object": "towel"}).then("cut", {"start_s": 0.5})
+SENSOR = SensorGrid(name="virtual sensor 0")
+FEW = TransducerArray(position=np.eye(3), normal=np.broadcast_to([0.0, 0, 1], (3, 3)), name="three")
+FOUR = TransducerArray.autd3()
+
+
+def measurement(bins, rows, columns, **words):
+    shape = (bins, rows, columns)
+    parts = {"coherence": np.full(shape, 0.99), "noise_uncertainty": np.ones(shape[1:])}
+    parts |= dict.fromkeys(("magnitude_uncertainty", "phase_uncertainty", "noise_density"), np.full(shape, 0.021))
+    parts |= dict.fromkeys(("delay", "delay_uncertainty"), np.full(shape[1:], 1.25e-4))
+    return Measurement(**parts, **words)
+
+
+def linearity(rows, columns):
+    cells = [f"{name}{of}" for name in ("gain", "intercept", "curvature") for of in ("", "_uncertainty")]
+    levels = np.linspace(0.5, 20, 5)[:, None, None] * np.ones((rows, columns))
+    return Linearity(pressure=levels, output=levels, **dict.fromkeys(cells, np.full((rows, columns), 0.02)))
+
+
+def solution(drive, status="converged"):
+    frames = drive.frames
+    return Solution(
+        drive=drive,
+        error=np.linspace(0.05, 0.091, frames) * (status != "silent"),
+        iterations=np.ones(frames, int),
+        status=(status,) * frames,
+    )
+
+
+ORDINARY = {
+    "Acoustics": Acoustics(),
+    "AmplitudeFrames": AmplitudeFrames(amplitude=RNG.uniform(0, 3800, (50, 256)), rate=1000.0, provenance=TOWEL),
+    "Calibration": Calibration(
+        sensor=SENSOR,
+        frequency=np.linspace(0, 500, 257),
+        response=RNG.uniform(0.01, 0.02, (257, 4, 4)),
+        noise=np.zeros((4, 4)),
+        date="2026-01-31",
+        provenance=TOWEL,
+        measurement=measurement(257, 4, 4),
+    ),
+    "ControlGrid": ControlGrid(),
+    "Crosstalk": Crosstalk(matrix=0.9 * np.eye(16) + 0.1, uncertainty=np.zeros((16, 16))),
+    "Drive": Drive(phase=RNG.uniform(0, 7, (50, 996)), level=np.ones(50), rate=1000.0, array=FOUR, provenance=TOWEL),
+    "Event": Event(kind="lost", frame=3, frames=12),
+    "Linearity": linearity(4, 4),
+    "Measurement": measurement(257, 4, 4, reference="microphone", takes=3),
+    "Medium": Medium.at(),
+    "Placement": Placement.grid(),
+    "PressureFrames": PressureFrames(
+        pressure=RNG.standard_normal((1280, 4, 4)), rate=1000.0, sensor=SENSOR, band=(20.0, 470.0), provenance=TOWEL
+    ),
+    "Provenance": TOWEL,
+    "Recording": Recording(samples=RNG.standard_normal((1280, 4, 4)), rate=1000.0, sensor=SENSOR, provenance=TOWEL),
+    "SensorGrid": SENSOR,
+    "SensorWiring": SensorWiring(grid=SENSOR, unit="V", full_scale=10.0, sensitivity=0.02),
+    "Step": Step(stage="cut", settings={"start_s": 0.5}),
+    "TransducerArray": FOUR,
+}
+ORDINARY["Solution"] = solution(ORDINARY["Drive"])
+"""One of each noun as it comes."""
+
+SAYS = {
+    "Acoustics": ["t4010a1", "340"],
+    "AmplitudeFrames": ["50 frames at 1000 Hz, 0.05 s", "16 x 16 points 200 mm above", "Pa", "from virtual:towel"],
+    "Calibration": ["257 bins 0 to 500 Hz", "4 x 4 'virtual sensor 0'", "V/Pa", "measured", "version 1 2026-01-31"],
+    "ControlGrid": ["rows=16", "height=0.2"],
+    "Crosstalk": ["16 x 16 channels", "at most 10 %"],
+    "Drive": ["50 frames at 1000 Hz", "996 transducers of AUTD3 2 x 2", "level 1,", "from virtual:towel"],
+    "Event": ["lost", "frame=3", "frames=12"],
+    "Linearity": ["5 levels of 4 x 4 cells", "0.5 to 20 Pa rms", "curvature 2 %"],
+    "Measurement": ["257 bins of 4 x 4", "2.1 % (median, k = 1)", "0.125 ms", "by microphone", "3 takes"],
+    "Medium": ["speed=34", "humidity=0.5"],
+    "Placement": ["4 units", "AUTD3 2 x 2"],
+    "PressureFrames": ["1280 frames at 1000 Hz, 1.28 s", " Pa,", "band 20 to 470 Hz"],
+    "Provenance": ["from virtual:towel", "1 step: cut", "1 note: object"],
+    "Recording": ["1280 frames at 1000 Hz, 1.28 s", "4 x 4 'virtual sensor 0'", " V,", "from virtual:towel"],
+    "SensorGrid": ["4 x 4 'virtual sensor 0', 11 mm apart"],
+    "SensorWiring": ["16 channels in order", "in V", "full scale 10 V", "0.02 V/Pa"],
+    "Solution": ["50 frames, E mean 7.05 %, worst 9.1 %, of <Drive 50 frames"],
+    "Step": ["cut: start_s=0.5"],
+    "TransducerArray": ["AUTD3 2 x 2, 996 transducers in 4 units, 365 x 283 mm, 40 kHz, 4.39 Pa m each"],
+}
+
+SIMULATED = {"AmplitudeFrames", "Calibration", "Drive", "PressureFrames", "Provenance", "Recording", "Solution"}
+
+BUSY = Provenance(
+    source=LONG,
+    simulated=True,
+    notes={f"{LONG}{i}": LONG for i in range(20)},
+    steps=tuple(Step(stage=f"{LONG}{i}", settings={LONG: LONG}) for i in range(20)),
+)
+NAMED = SensorGrid(rows=12, columns=20, name=LONG)
+ONE = SensorGrid(rows=1, columns=1, name=LONG)
+MANY = replace(TransducerArray.autd3(columns=5, rows=4), name=LONG)
+ROW = TransducerArray(position=np.arange(6000).reshape(2000, 3) * [1.0, 0, 0], normal=np.tile([0.0, 0, 1], (2000, 1)))
+ALONE = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0, 1]]))
+LOUD = Drive(
+    phase=RNG.normal(0, 9, (40, MANY.count)), level=np.linspace(0, 1, 40), rate=1 / 3, array=MANY, provenance=BUSY
+)
+QUIET = Drive(phase=np.zeros((1, 1)), level=np.zeros(1), rate=1e9, array=ALONE, provenance=BUSY)
+HUGE = {"rate": 12345.678901, "provenance": BUSY}
+
+EXTREME = {
+    "recording of one frame, one cell": Recording(samples=np.zeros((1, 1, 1)), sensor=ONE, **HUGE),
+    "recording without variance": Recording(samples=np.full((300, 12, 20), 0.1), sensor=NAMED, **HUGE),
+    "recording of many frames": Recording(
+        samples=1e300 * RNG.standard_normal((9000, 12, 20)), sensor=NAMED, unit="count", **HUGE
+    ),
+    "silent pressure": PressureFrames(pressure=np.zeros((2, 1, 1)), sensor=ONE, **HUGE),
+    "pressure of many cells": PressureFrames(
+        pressure=-1e-300 * RNG.random((3000, 12, 20)), sensor=NAMED, band=(1.2345678, 4567.89123), **HUGE
+    ),
+    "silent amplitude": AmplitudeFrames(amplitude=np.zeros((1, 1)), grid=ControlGrid(rows=1, columns=1), **HUGE),
+    "amplitude at many points": AmplitudeFrames(
+        amplitude=1e9 * RNG.random((2, 9900)), grid=ControlGrid(rows=90, columns=110), **HUGE
+    ),
+    "amplitude in a row": AmplitudeFrames(amplitude=np.ones((2, 300)), grid=ControlGrid(rows=1, columns=300), **HUGE),
+    "drive of many units": LOUD,
+    "drive that is silent": QUIET,
+    "drive with a level for each": replace(QUIET, level=np.ones((1, 1))),
+    "solution of many units": solution(LOUD),
+    "solution that is silent": solution(QUIET, "silent"),
+    "solution of one frame": solution(QUIET),
+    "solution of many frames": solution(
+        replace(LOUD, phase=np.zeros((5000, 3)), level=np.ones(5000), array=replace(FEW, name=LONG))
+    ),
+    "array of many units": MANY,
+    "array in a row": ROW,
+    "array of one": ALONE,
+    "stated calibration": replace(Calibration.flat(ONE), provenance=BUSY),
+    "calibration of one bin": Calibration(
+        sensor=ONE, frequency=np.zeros(1), response=np.zeros((1, 1, 1)), noise=np.zeros((1, 1)), provenance=BUSY
+    ),
+    "calibration of many bins": Calibration(
+        sensor=NAMED,
+        frequency=np.arange(8000.0),
+        response=1e-9 * RNG.standard_normal((8000, 12, 20)),
+        noise=np.zeros((12, 20)),
+        date=LONG,
+        version=10**9,
+        provenance=BUSY,
+    ),
+    "measurement in many words": measurement(1, 1, 1, reference=LONG, method=LONG, takes=10**9),
+    "crosstalk of one cell": Crosstalk(matrix=np.ones((1, 1)), uncertainty=np.zeros((1, 1))),
+    "linearity of one cell": linearity(1, 1),
+    "wiring of many cells": SensorWiring(
+        grid=NAMED, order=tuple(reversed(range(240))), full_scale=1 / 3, sensitivity=1 / 3
+    ),
+    "sensor with a long name": NAMED,
+    "provenance of a long life": BUSY,
+    "provenance without a life": Provenance(),
+    "step with many settings": Step(stage=LONG, settings={f"{LONG}{i}": tuple(range(99)) for i in range(99)}),
+    "step without settings": Step(stage="cut"),
+    "acoustics": Acoustics(medium=Medium.at(temperature=21.123456789, humidity=0.123456789)),
+    "control grid": ControlGrid(rows=1000, columns=1000, pitch=1 / 3e3, height=1 / 3, centre=(-1 / 3, 1 / 3)),
+}
+"""What is longest, emptiest or flattest."""
+
+NOUNS = ORDINARY | EXTREME
+PICTURED = {name: noun for name, noun in NOUNS.items() if hasattr(noun, "_repr_html_")}
+
+
+def test_the_table_has_every_noun():
+    nouns = {name for name in model.__all__ if is_dataclass(getattr(model, name))}
+    assert nouns == set(ORDINARY) == set(SAYS)
+    assert all(type(noun).__name__ == name for name, noun in ORDINARY.items())
+
+
+@pytest.mark.parametrize("name", NOUNS)
+def test_a_repr_is_one_short_line_without_the_numbers_of_an_array(name):
+    said = repr(NOUNS[name])
+    assert len(said) < 300
+    assert "\n" not in said
+    assert not re.search(r"array\(|\[", said)
+    assert not re.search(r"\b(nan|inf)\b", said)
+
+
+@pytest.mark.parametrize("name", SAYS)
+def test_a_repr_says_what_one_wants_to_know_with_units(name):
+    said = repr(ORDINARY[name])
+    assert [words for words in SAYS[name] if words not in said] == []
+    assert said.startswith(("<" + name, name + "("))
+    assert said.endswith((">", ")"))
+
+
+@pytest.mark.parametrize("name", ORDINARY)
+def test_what_is_simulated_says_so(name):
+    assert ("SIMULATED" in repr(ORDINARY[name])) == (name in SIMULATED)
+
+
+def test_what_is_not_simulated_does_not_say_so():
+    one = replace(ORDINARY["Recording"], provenance=Provenance(source="lsl:Skin"))
+    assert "SIMULATED" not in repr(one) + one._repr_html_()
+
+
+def test_a_solution_counts_its_silent_frames_and_leaves_them_out_of_e():
+    drive = replace(ORDINARY["Drive"], phase=np.zeros((3, 996)), level=np.array([0.0, 1, 1]))
+    some = replace(solution(drive), error=np.array([0.0, 0.1, 0.2]), status=("silent", "stalled", "converged"))
+    assert "3 frames, E mean 15 %, worst 20 %, 1 silent, of <Drive" in repr(some)
+    assert some.plays.tolist() == [False, True, True]
+    assert "1 frame, 1 silent, of <Drive" in repr(EXTREME["solution that is silent"])
+    assert "no frame sounds" in EXTREME["solution that is silent"]._repr_html_()
+
+
+def test_a_picture_is_there_where_it_says_more():
+    wanted = {"Recording", "PressureFrames", "AmplitudeFrames", "Drive", "Solution", "Calibration", "TransducerArray"}
+    assert {type(noun).__name__ for noun in PICTURED.values()} == wanted
+
+
+@pytest.mark.parametrize("name", PICTURED)
+def test_a_picture_is_small_and_whole(name):
+    text = PICTURED[name]._repr_html_()
+    assert len(text) < 20_000
+    picture = ElementTree.fromstring(text).find(SVG + "svg")
+    assert picture.get("width") == "360"
+    numbers = re.findall(r"nan|inf", "".join(path.get("d") for path in picture.iter(SVG + "path")))
+    assert numbers == []
+
+
+@pytest.mark.parametrize("name", PICTURED)
+def test_a_picture_has_a_caption_with_units_and_the_repr(name):
+    noun = PICTURED[name]
+    caption = ElementTree.fromstring(noun._repr_html_()).find("figcaption")
+    assert caption.find("span").text == repr(noun)
+    assert re.search(r" in (V|Pa|count|%|rad|mm|V/Pa)\b|in %|in mm|No frame sounds", caption.text)
+    assert caption.text.endswith(", SIMULATED") == ("SIMULATED" in repr(noun))
+
+
+def test_names_are_escaped():
+    text = EXTREME["recording of one frame, one cell"]._repr_html_()
+    assert "&lt;b&gt;a very" in text
+    assert "<b>" not in text
+
+
+def test_the_phase_of_a_drive_is_of_the_first_frame_that_sounds():
+    drive = Drive(phase=np.zeros((4, 3)), level=np.array([0.0, 0, 0.5, 1]), rate=100.0, array=FEW)
+    assert "first frame that sounds, at 0.02 s" in drive._repr_html_()
+
+
+def test_long_names_keep_both_ends():
+    assert clipped("C:/takes/of/a/long/winter/towel.h5", 20) == "C:/takes/…/towel.h5"
+    assert clipped("short") == "short"
+    assert clipped("two\nlines") == "two lines"
+
+
+def test_long_lists_say_how_many_more_there_are():
+    assert clipped_list("abcdef", most=4) == "a, b, c, d and 2 more"
+    assert clipped_list("ab") == "a, b"
+    assert clipped_list([]) == ""
+
+
+def test_numbers_are_short_and_have_units():
+    assert [short(v) for v in (0.03141, -0.0, 2849.3, 999.6, 12e6)] == ["0.0314", "0", "2849", "1000", "1.2e+07"]
+    assert span(np.array([-0.31, 0.42]), "V") == "-0.31 to 0.42 V"
+    assert span(np.ones(3)) == "1"
+    assert [counted(n, "frame") for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
+    assert lasting(1, 4.0) == "1 frame at 4 Hz, 0.25 s"
