@@ -50,12 +50,12 @@ def new_figure(width: float, height: float, *, simulated: bool, style: Style | N
     return figure
 
 
-def plain(axes: Axes, style: Style, *, grid: bool = True) -> Axes:
+def plain(axes: Axes, style: Style) -> Axes:
     """No box, small ticks, a faint grid behind the data."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(style.faint)
     axes.tick_params(labelsize=8, color=style.faint, labelcolor=style.ink)
-    axes.grid(visible=grid, color=style.faint, linewidth=0.5, alpha=0.6)
+    axes.grid(visible=True, color=style.faint, linewidth=0.5, alpha=0.6)
     axes.set_axisbelow(True)
     return axes
 

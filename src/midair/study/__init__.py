@@ -1,4 +1,4 @@
-"""Studies: design, simulated participants, and statistics. Pure: knows no file, clock, sound or device."""
+"""Studies with people: their design, sessions, statistics, findings and report."""
 
 from midair.study.design import (
     Analysis,
