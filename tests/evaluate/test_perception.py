@@ -61,6 +61,11 @@ def test_what_is_the_same_is_the_same_and_what_is_silent_says_nothing():
     assert st_sim(half, np.concatenate([tone(0.5), silence])) == pytest.approx(st_sim(tone(), tone(0.5)))
 
 
+def test_st_sim_passes_1_where_more_is_felt_than_in_the_original():
+    faint = tone(0.01)
+    assert st_sim(faint, 0.5 * faint) < 1 < st_sim(faint, 3 * faint) < st_sim(faint, 10 * faint)
+
+
 def test_the_other_way_round_is_another_waveform_and_the_same_spectrum():
     assert st_sim(tone(), -tone()) == 0
     assert spqi(tone(), -tone()) == pytest.approx(1)

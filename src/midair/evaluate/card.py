@@ -180,7 +180,8 @@ def _similarities(x: Array, y: Array, rate: float, skin: SkinModel, weight: Arra
             overall=float(means[0]),
             channels=maps[0],
             meaning="1 when waveform and felt spectrum are the same in each 64 ms, 0 when nothing is alike; a changed "
-            "waveform lowers it even where skin might not notice.",
+            "waveform lowers it even where skin might not notice, and more that is felt than in the original lifts it "
+            "above 1.",
         ),
         CardFigure(
             name="SPQI",

@@ -153,7 +153,7 @@ def st_sim(reference: Array, distorted: Array, *, eta: float = 2 / 3, block: int
     Returns
     -------
     float
-        1 for the same, 0 for nothing alike; slightly above 1 is possible.
+        1 for the same, 0 for nothing alike; above 1 where more is felt than in the reference.
     """
     from scipy.special import ndtr
 
