@@ -301,7 +301,7 @@ def witnessed(path, what):
 @pytest.mark.parametrize("kills", [5, pytest.param(200, marks=pytest.mark.slow)])
 def test_no_kill_loses_an_answer_or_asks_twice(tmp_path, kills):
     text = paper_design_text().replace("repetitions = 4", "repetitions = 40")
-    study = StudyFolder.create(tmp_path / "study", text, read_design(text, participants=15, name="kill"))
+    study = StudyFolder.create(tmp_path / "study", text, read_design(text, participants=15 * kills, name="kill"))
     plan, witness, rng = study.plan(), tmp_path / "witness", np.random.default_rng(kills)
     number, killed = 1, 0
     while killed < kills:
