@@ -9,7 +9,7 @@ from midair.devices import ExposureChoices, VirtualArray, admit, admit_level, ad
 from midair.devices.admission import Admission
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.files import profile_named
-from midair.model import Drive, Provenance, TransducerArray
+from midair.model import Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.physics import exposure, focus_phase
 
 ARRAY = TransducerArray.autd3()
@@ -73,6 +73,20 @@ def test_what_a_file_says_of_the_strength_counts_for_nothing():
     assert admission.drive.array.pressure == ARRAY.pressure
 
 
+@pytest.mark.parametrize("medium", [Medium(attenuation=100.0), Medium(speed=900.0)])
+def test_what_a_file_says_of_the_air_hides_nothing(medium):
+    """A drive whose file claims an air that swallows the sound, or scatters the focus, is refused all the same."""
+    claims = replace(focus(), acoustics=Acoustics(medium=medium))
+    honest = exposure(focus(), PROFILE)
+    for check in (lambda: admit(claims, Loud(ARRAY), CHOICES), lambda: admit_parts([claims], Loud(ARRAY), CHOICES)):
+        with pytest.raises(ExposureError):
+            check()
+    weaker = admit(claims, Loud(ARRAY), WEAKER)
+    assert weaker.drive.level.max() <= admit(focus(), Loud(ARRAY), WEAKER).drive.level.max()
+    overridden = admit(claims, Loud(ARRAY), ExposureChoices(profile=PROFILE, override="A Person"))
+    assert (overridden.exposure.level >= honest.level).all()
+
+
 def test_an_admission_is_for_the_device_that_was_measured():
     louder = Loud(replace(ARRAY, pressure=2 * ARRAY.pressure))
     other = Loud(TransducerArray.autd3(columns=1, rows=1))
@@ -112,6 +126,8 @@ def test_parts_that_are_read_twice_are_admitted_and_no_others():
         assert sum(device.play(admission.frames(part)).frames for part in parts) == 6
         with pytest.raises(ExposureError, match="got one that was not"):
             admission.frames(focus(level=0.02))
+        with pytest.raises(MismatchError, match="expected some at 1000 Hz, got some at 2000 Hz"):
+            admission.frames(replace(parts[0], rate=2000.0))
         with pytest.raises(DeviceStateError, match="frames to come"):
             device.play(admission)
 

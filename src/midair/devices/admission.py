@@ -7,7 +7,7 @@ What it gives, an `Admission`, is the only thing that `ArrayDevice.play` accepts
 import hashlib
 from collections.abc import Iterable
 from dataclasses import InitVar, dataclass, field, replace
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -132,12 +132,14 @@ class Admission:
         Raises
         ------
         MismatchError
-            If they are for another array.
+            If they are for another array, or of another rate.
         ExposureError
             If they were not measured, or are stronger than what was admitted.
         """
         if not self.array.same_as(drive.array):
             raise MismatchError(f"frames: expected some for {self.array.name}, got some for {drive.array.name}")
+        if drive.rate != self.exposure.rate:
+            raise MismatchError(f"frames: expected some at {self.exposure.rate:g} Hz, got some at {drive.rate:g} Hz")
         if self._known and _fingerprint(drive) not in self._known:
             raise ExposureError("frames: expected a part that was admitted, got one that was not; admit it again")
         # Half a step of the firmware's 255 is what rounding may add, and adds in the measure of the level too.
@@ -145,7 +147,8 @@ class Admission:
             raise ExposureError(
                 f"frames: expected a level of at most {self.level:g} of full drive, got {drive.level.max():g}"
             )
-        weaker = drive if self.factor == 1 else _weakened(drive, self.factor, self.exposure.profile.name)
+        own = replace(drive, array=self.array)
+        weaker = own if self.factor == 1 else _weakened(own, self.factor, self.exposure.profile.name)
         return replace(self, drive=weaker, _key=_ONLY_HERE)
 
     def __repr__(self) -> str:
@@ -162,7 +165,8 @@ def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: 
     drive : Drive
         To be played.
     device : ArrayDevice
-        That is to play it. Its own array is measured: what a file says of a transducer's strength counts for nothing.
+        That is to play it. Its own array is measured: what a file says of a transducer's strength counts for nothing,
+        and what it says of the air can only make a level higher.
     choices : ExposureChoices
         The profile, and what to do with a drive that exceeds it.
     repeats : int
@@ -180,21 +184,12 @@ def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: 
     _check_repeats(repeats)
     check_fits(drive, device)
     own = replace(drive, array=device.array)
-    found = exposure(own, choices.profile, repeats=repeats)
+    found = _measured(own, choices.profile, repeats)
     outcome, factor = _decide(found, device, choices)
     if outcome == "attenuated":
         own = _weakened(own, factor, choices.profile.name)
-        found = exposure(own, choices.profile, repeats=repeats)
-    return Admission(
-        drive=own,
-        array=device.array,
-        exposure=found,
-        outcome=outcome,
-        by=_who(outcome, choices),
-        repeats=repeats,
-        gated=device.gated,
-        _key=_ONLY_HERE,
-    )
+        found = _measured(own, choices.profile, repeats)
+    return _admission(device, choices, found, outcome, drive=own, repeats=repeats)
 
 
 def admit_parts(parts: Iterable[Drive], device: Sounding, choices: ExposureChoices, *, repeats: int = 1) -> Admission:
@@ -226,7 +221,7 @@ def admit_parts(parts: Iterable[Drive], device: Sounding, choices: ExposureChoic
         if measured and part.rate != measured[0].rate:
             raise MismatchError(f"parts: expected all at {measured[0].rate:g} Hz, got one at {part.rate:g} Hz")
         known.add(_fingerprint(part))
-        measured.append(exposure(replace(part, array=device.array), choices.profile, repeats=repeats))
+        measured.append(_measured(replace(part, array=device.array), choices.profile, repeats))
     if not measured:
         raise InputError("parts: expected one or more, got none")
     found = replace(
@@ -235,18 +230,7 @@ def admit_parts(parts: Iterable[Drive], device: Sounding, choices: ExposureChoic
         nonlinearity=max(each.nonlinearity for each in measured),
     )
     outcome, factor = _decide(found, device, choices)
-    return Admission(
-        drive=None,
-        array=device.array,
-        exposure=found,
-        outcome=outcome,
-        by=_who(outcome, choices),
-        repeats=repeats,
-        gated=device.gated,
-        factor=factor,
-        _known=frozenset(known),
-        _key=_ONLY_HERE,
-    )
+    return _admission(device, choices, found, outcome, repeats=repeats, factor=factor, _known=frozenset(known))
 
 
 def admit_level(
@@ -283,16 +267,7 @@ def admit_level(
     if outcome == "attenuated":
         level *= factor
         found = greatest_exposure(device.array, level, choices.profile, rate=rate, acoustics=acoustics)
-    return Admission(
-        drive=None,
-        array=device.array,
-        exposure=found,
-        outcome=outcome,
-        by=_who(outcome, choices),
-        gated=device.gated,
-        level=level,
-        _key=_ONLY_HERE,
-    )
+    return _admission(device, choices, found, outcome, level=level)
 
 
 def check_fits(drive: Drive, device: Sounding) -> None:
@@ -307,6 +282,42 @@ def check_fits(drive: Drive, device: Sounding) -> None:
 def _check_repeats(repeats: int) -> None:
     if repeats < 1:
         raise InputError(f"expected 1 repeat or more, got {repeats}")
+
+
+def _admission(
+    device: Sounding,
+    choices: ExposureChoices,
+    found: Exposure,
+    outcome: Outcome,
+    *,
+    drive: Drive | None = None,
+    **rest: Any,
+) -> Admission:
+    return Admission(
+        drive=drive,
+        array=device.array,
+        exposure=found,
+        outcome=outcome,
+        by=_who(outcome, choices),
+        gated=device.gated,
+        _key=_ONLY_HERE,
+        **rest,
+    )
+
+
+def _measured(drive: Drive, profile: ExposureProfile, repeats: int) -> Exposure:
+    """Exposure at the higher of two levels: in the paper's air, and in the one that the drive says it was solved for.
+
+    Phases focus in the air that they were solved for, so that its levels count; but a file may claim an air that
+    swallows the sound or scatters the focus, so that it alone must not decide.
+    """
+    found = exposure(drive, profile, repeats=repeats, acoustics=Acoustics())
+    if drive.acoustics == Acoustics():
+        return found
+    said = exposure(drive, profile, repeats=repeats)
+    return replace(
+        found, level=np.maximum(found.level, said.level), nonlinearity=max(found.nonlinearity, said.nonlinearity)
+    )
 
 
 def _decide(found: Exposure, device: Sounding, choices: ExposureChoices) -> tuple[Outcome, float]:
