@@ -1,9 +1,15 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from midair.cli import run
 from midair.cli.terminal.options import SolveOptions
+from midair.errors import InputError
 from midair.files import load_solution
-from midair.settings import Settings
+from midair.model import Acoustics, ControlGrid
+from midair.settings import MODES, Settings, best_mode
+from midair.solvers import Guard
 from midair.targets import Circle
 
 
@@ -13,10 +19,6 @@ def stages(path):
 
 def test_the_options_that_nobody_gave_are_the_paper_s():
     assert SolveOptions().settings() == Settings()
-
-
-def test_a_radius_makes_a_circle():
-    assert SolveOptions(circle=2e-3, circle_rate=4.0).settings().target.circle == Circle(radius=2e-3, frequency=4.0)
 
 
 @pytest.fixture
@@ -52,3 +54,51 @@ def test_what_cannot_be_is_told_in_one_line(stroke, tmp_path, words, said, capsy
     assert run(["solve", str(stroke), str(drive), *words.split()]) == 1
     assert said in capsys.readouterr().err
     assert not drive.exists()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_mode_by_name_and_single_options_on_top(mode):
+    assert SolveOptions(mode=mode).settings() == MODES[mode]()
+    assert SolveOptions(mode=mode, rate=2000.0).settings() == MODES[mode]().but(rate=2000.0)
+
+
+def test_terms_are_switched_on_off_and_changed():
+    assert SolveOptions(guard=0.02).settings().solver.guard == Guard(margin=0.02)
+    best = best_mode().solver.guard
+    assert SolveOptions(mode="best", guard=0.03).settings().solver.guard == replace(best, margin=0.03)
+    assert SolveOptions(mode="best", guard=0.0, decouple=False).settings() == best_mode().but(
+        guard=None, decouple=False
+    )
+    circled = SolveOptions(circle=2e-3, circle_rate=4.0).settings()
+    assert circled.target.circle == Circle(radius=2e-3, frequency=4.0)
+    with pytest.raises(InputError, match="--circle-rate: expected --circle beside it"):
+        SolveOptions(circle_rate=4.0).settings()
+    assert SolveOptions(points=8).settings().target.grid == ControlGrid(rows=8, columns=8)
+    assert SolveOptions(directivity="point").settings().acoustics == Acoustics(directivity="point")
+
+
+def test_mode_and_file_together_are_refused(tmp_path):
+    with pytest.raises(InputError, match="expected --mode or --settings"):
+        SolveOptions(mode="best", settings_file=tmp_path / "take.toml").settings()
+
+
+def test_a_drive_is_made_again_from_its_own_settings(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["record", "virtual:am-i", "am.h5", "--duration", "0.1s"]) == 0
+    part = ["--start-at", "20ms", "--duration", "5ms"]
+    words = ["--mode", "quick", "--points", "6", "--pitch", "11mm", "--guard", "22mm", "--iterations", "3", "3"]
+    assert run(["solve", "am.h5", "one.drive.h5", *words, *part]) == 0
+    assert run(["solve", "am.h5", "two.drive.h5", "--settings", "one.drive.h5", *part]) == 0
+    one, two = load_solution("one.drive.h5"), load_solution("two.drive.h5")
+    np.testing.assert_array_equal(one.drive.phase, two.drive.phase)
+    assert Settings.of(one.drive.provenance) == Settings.of(two.drive.provenance)
+
+
+@pytest.mark.parametrize("command", ["solve", "loop", "budget", "demo"])
+def test_the_help_of_a_command_fits_a_hundred_lines(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run([command, "--help"]) == 0
+    said = capsys.readouterr().out
+    assert "--mode" in said
+    if command == "solve":
+        assert len(said.splitlines()) <= 100

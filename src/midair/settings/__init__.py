@@ -1,0 +1,33 @@
+"""Everything that can be chosen on the way from what a sensor said to what an array is told, said once.
+
+The command line's options, what a drive's provenance keeps and the table of the documentation come from here.
+"""
+
+from midair.settings.choices import CHOICES, Choice, choices_table, spelt
+from midair.settings.mode import MODES, Mode, beside_paper, best_mode, coarser, paper_mode, quick_mode
+from midair.settings.settings import (
+    CalibrationSettings,
+    CompensationSettings,
+    Settings,
+    SolverSettings,
+    TargetSettings,
+)
+
+__all__ = [
+    "CHOICES",
+    "MODES",
+    "CalibrationSettings",
+    "Choice",
+    "CompensationSettings",
+    "Mode",
+    "Settings",
+    "SolverSettings",
+    "TargetSettings",
+    "beside_paper",
+    "best_mode",
+    "choices_table",
+    "coarser",
+    "paper_mode",
+    "quick_mode",
+    "spelt",
+]

@@ -1,0 +1,169 @@
+"""Each setting as a person types it: options of commands and the table of the documentation come from here."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+from midair.errors import InputError
+from midair.settings.mode import MODES
+from midair.settings.settings import Settings
+from midair.solvers import Guard
+from midair.targets import Circle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """One setting as a person types it.
+
+    Attributes
+    ----------
+    name : str
+        Of the option, such as ``circle-rate``.
+    path : str
+        Where it is in `Settings`, such as ``target.circle.frequency``.
+    help : str
+        One sentence.
+    unit : str
+        Of a quantity; empty for numbers without one, names and switches.
+    """
+
+    name: str
+    path: str
+    help: str
+    unit: str = ""
+
+    def of(self, settings: Settings) -> Any:
+        """Its value; None where what it belongs to is off."""
+        value: Any = settings
+        for part in self.path.split("."):
+            # What is off has no parts, and a guard that is given by its width alone is its own margin.
+            value = getattr(value, part, value)
+        return value
+
+    def put(self, settings: Settings, value: Any) -> Settings:
+        """The settings with it.
+
+        A radius or a margin of 0 switches a circle or a guard off, any other switches it on.
+
+        Raises
+        ------
+        InputError
+            If the value is out of range, or it belongs to something that is off.
+        """
+        group, name, *inner = self.path.split(".")
+        if group == "acoustics":
+            return settings.but(acoustics=replace(settings.acoustics, **{name: value}))
+        if not inner:
+            return settings.but(**{name: value})
+        part = getattr(getattr(settings, group), name)
+        if name in _SWITCHED and inner[0] == _SWITCHED[name][0]:
+            if value == 0:
+                return settings.but(**{name: None})
+            part = part if isinstance(part, Guard | Circle) else _SWITCHED[name][1]()
+        if part is None:
+            raise InputError(f"--{self.name}: expected --{name} beside it, got none")
+        changes = dict.fromkeys(("rows", "columns") if inner[0] == "rows" else inner, value)
+        return settings.but(**{name: replace(part, **changes)})
+
+
+_SWITCHED: Mapping[str, tuple[str, type[Guard] | type[Circle]]] = MappingProxyType(
+    {"guard": ("margin", Guard), "circle": ("radius", Circle)}
+)
+"""Terms that are there when their first length is above 0."""
+
+CHOICES: tuple[Choice, ...] = (
+    Choice(name="band", path="calibration.band", unit="Hz", help="Lowest and highest frequency that is kept."),
+    Choice(name="inverse", path="calibration.inverse", help="Undo the sensor by zero-phase FFT or linear-phase FIR."),
+    Choice(name="rate", path="target.rate", unit="Hz", help="Frames per second of what is played."),
+    Choice(
+        name="mapping",
+        path="target.mapping",
+        help="From pressure of both signs to pressure that pushes: half-wave, constant-offset or slow-bias.",
+    ),
+    Choice(name="interpolate", path="target.interpolate", help="What is interpolated between the cells."),
+    Choice(name="gain", path="target.gain", help="Multiplies the pressure."),
+    Choice(name="height", path="target.grid.height", unit="m", help="Of the palm above the array."),
+    Choice(name="pitch", path="target.grid.pitch", unit="m", help="Between the control points."),
+    Choice(name="points", path="target.grid.rows", help="Rows and columns of the control points."),
+    Choice(
+        name="circle",
+        path="target.circle.radius",
+        unit="m",
+        help="Radius of a slow circle on which the pattern moves, for touch below 20 Hz; not validated on people.",
+    ),
+    Choice(name="circle-rate", path="target.circle.frequency", unit="Hz", help="Turns per second on that circle."),
+    Choice(
+        name="decouple",
+        path="compensation.decouple",
+        help="Undo that a cell also feels what is played for its neighbours.",
+    ),
+    Choice(
+        name="precompensate",
+        path="compensation.precompensate",
+        help="Make louder beforehand what holding frames and transducers make quieter.",
+    ),
+    Choice(
+        name="compensate",
+        path="compensation.compensate",
+        help="Where: on the sound at all frequencies, or on the pressure within 20 to 480 Hz.",
+    ),
+    Choice(name="method", path="solver.method", help="The solver; lm is the paper's, exact its cheaper form."),
+    Choice(
+        name="iterations",
+        path="solver.iterations",
+        help="At most, for the first frame and for each later one; 50 and 20 in the paper.",
+    ),
+    Choice(name="start", path="solver.start", help="Where a frame starts: from the one before, or zero."),
+    Choice(
+        name="level", path="solver.level", help="Drive of all transducers, 0 to 1; auto: what the loudest frame needs."
+    ),
+    Choice(
+        name="amplitudes",
+        path="solver.amplitudes",
+        help="All transducers at that level, or each at its own up to it.",
+    ),
+    Choice(
+        name="guard",
+        path="solver.guard.margin",
+        unit="m",
+        help="Width of a ring around the control points in which the field is kept quiet; 0mm for none.",
+    ),
+    Choice(name="fit", path="solver.fit", help="Whether the control points are met, or the sensor's cells."),
+    Choice(
+        name="smooth", path="solver.smooth", help="Weight of the change of phase from frame to frame; 0.01 is much."
+    ),
+    Choice(
+        name="backend",
+        path="solver.backend",
+        help="What does the arithmetic of fast: numpy, torch, torch:cuda or cupy.",
+    ),
+    Choice(name="directivity", path="acoustics.directivity", help="Of a transducer."),
+)
+"""What can be chosen by name, in the order of the way."""
+
+
+def spelt(value: Any, unit: str = "") -> str:
+    """A value as a person would type it: lengths in millimetres, yes and no, nothing for a solver's own choice."""
+    if value is None:
+        return "none" if unit else "its own"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, tuple):
+        return " ".join(spelt(each, unit) for each in value)
+    if unit == "m":
+        return f"{1e3 * value:.6g}mm"
+    return f"{value:.6g}{unit}" if unit or isinstance(value, float) else str(value)
+
+
+def choices_table() -> str:
+    """The table of the documentation: every choice, its place in `Settings`, what it is, its value in each mode.
+
+    A mode's value is left out where it is that of the mode before it.
+    """
+    lines = ["| option, in `Settings` | what | paper | best | quick |", "| --- | --- | --- | --- | --- |"]
+    for choice in CHOICES:
+        paper, best, quick = (spelt(choice.of(MODES[mode]()), choice.unit) for mode in ("paper", "best", "quick"))
+        said = f"{paper} | {best if best != paper else ''} | {quick if quick != best else ''}"
+        lines.append(f"| `--{choice.name}`<br>`{choice.path}` | {choice.help} | {said} |")
+    return "\n".join(lines)

@@ -1,0 +1,67 @@
+"""Settings by name: the paper's way, the best one, the quick one."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Literal
+
+from midair.settings.settings import Settings
+from midair.solvers import Guard
+
+Mode = Literal["paper", "best", "quick"]
+"""The paper's own way; the best that midair can; the best with fewer iterations."""
+
+
+def paper_mode() -> Settings:
+    """As the paper describes it: half-wave rectification, 1 kHz, the control points alone (4.1, 4.2, 5.2)."""
+    return Settings()
+
+
+def best_mode() -> Settings:
+    """A slow bias in place of rectification, 4 kHz, a guard around the square, phases that move slowly.
+
+    What interpolation mixes between neighbouring cells, and what hold and transducers make quieter, is undone before.
+    """
+    return Settings().but(
+        method="fast",
+        mapping="slow-bias",
+        rate=4000.0,
+        precompensate=True,
+        interpolate="pressure",
+        decouple=True,
+        guard=Guard(margin=25e-3, pitch=6e-3, ceiling=0.6),
+        smooth=0.2,
+    )
+
+
+def quick_mode() -> Settings:
+    """The best mode with fewer iterations."""
+    return best_mode().but(iterations=12)
+
+
+MODES: Mapping[Mode, Callable[[], Settings]] = MappingProxyType(
+    {"paper": paper_mode, "best": best_mode, "quick": quick_mode}
+)
+"""Settings by name."""
+
+
+def beside_paper(mode: Mode, paper: Settings, other: Settings | None = None) -> dict[str, Settings]:
+    """The paper's mode and another one by their names, paper first; the paper's alone if that is the other one.
+
+    Parameters
+    ----------
+    mode : {"paper", "best", "quick"}
+        The other one.
+    paper : Settings
+        Of the paper's mode.
+    other : Settings, optional
+        In place of the other mode's own.
+    """
+    return {"paper": paper} if mode == "paper" else {"paper": paper, mode: other or MODES[mode]()}
+
+
+def coarser(settings: Settings, points: int) -> Settings:
+    """The same with fewer control points over the same square, for a quick look."""
+    grid = settings.target.grid
+    pitch = grid.pitch * (grid.rows - 1) / (points - 1)
+    return settings.but(grid=replace(grid, rows=points, columns=points, pitch=pitch))

@@ -1,0 +1,66 @@
+"""Settings as one value: changed by name, written down and read again."""
+
+import pytest
+
+from midair.errors import BrokenFileError, InputError, MissingFileError
+from midair.model import Acoustics, ControlGrid, Medium, Provenance
+from midair.settings import Settings, best_mode, quick_mode
+from midair.solvers import Cells, Exact, Fast
+from midair.targets import Circle
+
+
+def test_but_finds_each_choice_in_its_group():
+    made = Settings().but(rate=4000.0, gain=2.0, band=(30.0, 300.0), method="fast", decouple=True)
+    assert (made.target.rate, made.target.gain, made.calibration.band) == (4000.0, 2.0, (30.0, 300.0))
+    assert (made.solver.method, made.compensation.decouple) == ("fast", True)
+    with pytest.raises(InputError, match=r"settings: expected some of band, .*, got loudness"):
+        Settings().but(loudness=1)
+
+
+OTHERS = [
+    Settings(),
+    best_mode(),
+    quick_mode(),
+    Settings().but(method=Exact(tolerance=1e-3, iterations=7), level="auto", circle=Circle(radius=2e-3)),
+    Settings().but(method=Fast(iterations=9), iterations=(5, 5), guard=0.02, fit="cells"),
+    Settings().but(grid=ControlGrid(rows=3, columns=5, centre=(1e-3, -2e-3)), inverse="fir"),
+    Settings(acoustics=Acoustics(medium=Medium.at(temperature=24.0, humidity=0.4), directivity="piston")),
+]
+
+
+@pytest.mark.parametrize("settings", OTHERS, ids=range(len(OTHERS)))
+def test_settings_are_the_same_after_a_file_and_after_a_provenance(settings, tmp_path):
+    settings.save(tmp_path / "take.toml")
+    assert Settings.load(tmp_path / "take.toml") == settings
+    assert Settings.of(settings.noted(Provenance())) == settings
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[solver]\nmethods = 'fast'", "solver.methods: expected one of amplitudes"),
+        ("[solver.method]\nname = 'exact'\ntolerance = 'low'", "solver.method.tolerance: expected float, got 'low'"),
+        ("[solver.method]\nname = 'magic'", "method: expected one of lm"),
+        ("[target]\ninterpolate = 'sound'", "target.interpolate: expected amplitude or pressure, got 'sound'"),
+        ("[target.grid]\nrows = 0", "grid: expected at least 1 row"),
+        ("target = 4", "target: expected"),
+        ("[solver\n", "expected settings in TOML"),
+    ],
+)
+def test_a_file_that_does_not_fit_is_one_clear_line(text, says, tmp_path):
+    path = tmp_path / "take.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(BrokenFileError, match=says):
+        Settings.load(path)
+
+
+def test_no_file_is_said():
+    with pytest.raises(MissingFileError, match=r"no\.toml: expected settings in TOML"):
+        Settings.load("no.toml")
+
+
+def test_cells_of_their_own_have_no_text():
+    chosen = Settings().but(fit=Cells())
+    with pytest.raises(InputError, match="fit: expected"):
+        chosen.plain()
+    assert Settings.of(chosen.noted(Provenance())) is None
