@@ -13,13 +13,9 @@ SWEEP = PatternSweep(count=24, curve_count=6, chunk=8, method="naive")
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory):
+def results(finished, tmp_path_factory):
     """A finished sweep, solved here."""
-    path = tmp_path_factory.mktemp("sweep") / "s.zarr"
-    with open_sweep(path, SWEEP) as store:
-        for task in store.missing():
-            store.write(do(SWEEP.job(task), task))
-    return PatternResults.of(load_sweep(path))
+    return PatternResults.of(finished(tmp_path_factory.mktemp("sweep") / "s.zarr", SWEEP))
 
 
 def made_up(error, sweep=SWEEP):

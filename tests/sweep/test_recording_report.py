@@ -11,35 +11,26 @@ from midair.model import ControlGrid
 from midair.settings import Settings
 from midair.sweep.recording_report import trial_report, write_trial_report
 from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
-from midair.sweep.run import do
 from midair.sweep.store import load_sweep, open_sweep
 
-COARSE = ControlGrid(rows=6, columns=6, pitch=11e-3)
-NAIVE = Settings().but(method="naive", grid=COARSE)
-WARM = Settings().but(method="lm", grid=COARSE, iterations=(4, 2))
+COARSE = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3))
 
 
-def trial(name, settings=NAIVE, frames=10, variant=""):
+def trial(name, frames, method, **more):
     pressure = am_stimulus("i", peak=30.0, duration=frames / 1000, rate=1000.0)
-    return SweepTrial(recording=name, variant=variant, pressure=pressure, settings=settings)
+    settings = COARSE.but(method=method, **more)
+    return SweepTrial(recording=name, variant=f"method={method}", pressure=pressure, settings=settings)
 
 
 SWEEP = RecordingSweep(
-    trials=(trial("a", variant="method=naive"), trial("b", frames=6, settings=WARM, variant="method=lm")),
+    trials=(trial("a", 10, "naive"), trial("b", 6, "lm", iterations=(4, 2))),
     columns=1,
     rows=1,
 )
 
 
-def finished(path, sweep=SWEEP):
-    with open_sweep(path, sweep) as store:
-        for task in store.missing():
-            store.write(do(sweep.job(task), task))
-    return load_sweep(path)
-
-
-def test_report_counts_only_frames_that_ask_for_something(tmp_path):
-    results = finished(tmp_path / "s.zarr")
+def test_report_counts_only_frames_that_ask_for_something(finished, tmp_path):
+    results = finished(tmp_path / "s.zarr", SWEEP)
     results = replace(results, error=np.where(np.isnan(results.error), np.nan, [[0.0, 0.1] * 5, [0.2] * 10]))
     report = trial_report(results)
     assert [(row["recording"], row["frames"], row["mean"], row["worst"]) for row in report.rows] == [
@@ -49,8 +40,8 @@ def test_report_counts_only_frames_that_ask_for_something(tmp_path):
     assert "2 of 2 trials" in report.words
 
 
-def test_writes_a_table_and_a_figure(tmp_path):
-    files = write_trial_report(finished(tmp_path / "s.zarr"), tmp_path / "report")
+def test_writes_a_table_and_a_figure(finished, tmp_path):
+    files = write_trial_report(finished(tmp_path / "s.zarr", SWEEP), tmp_path / "report")
     assert [file.name for file in files] == ["trials.csv", "trials.png"]
     assert files[0].read_text(encoding="utf-8").splitlines()[1].startswith("a,method=naive,")
     assert files[1].read_bytes().startswith(b"\x89PNG")

@@ -34,15 +34,8 @@ SWEEP = RecordingSweep(
 )
 
 
-def finished(path, sweep=SWEEP):
-    with open_sweep(path, sweep) as store:
-        for task in store.missing():
-            store.write(do(sweep.job(task), task))
-    return load_sweep(path)
-
-
-def test_finds_what_the_pipeline_finds(tmp_path):
-    results = finished(tmp_path / "s.zarr")
+def test_finds_what_the_pipeline_finds(finished, tmp_path):
+    results = finished(tmp_path / "s.zarr", SWEEP)
     array = TransducerArray.autd3(columns=1, rows=1)
     for number, one in enumerate(SWEEP.trials):
         made = reproduce(one.pressure, array, one.settings)
@@ -75,8 +68,8 @@ def test_the_longest_trial_is_begun_first_and_a_task_is_a_whole_trial():
     assert sweep.chunk == 9
 
 
-def test_another_recording_under_the_same_name_is_refused(tmp_path):
-    finished(tmp_path / "s.zarr")
+def test_another_recording_under_the_same_name_is_refused(finished, tmp_path):
+    finished(tmp_path / "s.zarr", SWEEP)
     pressure = SWEEP.trials[0].pressure
     louder = replace(SWEEP.trials[0], pressure=replace(pressure, pressure=2 * pressure.pressure))
     with (
