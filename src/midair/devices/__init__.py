@@ -12,6 +12,15 @@ from midair.devices.arrays import (
 from midair.devices.frame_bytes import amplitude_of, intensity_bytes, phase_bytes
 from midair.devices.interface import ArrayDevice, FrameBlock, PlayReport, SensorDevice
 from midair.devices.reading import Seam, gapless, read_frames
+from midair.devices.safety import (
+    Stopped,
+    log_end,
+    log_order,
+    make_state_folder,
+    state_folder,
+    stop_line,
+    stop_playing,
+)
 from midair.devices.sensors import Decimated, PacedSensor, ReplaySensor, Rewired, Source, Stream, StreamedSensor
 from midair.devices.virtual import VirtualArray, VirtualSensor, VirtualSkin
 
@@ -30,6 +39,7 @@ __all__ = [
     "SilencerChoice",
     "Source",
     "Stream",
+    "Stopped",
     "StreamedSensor",
     "VirtualArray",
     "VirtualSensor",
@@ -47,4 +57,10 @@ __all__ = [
     "phase_bytes",
     "read_frames",
     "pyautd3_array",
+    "log_end",
+    "log_order",
+    "make_state_folder",
+    "state_folder",
+    "stop_line",
+    "stop_playing",
 ]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.datasets import probe_signal
-from midair.devices import ExposureChoices, admit
+from midair.devices import ExposureChoices, admit, state_folder
 from midair.devices.interface import FrameBlock
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.files import profile_named
@@ -15,7 +15,6 @@ from midair.model import ControlGrid
 from midair.rig.looping.passes import Rig, play_pass, quiet
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.playing.rerecording import rerecord, usual_exposure
-from midair.rig.state_folder import state_folder
 from midair.settings import Settings
 
 RIG = VirtualRig()

@@ -5,10 +5,10 @@ import os
 import socket
 import sys
 
+from midair.devices import state_folder
 from midair.errors import MidairError
 from midair.rig.doctor.check import Check
 from midair.rig.names import array_named
-from midair.rig.state_folder import state_folder
 
 _ADVICE = {
     "firmware": "update the units to series 0.12, or use pyautd3 for older ones",

@@ -7,10 +7,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from types import FrameType
 
-from midair.devices import Admission, ArrayDevice, PlayReport
+from midair.devices import Admission, ArrayDevice, PlayReport, log_end, log_order, stop_line
 from midair.model import Progress
-from midair.rig.playing.play_log import log_end, log_order
-from midair.rig.playing.stop_line import stop_line
 from midair.rig.signals import ENDING, handled
 
 

@@ -6,8 +6,8 @@ import unicodedata
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+from midair.devices import make_state_folder, state_folder
 from midair.errors import InputError, MissingFileError
-from midair.rig.state_folder import make_state_folder, state_folder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,8 +6,8 @@ import socket
 
 import pytest
 
-from midair.rig.playing.stop_line import stop_line, stop_playing
-from midair.rig.state_folder import make_state_folder
+from midair.devices.safety.state_folders import make_state_folder
+from midair.devices.safety.stop_lines import stop_line, stop_playing
 
 
 def test_another_terminal_silences_what_plays():

@@ -4,8 +4,8 @@ import sys
 
 import pytest
 
+from midair.devices.safety.state_folders import make_state_folder, state_folder
 from midair.errors import FileError
-from midair.rig.state_folder import make_state_folder, state_folder
 
 
 def test_a_chosen_folder_is_taken_and_made_only_when_needed(tmp_path, monkeypatch):

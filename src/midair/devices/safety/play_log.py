@@ -4,9 +4,10 @@ import json
 from datetime import UTC, datetime
 from pathlib import Path
 
-from midair.devices import Admission, PlayReport
+from midair.devices.admission import Admission
+from midair.devices.interface import PlayReport
+from midair.devices.safety.state_folders import make_state_folder
 from midair.errors import FileError
-from midair.rig.state_folder import make_state_folder
 
 
 def log_order(source: str, device: str, admission: Admission) -> Path:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from midair.rig.state_folder import make_state_folder, state_folder
+from midair.devices.safety.state_folders import make_state_folder, state_folder
 
 ANSWER = b"silent\n"
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from midair.devices import ExposureChoices, PlayReport, VirtualArray, admit
+from midair.devices.safety.play_log import log_end, log_order
 from midair.errors import FileError
 from midair.files import profile_named
 from midair.model import Drive, TransducerArray
 from midair.physics import focus_phase
-from midair.rig.playing.play_log import log_end, log_order
 
 REPORT = PlayReport(frames=3, duration=0.003, late=1, gap=0.002, start=5)
 
