@@ -97,3 +97,8 @@ def test_what_is_not_there(study, tmp_path):
         write_bids(answers, plan.design, tmp_path)
     with pytest.raises(InputError, match="got none"):
         write_bids(answers.iloc[:0], plan.design, tmp_path / "b")
+
+
+def test_answers_are_no_formulas_to_a_spreadsheet(tmp_path):
+    write_csv(pd.DataFrame({"answer": ["=1+1", "@x", "-3", "towel"], "time": [-1.5, 2, 3, 4]}), tmp_path / "a.csv")
+    assert (tmp_path / "a.csv").read_text().splitlines()[1:] == ["'=1+1,-1.5", "'@x,2.0", "-3,3.0", "towel,4.0"]

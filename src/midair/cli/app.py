@@ -1,14 +1,18 @@
 """The command `midair`: one line for an error, 0 when done, 1 when the work failed, 2 for wrong usage."""
 
+import os
 import sys
 from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError, Parameter
-from rich.console import Console
 
 from midair.cli.commands import COMMANDS, GROUPS
+from midair.cli.terminal import err
 from midair.errors import MidairError, UnknownDeviceError
 from midair.version import __version__
+
+TRACEBACK = "MIDAIR_TRACEBACK"
+"""Environment variable: set to anything, an error that nobody foresaw comes with its traceback."""
 
 app = App(
     name="midair",
@@ -44,10 +48,25 @@ def run(tokens: Sequence[str]) -> int:
         return _say("stopped", 130)
     except BrokenPipeError:
         return 1
+    except Exception as wrong:  # noqa: BLE001  # the last resort: one line, whatever happened
+        return _unforeseen(wrong)
     return status if isinstance(status, int) else 0
+
+
+def _unforeseen(wrong: Exception) -> int:
+    """Say in one line what nobody foresaw: people see what failed, not our code."""
+    if os.environ.get(TRACEBACK):
+        raise wrong
+    if isinstance(wrong, MemoryError):
+        return _say("there is not enough memory for this; cut the recording (midair cut) or take a larger computer", 1)
+    if isinstance(wrong, OSError) and wrong.strerror:
+        where = f"{os.fspath(wrong.filename)}: " if isinstance(wrong.filename, str | bytes) else ""
+        return _say(f"{where}{wrong.strerror} ({TRACEBACK}=1 shows where)", 1)
+    said = f"{type(wrong).__name__}: {wrong}" if str(wrong) else type(wrong).__name__
+    return _say(f"this is an error in midair, please report it: {said[:400]} ({TRACEBACK}=1 shows where)", 1)
 
 
 def _say(message: str, status: int) -> int:
     line = " ".join(message.split())
-    Console(stderr=True, highlight=False, soft_wrap=True).print(f"midair: {line}", markup=False)
+    err().print(f"midair: {line}")
     return status

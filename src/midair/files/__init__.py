@@ -2,6 +2,7 @@
 
 from midair.files.atomic import refusing, whole_file, writable_path
 from midair.files.formats import FORMATS, format_of, load, open_take, save
+from midair.files.harmless import no_formula, printable
 from midair.files.holding import hold
 from midair.files.listing import Contents, contents
 from midair.files.loss import Loss
@@ -53,7 +54,9 @@ __all__ = [
     "load_sensor",
     "load_solution",
     "load_target",
+    "no_formula",
     "open_take",
+    "printable",
     "profile_named",
     "refusing",
     "repair",

@@ -6,9 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from midair.files.harmless import no_formula
+
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows that share their names as comma-separated values, numbers to six digits.
+    """Rows that share their names as comma-separated values, numbers to six digits, and no text is a formula.
 
     Parameters
     ----------
@@ -19,7 +21,7 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     for row in rows:
-        writer.writerow({name: f"{value:.6g}" if isinstance(value, float) else value for name, value in row.items()})
+        writer.writerow({name: _field(value) for name, value in row.items()})
     return text.getvalue()
 
 
@@ -32,3 +34,7 @@ def for_json(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [for_json(each) for each in value]
     return value
+
+
+def _field(value: Any) -> object:
+    return f"{value:.6g}" if isinstance(value, float) else no_formula(value)

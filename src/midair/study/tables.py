@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
+from midair.files import no_formula
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -172,8 +173,12 @@ def _write_separated(table: DataFrame, path: Path, delimiter: str) -> None:
     words = table.copy()
     for name in table.select_dtypes(bool):
         words[name] = np.where(table[name], "true", "false")
+    for name in words.select_dtypes(exclude=["number", "bool"]):
+        words[name] = words[name].map(no_formula)
     try:
-        words.to_csv(path, sep=delimiter, index=False, mode="x", encoding="utf-8", lineterminator="\n", na_rep="n/a")
+        words.rename(columns=no_formula).to_csv(
+            path, sep=delimiter, index=False, mode="x", encoding="utf-8", lineterminator="\n", na_rep="n/a"
+        )
     except FileExistsError as there:
         raise FileError(f"{path.name}: expected a new file, got one that is there; choose another name") from there
 

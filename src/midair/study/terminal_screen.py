@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from midair.devices import Admission, ExposureChoices, VirtualArray, admit
 from midair.errors import InputError
-from midair.files import load_solution
+from midair.files import load_solution, printable
 from midair.model import TransducerArray
 from midair.rig import ENDING, array_named, handled, usual_exposure
 from midair.study.design import Plan
@@ -34,7 +34,7 @@ class TerminalScreen:
 
     def show(self, text: str) -> None:
         """Show a text until Enter."""
-        self._console.print(f"\n{escape(text)}")
+        self._console.print(f"\n{_plain(text)}")
         self._console.input("[dim]Enter to go on, Ctrl-C to stop at any time[/] ")
 
     def rest(self, step: TrialStep) -> None:
@@ -52,13 +52,13 @@ class TerminalScreen:
         question = step.question
         if question is None:
             raise InputError("terminal: expected a question to ask, got none")
-        self._console.print(f"\n[bold]{step.number} of {step.total}[/] {escape(question.text)}")
+        self._console.print(f"\n[bold]{step.number} of {step.total}[/] {_plain(question.text)}")
         if question.kind == "rating":
             ends = f"{question.low}: {question.low_label}, {question.high}: {question.high_label}"
-            self._console.print(f"  {escape(ends)}")
+            self._console.print(f"  {_plain(ends)}")
         else:
             for number, option in enumerate(question.answers, start=1):
-                self._console.print(f"  {number}  {escape(option)}")
+                self._console.print(f"  {number}  {_plain(option)}")
         return Reply(text=self._console.input("> "))
 
     def accepted(self, step: TrialStep, answer: str) -> None:
@@ -66,7 +66,7 @@ class TerminalScreen:
 
     def refused(self, step: TrialStep, why: str) -> None:
         """Say why the answer to this trial's question was none."""
-        self._console.print(f"trial {step.number}: {escape(why)}")
+        self._console.print(f"trial {step.number}: {_plain(why)}")
 
 
 @contextmanager
@@ -77,9 +77,9 @@ def presenter_named(
 
     Every drive passes the exposure gate before the session begins, and each time it plays is in the log.
     """
-    console = Console(stderr=True)
+    console = Console(stderr=True, emoji=False)
     by_hand = ExperimenterPresenter(
-        tell=lambda line: console.print(f"experimenter: {escape(line)}"),
+        tell=lambda line: console.print(f"experimenter: {_plain(line)}"),
         done=lambda: _wait(console),
     )
     if array == "none":
@@ -113,3 +113,8 @@ def stops_on_signals() -> Generator[None]:
 
 def _wait(console: Console) -> None:
     console.input("[dim]Enter when it was presented[/] ")
+
+
+def _plain(text: str) -> str:
+    """Words of a plan or an answer, which are no markup and no escape sequence."""
+    return escape(printable(text))

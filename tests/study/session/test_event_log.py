@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 
 import pytest
 
@@ -75,3 +76,10 @@ def test_a_log_that_is_not_open_takes_nothing(path):
 def test_no_log_is_told(path):
     with pytest.raises(MissingFileError, match="run the session first"):
         read_events(path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such modes")
+def test_answers_are_for_their_owner_alone(tmp_path):
+    with EventLog(tmp_path / "sub-01.jsonl") as log:
+        log.append({"event": "answer"})
+    assert (tmp_path / "sub-01.jsonl").stat().st_mode & 0o777 == 0o600

@@ -113,4 +113,4 @@ def print_budget(title: str, budget: Budget) -> None:
     out().print(table)
     print_rows([(each.name, each.what) for each in budget.stages])
     kept = "" if budget.kept is None else f"; {100 * budget.kept:.1f} % of the recording's power lies in the band"
-    out().print(f"strength {budget.strength:.3f}, band {low:g} to {high:g} Hz{kept}", markup=False)
+    out().print(f"strength {budget.strength:.3f}, band {low:g} to {high:g} Hz{kept}")

@@ -43,8 +43,8 @@ def demo_command(
     output.mkdir(parents=True, exist_ok=True)
     (output / "stroke.h5").unlink(missing_ok=True)
     rig = VirtualRig(seed=seed, height=settings.target.grid.height)
-    out().print(f"sensor: none found, virtual {object_name} on {rig.sensor_model.grid.name}", markup=False)
-    out().print(f"array: none found, virtual {rig.array.name} units, {rig.array.count} transducers", markup=False)
+    out().print(f"sensor: none found, virtual {object_name} on {rig.sensor_model.grid.name}")
+    out().print(f"array: none found, virtual {rig.array.name} units, {rig.array.count} transducers")
     banner(True)
     with stages() as stage:
         with rig.touched_by(object_name) as touched:

@@ -7,10 +7,9 @@ from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
-from rich.console import Console
 from rich.text import Text
 
-from midair.cli.terminal import Json, Keys, banner, out, print_json, quantity
+from midair.cli.terminal import Json, Keys, banner, err, out, print_json, quantity
 from midair.devices import SensorDevice
 from midair.errors import InputError
 from midair.files import load_sensor, save_sensor
@@ -71,7 +70,7 @@ def identify_command(
 
 
 def _prompt(device: SensorDevice, *, keys: bool) -> Callable[[int], None]:
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = err()
 
     def prompt(cell: int) -> None:
         row, column = divmod(cell, device.grid.columns)
@@ -111,9 +110,9 @@ def _print(found: Identity, written: Path | None, *, json: bool) -> None:
     out().print("channel that answers at each cell:")
     out().print(channel_map(found))
     for sentence in said or ["every channel is in its place"]:
-        out().print(sentence, markup=False)
+        out().print(sentence)
     if written is not None:
-        out().print(f"order written to {written}", markup=False)
+        out().print(f"order written to {written}")
     return None
 
 

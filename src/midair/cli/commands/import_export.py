@@ -115,4 +115,4 @@ def repair_command(source: Path, /) -> None:
     found = repair(source)
     print_rows([("recording", str(source)), ("state", "was closed in order" if not found else "repaired")])
     for sentence in found:
-        out().print(f"note: {sentence}", markup=False)
+        out().print(f"note: {sentence}")

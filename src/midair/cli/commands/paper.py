@@ -93,12 +93,12 @@ def _check(folder: Path, name: str, force: bool) -> None:
 
 
 def _print(result: PaperResult, written: list[Path]) -> None:
-    out().print(f"\n{result.title}", style="bold", markup=False)
+    out().print(f"\n{result.title}", style="bold")
     names = list(result.rows[0])
     lines = [names, *([_word(row[name]) for name in names] for row in result.rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(names))]
     for line in lines:
-        out().print("  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)), markup=False)
+        out().print("  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)))
     print_rows([("about", str(dict(result.about))), ("files", ", ".join(str(path) for path in written))])
 
 

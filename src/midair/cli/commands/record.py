@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
-from rich.console import Console
 
 from midair.cli.terminal import (
     Json,
     Keys,
     MeterScreen,
+    PlainConsole,
     Quiet,
     banner,
+    err,
     parse_quantity,
     print_json,
     print_rows,
@@ -152,7 +153,7 @@ def record_command(
     ends = options.duration is not None or device.on_demand
     device = PacedSensor(device) if real_time and device.on_demand else device
     banner(device.simulated)
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = err()
     with signals_noted() as signals, Keys() as keys, device:
         screen = MeterScreen(device, console, keys, signals, quiet=quiet)
         takes: list[Take] = []
@@ -231,7 +232,7 @@ def _about(sensor: str, stated: Subject, *, ask: bool) -> Subject:
     if kind == "virtual" and not stated.object:
         name, _, surface = rest.partition("+")
         return replace(stated, object=name, surface=stated.surface or surface)
-    console = Console(stderr=True, highlight=False)
+    console = err()
     if not (ask and console.is_terminal and sys.stdin.isatty()):
         return stated
     before = remembered().notes
@@ -241,10 +242,10 @@ def _about(sensor: str, stated: Subject, *, ask: bool) -> Subject:
     return about
 
 
-def _answer(console: Console, name: str, default: str) -> str:
+def _answer(console: PlainConsole, name: str, default: str) -> str:
     """What somebody says, or said last time."""
     offered = f" [{default}]" if default else ""
-    return console.input(f"{name}{offered}: ", markup=False).strip() or default
+    return console.input(f"{name}{offered}: ").strip() or default
 
 
 def _status(takes: list[Take], device: SensorDevice) -> int:
@@ -252,7 +253,7 @@ def _status(takes: list[Take], device: SensorDevice) -> int:
     last = takes[-1]
     if last.end == "kill":
         kept = f"{last.frames} frames are in {last.path}" if last.frames else "nothing of this take was recorded"
-        Console(stderr=True, highlight=False, soft_wrap=True).print(f"midair: stopped; {kept}", markup=False)
+        err().print(f"midair: stopped; {kept}")
         return 130
     if last.end == "failure":
         raise DeviceError(f"{last.problem}; the {last.frames} frames before it are in {last.path}")

@@ -3,7 +3,17 @@
 from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
 from midair.cli.terminal.calibration_output import OutputOptions, given_calibration, prepare_page, tell
 from midair.cli.terminal.comparisons import card_of, plain, print_card
-from midair.cli.terminal.console import banner, out, print_figures, print_json, print_rows, say, stages
+from midair.cli.terminal.console import (
+    PlainConsole,
+    banner,
+    err,
+    out,
+    print_figures,
+    print_json,
+    print_rows,
+    say,
+    stages,
+)
 from midair.cli.terminal.exposure_options import ExposureOptions
 from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
 from midair.cli.terminal.keys import Keys, signals_noted
@@ -27,6 +37,7 @@ __all__ = [
     "Length",
     "MeterScreen",
     "OutputOptions",
+    "PlainConsole",
     "PlayOptions",
     "Quiet",
     "SolveOptions",
@@ -36,6 +47,7 @@ __all__ = [
     "bring",
     "calibrated_by",
     "card_of",
+    "err",
     "felt_part",
     "given_calibration",
     "keep",

@@ -19,8 +19,8 @@ def print_card(card: PerceptualCard) -> None:
     out().print("\nwhat skin makes of it, over all cells")
     for each in card.figures:
         unit = f" {each.unit}" if each.unit else ""
-        out().print(f"  {each.name}: {each.overall:.3g}{unit}", style="bold", markup=False)
-        out().print(f"    {each.meaning}", markup=False)
+        out().print(f"  {each.name}: {each.overall:.3g}{unit}", style="bold")
+        out().print(f"    {each.meaning}")
 
 
 def plain(comparison: Comparison) -> dict[str, object]:

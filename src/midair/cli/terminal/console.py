@@ -3,15 +3,31 @@
 import json
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from midair.files import for_json
+from midair.files import for_json, printable
 from midair.model import Progress as Report
 from midair.rig import Stage
+
+
+class PlainConsole(Console):
+    """A console on which text is text: no markup, no emoji codes, no escape sequences, whoever wrote it.
+
+    Names of files, notes in them and names of devices are printed everywhere: that they do nothing is decided here,
+    once. Styles are given beside the text, or as `rich.text.Text`, whose content goes through `printable` first.
+    """
+
+    def __init__(self, *, stderr: bool = False, markup: bool = False, soft_wrap: bool = True) -> None:
+        super().__init__(stderr=stderr, markup=markup, emoji=False, highlight=False, soft_wrap=soft_wrap)
+
+    def render_str(self, text: str, **how: Any) -> Text:
+        """Every text that is printed, also in tables, comes through here."""
+        return super().render_str(printable(text), **how)
 
 
 class PerSecond(ProgressColumn):
@@ -30,24 +46,29 @@ class PerSecond(ProgressColumn):
 def bars(items: str = "frames", *, width: int = 16, name: str = "<27", digits: int = 0, period: float = 5) -> Progress:
     """Progress bars on the error stream: what is done, how many, how many a second, time left."""
     return Progress(
-        TextColumn(f"{{task.description:{name}}}"),
+        TextColumn(f"{{task.description:{name}}}", markup=False),
         BarColumn(bar_width=width),
         MofNCompleteColumn(),
         PerSecond(items, digits),
         TimeRemainingColumn(elapsed_when_finished=True),
-        console=Console(stderr=True),
+        console=err(),
         speed_estimate_period=period,
     )
 
 
-def out() -> Console:
+def out() -> PlainConsole:
     """Where results go."""
-    return Console(highlight=False, soft_wrap=True)
+    return PlainConsole()
+
+
+def err() -> PlainConsole:
+    """Where everything else goes: questions, progress, errors."""
+    return PlainConsole(stderr=True)
 
 
 def say(line: str) -> None:
     """A line of results."""
-    out().print(line, markup=False)
+    out().print(line)
 
 
 @contextmanager
@@ -56,7 +77,7 @@ def stages() -> Generator[Stage]:
     with bars() as shown:
 
         def begin(name: str) -> Report:
-            task = shown.add_task(name, total=None)
+            task = shown.add_task(printable(name), total=None)
 
             def report(done: int, total: int) -> None:
                 shown.update(task, completed=done, total=total)
@@ -100,4 +121,4 @@ def print_json(value: object) -> None:
 def banner(simulated: bool) -> None:
     """Say so when what follows is simulated."""
     if simulated:
-        Console(stderr=True).print("SIMULATED: no sensor, array or skin was involved", style="bold red")
+        err().print("SIMULATED: no sensor, array or skin was involved", style="bold red")

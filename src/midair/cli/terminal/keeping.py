@@ -43,9 +43,9 @@ def say_kept(
     banner(simulated)
     print_rows(rows)
     for note in notes:
-        out().print(f"note: {note}", markup=False)
+        out().print(f"note: {note}")
     for loss in lost:
-        out().print(f"lost: {loss}", markup=False)
+        out().print(f"lost: {loss}")
     return None
 
 

@@ -13,6 +13,7 @@ from rich.text import Text
 from midair.cli.terminal.keys import Keys, Signals
 from midair.cli.terminal.options import Quiet
 from midair.devices import SensorDevice
+from midair.files import printable
 from midair.model import Event
 from midair.rig import Drift, Levels, TakeOrder, View, told
 
@@ -105,14 +106,14 @@ class MeterScreen:
             self._say(told(event, self._sensor.rate, self._sensor.grid, drift))
 
     def _say(self, line: str) -> None:
-        self._console.print(line, markup=False, highlight=False)
+        self._console.print(printable(line), markup=False, highlight=False)
 
 
 def meters(view: View, sensor: SensorDevice, title: str, *, keys: bool = False) -> RenderableType:
     """The picture of a moment: state, a meter for each cell where the cell is, and what was lost."""
     head = Text.assemble(
         ("● REC " if view.state == "recording" else "○ waiting ", "bold red" if view.state == "recording" else "bold"),
-        (title, ""),
+        (printable(title), ""),
         ("  SIMULATED" if sensor.simulated else "", "bold red"),
     )
     foot = Text(", ".join((state_line(view, sensor.rate), lost_line(view), *clock_lines(view))))

@@ -4,10 +4,9 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table as Shown
 
-from midair.cli.terminal.console import banner, bars, out
+from midair.cli.terminal.console import banner, bars, err, out
 from midair.model import Progress as Advance
 from midair.sweep import PatternReport, Sweep, TrialReport, run_sweep
 
@@ -39,7 +38,7 @@ def sweep_bar(items: str) -> Generator[Advance]:
 
 
 def _say(words: str) -> None:
-    Console(stderr=True, highlight=False, soft_wrap=True).print(f"midair: {words}", markup=False)
+    err().print(f"midair: {words}")
 
 
 def show_patterns(report: PatternReport) -> None:
@@ -53,7 +52,7 @@ def show_patterns(report: PatternReport) -> None:
         shares = ("mean", "sd", "median", "p95", "worst", "mean_rounded", "worst_rounded")
         table.add_row(*where, *(f"{100 * row[name]:.2f}" for name in shares))
     out().print(table)
-    out().print(report.words, markup=False)
+    out().print(report.words)
 
 
 def show_trials(report: TrialReport) -> None:
@@ -70,4 +69,4 @@ def show_trials(report: TrialReport) -> None:
         table.add_row(row["recording"], row["variant"], *figures)
     console = out()
     console.print(table, width=max(console.width, 120), crop=False)
-    out().print(report.words, markup=False)
+    out().print(report.words)

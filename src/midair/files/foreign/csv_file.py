@@ -11,6 +11,7 @@ from midair.files.atomic import whole_file
 from midair.files.foreign import fabricslide
 from midair.files.foreign.header import header_of, parse_header, recording_from
 from midair.files.foreign.text_table import TextTable, read_table
+from midair.files.harmless import without_formulas
 from midair.files.loss import Loss, calibration_lost
 from midair.files.opened_take import Foreign, Given, OpenedTake
 from midair.files.stamps import uniform
@@ -28,7 +29,7 @@ def write_csv(recording: Recording, path: Path, calibration: Calibration | None)
     ]
     table = np.column_stack([recording.time, recording.samples.reshape(recording.frames, -1)])
     with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
-        file.write(f"{MARK}{header_of(recording)}\n")
+        file.write(f"{MARK}{without_formulas(header_of(recording))}\n")
         file.write(",".join(["time [s]", *cells]) + "\n")
         # repr gives the fewest digits that are read back as the same number.
         file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())

@@ -31,7 +31,8 @@ class EventLog:
 
     def __enter__(self) -> Self:
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+        # For this user alone: it holds what a person answered.
+        self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
         try:
             hold(self._file, f"{self.path.name}: another program is running this session; end it first")
             _sync_folder(self.path.parent)

@@ -238,7 +238,7 @@ def bench_command(
     """
     with stages() as stage:
         command = write_practice(folder, kind=kind, duration=duration, seed=seed, progress=stage("simulate"))
-    out().print("now measure:", command, sep="\n", markup=False)
+    out().print("now measure:", command, sep="\n")
 
 
 def _cells(words: tuple[str, ...]) -> list[int | None]:

@@ -4,9 +4,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
-from rich.console import Console
 
-from midair.cli.terminal import ExposureOptions, Json, say
+from midair.cli.terminal import ExposureOptions, Json, PlainConsole, err, say
 from midair.errors import InputError, MissingFileError
 from midair.study import (
     ArrayPresenter,
@@ -117,7 +116,7 @@ def run_command(
         return _run_simulated(folder, plan, participant, policy, d_prime)
     if participant < 1:
         raise InputError("participant: expected --participant N, from 1 on; or --simulate for simulated ones")
-    screen = TerminalScreen(Console())
+    screen = TerminalScreen(PlainConsole(markup=True, soft_wrap=False))
     with (
         stops_on_signals(),
         presenter_named(array, folder, plan, exposure=(exposure or ExposureOptions()).choices()) as presenter,
@@ -249,7 +248,7 @@ def _old_table(source: Path) -> "DataFrame":
 
 def _print_report(report: Report, data: StudyData, target: Path, *, json: bool) -> None:
     if json:
-        Console(highlight=False, soft_wrap=True).print(report_json(report), markup=False)
+        print(report_json(report))  # noqa: T201  # a program reads it: nothing is spelled out
         return
     say(report_text(report))
     say(f"\n{target}")
@@ -258,4 +257,4 @@ def _print_report(report: Report, data: StudyData, target: Path, *, json: bool) 
 
 def _warn_simulated(simulated: bool) -> None:
     if simulated:
-        Console(stderr=True).print("SIMULATED: no person was asked", style="bold red")
+        err().print("SIMULATED: no person was asked", style="bold red")

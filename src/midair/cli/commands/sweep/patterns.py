@@ -103,5 +103,5 @@ def patterns_command(
     status = swept(sweep, output, scheduler=scheduler, workers=workers)
     if status == 0:
         show_patterns(report_of(PatternResults.of(load_sweep(output))))
-        out().print(f"Next: midair sweep report {output}", markup=False)
+        out().print(f"Next: midair sweep report {output}")
     return status

@@ -63,7 +63,7 @@ def recordings_command(
     status = swept(RecordingSweep(trials=tuple(trials), bits=bits), output, scheduler=scheduler, workers=workers)
     if status == 0:
         show_trials(trial_report(load_sweep(output)))
-        out().print(f"Next: midair sweep report {output}", markup=False)
+        out().print(f"Next: midair sweep report {output}")
     return status
 
 

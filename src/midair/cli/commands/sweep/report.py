@@ -38,5 +38,5 @@ def report_command(source: Path, /, *, output: Path | None = None, json: Json = 
         show_trials(report)
     else:
         show_patterns(report)
-    out().print("\n".join(str(file) for file in files), markup=False)
+    out().print("\n".join(str(file) for file in files))
     return None

@@ -1,0 +1,50 @@
+"""Text of strangers on the terminal does nothing but be read."""
+
+import pytest
+from rich.table import Table
+
+from midair.cli.terminal.console import PlainConsole, err, out, print_figures, print_rows, say, stages
+
+HOSTILE = "a[/]b[red]c:smile:\x1b]0;title\x07\x1b[2J\u202ed"
+SHOWN = "a[/]b[red]c:smile:\\x1b]0;title\\x07\\x1b[2J\\u202ed"
+
+
+@pytest.mark.parametrize(
+    "prints",
+    [
+        lambda: say(HOSTILE),
+        lambda: out().print(HOSTILE),
+        lambda: err().print(HOSTILE, style="bold red"),
+        lambda: print_rows([(HOSTILE, "value")]),
+        lambda: print_rows([("name", HOSTILE)]),
+        lambda: print_figures(HOSTILE, {"a": {"b": (1.0, "Pa")}}),
+        lambda: print_figures("title", {HOSTILE: {"b": (1.0, "Pa")}}),
+        lambda: print_figures("title", {"a": {HOSTILE: (1.0, "Pa")}}),
+        lambda: print_figures("title", {"a": {"b": (1.0, HOSTILE)}}),
+    ],
+)
+def test_text_is_neither_markup_nor_an_escape_sequence(prints, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    prints()
+    said = capsys.readouterr()
+    assert SHOWN in said.out + said.err
+    assert "\x1b" not in said.out + said.err
+
+
+def test_a_terminal_gets_our_styles_and_not_those_of_a_file(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "200")
+    table = Table(HOSTILE, title=HOSTILE)
+    table.add_row(HOSTILE, style="bold")
+    PlainConsole().print(table)
+    said = capsys.readouterr().out
+    assert said.count("a[/]b[red]c:smile:") == 3
+    assert "\x1b[1m" in said, "the style of the row"
+    assert "\x1b]0" not in said
+    assert "\x1b[2J" not in said
+
+
+def test_stages_of_any_name(capsys):
+    with stages() as begin:
+        begin(HOSTILE)(1, 2)
+    assert "\x1b]0" not in capsys.readouterr().err

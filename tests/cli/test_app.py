@@ -1,0 +1,55 @@
+"""Whatever goes wrong, a person sees one line and a program sees the exit status."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from midair.cli import app, run
+
+FAILURES = {
+    "bug": (KeyError("rate"), "KeyError: 'rate'"),
+    "silent": (RuntimeError(), "RuntimeError"),
+    "lines": (ValueError("one\n[/] two\x1b[2J"), "one [/] two\\x1b[2J"),
+    "depth": (RecursionError("maximum recursion depth exceeded"), "RecursionError"),
+    "memory": (MemoryError(), "not enough memory"),
+    "disk": (OSError(30, "Read-only file system", "/data/a.h5"), "/data/a.h5: Read-only file system"),
+}
+
+
+@pytest.fixture(params=FAILURES)
+def failure(request):
+    wrong, said = FAILURES[request.param]
+
+    def fails() -> None:
+        raise wrong
+
+    app.command(fails, name="fails")
+    yield said
+    del app["fails"]
+
+
+def test_what_nobody_foresaw_is_one_line(failure, capsys):
+    assert run(["fails"]) == 1
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("midair: ")
+    assert said.err.count("\n") == 1
+    assert failure in said.err
+    assert "\x1b" not in said.err
+
+
+def test_the_traceback_can_be_had(failure, monkeypatch):
+    monkeypatch.setenv("MIDAIR_TRACEBACK", "1")
+    with pytest.raises(Exception):  # noqa: B017  # any of them
+        run(["fails"])
+
+
+def test_a_name_that_is_no_text_is_said(tmp_path):
+    name = os.fsencode(tmp_path) + b"/\xff.h5"
+    done = subprocess.run([sys.executable, "-m", "midair", "info", name], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("midair: ")
+    assert "\\udcff.h5" in done.stderr
+    assert "Traceback" not in done.stderr
