@@ -19,7 +19,8 @@
     ├── DeviceError
     │   ├── UnknownDeviceError (LookupError)
     │   ├── DeviceStateError (RuntimeError)  called in the wrong order
-    │   └── LinkLostError (ConnectionError)  a unit that no longer answers
+    │   ├── LinkLostError (ConnectionError)  a unit that no longer answers
+    │   └── SilentFramesError                frames of a drive that did not sound
     ├── ClusterError (RuntimeError)          a cluster that does not answer or loses its workers
     └── MissingExtraError (ImportError)      an optional package is not installed
 
@@ -97,6 +98,10 @@ class DeviceStateError(DeviceError, RuntimeError):
 
 class LinkLostError(DeviceError, ConnectionError):
     """A device that answered and no longer does."""
+
+
+class SilentFramesError(DeviceError):
+    """Frames of a drive that did not sound, though the array was told to play them."""
 
 
 class ClusterError(MidairError, RuntimeError):

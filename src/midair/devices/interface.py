@@ -146,6 +146,8 @@ class PlayReport:
         Silence that came between frames, in s.
     silencer : str
         How the firmware spread steps, in words; empty where there is none.
+    units : str
+        How the units were while they played, in words; empty where they cannot be asked.
     """
 
     frames: int
@@ -155,6 +157,7 @@ class PlayReport:
     start: int | None = None
     gap: float = 0.0
     silencer: str = ""
+    units: str = ""
 
 
 class ArrayDevice(ABC):

@@ -1,6 +1,8 @@
 """`midair play` on arrays, `midair exposure` and `midair stop`, as a person types them."""
 
 import json
+import re
+import signal
 import subprocess
 import sys
 import threading
@@ -14,6 +16,7 @@ import pytest
 from midair.cli import run
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
+from midair.testing import UdpTap
 
 pytest.importorskip("autd3")
 EMULATOR = ["--device", "autd3:emulator"]
@@ -24,6 +27,13 @@ ARRAY = TransducerArray.autd3()
 def _folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+
+
+@pytest.fixture
+def tap():
+    one = UdpTap(4)
+    yield one
+    one.close()
 
 
 def make(name, level=0.01, frames=200, rate=1000.0, array=ARRAY):
@@ -162,6 +172,28 @@ def test_stop_from_another_terminal(capsys):
     assert "Traceback" not in error
     assert log()[-1]["event"] == "end"
     assert log()[-1]["reason"] != "played"
+
+
+def test_a_computer_that_stands_still_for_a_second_ends_the_play_with_status_1_and_the_silent_frames(tap):
+    make("six.drive.h5", frames=6000)
+    command = [sys.executable, "-c", "from midair.cli import main; main()", "play", "six.drive.h5"]
+    with subprocess.Popen(
+        [*command, "--device", f"autd3:{tap.address}"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as player:
+        # The first switch: it is about to sound.
+        while player.poll() is None and not any(frame[2] == 0x12 for frame in tap.frames()):
+            time.sleep(0.02)
+        time.sleep(1)
+        player.send_signal(signal.SIGSTOP)
+        time.sleep(1)
+        player.send_signal(signal.SIGCONT)
+        _, error = player.communicate(timeout=30)
+    assert player.returncode == 1
+    (line,) = [line for line in error.splitlines() if line.startswith("midair: ")]
+    assert re.search(
+        r"failsafe silenced units? [\d, ]+: frames \d+ to 5999 of 6000 \([\d.]+ to 6\.000 s\) were silent", line
+    )
+    assert log()[-1]["reason"].startswith("SilentFramesError")
 
 
 def test_playing_from_a_thread_needs_no_signals():

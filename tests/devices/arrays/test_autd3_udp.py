@@ -1,5 +1,6 @@
 """Playing to AUTD3's emulator over loopback, in real time, with every datagram seen: what is sent, and how it ends."""
 
+import re
 import signal
 import subprocess
 import sys
@@ -164,6 +165,47 @@ def test_the_failsafe_silences_when_the_process_stands_still(tap):
         process.kill()
         process.wait(10)
     assert [state & FAILSAFE for state in states] == [FAILSAFE]
+
+
+PLAYS_AGAIN = """
+import sys
+import numpy as np
+from midair.devices import autd3_array
+from midair.errors import SilentFramesError
+from midair.model import Drive, Placement
+from midair.testing import overridden
+
+placement = Placement.grid(columns=1, rows=1)
+array = placement.array()
+drive = Drive(phase=np.ones((3000, array.count)), level=np.ones(3000), rate=1000.0, array=array)
+with autd3_array(sys.argv[1], placement) as device:
+    try:
+        device.play(overridden(drive, device), progress=lambda done, total: print("plays", flush=True))
+    except SilentFramesError as wrong:
+        print(wrong, flush=True)
+    report = device.play(overridden(drive, device, repeats=1))
+    print(report.frames, report.late, report.units, flush=True)
+"""
+
+
+def test_a_hang_that_trips_the_failsafe_ends_the_play_with_the_silent_frames_and_the_next_play_sounds(tap):
+    command = [sys.executable, "-c", PLAYS_AGAIN, tap.address]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "plays\n"
+        begun = time.monotonic()
+        time.sleep(0.7)
+        process.send_signal(signal.SIGSTOP)
+        stopped = 1000 * (time.monotonic() - begun)
+        time.sleep(1)
+        process.send_signal(signal.SIGCONT)
+        said = [line for line in process.communicate(timeout=20)[0].splitlines() if line != "plays"]
+    first = int(re.search(r"failsafe silenced unit 0: frames (\d+) to 2999 of 3000", said[0])[1])
+    # What lay in the two memories sounds on for up to two blocks; nothing comes after them.
+    assert first % 250 == 0
+    assert stopped - 250 <= first <= stopped + 750
+    assert said[1] == "3000 0 not too hot, unit 0 counted failsafe 1 times"
+    assert process.returncode == 0
+    assert tap.states() == [PATTERN]
 
 
 @pytest.mark.slow

@@ -76,6 +76,13 @@ def test_the_silencer_is_set():
         assert not device.banks.link.silencer_strict(0)
 
 
+def test_a_unit_that_gets_hot_is_told():
+    with pyautd3_array("audit", PAIR) as device:
+        assert device.play(overridden(noise(300), device)).units == "not too hot"
+        device.banks.link.assert_thermal_sensor(1)
+        assert device.play(overridden(noise(300), device)).units == "unit 1 too hot"
+
+
 def test_a_link_that_breaks_ends_playing():
     from midair.errors import DeviceError
 

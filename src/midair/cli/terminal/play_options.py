@@ -68,4 +68,5 @@ def _rows(report: PlayReport, drive: Drive, device: str) -> list[tuple[str, str]
         ("first frame", start),
         ("timing", f"{report.late} late, {report.repeated} repeated, {1e3 * report.gap:g} ms of gaps"),
         ("silencer", report.silencer),
+        ("units", report.units or "cannot be asked"),
     ]

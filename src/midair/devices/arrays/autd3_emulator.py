@@ -53,6 +53,8 @@ class Autd3Firmware:
     frames_max = commands.FRAMES_MAX
     # As over UDP, where the firmware refuses switches less than 10 ms ahead.
     margin = 15_000_000
+    # The host of an emulation in virtual time is never silent.
+    failsafe = 0.0
 
     def __init__(self, placement: Placement) -> None:
         self._units, self._begin = placement.units, 1_000_000_000
@@ -98,6 +100,12 @@ class Autd3Firmware:
     def emitting(self) -> bool:
         """Whether a switch was ordered and no silence since."""
         return self._playing
+
+    def state(self) -> None:
+        """Nothing: a recorder answers no questions."""
+
+    def release(self) -> None:
+        """Nothing to release."""
 
     def describe(self) -> dict[str, str]:
         """Say what is emulated, and what is not."""

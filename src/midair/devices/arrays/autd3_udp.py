@@ -8,14 +8,14 @@ import asyncio
 import contextlib
 import threading
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from typing import TypeVar
 
-from autd3 import Autd3Error, Client, ClientConfig, Duration, Interface, UdpEmulator, UdpOption
-from autd3.commands import CpuConfig, SetCpuConfig
+from autd3 import Autd3Error, Client, ClientConfig, Duration, Interface, Telemetry, UdpEmulator, UdpOption
+from autd3.commands import CpuConfig, ReleaseFailsafe, SetCpuConfig
 
 from midair.devices.arrays import autd3_commands as commands
-from midair.devices.arrays.banks import TooLateError
+from midair.devices.arrays.banks import TooLateError, UnitsState
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
 from midair.errors import DeviceError, DeviceStateError, LinkLostError
@@ -25,6 +25,19 @@ T = TypeVar("T")
 
 FAILSAFE = 0.5
 """After how long without traffic the device silences itself, in s."""
+
+TELLING = (
+    "failsafe",
+    "ptp_unlock_failsafe",
+    "cpu_watchdog",
+    "boot_failure",
+    "dispatch_error",
+    "fifo_drop",
+    "send_failure",
+    "exec_late",
+    "sync_resync",
+)
+"""Counters of a unit that stay at 0 while all goes well; the others count traffic, or what the SDK mends by itself."""
 
 
 def loopback_option(address: str) -> UdpOption:
@@ -56,6 +69,7 @@ class Autd3Udp:
     frames_max = commands.FRAMES_MAX
     margin = 15_000_000
     """The firmware refuses switches less than 10 ms ahead."""
+    failsafe = FAILSAFE
 
     def __init__(self, placement: Placement, where: str = "auto") -> None:
         self._units = placement.units
@@ -70,6 +84,7 @@ class Autd3Udp:
             config = CpuConfig(failsafe_timeout=Duration.from_secs_f64(FAILSAFE))
             self._do(lambda: client.send(SetCpuConfig(config)), 5)
             self.silence()
+            self._counted = self._do(client.read_telemetry, 5)
         except BaseException:
             # Ctrl-C as well: the thread of the loop must not outlive a device that was never opened.
             self._client = None
@@ -116,6 +131,20 @@ class Autd3Udp:
             state.is_stm_mode() and not state.is_pattern_stopped() and not state.is_failsafe_active()
             for state in states
         )
+
+    def state(self) -> UnitsState:
+        """What the units say of themselves now."""
+        client = self._open
+        states, counted = self._do(client.read_fpga_state, 2), self._do(client.read_telemetry, 2)
+        return UnitsState(
+            silenced=tuple(unit for unit, state in enumerate(states) if state.is_failsafe_active()),
+            hot=tuple(unit for unit, state in enumerate(states) if state.is_thermal_asserted()),
+            errors=tuple(_grown(self._counted, counted)),
+        )
+
+    def release(self) -> None:
+        """Let units that their failsafe has silenced sound again."""
+        self._do(lambda: self._open.send(ReleaseFailsafe()), 2)
 
     def describe(self) -> dict[str, str]:
         """What the units say of themselves: firmware, link, failsafe."""
@@ -211,6 +240,14 @@ class Autd3Udp:
         self._thread.join(2)
         if not self._thread.is_alive():
             self._loop.close()
+
+
+def _grown(before: list[Telemetry], now: list[Telemetry]) -> Iterator[str]:
+    """What each unit counted in between, in words."""
+    for unit, (old, new) in enumerate(zip(before, now, strict=True)):
+        for name in TELLING:
+            if more := getattr(new, name) - getattr(old, name):
+                yield f"unit {unit} counted {name} {more} times"
 
 
 def _advice(wrong: Autd3Error) -> str:

@@ -75,6 +75,7 @@ class BankedArray(ArrayDevice):
         silencer = choose_silencer(self.silencer, phases, intensity, drive.rate)
         # The silencer is set while nothing sounds, and `play_stream` begins on silent banks.
         banks.silence()
+        self._release(banks)
         banks.set_silencer(silencer)
         ordered = self._silenced
 
@@ -90,6 +91,12 @@ class BankedArray(ArrayDevice):
         )
         report = play_stream(stream, banks, progress=progress, switch=switch)
         return replace(report, silencer=str(silencer))
+
+    def _release(self, banks: Banks) -> None:
+        """A failsafe that acted before this order must not silence it; now that what the units play is silence."""
+        state = banks.state()
+        if state is not None and state.silenced:
+            banks.release()
 
     def silence(self) -> None:
         """Stop all sound at once, from any thread; what plays then ends with an error."""

@@ -1,5 +1,6 @@
 """The two pattern memories of an array: what streaming needs of an SDK, and no more."""
 
+from dataclasses import dataclass
 from typing import Protocol
 
 from midair.devices.arrays.silencer import Silencer
@@ -8,6 +9,30 @@ from midair.devices.frame_bytes import Bytes
 
 class TooLateError(Exception):
     """The device will not switch at an instant so near."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnitsState:
+    """What the units of an array say of themselves, as far as their SDK can ask; units are counted from 0.
+
+    Attributes
+    ----------
+    silenced : tuple of int
+        Units that their failsafe keeps silent, whatever is sent to them.
+    hot : tuple of int
+        Units whose heat sensor has tripped.
+    errors : tuple of str or None
+        What units counted since they were opened and ought not to have, in words; None where they do not count.
+    """
+
+    silenced: tuple[int, ...] = ()
+    hot: tuple[int, ...] = ()
+    errors: tuple[str, ...] | None = None
+
+    def __str__(self) -> str:
+        heat = [f"unit {unit} too hot" for unit in self.hot] or ["not too hot"]
+        counted = [] if self.errors is None else self.errors or ["no errors"]
+        return ", ".join([*heat, *counted])
 
 
 class Banks(Protocol):
@@ -24,6 +49,11 @@ class Banks(Protocol):
     @property
     def margin(self) -> int:
         """How long before its instant a switch must arrive, in ns."""
+        ...
+
+    @property
+    def failsafe(self) -> float:
+        """After how long without a word units may silence themselves, in s; 0 if nobody knows."""
         ...
 
     def set_silencer(self, silencer: Silencer) -> None:
@@ -62,6 +92,14 @@ class Banks(Protocol):
 
     def emitting(self) -> bool:
         """Whether the device says that patterns play."""
+        ...
+
+    def state(self) -> UnitsState | None:
+        """What the units say of themselves now; None where they cannot be asked."""
+        ...
+
+    def release(self) -> None:
+        """Let units that their failsafe has silenced sound again; whoever calls this has made them play silence."""
         ...
 
     def describe(self) -> dict[str, str]:

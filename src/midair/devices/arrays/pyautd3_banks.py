@@ -49,7 +49,7 @@ from pyautd3.link.nop import Nop
 from pyautd3.link.twincat import TwinCAT
 from pyautd3.native_methods.autd3capi import NativeMethods
 
-from midair.devices.arrays.banks import TooLateError
+from midair.devices.arrays.banks import TooLateError, UnitsState
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
 from midair.errors import DeviceError, DeviceStateError, LinkLostError, UnknownDeviceError
@@ -105,6 +105,7 @@ class PyAutd3Banks:
 
     frames_max = 1024
     margin = 30_000_000
+    failsafe = 0.0
 
     def __init__(self, placement: Placement, link: str, *, interval: float | None = None) -> None:
         self._lock, self._lost, self._ordered = RLock(), "", False
@@ -175,6 +176,16 @@ class PyAutd3Banks:
         with self._lock:
             states = self._controller.fpga_state()
         return any(state is not None and state.is_stm_mode() for state in states)
+
+    def state(self) -> UnitsState:
+        """Heat alone: the firmware before series 0.12 says nothing of a failsafe."""
+        with self._lock:
+            states = self._open.fpga_state()
+        hot = (unit for unit, state in enumerate(states) if state is not None and state.is_thermal_assert())
+        return UnitsState(hot=tuple(hot))
+
+    def release(self) -> None:
+        """Nothing that this SDK could release."""
 
     def held(self, unit: int, bank: int, frame: int) -> tuple[Bytes, Bytes]:
         """Phases and intensities that a segment holds, shape (transducer,) each; only ``audit`` can read them back."""

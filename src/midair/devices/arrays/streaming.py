@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.devices.arrays.banks import Banks, TooLateError
+from midair.devices.arrays.heard import Heard
 from midair.devices.frame_bytes import TICK, Bytes
 from midair.devices.interface import PlayReport
-from midair.errors import DeviceError
+from midair.errors import DeviceError, SilentFramesError
 from midair.model import Progress
 
 MS = 1_000_000
@@ -90,9 +91,21 @@ def play_stream(
 
     Raises
     ------
+    SilentFramesError
+        If the failsafe of a unit has silenced it. Units are asked once a block, and at the end.
     DeviceError
         If the link is lost, or the device refuses a switch three times.
     """
+    heard = Heard(banks, stream.period, stream.total)
+    try:
+        return _play(stream, banks, heard, progress, switch or banks.switch)
+    except SilentFramesError:
+        raise
+    except DeviceError as wrong:
+        raise heard.told(wrong) from wrong
+
+
+def _play(stream: DriveStream, banks: Banks, heard: Heard, progress: Progress | None, switch: Switch) -> PlayReport:
     size, bank, done = stream.frames_in_block(banks.frames_max), 1, 0
     # Before the first block is written, so that a delay counts from the order.
     begin = banks.now()
@@ -103,19 +116,24 @@ def play_stream(
         banks.load(bank, phases, intensity, stream.divider)
         if done == 0:
             planned = first = _aligned(max(begin + round(stream.delay * 1e9), _soon(banks)), stream.period)
-        start = _order(banks, switch or banks.switch, bank, planned, stream.period)
+        start = _order(banks, switch, bank, planned, stream.period)
+        heard.order(start, len(phases))
         if start > planned:
             late, gap = late + len(phases), gap + start - planned
         # Half a frame into the new bank: only then is the other one surely free to be written.
         banks.wait_until(start + stream.period // 2)
+        heard.ask()
         if progress:
             progress(done, stream.total)
         bank, done, planned = 1 - bank, done + len(phases), start + len(phases) * stream.period
     banks.wait_until(planned)
+    heard.ask()
     if progress:
         progress(stream.total, stream.total)
     duration = (planned - first - gap) / 1e9
-    return PlayReport(frames=stream.total, duration=duration, late=late, start=first, gap=gap / 1e9)
+    return PlayReport(
+        frames=stream.total, duration=duration, late=late, start=first, gap=gap / 1e9, units=heard.units()
+    )
 
 
 def _order(banks: Banks, switch: Switch, bank: int, planned: int, period: int) -> int:

@@ -1,0 +1,17 @@
+"""What units say of themselves, in words."""
+
+import pytest
+
+from midair.devices.arrays.banks import UnitsState
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        (UnitsState(), "not too hot"),
+        (UnitsState(errors=()), "not too hot, no errors"),
+        (UnitsState(hot=(0, 3), errors=("unit 1 counted failsafe 2 times",)), "unit 0 too hot, unit 3 too hot, unit 1"),
+    ],
+)
+def test_a_state_tells_heat_and_errors_as_far_as_they_were_asked(state, words):
+    assert str(state).startswith(words)
