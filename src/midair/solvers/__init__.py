@@ -3,6 +3,7 @@
 from midair.solvers.amplitudes import Amplitudes
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
+from midair.solvers.glide import Glide
 from midair.solvers.lens import spreading_phase
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Follower, Live
@@ -20,6 +21,7 @@ __all__ = [
     "Fast",
     "Fit",
     "Follower",
+    "Glide",
     "Guard",
     "LevenbergMarquardt",
     "Method",

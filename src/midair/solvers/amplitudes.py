@@ -31,7 +31,8 @@ def doubled(problem: Problem, *, apart: float = np.pi / 4) -> Problem:
     guard = problem.guard
     if guard is not None:
         guard = GuardField(G=_twice(guard.G, apart), ceiling=guard.ceiling, weight=guard.weight)
-    return replace(problem, G=_twice(problem.G, apart), guard=guard)
+    position = None if problem.position is None else np.tile(problem.position, (2, 1))
+    return replace(problem, G=_twice(problem.G, apart), guard=guard, position=position)
 
 
 def halves(phase: Array, *, apart: float = np.pi / 4) -> tuple[Array, Array]:

@@ -64,9 +64,12 @@ class Backend:
 
     def get(self, array: Rows) -> NDArray[np.float64]:
         """A NumPy array of it, in double precision."""
+        return np.asarray(self.host(array), np.float64)
+
+    def host(self, array: Rows) -> NDArray[Any]:
+        """A NumPy array of it, in the precision that it has."""
         # PyTorch's way back to the host is `cpu`, CuPy's is `get`; the standard names none.
-        host = array.cpu() if hasattr(array, "cpu") else array.get() if hasattr(array, "get") else array
-        return np.asarray(host, np.float64)
+        return np.asarray(array.cpu() if hasattr(array, "cpu") else array.get() if hasattr(array, "get") else array)
 
     def complex(self, real: Rows, imaginary: Rows) -> Rows:
         """Complex numbers real + j imaginary, same shape."""

@@ -8,18 +8,31 @@ from typing import Any
 from midair.errors import InputError
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
+from midair.solvers.glide import Glide
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Live
 from midair.solvers.problem import Start, Term
 from midair.solvers.reference import GSPAT, GerchbergSaxton, Greedy, Naive, WeightedGerchbergSaxton
 
-Method = LevenbergMarquardt | Exact | Fast | Live | Naive | GerchbergSaxton | WeightedGerchbergSaxton | GSPAT | Greedy
+Method = (
+    LevenbergMarquardt
+    | Exact
+    | Fast
+    | Glide
+    | Live
+    | Naive
+    | GerchbergSaxton
+    | WeightedGerchbergSaxton
+    | GSPAT
+    | Greedy
+)
 
 METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
     {
         "lm": LevenbergMarquardt,
         "exact": Exact,
         "fast": Fast,
+        "glide": Glide,
         "live": Live,
         "naive": Naive,
         "gs": GerchbergSaxton,
@@ -36,6 +49,7 @@ TAKES: Mapping[str, frozenset[Term]] = MappingProxyType(
         "lm": frozenset({"guard", "amplitudes"}),
         "exact": frozenset({"amplitudes"}),
         "fast": frozenset({"guard", "cells", "smooth", "amplitudes"}),
+        "glide": frozenset({"guard", "cells", "amplitudes"}),
         "live": frozenset({"amplitudes"}),
         "naive": frozenset(),
         "gs": frozenset(),
@@ -102,7 +116,8 @@ def solver(
         Start of every frame after the first. Methods that solve each frame on its own have none, and "live" always
         goes on from the frame before.
     backend : str, optional
-        What does the arithmetic, see `backend.backend`; the method's own if None. Only "fast" has the choice.
+        What does the arithmetic, see `backend.backend`; the method's own if None. Only "fast" and "glide" have the
+        choice.
 
     Raises
     ------
@@ -122,7 +137,7 @@ def solver(
         changes["start"] = start
     if backend is not None:
         if "backend" not in has:
-            raise InputError(f"backend: expected method fast, got {name}; the others are NumPy's or Numba's")
+            raise InputError(f"backend: expected method fast or glide, got {name}; the others are NumPy's or Numba's")
         changes["backend"] = backend
     if iterations is not None:
         changes |= _iterations(name, iterations, "warm_iterations" in has)

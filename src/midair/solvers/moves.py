@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.solvers.backend import Backend, Numbers, Rows
-from midair.solvers.lbfgs import LBFGS, Function
+from midair.solvers.lbfgs import LBFGS, Function, RowsState
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
 from midair.solvers.problem import Problem
@@ -94,13 +94,22 @@ class Machine:
     memory: int
 
     @classmethod
-    def of(cls, problem: Problem, backend: Backend, *, tolerance: float, memory: int) -> "Machine":
-        """Make it from the modes above `tolerance` of the strongest, which are worked out in double precision."""
-        heard = problem.G if problem.guard is None else np.concatenate([problem.G, problem.guard.G])
-        kept = modes(heard, tolerance=tolerance)
+    def of(
+        cls, problem: Problem, backend: Backend, *, tolerance: float, memory: int, outside: float = 1.0
+    ) -> "Machine":
+        """Make it from the modes above `tolerance` of the strongest, which are worked out in double precision.
+
+        The points of the guard count `outside` as much as control points when the modes are chosen: a field that is
+        only to be quiet need not be known as well.
+        """
+        heard, weighed = problem.G, problem.G
+        if problem.guard is not None:
+            heard = np.concatenate([problem.G, problem.guard.G])
+            weighed = np.concatenate([problem.G, outside * problem.guard.G])
+        kept = modes(weighed, tolerance=tolerance)
         s, psi = problem.level * kept.s, np.exp(1j * problem.first_psi)
         lens = (psi @ kept.U[: problem.points].conj() / np.where(s > 0, s, 1)) @ kept.V.T
-        field, drive = backend.put((kept.U * s).T), backend.put(kept.V.T)
+        field, drive = backend.put(problem.level * (heard @ kept.V).T), backend.put(kept.V.T)
         return cls(
             backend=backend,
             problem=problem,
@@ -130,27 +139,25 @@ class Machine:
 
     def best_field(self, batch: Batch, iterations: int, *, loudness: float, floor: float, every: int) -> Rows:
         """Coordinates V^H q of the best field with free amplitudes, (row, mode)."""
-        xp, as_complex, root, gain = self.backend.xp, self.backend.as_complex, self.root, batch.gain
+        move = self.field_move(loudness=loudness, floor=floor, seats=np.arange(0, self.problem.transducers, every))
+        one = self.backend.xp.ones_like(batch.gain[:, 0])
+        state = move.run(batch, move.first(batch.p * self.psi), one / self.strongest, iterations)
+        return move.coordinates(batch, state)
+
+    def field_move(self, *, loudness: float, floor: float, seats: NDArray[np.int64]) -> "FieldMove":
+        """The first move: `loudness` is the weight of drives above full, looked at where the `seats` are."""
         # In z = sqrt(s) a the weak modes are neither stiff nor out of reach; a and s a are both slower.
-        out, drive = self.field / root[:, None], self.drive[:, ::every] / root[:, None]
-        out_back, drive_back = self.backend.adjoint(out), self.backend.adjoint(drive)
-        weight = loudness / drive.shape[1]
-
-        def function(x: Rows) -> tuple[Numbers, Rows]:
-            z = as_complex(x)
-            cost, slope = self.heard(batch, (gain * z) @ out)
-            q = z @ drive
-            above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
-            gradient = gain * (slope @ out_back) + weight * ((above * q) @ drive_back)
-            return cost + 0.25 * weight * xp.vecdot(above, above), self.backend.as_real(gradient)
-
-        # The field p exp(j psi), without asking much of weak modes: z = sqrt(s) a, a = s U^H y / (s^2 + floor^2).
-        smooth = root / (root**4 + (floor * self.strongest) ** 2)
-        first = ((batch.p * self.psi / gain) @ self.field_back[: batch.p.shape[1], :]) * smooth
-        # One over the largest curvature, which by z is s gain^2, and by the phases (s gain)^2.
-        step = 1 / (self.strongest * gain[:, 0] ** 2)
-        state = LBFGS(memory=self.memory, xp=xp).run(function, self.backend.as_real(first), step, iterations)
-        return as_complex(state.x) / root
+        heard_at = self.backend.xp.take(self.drive, self.backend.put(seats), axis=1)
+        out, loud = self.field / self.root[:, None], heard_at / self.root[:, None]
+        return FieldMove(
+            machine=self,
+            out=out,
+            loud=loud,
+            out_back=self.backend.adjoint(out),
+            loud_back=self.backend.adjoint(loud),
+            loudness=loudness / loud.shape[1],
+            pseudo=self.root / (self.root**4 + (floor * self.strongest) ** 2),
+        )
 
     def lift(self, a: Rows, iterations: int, *, relaxation: float) -> Rows:
         """Phases of equally loud drives with V^H q close to a, (row, transducer), in rad.
@@ -244,3 +251,60 @@ class Machine:
             return cost, slope
         extra, outside = excess(xp, y[:, points:], guard.ceiling * batch.peak, guard.weight)
         return cost + extra, xp.concat([slope, outside], axis=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FieldMove:
+    """The first move: the best field of all that free amplitudes can make, in the few coordinates of a field.
+
+    A row of z is sqrt(s) V^H q, in units of the row's target, so that it follows a target that only grows by itself.
+
+    Attributes
+    ----------
+    machine : Machine
+        Whose field.
+    out, out_back : array of complex
+        From z to the listeners, shape (mode, listener), and its adjoint.
+    loud, loud_back : array of complex
+        From z to some transducers, shape (mode, seat), and its adjoint: a drive made of r modes is smooth, so that
+        some tell how loud all are.
+    loudness : float
+        Weight of drives above full, for each of the seats.
+    pseudo : array, shape (mode,)
+        From what the points hear backwards to z, without asking much of weak modes.
+    """
+
+    machine: Machine
+    out: Rows
+    out_back: Rows
+    loud: Rows
+    loud_back: Rows
+    loudness: float
+    pseudo: Numbers
+
+    def first(self, y: Rows) -> Rows:
+        """The z whose field at the control points comes close to y, (row, point): root s U^H y / (s^2 + floor^2)."""
+        return (y @ self.machine.field_back[: y.shape[1], :]) * self.pseudo
+
+    def run(self, batch: Batch, z: Rows, scale: Numbers, iterations: int) -> RowsState:
+        """L-BFGS from z on; `scale` (row,) is one over the curvature, 1 / s of the strongest mode if none is known."""
+        method = LBFGS(memory=self.machine.memory, xp=self.machine.backend.xp)
+        return method.run(self._function(batch), self.machine.backend.as_real(z), scale, iterations)
+
+    def coordinates(self, batch: Batch, state: RowsState) -> Rows:
+        """V^H q of where the descent stands, (row, mode)."""
+        return self.machine.backend.as_complex(state.x) / self.machine.root / batch.gain
+
+    def _function(self, batch: Batch) -> Function:
+        there, inverse = self.machine.backend, 1 / batch.gain
+        xp, weight = there.xp, self.loudness
+
+        def function(x: Rows) -> tuple[Numbers, Rows]:
+            z = there.as_complex(x)
+            cost, slope = self.machine.heard(batch, z @ self.out)
+            q = inverse * (z @ self.loud)
+            above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
+            gradient = slope @ self.out_back + (weight * inverse) * ((above * q) @ self.loud_back)
+            return cost + 0.25 * weight * xp.vecdot(above, above), there.as_real(gradient)
+
+        return function

@@ -21,6 +21,8 @@ def rippled(q: Complex) -> Complex:
 
 def hold(phase: NDArray[np.float64], audible: NDArray[np.int64]) -> NDArray[np.float64]:
     """Phases of silent frames are those of the last audible frame before them; zero before the first."""
+    if len(audible) == len(phase):
+        return phase
     last = np.full(len(phase), -1)
     last[audible] = audible
     last = np.maximum.accumulate(last)

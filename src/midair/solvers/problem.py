@@ -48,6 +48,8 @@ class Problem:
         still says which frames are silent, and what to start from.
     smooth : float
         Weight of the change of phase from frame to frame; see `terms.smooth`.
+    position : ndarray, shape (transducer, 3), or None
+        Where the transducers are, in m, for methods that look at an even part of them; their order tells if None.
     """
 
     G: Complex
@@ -57,6 +59,7 @@ class Problem:
     guard: GuardField | None = None
     cells: CellTarget | None = None
     smooth: float = 0.0
+    position: Array | None = None
 
     @property
     def terms(self) -> frozenset[Term]:

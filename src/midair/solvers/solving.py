@@ -50,8 +50,9 @@ def solve(
     method : str or a solver
         A name in `methods.METHODS`, or a configured solver of `midair.solvers` such as ``Exact(tolerance=1e-3)``.
         "lm": the paper's Levenberg-Marquardt. "exact": the same in the modes of G above .5 % of the strongest,
-        cheaper. "fast": many frames at once, each on its own. "live": within a millisecond a frame. "naive", "gs",
-        "wgs", "gs-pat", "greedy": published methods to compare with.
+        cheaper. "fast": many frames at once, each on its own. "glide": a recording as a whole, by bisection in time.
+        "live": within a millisecond a frame. "naive", "gs", "wgs", "gs-pat", "greedy": published methods to compare
+        with.
     acoustics : Acoustics, optional
         The air and the directivity of a transducer; the paper's if None. The drive carries it.
     iterations : int or tuple of int, optional
@@ -78,7 +79,7 @@ def solve(
         Round phases to 2 pi / 2^bits, as firmware does (8 bits: AUTD3); the error is that of the rounded phases.
         Not rounded if None. Amplitudes are not rounded.
     backend : str, optional
-        What does the arithmetic of "fast": "numpy", "torch", "torch:cuda", "cupy"; see `backend.backend`.
+        What does the arithmetic of "fast" and "glide": "numpy", "torch", "torch:cuda", "cupy"; see `backend.backend`.
     progress : callable, optional
         Called with (frames done, frames in all).
 
@@ -167,6 +168,7 @@ class _Scene:
             guard=None if guard is None else self._guarded(guard),
             cells=None if cells is None else cells.target(amplitude, grid, unit),
             smooth=smooth,
+            position=self.array.position,
         )
 
     def _guarded(self, guard: Guard) -> GuardField:
@@ -198,5 +200,5 @@ def _bounded(answer: Answer) -> tuple[Answer, Array]:
 
 
 def _settings(chosen: Method | Guard) -> dict[str, Setting]:
-    """The fields of a solver or a term, for the record."""
-    return {field.name: getattr(chosen, field.name) for field in fields(chosen)}
+    """The fields of a solver or a term, for the record, but for how many work at once, which changes nothing."""
+    return {field.name: getattr(chosen, field.name) for field in fields(chosen) if field.name != "jobs"}

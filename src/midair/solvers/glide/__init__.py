@@ -1,0 +1,5 @@
+"""Whole recordings by bisection in time: few frames cold, all others from both neighbours."""
+
+from midair.solvers.glide.glide import Glide
+
+__all__ = ["Glide"]

@@ -1,0 +1,47 @@
+"""Every frame once, after the two that it lies between; blocks do not depend on how much follows them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midair.solvers.glide.schedule import blocks, halvings
+
+SIZES = {"frames": st.integers(1, 400), "coarse": st.integers(1, 40), "size": st.integers(1, 150)}
+
+
+@given(**SIZES)
+def test_all_frames_are_solved_once_and_after_their_neighbours(frames, coarse, size):
+    times = np.zeros(frames, int)
+    for block in blocks(frames, coarse=coarse, size=size):
+        times[block.marks] += 1
+        marks = block.marks if block.leads else np.concatenate([[block.first], block.marks])
+        assert times[marks].all()
+        for level in halvings(marks):
+            assert times[level[:, [0, 2]]].all()
+            assert (np.diff(level, axis=1) > 0).all()
+            times[level[:, 1]] += 1
+    assert (times == 1).all()
+
+
+@given(**SIZES)
+def test_marks_are_no_farther_apart_than_was_asked(frames, coarse, size):
+    marks = np.concatenate([block.marks for block in blocks(frames, coarse=coarse, size=size)])
+    assert marks[0] == 0
+    assert marks[-1] == frames - 1
+    assert np.diff(marks).max(initial=0) <= coarse
+
+
+@pytest.mark.parametrize("frames", [100, 101, 160])
+def test_blocks_that_are_whole_do_not_depend_on_what_follows(frames):
+    short = list(blocks(frames, coarse=10, size=40))[:2]
+    long = list(blocks(1000, coarse=10, size=40))[:2]
+    for one, other in zip(short, long, strict=True):
+        assert (one.first, one.last) == (other.first, other.last)
+        assert np.array_equal(one.marks, other.marks)
+
+
+def test_a_block_begins_where_the_one_before_it_ends():
+    every = list(blocks(1000, coarse=32, size=100))
+    assert [one.last for one in every[:-1]] == [one.first for one in every[1:]]
+    assert [one.leads for one in every] == [True] + [False] * (len(every) - 1)

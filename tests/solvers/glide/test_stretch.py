@@ -1,0 +1,55 @@
+"""A block of frames: each kind of frame gets its effort, and marks stay as they were."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.solvers import Glide, error_of
+from midair.solvers.backend import backend
+from midair.solvers.glide.stretch import Stretch, marks_of
+
+FRAMES, MARKS = np.arange(33), np.array([0, 16, 32])
+
+
+def walked(glider, **changes):
+    efforts = replace(Glide()._efforts(), **changes)
+    stretch = Stretch(glider, efforts, FRAMES)
+    stretch.known.put(MARKS, marks_of(glider, efforts, MARKS))
+    before = stretch.known.theta[MARKS].copy()
+    stretch.walk(MARKS)
+    assert np.array_equal(stretch.known.theta[MARKS], before)
+    return stretch.known
+
+
+@pytest.fixture(scope="module")
+def glider(problem_of, moving_spot):
+    return Glide()._glider(problem_of(moving_spot(33)), backend("numpy"))
+
+
+def test_every_frame_is_solved(glider):
+    known = walked(glider)
+    assert known.iterations.all()
+    assert known.theta.any(axis=1).all()
+    assert np.isfinite(known.theta).all()
+
+
+def test_where_any_start_is_near_enough_only_the_polish_runs(glider):
+    known = walked(glider, near=10.0, wide=4, smooth=3, smooth_wide=7)
+    between = np.setdiff1d(FRAMES, MARKS)
+    # Neighbours four frames away or more: every fourth frame, the marks left out.
+    expected = np.where(between % 4 == 0, 7, 3)
+    assert np.array_equal(known.iterations[between], expected)
+
+
+def test_where_no_start_is_near_and_everything_is_far_all_get_the_effort_of_rough_frames(glider):
+    known = walked(glider, near=0.0, far=0.0, rough=(3, 2, 1))
+    between = np.setdiff1d(FRAMES, MARKS)
+    assert (known.iterations[between] == 3 + 2 + 1 + glider.split).all()
+
+
+def test_frames_one_by_one_are_as_true_as_in_batches(glider):
+    problem = glider.machine.problem
+    together, alone = (error_of(problem, walked(glider, rows=rows).theta) for rows in (128, 1))
+    # Products of another shape round differently and a descent carries that on: not into what the phases are worth.
+    assert alone.mean() == pytest.approx(together.mean(), rel=0.05)
