@@ -6,7 +6,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.model import Medium
-from midair.model.air import attenuation, check_air, density, speed_of_sound, vapour_fraction
+from midair.model.air import attenuation, check_air, density, speed_of_sound, temperature_of, vapour_fraction
 
 # Cramer (1993), figure 1, read off: temperature (C), humidity, speed (m/s); dry air at three pressures below.
 FIGURE_1 = [
@@ -102,3 +102,14 @@ def test_a_medium_at_a_temperature_has_all_of_it():
 def test_the_papers_medium_stays():
     assert Medium() == Medium(density=1.25, speed=340.0, attenuation=0.15, alpha=2.0)
     assert Medium().temperature is None
+
+
+@pytest.mark.parametrize(("temperature", "humidity", "speed"), FIGURE_1)
+def test_a_speed_tells_the_temperature_that_figure_1_has_it_at(temperature, humidity, speed):
+    assert temperature_of(speed, humidity) == pytest.approx(
+        temperature, abs=0.3
+    )  # stated to .1 m/s, and read off to as much
+
+
+def test_a_speed_that_no_air_has_ends_at_the_range():
+    assert (temperature_of(1e-3), temperature_of(1500.0)) == (pytest.approx(-50), pytest.approx(100))

@@ -7,6 +7,9 @@ from midair.errors import InputError
 STANDARD_PRESSURE = 101.325e3
 """One standard atmosphere, in Pa."""
 
+LOWEST_PRESSURE, HIGHEST_PRESSURE = 60e3, 110e3
+"""Of air, in Pa, between which the formulas are used."""
+
 _KELVIN = 273.15
 _CARBON_DIOXIDE = 420e-6  # mole fraction; 100 ppm change the speed of sound by 0.009 m/s
 
@@ -32,8 +35,8 @@ def check_air(temperature: float, humidity: float, pressure: float) -> None:
         raise InputError(f"temperature: expected 0 to 50 degrees Celsius, got {temperature:g}")
     if not 0 <= humidity <= 1:
         raise InputError(f"humidity: expected 0 to 1 (0 % to 100 %), got {humidity:g}")
-    if not 60e3 <= pressure <= 110e3:
-        raise InputError(f"air pressure: expected 60000 to 110000 Pa, got {pressure:g}")
+    if not LOWEST_PRESSURE <= pressure <= HIGHEST_PRESSURE:
+        raise InputError(f"air pressure: expected {LOWEST_PRESSURE:.0f} to {HIGHEST_PRESSURE:.0f} Pa, got {pressure:g}")
 
 
 def vapour_fraction(temperature: float, humidity: float, pressure: float = STANDARD_PRESSURE) -> float:
@@ -73,6 +76,18 @@ def speed_of_sound(temperature: float, humidity: float, pressure: float = STANDA
         + 29.179762 * carbon**2
         + 0.000486 * water * p * carbon
     )
+
+
+def temperature_of(speed: float, humidity: float = 0.5) -> float:
+    """Temperature, in degrees Celsius, of air at one atmosphere in which sound is as fast as `speed`, in m/s.
+
+    Held within -50 to 100 degrees, between which `speed_of_sound` grows steadily for any humidity up to 1.
+    """
+    low, high = -50.0, 100.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if speed_of_sound(middle, humidity) < speed else (low, middle)
+    return (low + high) / 2
 
 
 def attenuation(frequency: float, temperature: float, humidity: float, pressure: float = STANDARD_PRESSURE) -> float:

@@ -1,9 +1,18 @@
 """The air that sound goes through and the surface that it pushes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from midair.errors import InputError
-from midair.model.air import STANDARD_PRESSURE, attenuation, check_air, density, speed_of_sound
+from midair.model.air import (
+    HIGHEST_PRESSURE,
+    LOWEST_PRESSURE,
+    STANDARD_PRESSURE,
+    attenuation,
+    check_air,
+    density,
+    speed_of_sound,
+    temperature_of,
+)
 from midair.validation import positive
 
 
@@ -25,6 +34,11 @@ class Medium:
         In degrees Celsius, where the medium was made by `at`; None where its constants were stated.
     humidity : float or None
         Relative, 0 to 1; likewise.
+
+    Raises
+    ------
+    InputError
+        If a constant is out of range, or is not that of air of the stated temperature and humidity.
     """
 
     density: float = 1.25
@@ -41,6 +55,7 @@ class Medium:
             raise InputError(f"attenuation: expected 0 Np/m or more, got {self.attenuation:g}")
         if not 1 <= self.alpha <= 2:
             raise InputError(f"alpha: expected 1 to 2 (1 + power reflection coefficient), got {self.alpha:g}")
+        _check_stated(self.temperature, self.humidity, self.speed)
 
     @classmethod
     def at(
@@ -80,4 +95,45 @@ class Medium:
             alpha=alpha,
             temperature=float(temperature),
             humidity=float(humidity),
+        )
+
+    @property
+    def degrees(self) -> float:
+        """Its temperature, in degrees Celsius: the stated one, or that at which sound is as fast in half-dry air."""
+        return temperature_of(self.speed) if self.temperature is None else self.temperature
+
+    def warmer(self, degrees: float) -> "Medium":
+        """The same air, so much warmer or, below 0, colder.
+
+        Of air whose constants were stated, the speed of sound alone changes: by as much as that of a laboratory's.
+
+        Raises
+        ------
+        InputError
+            If it would be outside of what the formulas hold for.
+        """
+        if self.temperature is not None and self.humidity is not None:
+            return Medium.at(temperature=self.temperature + degrees, humidity=self.humidity, alpha=self.alpha)
+        change = speed_of_sound(self.degrees + degrees, 0.5) - speed_of_sound(self.degrees, 0.5)
+        return replace(self, speed=self.speed + change)
+
+    def __str__(self) -> str:
+        if self.temperature is None or self.humidity is None:
+            return f"{self.speed:g} m/s ({self.degrees:.0f} °C)"
+        return f"{self.temperature:g} °C, {100 * self.humidity:g} % humidity"
+
+
+def _check_stated(temperature: float | None, humidity: float | None, speed: float) -> None:
+    """Refuse a temperature beside a speed of sound that no air of that temperature has."""
+    if temperature is None and humidity is None:
+        return
+    if temperature is None or humidity is None:
+        raise InputError("air: expected temperature and humidity together, got one of them; Medium.at() knows the rest")
+    check_air(temperature, humidity, STANDARD_PRESSURE)
+    ends = [speed_of_sound(temperature, humidity, pressure) for pressure in (LOWEST_PRESSURE, HIGHEST_PRESSURE)]
+    # A digit more than a person would write down.
+    if not min(ends) - 0.05 <= speed <= max(ends) + 0.05:
+        raise InputError(
+            f"air: expected a speed of sound of {min(ends):.1f} to {max(ends):.1f} m/s at {temperature:g} degrees "
+            f"Celsius, got {speed:g}; Medium.at() works it out"
         )
