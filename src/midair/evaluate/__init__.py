@@ -4,6 +4,7 @@ from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.card import CardFigure, PerceptualCard, perceptual_card
 from midair.evaluate.comparison import Comparison, compare
 from midair.evaluate.distortion import Fidelity, fidelity, image_level, in_band
+from midair.evaluate.error_in_air import error_in_air
 from midair.evaluate.field import peak_position
 from midair.evaluate.leakage import Leak, leak, surroundings
 from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
@@ -25,6 +26,7 @@ __all__ = [
     "budget",
     "compare",
     "dominant_frequency",
+    "error_in_air",
     "fidelity",
     "find_delay",
     "image_level",

@@ -113,7 +113,7 @@ def open_rig(
     height : float
         Of a virtual sensor above the array, in m.
     acoustics : Acoustics, optional
-        Of the virtual rig: the air in which it plays; the paper's if None.
+        Of the virtual rig: the air in which it plays, whatever a drive was solved for; each drive's own air if None.
     seed : int
         Of the virtual rig's strengths and noise.
 
@@ -124,7 +124,7 @@ def open_rig(
     InputError
         If a sensor, calibration or placement is given for the virtual array, which brings its own.
     """
-    virtual = VirtualRig(seed=seed, height=height, acoustics=acoustics or Acoustics())
+    virtual = VirtualRig(seed=seed, height=height, acoustics=acoustics)
     choices = exposure or usual_exposure()
     if array == "virtual":
         if sensor or calibration or placement:
@@ -285,7 +285,7 @@ def loop(
     if isinstance(original, OpenedTake):
         original = felt(original.recording, original.calibration, chosen)
     if isinstance(rig, str):
-        with open_rig(rig, height=chosen.target.grid.height, acoustics=chosen.acoustics) as opened:
+        with open_rig(rig, height=chosen.target.grid.height) as opened:
             return loop(original, chosen, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
     if rig.sensor is None:
         raise InputError(f"loop on {rig.array.name}: expected a rig with a sensor, which must hear the array; got none")

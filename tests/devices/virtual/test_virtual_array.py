@@ -1,11 +1,24 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from midair.devices import VirtualArray, VirtualSkin
 from midair.errors import RateError
-from midair.model import Drive, Medium, TransducerArray
-from midair.physics import PlaybackChain, Transducers, focus_phase, radiation_pressure, simulate, transfer_matrix
+from midair.evaluate import error_in_air
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
+from midair.physics import (
+    PlaybackChain,
+    Transducers,
+    focus_phase,
+    radiation_pressure,
+    relative_error,
+    simulate,
+    sound_amplitude,
+    transfer_matrix,
+)
 from midair.physics.sensing import SensorModel, cell_weights
+from midair.solvers import solve
 from midair.testing import overridden
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
@@ -34,6 +47,65 @@ def test_a_steady_focus_presses_as_the_field_says():
     np.testing.assert_allclose(steady(**EXACT).ravel(), expected, rtol=1e-6)
     # in single precision and with 8 bits: .007 rad rms of rounding on 249 transducers is 1e-3 of pressure
     np.testing.assert_allclose(steady(**PERFECT).ravel(), expected, atol=4e-3 * expected.max())
+
+
+class Points(VirtualSkin):
+    """Feels the control points themselves, without gel and cells."""
+
+    def __init__(self, points):
+        super().__init__(SensorModel())
+        self.points, self.felt = points, []
+
+    def press(self, pressure):
+        self.felt.append(pressure)
+
+
+def error_at_play(solution, target, room):
+    """E of each frame from the pressure that a perfect array makes in the room's air: at the frame's first moment."""
+    points, chain = Points(target.grid), PlaybackChain(phase_bits=None, hold="ideal", precision="double")
+    with VirtualArray(ARRAY, points, acoustics=room, chain=chain) as array:
+        array.play(overridden(solution.drive, array))
+    medium = (room or solution.drive.acoustics).medium
+    wanted = radiation_pressure(target.amplitude, solution.drive.acoustics.medium)
+    found = sound_amplitude(np.concatenate(points.felt)[::8], medium)
+    return relative_error(found, sound_amplitude(wanted, medium))
+
+
+@pytest.fixture(scope="module")
+def warm():
+    """A solution for 26 degrees, and its target."""
+    grid = ControlGrid(rows=12, columns=12, pitch=5e-3, height=0.15)
+    amplitude = 400.0 * np.random.default_rng(0).random((5, grid.count))
+    target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid)
+    air = Acoustics(medium=Medium.at(temperature=26.0, humidity=0.3))
+    return solve(target, ARRAY, method="fast", acoustics=air), target
+
+
+def test_the_error_at_play_in_the_air_of_the_drive_is_the_solver_s(warm):
+    solution, target = warm
+    np.testing.assert_allclose(error_at_play(solution, target, None), solution.error, rtol=1e-4)
+    np.testing.assert_allclose(error_at_play(solution, target, solution.drive.acoustics), solution.error, rtol=1e-4)
+
+
+def test_the_error_at_play_in_another_air_is_what_error_in_air_says(warm):
+    solution, target = warm
+    cold = Acoustics()
+    found = error_at_play(solution, target, cold)
+    assert found.min() > solution.error.max()
+    np.testing.assert_allclose(found, error_in_air(solution.drive, target, cold.medium), rtol=1e-4)
+
+
+def test_an_array_of_no_stated_air_takes_that_of_each_drive(warm):
+    """A focus for 26 degrees and one for 14, on one array: each presses as its own field says."""
+    skin = VirtualSkin(SensorModel())
+    with VirtualArray(ARRAY, skin, **EXACT) as array:
+        for air in (warm[0].drive.acoustics, Acoustics()):
+            drive = replace(focus(), acoustics=air)
+            skin.clear()
+            array.play(overridden(drive, array))
+            field = transfer_matrix(skin.points, ARRAY, acoustics=air) @ drive.q[-1]
+            expected = cell_weights(skin.model, skin.points) @ radiation_pressure(field, air.medium)
+            np.testing.assert_allclose(skin.pressure(0)[-1].ravel(), expected, rtol=1e-6)
 
 
 def test_pressure_goes_with_the_square_of_the_level():

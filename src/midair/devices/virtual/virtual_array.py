@@ -1,8 +1,9 @@
 """A phased array that exists only here: its sound presses on a `VirtualSkin`."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair.devices.arrays import Silencer, SilencerChoice, choose_silencer
 from midair.devices.frame_bytes import intensity_bytes, phase_bytes
@@ -36,7 +37,7 @@ class VirtualArray(ArrayDevice):
     skin : VirtualSkin, optional
         What the sound presses on; none by default.
     acoustics : Acoustics, optional
-        Of the sound: the air in which it plays, whatever a drive was solved for.
+        Of the sound: the air in which it plays, whatever a drive was solved for; each drive's own air if None.
     dynamics : TransducerDynamics
         How a transducer follows a change of its drive, on average.
     phase_bits : int or None
@@ -78,7 +79,7 @@ class VirtualArray(ArrayDevice):
         name: str = "virtual",
     ) -> None:
         self.name, self.array = name, array
-        self.acoustics = acoustics or Acoustics()
+        self.acoustics = acoustics
         self.silencer: SilencerChoice = silencer
         self.chain = chain or PlaybackChain(
             phase_bits=phase_bits,
@@ -93,10 +94,7 @@ class VirtualArray(ArrayDevice):
             ),
         )
         self._skin = skin
-        self._matrix = None if skin is None else transfer_matrix(skin.points, array, acoustics=self.acoustics)
-        self._spread = (
-            None if self._matrix is None else Spread.of(self._matrix, self.acoustics.medium, None, self.chain.precision)
-        )
+        self._path: _Path | None = None
         self._open = False
         self._now = Moment.silent(array.count)
 
@@ -114,6 +112,7 @@ class VirtualArray(ArrayDevice):
         """Work out the pressure of every frame on the skin, some frames at a time."""
         if not self._open:
             raise DeviceStateError("virtual array: expected open before play")
+        path = self._path_in(self.acoustics or Acoustics(medium=drive.acoustics.medium))
         silencer = self._silencer(drive)
         chain = self.chain if silencer is None else _spread_by(self.chain, silencer)
         steps = 1 if self._skin is None else steps_a_frame(drive.rate, self._skin.rate)
@@ -121,7 +120,7 @@ class VirtualArray(ArrayDevice):
             self._skin.press(np.zeros((round(delay * drive.rate) * steps, self._skin.points.count)))
         total = drive.frames * repeats
         for before in range(0, total, drive.frames):
-            self._emit_once(drive, chain, steps, before, total, progress)
+            self._emit_once(drive, chain, path, steps, before, total, progress)
         said = "" if silencer is None else str(silencer)
         return PlayReport(frames=total, duration=total / drive.rate, silencer=said)
 
@@ -139,19 +138,44 @@ class VirtualArray(ArrayDevice):
             return None
         return choose_silencer(self.silencer, phase_bytes(drive, 1), intensity_bytes(drive, 1), drive.rate)
 
+    def _path_in(self, acoustics: Acoustics) -> "_Path | None":
+        """The way from the array to the skin, kept until a drive comes that is played in other air."""
+        if self._skin is not None and (self._path is None or self._path.acoustics != acoustics):
+            matrix = transfer_matrix(self._skin.points, self.array, acoustics=acoustics)
+            spread = Spread.of(matrix, acoustics.medium, None, self.chain.precision)
+            self._path = _Path(skin=self._skin, acoustics=acoustics, matrix=matrix, spread=spread)
+        return self._path
+
     def _emit_once(
-        self, drive: Drive, chain: PlaybackChain, steps: int, before: int, total: int, progress: Progress | None
+        self,
+        drive: Drive,
+        chain: PlaybackChain,
+        path: "_Path | None",
+        steps: int,
+        before: int,
+        total: int,
+        progress: Progress | None,
     ) -> None:
-        if chain.hold == "ideal" and self._skin is not None and self._matrix is not None:
-            self._skin.press(simulate(drive, self._matrix, chain=chain, rate=self._skin.rate, acoustics=self.acoustics))
+        if chain.hold == "ideal" and path is not None:
+            path.skin.press(simulate(drive, path.matrix, chain=chain, rate=path.skin.rate, acoustics=path.acoustics))
         done = 0
         for q, now in radiate(drive, chain, steps, start=self._now):
             self._now = now
             done += len(q) // steps
-            if chain.hold == "step" and self._skin is not None and self._spread is not None:
-                self._skin.press(self._spread.pressure(q))
+            if chain.hold == "step" and path is not None:
+                path.skin.press(path.spread.pressure(q))
             if progress:
                 progress(before + done, total)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Path:
+    """From the array through the air to the skin."""
+
+    skin: VirtualSkin
+    acoustics: Acoustics
+    matrix: NDArray[np.complex128]
+    spread: Spread
 
 
 def _spread_by(chain: PlaybackChain, silencer: Silencer) -> PlaybackChain:

@@ -11,7 +11,7 @@ from midair.devices import SilencerChoice, choose_silencer, intensity_bytes, pha
 from midair.dsp import band_edges, band_energy, band_window, filter_response
 from midair.evaluate import Budget, StageOutput, budget, leak
 from midair.flow import Reproduction, at_rate, mapped, reproduce, to_play
-from midair.model import Drive, PressureFrames, Recording
+from midair.model import Acoustics, Drive, PressureFrames, Recording
 from midair.physics import (
     PlaybackChain,
     calibration_of,
@@ -119,11 +119,12 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
         pressure=_simulated(replace(asked, pressure=on_cells.reshape(asked.pressure.shape))),
     )
     outside = leak(drive, made.target.amplitude, settings.target.grid, acoustics=settings.acoustics)
-    G = transfer_matrix(skin.points, rig.array, acoustics=rig.acoustics)
+    around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
+    G = transfer_matrix(skin.points, rig.array, acoustics=around)
     cells = on_cells
     for name, what, chain in _chains(drive, plan):
         pressure = simulate(
-            drive, G, chain=chain, rate=skin.rate, acoustics=rig.acoustics, weights=weights, progress=stage(name)
+            drive, G, chain=chain, rate=skin.rate, acoustics=around, weights=weights, progress=stage(name)
         )
         cells = pressure.reshape(-1, *asked.sensor.shape)
         played = _simulated(replace(asked, pressure=cells, rate=skin.rate))

@@ -19,8 +19,9 @@ class VirtualRig:
         The transducers.
     height : float
         Height of the sensor above the array, in m.
-    acoustics : Acoustics
-        The air and the directivity of a transducer.
+    acoustics : Acoustics or None
+        The air in which it plays, whatever a drive was solved for, and the directivity of a transducer; each drive's
+        own air if None.
     dynamics : TransducerDynamics
         Dynamics of a transducer.
     rate : float
@@ -35,7 +36,7 @@ class VirtualRig:
 
     array: TransducerArray = field(default_factory=TransducerArray.autd3)
     height: float = 0.2
-    acoustics: Acoustics = field(default_factory=Acoustics)
+    acoustics: Acoustics | None = None
     dynamics: TransducerDynamics = field(default_factory=TransducerDynamics)
     rate: float = 1000.0
     steps: int = 8
