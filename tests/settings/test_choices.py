@@ -2,6 +2,10 @@
 
 from dataclasses import fields, is_dataclass
 
+import pytest
+
+from midair.errors import InputError
+from midair.model import Acoustics, Medium
 from midair.settings import CHOICES, Settings
 
 # What only Python can say: parts of what has an option, and constants of the array.
@@ -12,7 +16,7 @@ PYTHON_ONLY = {
     "compensation.ramp": "of the silencer",
     "solver.guard": "guard, its margin",
     "target.circle": "circle, its radius",
-    "acoustics.medium": "the air",
+    **{f"acoustics.medium.{name}": "the air" for name in ("density", "speed", "attenuation", "alpha")},
 }
 
 
@@ -34,3 +38,21 @@ def test_a_guard_that_is_given_by_its_width_has_that_margin_and_none_has_none():
     margin = next(choice for choice in CHOICES if choice.name == "guard")
     assert margin.of(Settings().but(guard=0.02)) == 0.02
     assert margin.of(Settings()) is None
+
+
+def put(settings, name, value):
+    return next(choice for choice in CHOICES if choice.name == name).put(settings, value)
+
+
+def test_a_temperature_is_the_air_of_a_laboratory_and_the_surface_stays():
+    soft = Settings(acoustics=Acoustics(medium=Medium(alpha=1.5), directivity="piston"))
+    warm = put(put(soft, "temperature", 26.0), "humidity", 0.3)
+    assert warm.acoustics == Acoustics(
+        medium=Medium.at(temperature=26.0, humidity=0.3, alpha=1.5), directivity="piston"
+    )
+    assert put(soft, "temperature", 26.0).acoustics.medium.humidity == 0.5
+
+
+def test_a_humidity_alone_says_nothing():
+    with pytest.raises(InputError, match="--humidity: expected --temperature beside it"):
+        put(Settings(), "humidity", 0.3)

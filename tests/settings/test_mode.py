@@ -2,8 +2,8 @@
 
 import pytest
 
-from midair.model import Medium
-from midair.settings import Settings, best_mode, coarser, paper_mode, quick_mode
+from midair.model import Acoustics, Medium
+from midair.settings import Settings, beside_paper, best_mode, coarser, paper_mode, quick_mode
 from midair.solvers import Fast
 
 
@@ -14,6 +14,7 @@ def test_the_modes_are_what_they_say():
     assert (paper.solver.level, paper.solver.amplitudes, paper.solver.guard) == (1.0, "equal", None)
     assert not paper.compensation.precompensate
     assert paper.acoustics.medium == Medium()
+    assert best.acoustics.medium == Medium.at(temperature=22.0, humidity=0.5)
     assert (best.target.mapping, best.target.rate) == ("slow-bias", 4000.0)
     assert best.solver.guard is not None
     assert best.compensation.precompensate
@@ -25,3 +26,10 @@ def test_a_coarser_grid_spans_the_same_square():
     rough = coarser(Settings(), 11).target.grid
     assert rough.x[[0, -1]] == pytest.approx(Settings().target.grid.x[[0, -1]])
     assert rough.count == 121
+
+
+def test_modes_side_by_side_are_in_one_air():
+    warm = paper_mode().but(acoustics=Acoustics(medium=Medium.at(temperature=25.0)))
+    assert {settings.acoustics for settings in beside_paper("best", warm).values()} == {warm.acoustics}
+    mine = best_mode()
+    assert beside_paper("best", warm, mine)["best"] is mine

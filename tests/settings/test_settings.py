@@ -54,6 +54,18 @@ def test_a_file_that_does_not_fit_is_one_clear_line(text, says, tmp_path):
         Settings.load(path)
 
 
+def test_a_temperature_in_a_file_is_all_of_its_air(tmp_path):
+    path = tmp_path / "take.toml"
+    path.write_text("[acoustics.medium]\ntemperature = 26\nhumidity = 0.3\n", encoding="utf-8")
+    assert Settings.load(path).acoustics.medium == Medium.at(temperature=26.0, humidity=0.3)
+    path.write_text("[acoustics.medium]\ntemperature = 'warm'\n", encoding="utf-8")
+    with pytest.raises(BrokenFileError, match=r"acoustics\.medium\.temperature: expected float"):
+        Settings.load(path)
+    path.write_text("[acoustics.medium]\ntemperature = 26\nhumidity = 0.3\nspeed = 340\n", encoding="utf-8")
+    with pytest.raises(BrokenFileError, match="got 340"):
+        Settings.load(path)
+
+
 def test_no_file_is_said():
     with pytest.raises(MissingFileError, match=r"no\.toml: expected settings in TOML"):
         Settings.load("no.toml")

@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from midair.errors import InputError
+from midair.model import Medium
 from midair.settings.mode import MODES
 from midair.settings.settings import Settings
 from midair.solvers import Guard
@@ -53,7 +54,8 @@ class Choice:
         """
         group, name, *inner = self.path.split(".")
         if group == "acoustics":
-            return settings.but(acoustics=replace(settings.acoustics, **{name: value}))
+            chosen = _in_air(settings.acoustics.medium, inner[0], value) if name == "medium" else value
+            return settings.but(acoustics=replace(settings.acoustics, **{name: chosen}))
         if not inner:
             return settings.but(**{name: value})
         part = getattr(getattr(settings, group), name)
@@ -65,6 +67,14 @@ class Choice:
             raise InputError(f"--{self.name}: expected --{name} beside it, got none")
         changes = dict.fromkeys(("rows", "columns") if inner[0] == "rows" else inner, value)
         return settings.but(**{name: replace(part, **changes)})
+
+
+def _in_air(medium: Medium, name: str, value: float) -> Medium:
+    """The medium at another temperature or humidity; the surface in it stays."""
+    if name == "humidity" and medium.temperature is None:
+        raise InputError("--humidity: expected --temperature beside it, got none")
+    known = {"temperature": medium.temperature, "humidity": medium.humidity} | {name: value}
+    return Medium.at(alpha=medium.alpha, **{key: each for key, each in known.items() if each is not None})
 
 
 _SWITCHED: Mapping[str, tuple[str, type[Guard] | type[Circle]]] = MappingProxyType(
@@ -138,13 +148,23 @@ CHOICES: tuple[Choice, ...] = (
         path="solver.backend",
         help="What does the arithmetic of fast: numpy, torch, torch:cuda or cupy.",
     ),
+    Choice(
+        name="temperature",
+        path="acoustics.medium.temperature",
+        unit="C",
+        help="Of the air; the paper's 340 m/s, which is 14C, if none.",
+    ),
+    Choice(name="humidity", path="acoustics.medium.humidity", unit="%", help="Of the air, relative."),
     Choice(name="directivity", path="acoustics.directivity", help="Of a transducer."),
 )
 """What can be chosen by name, in the order of the way."""
 
 
 def spelt(value: Any, unit: str = "") -> str:
-    """A value as a person would type it: lengths in millimetres, yes and no, nothing for a solver's own choice."""
+    """A value as a person would type it: lengths in millimetres, yes and no, nothing for a solver's own choice.
+
+    The unit K is that of a difference of temperatures, typed as C.
+    """
     if value is None:
         return "none" if unit else "its own"
     if isinstance(value, bool):
@@ -153,6 +173,10 @@ def spelt(value: Any, unit: str = "") -> str:
         return " ".join(spelt(each, unit) for each in value)
     if unit == "m":
         return f"{1e3 * value:.6g}mm"
+    if unit in ("C", "K"):
+        return f"{value:.6g}C"
+    if unit == "%":
+        return f"{100 * value:.6g}%"
     return f"{value:.6g}{unit}" if unit or isinstance(value, float) else str(value)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Literal
 
+from midair.model import Acoustics, Medium
 from midair.settings.settings import Settings
 from midair.solvers import Guard
 
@@ -21,6 +22,7 @@ def best_mode() -> Settings:
     """A slow bias in place of rectification, 4 kHz, a guard around the square, phases that move slowly.
 
     What interpolation mixes between neighbouring cells, and what hold and transducers make quieter, is undone before.
+    The air is that of a laboratory, 22 degrees Celsius and 50 % humidity, not the paper's of 14.
     """
     return Settings().but(
         method="fast",
@@ -31,6 +33,7 @@ def best_mode() -> Settings:
         decouple=True,
         guard=Guard(margin=25e-3, pitch=6e-3, ceiling=0.6),
         smooth=0.2,
+        acoustics=Acoustics(medium=Medium.at(temperature=22.0, humidity=0.5)),
     )
 
 
@@ -48,6 +51,8 @@ MODES: Mapping[Mode, Callable[[], Settings]] = MappingProxyType(
 def beside_paper(mode: Mode, paper: Settings, other: Settings | None = None) -> dict[str, Settings]:
     """The paper's mode and another one by their names, paper first; the paper's alone if that is the other one.
 
+    A mode that is taken by its name is put into the air of the paper's, since both are played in one room.
+
     Parameters
     ----------
     mode : {"paper", "best", "quick"}
@@ -57,7 +62,11 @@ def beside_paper(mode: Mode, paper: Settings, other: Settings | None = None) -> 
     other : Settings, optional
         In place of the other mode's own.
     """
-    return {"paper": paper} if mode == "paper" else {"paper": paper, mode: other or MODES[mode]()}
+    return (
+        {"paper": paper}
+        if mode == "paper"
+        else {"paper": paper, mode: other or MODES[mode]().but(acoustics=paper.acoustics)}
+    )
 
 
 def coarser(settings: Settings, points: int) -> Settings:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
 from midair.files import from_plain, to_plain, whole_file
-from midair.model import Acoustics, ControlGrid, Provenance, Setting
+from midair.model import Acoustics, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
 from midair.solvers import Amplitudes, Fit, Guard, Method, name_of
 from midair.solvers import solver as solver_of
@@ -197,11 +197,14 @@ class Settings:
     def from_plain(cls, values: Mapping[str, Any]) -> "Settings":
         """The settings that `plain` gave; what is left out is the paper's.
 
+        A medium of which only temperature, humidity and alpha are told is `Medium.at` them.
+
         Raises
         ------
         InputError
             If a name or a value is none of a setting's.
         """
+        values = _with_air(values)
         solver: Any = values.get("solver", {})
         method: Any = solver.get("method") if isinstance(solver, Mapping) else None
         if not isinstance(method, Mapping):
@@ -269,6 +272,21 @@ _GROUPS: Mapping[str, str] = MappingProxyType(
     }
 )
 """In which group each choice is."""
+
+
+def _with_air(values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The same with all of a medium that a person told by its temperature: without it, sound would be as slow as at 14.
+
+    What is no mapping or no number is left as it is, for `from_plain` to say so.
+    """
+    acoustics: Any = values.get("acoustics")
+    medium: Any = acoustics.get("medium") if isinstance(acoustics, Mapping) else None
+    told = {"temperature", "humidity", "alpha"}
+    if not isinstance(medium, Mapping) or "temperature" not in medium or not set(medium) <= told:
+        return values
+    if not all(isinstance(each, int | float) for each in medium.values()):
+        return values
+    return {**values, "acoustics": {**acoustics, "medium": to_plain(Medium.at(**medium))}}
 
 
 def _flat(values: Mapping[str, Any], before: str = "") -> dict[str, Setting]:

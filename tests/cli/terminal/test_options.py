@@ -7,7 +7,7 @@ from midair.cli import run
 from midair.cli.terminal.options import SolveOptions
 from midair.errors import InputError
 from midair.files import load_solution
-from midair.model import Acoustics, ControlGrid
+from midair.model import Acoustics, ControlGrid, Medium
 from midair.settings import MODES, Settings, best_mode
 from midair.solvers import Guard
 from midair.targets import Circle
@@ -102,3 +102,17 @@ def test_the_help_of_a_command_fits_a_hundred_lines(command, capsys, monkeypatch
     assert "--mode" in said
     if command == "solve":
         assert len(said.splitlines()) <= 100
+
+
+def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_path, capsys):
+    small = "--points 6 --pitch 11mm --method fast --iterations 2 2 --start-at 20ms --duration 10ms"
+    drive = tmp_path / "am.drive.h5"
+    assert run(["solve", str(stroke), str(drive), *small.split(), "--temperature", "26C", "--humidity", "30%"]) == 0
+    assert load_solution(drive).drive.acoustics.medium == Medium.at(temperature=26.0, humidity=0.3)
+    assert "air: 26 °C, 30 % humidity\n" in capsys.readouterr().err
+    assert run(["solve", str(stroke), str(drive), "--mode", "quick", *small.split(), "--force"]) == 0
+    assert load_solution(drive).drive.acoustics.medium == Medium.at(temperature=22.0, humidity=0.5)
+    assert "air: 22 °C, 50 % humidity, taken since nobody stated the room's" in capsys.readouterr().err
+    assert run(["solve", str(stroke), str(drive), *small.split(), "--force"]) == 0
+    assert load_solution(drive).drive.acoustics.medium == Medium()
+    assert "air: 340 m/s (14 °C), taken since nobody stated" in capsys.readouterr().err

@@ -20,6 +20,16 @@ from midair.cli.terminal.quantities import parse_quantity, spell
         ("2count/Pa", "count/Pa", 2),
         ("50mm/s", "m/s", 0.05),
         ("-0.5s", "s", -0.5),
+        ("22C", "C", 22),
+        ("21.5 °C", "C", 21.5),
+        ("295.15K", "C", 22),
+        ("71.6F", "C", 22),
+        ("-3C", "C", -3),
+        ("2C", "K", 2),
+        ("2K", "K", 2),
+        ("3.6F", "K", 2),
+        ("50%", "%", 0.5),
+        ("12.5 %", "%", 0.125),
     ],
 )
 def test_reads(text, unit, value):
@@ -47,3 +57,25 @@ def test_any_text_is_read_or_refused(text):
     except ValueError as wrong:
         refused = str(wrong)
     assert refused is None or "expected a quantity" in refused
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "says"),
+    [
+        ("22", "C", "such as 22C, got '22'; add the unit"),
+        ("22mm", "C", "units of it: C, °C, K, F"),
+        ("2m", "K", "such as 2C"),
+        ("0.5", "%", "such as 50%"),
+        ("50C", "%", "such as 50%"),
+        ("1e999C", "C", "finite"),
+    ],
+)
+def test_temperatures_and_shares_are_refused_with_an_example(text, unit, says):
+    with pytest.raises(ValueError, match=says):
+        parse_quantity(text, unit)
+
+
+@pytest.mark.parametrize("unit", ["C", "K", "%"])
+@given(value=st.floats(0, 50))
+def test_a_temperature_or_a_share_that_is_shown_can_be_read(value, unit):
+    assert parse_quantity(spell(value, unit), unit) == pytest.approx(value, rel=1e-5, abs=1e-9)

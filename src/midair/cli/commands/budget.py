@@ -17,6 +17,7 @@ from midair.cli.terminal import (
     print_json,
     print_rows,
     quantity,
+    say_air,
     stages,
 )
 from midair.devices import SilencerChoice
@@ -66,7 +67,8 @@ def budget_command(
     json
         Print JSON for a program.
     """
-    settings = (options or SolveOptions()).settings()
+    options = options or SolveOptions()
+    settings = options.settings()
     if figure is not None:
         may_write(figure, force)
     original = felt_part(source, settings, start_at, duration)
@@ -77,6 +79,7 @@ def budget_command(
         lead=lead_of(settings) if lead is None else lead,
     )
     banner(True)
+    say_air(settings.acoustics.medium, stated=options.air_is_stated)
     with stages() as stage:
         made = error_budget(
             original, plan, kept=kept_in_band(open_take(source).recording, settings.calibration.band), stage=stage

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-from midair.cli.terminal import SolveOptions, Time, banner, out, print_figures, print_rows, quantity, stages
+from midair.cli.terminal import SolveOptions, Time, banner, out, print_figures, print_rows, quantity, say_air, stages
 from midair.files import save, save_solution
 from midair.flow import felt
 from midair.rig import Loop, VirtualRig, capture_recording, pictures, run_loop, write_report
@@ -39,13 +39,15 @@ def demo_command(
     seed
         Of everything random.
     """
-    settings = (options or SolveOptions()).settings()
+    options = options or SolveOptions()
+    settings = options.settings()
     output.mkdir(parents=True, exist_ok=True)
     (output / "stroke.h5").unlink(missing_ok=True)
     rig = VirtualRig(seed=seed, height=settings.target.grid.height)
     out().print(f"sensor: none found, virtual {object_name} on {rig.sensor_model.grid.name}")
     out().print(f"array: none found, virtual {rig.array.name} units, {rig.array.count} transducers")
     banner(True)
+    say_air(settings.acoustics.medium, stated=options.air_is_stated)
     with stages() as stage:
         with rig.touched_by(object_name) as touched:
             recording = capture_recording(

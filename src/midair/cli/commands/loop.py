@@ -21,6 +21,7 @@ from midair.cli.terminal import (
     print_json,
     print_rows,
     quantity,
+    say_air,
     stages,
 )
 from midair.devices import SilencerChoice
@@ -120,11 +121,13 @@ def loop_command(
         Print JSON for a program.
     """
     target = output or Path(source.name.removesuffix(source.suffix) + ".html")
-    settings = (options or SolveOptions()).settings()
+    options = options or SolveOptions()
+    settings = options.settings()
     opened = (rig or RigOptions()).rig(settings)
     may_write(target, force)
     original = felt_part(source, settings, start_at, duration)
     banner(opened.array.simulated or original.provenance.simulated)
+    say_air(settings.acoustics.medium, stated=options.air_is_stated)
     with stages() as stage, opened:
         loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
     again = f" --iterate {iterate}" if iterate else ""

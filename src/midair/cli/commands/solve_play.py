@@ -16,6 +16,7 @@ from midair.cli.terminal import (
     play_on_array,
     print_rows,
     quantity,
+    say_air,
     stages,
 )
 from midair.files import load_placement, load_solution, save, save_solution
@@ -52,12 +53,14 @@ def solve_command(
     placement
         TOML file with position and rotation of the array's units; two by two side by side if not given.
     """
-    settings = (options or SolveOptions()).settings()
+    options = options or SolveOptions()
+    settings = options.settings()
     array = TransducerArray.autd3() if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force)
     pressure = felt_part(source, settings, start_at, duration)
     banner(pressure.provenance.simulated)
+    say_air(settings.acoustics.medium, stated=options.air_is_stated)
     with stages() as stage:
         made = reproduce(pressure, array, settings, progress=stage("solve"))
     save_solution(made.solution, target, target=made.target)

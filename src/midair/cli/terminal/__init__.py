@@ -1,5 +1,6 @@
 """What commands share: options, quantities, what is printed, keys and meters."""
 
+from midair.cli.terminal.air_options import AirOptions, say_air
 from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
 from midair.cli.terminal.calibration_output import OutputOptions, given_calibration, prepare_page, tell
 from midair.cli.terminal.comparisons import card_of, plain, print_card
@@ -27,6 +28,7 @@ from midair.cli.terminal.rows import calibrated_by, recording_rows
 from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
 
 __all__ = [
+    "AirOptions",
     "BandOptions",
     "ExposureOptions",
     "FileOptions",
@@ -69,6 +71,7 @@ __all__ = [
     "recording_rows",
     "same_part",
     "say",
+    "say_air",
     "say_kept",
     "show_patterns",
     "show_trials",

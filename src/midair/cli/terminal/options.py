@@ -46,6 +46,11 @@ class _Chosen:
                 made = choice.put(made, value)
         return made
 
+    @property
+    def air_is_stated(self) -> bool:
+        """Whether the air is a person's: by an option, or by the file that it is to be made like."""
+        return getattr(self, "temperature", None) is not None or getattr(self, "settings_file", None) is not None
+
 
 def _stored(path: Path) -> Settings:
     """The settings of a TOML file, or those by which a drive was made."""

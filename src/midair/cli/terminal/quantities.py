@@ -2,8 +2,9 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from cyclopts import Parameter, Token
@@ -11,8 +12,27 @@ from cyclopts import Parameter, Token
 if TYPE_CHECKING:
     import pint
 
-EXAMPLES = {"m": "200mm", "Hz": "20Hz", "s": "0.5s", "Pa": "30Pa", "count/Pa": "2count/Pa", "m/s": "50mm/s"}
-"""A quantity of each unit, for messages and help."""
+EXAMPLES = {
+    "m": "200mm",
+    "Hz": "20Hz",
+    "s": "0.5s",
+    "Pa": "30Pa",
+    "count/Pa": "2count/Pa",
+    "m/s": "50mm/s",
+    "C": "22C",
+    "K": "2C",
+    "%": "50%",
+}
+"""A quantity of each unit, for messages and help; K is that of a difference of temperatures."""
+
+_BY_HAND: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
+    {
+        "C": {"C": (1, 0), "°C": (1, 0), "K": (1, -273.15), "F": (5 / 9, -160 / 9), "°F": (5 / 9, -160 / 9)},
+        "K": {"C": (1, 0), "°C": (1, 0), "K": (1, 0), "F": (5 / 9, 0), "°F": (5 / 9, 0)},
+        "%": {"%": (0.01, 0)},
+    }
+)
+"""Factor and offset of units that pint reads as others: its C is a coulomb, its F a farad, its % no word."""
 
 
 def parse_quantity(text: str, unit: str) -> float:
@@ -26,17 +46,29 @@ def parse_quantity(text: str, unit: str) -> float:
     import pint
 
     advice = f"expected a quantity such as {EXAMPLES.get(unit, '1' + unit)}, got {text!r}"
-    parts = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµ]*(?:/[A-Za-zµ]+)?)\s*", text)
+    parts = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµ°%]*(?:/[A-Za-zµ]+)?)\s*", text)
     if parts is None:
         raise ValueError(advice)
     if not parts[2]:
         raise ValueError(f"{advice}; add the unit")
+    if unit in _BY_HAND:
+        return _by_hand(float(parts[1]), parts[2], unit, advice)
     try:
         value = float(_units().Quantity(float(parts[1]), parts[2]).to(unit).magnitude)
     except pint.DimensionalityError:
         raise ValueError(f"{advice}; it is of another kind") from None
     except (pint.UndefinedUnitError, pint.DefinitionSyntaxError, AttributeError, TypeError, ValueError):
         raise ValueError(f"{advice}; unknown unit") from None
+    if not math.isfinite(value):
+        raise ValueError(f"{advice}; it must be finite")
+    return value
+
+
+def _by_hand(number: float, written: str, unit: str, advice: str) -> float:
+    if written not in _BY_HAND[unit]:
+        raise ValueError(f"{advice}; units of it: {', '.join(_BY_HAND[unit])}")
+    factor, offset = _BY_HAND[unit][written]
+    value = factor * number + offset
     if not math.isfinite(value):
         raise ValueError(f"{advice}; it must be finite")
     return value
@@ -66,7 +98,9 @@ def quantity(unit: str, *, many: int | None = None) -> Parameter:
 
 
 def spell(value: float, unit: str) -> str:
-    """A quantity as a person would write it: lengths below a metre in millimetres."""
+    """A quantity as a person would write it: lengths below a metre in millimetres, shares in %."""
+    if unit in _BY_HAND:
+        return f"{100 * value:.6g}%" if unit == "%" else f"{value:.6g}C"
     return f"{value * 1e3:.6g}mm" if unit == "m" and abs(value) < 1 else f"{value:.6g}{unit}"
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
-from midair.cli.terminal import SolveOptions, Time, out, quantity, show_trials, swept
+from midair.cli.terminal import SolveOptions, Time, out, quantity, say_air, show_trials, swept
 from midair.errors import InputError
 from midair.files import open_take
 from midair.flow import felt
@@ -58,7 +58,10 @@ def recordings_command(
     """
     if not sources:
         raise InputError("sweep: expected recordings after the name of the sweep, got none")
-    variants = _variants(options or SolveOptions(), vary)
+    options = options or SolveOptions()
+    variants = _variants(options, vary)
+    if not any(text.startswith("temperature=") for text in vary):
+        say_air(options.settings().acoustics.medium, stated=options.air_is_stated)
     trials = [_trial(source, name, chosen, start_at, duration) for name, chosen in variants for source in sources]
     status = swept(RecordingSweep(trials=tuple(trials), bits=bits), output, scheduler=scheduler, workers=workers)
     if status == 0:
