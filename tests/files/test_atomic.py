@@ -1,6 +1,13 @@
+import errno
+import os
+import shutil
+import subprocess
+import sys
+
 import pytest
 
 from midair.errors import BrokenFileError, FileError, MissingFileError, NonFiniteError
+from midair.files import open_take
 from midair.files.atomic import existing_file, refusing, whole_file
 
 
@@ -70,3 +77,62 @@ def test_takes_the_first_line_of_a_parser(tmp_path):
         raise KeyError("no such\nthing")
     assert "\n" not in str(caught.value)
     assert "expected a table" in str(caught.value)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no pipes with a name")
+def test_pipes_and_devices_are_not_opened(tmp_path):
+    """Opening a pipe waits for somebody to write into it: for ever."""
+    os.mkfifo(tmp_path / "a.csv")
+    for path in (tmp_path / "a.csv", "/dev/zero"):
+        with pytest.raises(BrokenFileError, match="a pipe or a device"):
+            existing_file(path)
+    with pytest.raises(BrokenFileError, match="a pipe or a device"):
+        open_take(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "kind", "says"),
+    [
+        (
+            MemoryError("Unable to allocate 8 TiB"),
+            FileError,
+            "needs more memory than there is (Unable to allocate 8 TiB)",
+        ),
+        (OSError(errno.ENOLCK, "No locks available"), BrokenFileError, "cannot be read: No locks available"),
+        (OSError(errno.EIO, "Input/output error"), BrokenFileError, "cannot be read: Input/output error"),
+        (OSError("bad object header version number"), BrokenFileError, "damaged or foreign file"),
+        (RecursionError("too deep"), BrokenFileError, "damaged or foreign file"),
+    ],
+)
+def test_what_fails_is_what_is_said(wrong, kind, says, tmp_path):
+    with pytest.raises(kind) as told, refusing(tmp_path / "a.h5", "a file"):
+        raise wrong
+    assert type(told.value) is kind
+    assert str(told.value).startswith(f"{tmp_path / 'a.h5'}: ")
+    assert says in str(told.value)
+
+
+READ_ONLY = """
+set -e
+mount -t tmpfs none "$1"
+mount -o remount,ro "$1"
+"$2" -c "
+from midair.errors import FileError
+from midair.files import whole_file
+try:
+    with whole_file('$1/a.txt'):
+        pass
+except FileError as wrong:
+    print(wrong)
+"
+"""
+
+
+@pytest.mark.skipif(shutil.which("unshare") is None, reason="needs a system that lends a disk to a test")
+def test_a_disk_that_takes_nothing_is_named(tmp_path):
+    words = ["unshare", "-rm", "sh", "-c", READ_ONLY, "sh", str(tmp_path), sys.executable]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if "mount" in done.stderr or "unshare" in done.stderr:
+        pytest.skip(f"no disk to be had: {done.stderr}")
+    assert done.stderr == ""
+    assert done.stdout == f"{tmp_path}/a.txt: cannot be written: Read-only file system\n"

@@ -61,3 +61,18 @@ def test_uses_the_nominal_rate_when_it_fits():
 def test_refuses_stamps_that_say_no_rate(time, message):
     with pytest.raises(RateError, match=message):
         uniform(np.array(time, float), np.zeros((len(time), 1)))
+
+
+def test_one_late_stamp_does_not_fill_the_disk():
+    """Three rows, the last one three years late: 3.2 GB of straight line, once."""
+    with pytest.raises(RateError, match=r"the longest 1e\+08 s after 0\.02 s; is that stamp right\?"):
+        uniform(np.array([0, 0.01, 0.02, 1e8]), np.zeros((4, 1)))
+    with pytest.raises(RateError, match="is that stamp right"):
+        uniform(np.array([0, 0.01, 0.02, 1e300]), np.zeros((4, 1)))
+
+
+def test_a_pause_between_strokes_is_filled():
+    assert len(uniform(np.r_[0:500, 10_400:10_900] / 1e3, np.zeros((1000, 1))).samples) == 10_900
+    assert len(uniform(np.r_[0:2000, 21_000:23_000] / 1e3, np.zeros((4000, 1))).samples) == 23_000
+    with pytest.raises(RateError, match="40000 frames"):
+        uniform(np.r_[0:2000, 43_000:45_000] / 1e3, np.zeros((4000, 1)))

@@ -21,6 +21,7 @@ from midair.files.native import (
 )
 from midair.files.opened_take import OpenedTake
 from midair.files.report_rows import csv_text, for_json
+from midair.files.texts import json_of, read_text, read_toml, toml_of
 from midair.files.toml import (
     DEFAULT_PROFILE,
     from_plain,
@@ -46,6 +47,7 @@ __all__ = [
     "format_of",
     "from_plain",
     "hold",
+    "json_of",
     "load",
     "load_calibration",
     "load_pressure",
@@ -58,6 +60,8 @@ __all__ = [
     "open_take",
     "printable",
     "profile_named",
+    "read_text",
+    "read_toml",
     "refusing",
     "repair",
     "save",
@@ -67,6 +71,7 @@ __all__ = [
     "save_solution",
     "to_json",
     "to_plain",
+    "toml_of",
     "whole_file",
     "writable_path",
 ]

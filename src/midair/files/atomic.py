@@ -1,13 +1,15 @@
 """Files that are whole or not there, and parsers whose complaints become one clear line."""
 
+import errno
 import os
 import secrets
+import stat
 import struct
 import tokenize
 import zipfile
 import zlib
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from midair.errors import BrokenFileError, FileError, MidairError, MissingFileError
@@ -17,7 +19,6 @@ PARSER_FAILURES = (
     AttributeError,
     EOFError,
     LookupError,
-    MemoryError,
     NameError,
     OSError,
     RuntimeError,
@@ -31,9 +32,19 @@ PARSER_FAILURES = (
 )
 """What the parsers of other libraries raise on damaged bytes; found by the mutation tests."""
 
+SYSTEM_FAILURES = frozenset(
+    getattr(errno, name)
+    for name in (
+        *("EACCES", "EAGAIN", "EBUSY", "EDQUOT", "EIO", "EMFILE", "ENFILE", "ENODEV", "ENOENT", "ENOLCK", "ENOSPC"),
+        *("ENOSYS", "ENOTCONN", "ENXIO", "EPERM", "EROFS", "ESTALE", "ETIMEDOUT", "ETXTBSY"),
+    )
+    if hasattr(errno, name)
+)
+"""What the system says when the fault is not in the file: of the disk, the network, the rights, the locks."""
 
-def existing_file(path: str | os.PathLike[str]) -> Path:
-    """`path` as a Path after checking that a file with something in it is there.
+
+def existing_file(path: str | os.PathLike[str], *, empty: bool = False) -> Path:
+    """`path` as a Path after checking that a file is there, with something in it unless `empty`.
 
     Raises
     ------
@@ -48,7 +59,10 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
             raise MissingFileError(f"{file}: expected a file, found none; check the name")
         if file.is_dir():
             raise BrokenFileError(f"{file}: expected a file, got a folder; name a file in it")
-        if file.stat().st_size == 0:
+        # A pipe or a device may never say anything, and never end: it is not even opened.
+        if not stat.S_ISREG(file.stat().st_mode):
+            raise BrokenFileError(f"{file}: expected a file, got a pipe or a device; write what it gives to a file")
+        if file.stat().st_size == 0 and not empty:
             raise BrokenFileError(f"{file}: expected something in it, got an empty file; copy it again")
         with file.open("rb"):
             return file
@@ -84,7 +98,9 @@ def whole_file(path: str | os.PathLike[str]) -> Generator[Path]:
     except (OSError, RuntimeError) as wrong:
         raise FileError(f"{target}: cannot be written: {reason(wrong)}") from wrong
     finally:
-        partial.unlink(missing_ok=True)
+        # On a disk that refuses, the reason is on its way already.
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
 
 
 def writable_path(path: str | os.PathLike[str]) -> Path:
@@ -120,7 +136,9 @@ def refusing(path: Path, expected: str) -> Generator[None]:
     Raises
     ------
     BrokenFileError
-        If the block fails to read the file.
+        If the block fails to read the file, or the system does not let it.
+    FileError
+        If what is in it does not fit into memory.
     MidairError
         The leaf that the block raised.
     """
@@ -131,7 +149,13 @@ def refusing(path: Path, expected: str) -> Generator[None]:
         if text == str(wrong) and str(path) in text:
             raise
         raise type(wrong)(text if str(path) in text else f"{path}: {text}") from wrong
+    except MemoryError as wrong:
+        raise FileError(
+            f"{path}: needs more memory than there is ({reason(wrong)}); cut it, or use a computer with more"
+        ) from wrong
     except PARSER_FAILURES as wrong:
+        if isinstance(wrong, OSError) and wrong.errno in SYSTEM_FAILURES:
+            raise BrokenFileError(f"{path}: cannot be read: {os.strerror(wrong.errno or 0)}") from wrong
         raise BrokenFileError(
             f"{path}: expected {expected}, got a damaged or foreign file ({reason(wrong)})"
         ) from wrong

@@ -2,7 +2,7 @@
 
 from contextlib import suppress
 
-from midair.errors import DeviceStateError
+from midair.errors import DeviceStateError, FileError
 
 
 def hold(handle: int, refusal: str) -> None:
@@ -19,11 +19,19 @@ def hold(handle: int, refusal: str) -> None:
     ------
     DeviceStateError
         If another program does.
+    FileError
+        If the disk has no locks, as some network disks.
     """
     with suppress(ImportError):  # there is no such lock on Windows
         from fcntl import LOCK_EX, LOCK_NB, flock
 
         try:
             flock(handle, LOCK_EX | LOCK_NB)
-        except OSError as held:
+        except BlockingIOError as held:
             raise DeviceStateError(refusal) from held
+        except OSError as wrong:
+            what, _, _ = refusal.partition(":")
+            raise FileError(
+                f"{what}: expected a disk that can keep a second program out, got: {wrong.strerror}; "
+                "put it on a disk of this computer"
+            ) from wrong

@@ -9,6 +9,12 @@ from midair.errors import RateError
 
 Array = NDArray[np.float64]
 
+FILLED = 10
+"""Frames that straight lines may fill in gaps, for each that was recorded."""
+
+FILLED_ANYWAY = 10_000
+"""Frames that they may fill in any recording: a pause of ten seconds between two strokes at 1 kHz."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Uniform:
@@ -52,7 +58,7 @@ def uniform(time: Array, samples: Array, *, rate: float | None = None) -> Unifor
     Raises
     ------
     RateError
-        If there are fewer than two stamps, or they go back, or do not fit `rate`.
+        If there are fewer than two stamps, or they go back, or do not fit `rate`, or gaps are longer than all else.
     """
     if (np.diff(time) < 0).any():
         row = int(np.argmax(np.diff(time) < 0))
@@ -65,12 +71,29 @@ def uniform(time: Array, samples: Array, *, rate: float | None = None) -> Unifor
     distance = np.diff(time)
     usual = distance <= 1.5 * np.median(distance)
     rate = _rate(float(1 / distance[usual].mean()), rate)
+    _check_gaps(time, usual, rate)
     place = time * rate
     if np.abs(place - np.arange(len(place))).max() < 1e-3:
         return Uniform(samples=samples, rate=rate, report=report)
     frames = np.arange(int(place[-1] + 1e-3) + 1)
     even = np.stack([np.interp(frames, place, channel) for channel in samples.T], axis=1)
     return Uniform(samples=even, rate=rate, report=(*report, *_gaps(time, usual), _interpolated(distance[usual], rate)))
+
+
+def _check_gaps(time: Array, usual: NDArray[np.bool_], rate: float) -> None:
+    """Raise if straight lines would have to fill far more frames than were recorded.
+
+    One stamp that is wrong would else fill the memory and the disk.
+    """
+    distance = np.where(usual, 0, np.diff(time))
+    made_up = float(distance.sum()) * rate
+    most = max(FILLED * len(time), FILLED_ANYWAY)
+    if not made_up <= most:
+        longest = int(np.argmax(distance))
+        raise RateError(
+            f"time stamps: expected gaps that {most} frames fill, got {made_up:.4g} at {rate:.6g} Hz, the "
+            f"longest {distance[longest]:.4g} s after {time[longest]:.4g} s; is that stamp right? cut the rows there"
+        )
 
 
 def _rate(measured: float, nominal: float | None) -> float:

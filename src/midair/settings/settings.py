@@ -1,15 +1,13 @@
 """Everything that can be chosen on the way from a sensor to an array, in groups, as one value."""
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
-from midair.errors import BrokenFileError, InputError, MissingFileError
-from midair.files import from_plain, to_plain, whole_file
+from midair.errors import BrokenFileError, InputError
+from midair.files import from_plain, read_toml, to_plain, whole_file
 from midair.model import Acoustics, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
 from midair.solvers import Amplitudes, Fit, Guard, Method, name_of
@@ -237,11 +235,10 @@ class Settings:
         MissingFileError, BrokenFileError
             If there is no such file, or no TOML of settings in it.
         """
+        plain = read_toml(path, "settings in TOML")
         try:
-            return cls.from_plain(tomllib.loads(Path(path).read_text(encoding="utf-8")))
-        except OSError as wrong:
-            raise MissingFileError(f"{path}: expected settings in TOML, got {wrong.strerror}") from wrong
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError, InputError) as wrong:
+            return cls.from_plain(plain)
+        except InputError as wrong:
             raise BrokenFileError(f"{path}: expected settings in TOML, got: {wrong}") from wrong
 
     def noted(self, provenance: Provenance) -> Provenance:

@@ -1,7 +1,6 @@
 """Where the text of a study enters: its TOML, checked by pydantic, and the folder that holds its plan and logs."""
 
 import json
-import tomllib
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
+from midair.files import json_of, read_text, toml_of
 from midair.study.design import (
     Design,
     Plan,
@@ -41,8 +41,8 @@ def read_design(text: str, *, name: str = "", participants: int = 0, seed: int |
         If the text is no TOML or does not describe a study; says where.
     """
     try:
-        raw: dict[str, Any] = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as wrong:
+        raw: dict[str, Any] = toml_of(text)
+    except ValueError as wrong:
         raise InputError(f"study: expected TOML, got: {wrong}") from wrong
     given = {"name": name, "participants": participants, "seed": seed}
     raw |= {key: value for key, value in given.items() if value or (key == "seed" and value is not None)}
@@ -97,7 +97,7 @@ class StudyFolder:
         if not file.exists():
             raise MissingFileError(f"{self.path}: expected a study with a plan.json; make one with `midair study new`")
         try:
-            content = json.loads(file.read_text(encoding="utf-8"))
+            content = json_of(read_text(file, "a plan"))
             found = digest_of(content["design"], content["trials"])
             plan = TypeAdapter(Plan).validate_python(content)
         except (ValueError, KeyError, AttributeError, TypeError) as wrong:

@@ -1,6 +1,6 @@
 import pytest
 
-from midair.errors import InputError, MissingFileError
+from midair.errors import BrokenFileError, InputError, MissingFileError
 from midair.files import load_profiles, profile_named
 from midair.files.toml.exposure_profiles import profiles_of
 
@@ -24,7 +24,7 @@ def test_profiles_by_name_and_from_files(tmp_path):
     with pytest.raises(MissingFileError, match=r"mine\.toml"):
         load_profiles(tmp_path / "mine.toml")
     (tmp_path / "mine.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="no text"):
+    with pytest.raises(BrokenFileError, match="no UTF-8"):
         load_profiles(tmp_path / "mine.toml")
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, UnknownFormatError
 from midair.files.native import FORMAT, from_plain, to_plain
+from midair.files.texts import json_of
 from midair.model import Recording, SensorGrid
 from midair.version import __version__
 
@@ -52,7 +53,7 @@ def parse_header(text: str, path: Path) -> Mapping[str, Any]:
     UnknownFormatError
         If a newer midair wrote it.
     """
-    header = json.loads(text)
+    header = json_of(text)
     if not isinstance(header, dict) or header.get("kind") != "midair recording":
         raise BrokenFileError(f"{path}: expected the header of a midair recording, got {text[:60]!r}")
     version = header.get("format")

@@ -4,7 +4,6 @@ Read are messages in JSON that hold one list of numbers (or numbers by name), an
 (std_msgs/msg/Float32MultiArray and its like, in CDR). A frame's time is its publish time.
 """
 
-import json
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ from midair.errors import BrokenFileError, MismatchError, MissingExtraError
 from midair.files.atomic import reason
 from midair.files.opened_take import Foreign, Given, OpenedTake
 from midair.files.stamps import uniform
+from midair.files.texts import json_of
 
 _ROS = {
     f"std_msgs/msg/{name}MultiArray": dtype
@@ -140,7 +140,7 @@ def _decoder(encoding: str, schema: str) -> Decoder | None:
 
 def _from_json(data: bytes) -> dict[str, Any] | list[Any]:
     """The one list in a message, or its numbers by name."""
-    value = json.loads(data)
+    value = json_of(data)
     if isinstance(value, list):
         return value
     if not isinstance(value, dict):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError, InputError
+from midair.files.texts import json_of
 from midair.model import Provenance, Setting, Step
 
 
@@ -33,8 +34,8 @@ def from_json(text: str) -> Provenance:
         If the text is something else.
     """
     try:
-        return from_plain(json.loads(text))
-    except (ValueError, RecursionError) as wrong:
+        return from_plain(json_of(text))
+    except ValueError as wrong:
         raise BrokenFileError("expected a provenance in JSON, got other text") from wrong
 
 

@@ -1,15 +1,14 @@
 """Exposure profiles in TOML: those that come with midair, and those that a person wrote."""
 
 import os
-import tomllib
 from collections.abc import Mapping
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from midair.errors import InputError, MissingFileError
+from midair.errors import InputError
+from midair.files.texts import LARGEST_TOML, read_text, toml_of
 from midair.physics import ExposureProfile, Place
 
 DEFAULT_PROFILE = "occupational-110"
@@ -20,19 +19,18 @@ def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, Expos
 
     Raises
     ------
-    MissingFileError
-        If the file is not there.
+    MissingFileError, BrokenFileError
+        If the file is not there, or is no text.
     InputError
         If it holds no profiles.
     """
     if path is None:
         return profiles_of(resources.files("midair.files.toml").joinpath("exposure.toml").read_text(encoding="utf-8"))
+    text = read_text(path, "a TOML file of exposure profiles", largest=LARGEST_TOML)
     try:
-        return profiles_of(Path(path).read_text(encoding="utf-8"))
-    except OSError as wrong:
-        raise MissingFileError(f"{path}: expected a TOML file of exposure profiles, got {wrong.strerror}") from wrong
-    except UnicodeDecodeError as wrong:
-        raise InputError(f"{path}: expected a TOML file of exposure profiles, got bytes that are no text") from wrong
+        return profiles_of(text)
+    except InputError as wrong:
+        raise InputError(f"{path}: {wrong}") from wrong
 
 
 def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> ExposureProfile:
@@ -58,10 +56,11 @@ def profiles_of(text: str) -> dict[str, ExposureProfile]:
         If it is no TOML, or its keys or numbers are not those of the profiles that come with midair.
     """
     try:
-        content = tomllib.loads(text)
+        content = toml_of(text)
+    except ValueError as wrong:
+        raise InputError(f"exposure profiles: expected TOML, got: {wrong}") from wrong
+    try:
         profiles = [_profile(each) for each in content["profile"]]
-    except tomllib.TOMLDecodeError as wrong:
-        raise InputError(f"exposure profiles: expected TOML, got {wrong}") from wrong
     except KeyError as wrong:
         raise InputError(
             f"exposure profiles: expected the key {wrong}; copy a profile that comes with midair"

@@ -13,14 +13,14 @@ is the origin.
 """
 
 import os
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from midair.errors import BrokenFileError, MissingFileError
+from midair.errors import BrokenFileError
+from midair.files.texts import read_toml
 from midair.model import Placement
 
 
@@ -34,14 +34,7 @@ def load_placement(path: str | os.PathLike[str]) -> Placement:
     BrokenFileError
         If it is no TOML, or its keys or numbers are not the ones above.
     """
-    try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise MissingFileError(
-            f"{path}: expected a TOML file with the placement of the units; it is not there"
-        ) from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as wrong:
-        raise BrokenFileError(f"{path}: expected a TOML file, got {wrong}") from wrong
+    content = read_toml(path, "a TOML file with the placement of the units")
     name, units = content.pop("name", Path(path).stem), content.pop("unit", None)
     if content or not isinstance(units, list) or not units:
         raise BrokenFileError(

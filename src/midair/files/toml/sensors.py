@@ -19,12 +19,12 @@
 
 import json
 import os
-import tomllib
 from pathlib import Path
 from typing import Any
 
-from midair.errors import BrokenFileError, InputError, MissingFileError
+from midair.errors import BrokenFileError, InputError
 from midair.files.atomic import whole_file
+from midair.files.texts import read_toml
 from midair.model import SensorGrid, SensorWiring
 
 _NUMBERS = {"rows", "columns", "pitch_mm", "full_scale", "sensitivity"}
@@ -41,12 +41,7 @@ def load_sensor(path: str | os.PathLike[str]) -> SensorWiring:
     BrokenFileError
         If it is no TOML, or its keys or values are not the ones above.
     """
-    try:
-        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise MissingFileError(f"{path}: expected a TOML file that describes a sensor; it is not there") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as wrong:
-        raise BrokenFileError(f"{path}: expected a TOML file that describes a sensor, got {wrong}") from wrong
+    content = read_toml(path, "a TOML file that describes a sensor")
     _check_keys(content, path)
     try:
         return _wiring(content, Path(path).stem)

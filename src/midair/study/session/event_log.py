@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from midair.errors import BrokenFileError, DeviceStateError, MissingFileError
-from midair.files import hold
+from midair.files import hold, json_of
 
 
 class EventLog:
@@ -88,7 +88,7 @@ def read_events(path: Path) -> list[dict[str, Any]]:
     events: list[dict[str, Any]] = []
     for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], start=1):
         try:
-            event = json.loads(line)
+            event = json_of(line)
         except ValueError as wrong:
             raise BrokenFileError(f"{path.name}: expected JSON, got damage in line {number}; restore a copy") from wrong
         if not isinstance(event, dict) or "event" not in event:

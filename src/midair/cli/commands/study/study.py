@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from midair.cli.terminal import ExposureOptions, Json, PlainConsole, err, say
-from midair.errors import InputError, MissingFileError
+from midair.errors import InputError
+from midair.files import read_text
 from midair.study import (
     ArrayPresenter,
     NoPresenter,
@@ -64,9 +65,7 @@ def new_command(
     seed
         Of all shuffles; what the TOML says if not given.
     """
-    if source is not None and not source.is_file():
-        raise MissingFileError(f"{source}: expected the TOML of a study, got no such file")
-    text = paper_design_text() if source is None else source.read_text(encoding="utf-8")
+    text = paper_design_text() if source is None else read_text(source, "the TOML of a study")
     path = Path(name)
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum())
     design = read_design(text, name=kept, participants=participants, seed=seed)
