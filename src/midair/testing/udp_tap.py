@@ -34,6 +34,8 @@ class UdpTap:
         Whether datagrams go through; False cuts the wire.
     sent : list of tuple
         (time in s, unit's port, datagram) of all that the client sent.
+    lost : int
+        Datagrams that `lose` has swallowed.
     """
 
     def __init__(self, units: int) -> None:
@@ -45,6 +47,9 @@ class UdpTap:
         self.address = f"[::1]:{self.outer[group].getsockname()[1]}"
         self.client: Any = None
         self.passes = True
+        self._lose: list[tuple[int, bool]] = []
+        self._unanswered: set[tuple[int, bytes]] = set()
+        self.lost = 0
         self.sent: list[tuple[float, int, bytes]] = []
         self.answers: dict[int, bytes] = {}
         self.sequence: dict[int, int] = {}
@@ -59,6 +64,10 @@ class UdpTap:
         for each in (self.inner, *self.outer.values()):
             each.close()
 
+    def lose(self, command: int, *, answer: bool = False) -> None:
+        """Swallow the next datagram with a command, or let it through and swallow the unit's answer."""
+        self._lose.append((command, answer))
+
     def frames(self) -> list[tuple[float, int, int, bytes]]:
         """(time, unit's port, command, datagram) of every command that the client sent."""
         return [(at, port, datagram[5], datagram) for at, port, datagram in self.sent if datagram[1] == FRAME]
@@ -71,13 +80,17 @@ class UdpTap:
     def states(self) -> list[int]:
         """What every unit says of its FPGA, asked with the client's next sequence number."""
         self.answers.clear()
-        for port, last in self.sequence.items():
-            self.sequence[port] = (last + 1) % 256
-            self.inner.sendto(bytes([3, FRAME, 0xFF, 0xFF, self.sequence[port], READ_STATE, 0, 0, 0, 0]), ("::1", port))
         limit = time.monotonic() + 2
         while len(self.answers) < len(self.sequence) and time.monotonic() < limit:
-            time.sleep(0.002)
-        return [answer[-1] for answer in self.answers.values()]
+            for port, last in self.sequence.items():
+                if port not in self.answers:
+                    self.sequence[port] = (last + 1) % 256
+                    question = bytes([3, FRAME, 0xFF, 0xFF, self.sequence[port], READ_STATE, 0, 0, 0, 0])
+                    self.inner.sendto(question, ("::1", port))
+            until = time.monotonic() + 0.2
+            while len(self.answers) < len(self.sequence) and time.monotonic() < until:
+                time.sleep(0.002)
+        return [self.answers[port][-1] for port in sorted(self.answers)]
 
     def _run(self) -> None:
         while not self._ends:
@@ -94,13 +107,26 @@ class UdpTap:
             self.outer[port] = _socket()
         # Message id 0xFFFF is that of the tap's own questions: their answers are none of the client's.
         if datagram[1] == FRAME and datagram[2:4] == b"\xff\xff":
-            self.answers[port] = datagram
+            # Then come sequence number and status: a question that was out of turn is refused, and says no state.
+            if datagram[5] == 0:
+                self.answers[port] = datagram
+        elif (port, datagram[2:4]) in self._unanswered:
+            self._unanswered.remove((port, datagram[2:4]))
+            self.lost += 1
         elif self.client and self.passes:
             self.outer[port].sendto(datagram, self.client)
 
     def _forth(self, datagram: bytes, source: Any, port: int) -> None:
         self.client = source
         self.sent.append((time.monotonic(), port, datagram))
+        command = datagram[5] if datagram[1] == FRAME else -1
+        if (command, True) in self._lose:
+            self._lose.remove((command, True))
+            self._unanswered.add((port, datagram[2:4]))
+        if (command, False) in self._lose:
+            self._lose.remove((command, False))
+            self.lost += 1
+            return
         if datagram[1] == FRAME and self.passes:
             self.sequence[port] = datagram[4]
         if self.passes:

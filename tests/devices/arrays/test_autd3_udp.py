@@ -14,12 +14,13 @@ from midair.devices.frame_bytes import phase_bytes
 from midair.errors import DeviceError, LinkLostError
 from midair.model import Drive, Placement
 from midair.testing import overridden
+from midair.testing.udp_tap import READ_STATE
 
 pytest.importorskip("autd3")
 
 ONE = Placement.grid(columns=1, rows=1)
-WRITE, SWITCH, SILENCE = 0x13, 0x12, 0x16
-PATTERN, FAILSAFE = 0x08, 0x10
+WRITE, SWITCH, SILENCE, CONFIG = 0x13, 0x12, 0x16, 0x11
+PATTERN, FAILSAFE = 0x08, 0x80
 """Bits of the FPGA's state: a single pattern, which midair sends only to be silent; silenced by the failsafe."""
 
 PLAYER = """
@@ -60,6 +61,11 @@ def assert_last_word_is_silence(tap):
     last = [datagram for _, _, command, datagram in tap.frames() if command == SILENCE][-1]
     assert commands[-1] == SILENCE
     assert not any(last[-249:])
+
+
+def patterns(tap):
+    """States without the failsafe, which acts soon after a process has ended."""
+    return [state & ~FAILSAFE for state in tap.states()]
 
 
 def playing(tap):
@@ -120,6 +126,34 @@ def test_a_lost_link_ends_playing_and_the_failsafe_silences(tap):
     assert [state & FAILSAFE for state in tap.states()] == [FAILSAFE]
 
 
+@pytest.mark.parametrize("answer", [False, True], ids=["order", "answer"])
+@pytest.mark.parametrize("command", [WRITE, SWITCH, CONFIG, READ_STATE, SILENCE])
+def test_a_lost_datagram_does_not_end_playing(tap, command, answer):
+    drive = noise(1500)
+
+    def lose(done, _):
+        if done == 500:
+            tap.lose(command, answer=answer)
+
+    with autd3_array(tap.address, ONE) as device:
+        report = device.play(overridden(drive, device), progress=lose)
+        assert tap.lost == 1
+        assert (report.frames, report.late, report.gap) == (1500, 0, 0)
+        assert tap.states() == [PATTERN]
+    assert_last_word_is_silence(tap)
+
+
+def test_a_datagram_that_is_lost_again_and_again_ends_playing(tap):
+    def lose(done, _):
+        if done == 500:
+            for _again in range(4):
+                tap.lose(SWITCH)
+
+    with pytest.raises(LinkLostError, match=r"frames \d+ to 1499 of 1500"), autd3_array(tap.address, ONE) as device:
+        device.play(overridden(noise(1500), device), progress=lose)
+    assert tap.lost == 3
+
+
 def test_silence_from_another_thread_ends_playing(tap):
     import threading
 
@@ -137,7 +171,7 @@ def test_signals_silence_on_the_way_out(tap, number):
     with playing(tap) as process:
         process.send_signal(number)
         process.wait(10)
-    assert tap.states() == [PATTERN]
+    assert patterns(tap) == [PATTERN]
     assert_last_word_is_silence(tap)
 
 
@@ -205,7 +239,7 @@ def test_a_hang_that_trips_the_failsafe_ends_the_play_with_the_silent_frames_and
     assert stopped - 250 <= first <= stopped + 750
     assert said[1] == "3000 0 not too hot, unit 0 counted failsafe 1 times"
     assert process.returncode == 0
-    assert tap.states() == [PATTERN]
+    assert patterns(tap) == [PATTERN]
 
 
 @pytest.mark.slow

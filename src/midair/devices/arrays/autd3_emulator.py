@@ -52,7 +52,7 @@ class Autd3Firmware:
 
     frames_max = commands.FRAMES_MAX
     # As over UDP, where the firmware refuses switches less than 10 ms ahead.
-    margin = 15_000_000
+    margin = patience = 15_000_000
     # The host of an emulation in virtual time is never silent.
     failsafe = 0.0
 

@@ -26,6 +26,12 @@ T = TypeVar("T")
 FAILSAFE = 0.5
 """After how long without traffic the device silences itself, in s."""
 
+ANSWER = 0.05
+"""How long to wait for the units' answer to a datagram, in s; it is there within 1 ms as a rule."""
+
+ATTEMPTS = 3
+"""How often an order is sent before the link counts as lost: there is time for three in what a block leaves over."""
+
 TELLING = (
     "failsafe",
     "ptp_unlock_failsafe",
@@ -69,10 +75,11 @@ class Autd3Udp:
     frames_max = commands.FRAMES_MAX
     margin = 15_000_000
     """The firmware refuses switches less than 10 ms ahead."""
+    patience = 75_000_000
     failsafe = FAILSAFE
 
     def __init__(self, placement: Placement, where: str = "auto") -> None:
-        self._units = placement.units
+        self._units, self._again = placement.units, 0
         self._emulator = UdpEmulator(placement.units) if where == "emulator" else None
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="autd3", daemon=True)
@@ -82,9 +89,9 @@ class Autd3Udp:
             self._client: Client | None = client
             self._state = client.state_checker()
             config = CpuConfig(failsafe_timeout=Duration.from_secs_f64(FAILSAFE))
-            self._do(lambda: client.send(SetCpuConfig(config)), 5)
+            self._sure(lambda: client.send(SetCpuConfig(config)), 5)
             self.silence()
-            self._counted = self._do(client.read_telemetry, 5)
+            self._counted = self._sure(client.read_telemetry, 5)
         except BaseException:
             # Ctrl-C as well: the thread of the loop must not outlive a device that was never opened.
             self._client = None
@@ -101,10 +108,12 @@ class Autd3Udp:
 
     def switch(self, bank: int, instant: int) -> None:
         """Play a bank once, from an instant on."""
+        before = self._again
         try:
-            self._do(lambda: self._open.send(commands.switch(bank, instant)), 2)
+            self._sure(lambda: self._open.send(commands.switch(bank, instant)), 2)
         except DeviceError as wrong:
-            if "too close to now" in str(wrong):
+            # Unless units may have heard the first of two orders and play already: another instant would repeat frames.
+            if "too close to now" in str(wrong) and self._again == before:
                 raise TooLateError(str(wrong)) from None
             raise
 
@@ -122,11 +131,11 @@ class Autd3Udp:
 
     def silence(self) -> None:
         """All transducers to intensity 0 at once."""
-        self._do(lambda: self._open.send(commands.silence(self._units)), 2)
+        self._sure(lambda: self._open.send(commands.silence(self._units)), 2)
 
     def emitting(self) -> bool:
         """Whether a unit says that patterns play."""
-        states = self._do(self._open.read_fpga_state, 2)
+        states = self._sure(self._open.read_fpga_state, 2)
         return any(
             state.is_stm_mode() and not state.is_pattern_stopped() and not state.is_failsafe_active()
             for state in states
@@ -135,16 +144,17 @@ class Autd3Udp:
     def state(self) -> UnitsState:
         """What the units say of themselves now."""
         client = self._open
-        states, counted = self._do(client.read_fpga_state, 2), self._do(client.read_telemetry, 2)
+        states, counted = self._sure(client.read_fpga_state, 2), self._sure(client.read_telemetry, 2)
+        again = [f"{self._again} orders sent again"] if self._again else []
         return UnitsState(
             silenced=tuple(unit for unit, state in enumerate(states) if state.is_failsafe_active()),
             hot=tuple(unit for unit, state in enumerate(states) if state.is_thermal_asserted()),
-            errors=tuple(_grown(self._counted, counted)),
+            errors=(*_grown(self._counted, counted), *again),
         )
 
     def release(self) -> None:
         """Let units that their failsafe has silenced sound again."""
-        self._do(lambda: self._open.send(ReleaseFailsafe()), 2)
+        self._sure(lambda: self._open.send(ReleaseFailsafe()), 2)
 
     def describe(self) -> dict[str, str]:
         """What the units say of themselves: firmware, link, failsafe."""
@@ -194,12 +204,14 @@ class Autd3Udp:
     async def _connect(self, placement: Placement, option: UdpOption) -> Client:
         # A unit that was lost stays silent until someone opens it again: no recovery behind one's back.
         config = ClientConfig(
-            ack_timeout=Duration.from_millis(50), resynchronize_on_recovery=None, release_failsafe_on_recovery=None
+            ack_timeout=Duration.from_secs_f64(ANSWER),
+            resynchronize_on_recovery=None,
+            release_failsafe_on_recovery=None,
         )
         return await Client.open(commands.geometry(placement), option, config)
 
     def _send(self, many: Sequence[commands.Command]) -> None:
-        self._do(lambda: self._open.send(many), 10)
+        self._sure(lambda: self._open.send(many), 10)
 
     def _check(self) -> None:
         status = self._state.check()
@@ -209,6 +221,20 @@ class Autd3Udp:
                 f"autd3: expected {self._units} units to answer, lost {lost or 'some'}; they silence themselves within "
                 f"{FAILSAFE:g} s; check cables and power (up to 50 W a unit), then play again"
             )
+
+    def _sure(self, begin: Callable[[], Awaitable[T]], timeout: float) -> T:
+        """Do what harms nothing when it is done again; up to twice more if no answer comes, as when a datagram is lost.
+
+        The SDK sends nothing again by itself, and makes units and computer agree on what comes next before it goes on.
+        """
+        for _ in range(ATTEMPTS - 1):
+            try:
+                return self._do(begin, timeout)
+            except LinkLostError as wrong:
+                if not (isinstance(wrong.__cause__, Autd3Error) and wrong.__cause__.code == Autd3Error.TIMEOUT):
+                    raise
+            self._again += 1
+        return self._do(begin, timeout)
 
     def _do(self, begin: Callable[[], Awaitable[T]], timeout: float) -> T:
         """Begin something of the SDK on its loop, from any thread, and wait for it."""

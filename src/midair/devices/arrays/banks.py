@@ -52,6 +52,11 @@ class Banks(Protocol):
         ...
 
     @property
+    def patience(self) -> int:
+        """How long an order may take to arrive, also at a second attempt, in ns."""
+        ...
+
+    @property
     def failsafe(self) -> float:
         """After how long without a word units may silence themselves, in s; 0 if nobody knows."""
         ...

@@ -104,7 +104,7 @@ class PyAutd3Banks:
     """
 
     frames_max = 1024
-    margin = 30_000_000
+    margin = patience = 30_000_000
     failsafe = 0.0
 
     def __init__(self, placement: Placement, link: str, *, interval: float | None = None) -> None:

@@ -152,8 +152,7 @@ def _order(banks: Banks, switch: Switch, bank: int, planned: int, period: int) -
 
 
 def _soon(banks: Banks) -> int:
-    # Twice the margin, since the order takes time to get there.
-    return banks.now() + 2 * banks.margin
+    return banks.now() + banks.margin + banks.patience
 
 
 def _aligned(instant: int, period: int) -> int:
