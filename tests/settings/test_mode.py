@@ -4,7 +4,7 @@ import pytest
 
 from midair.model import Acoustics, Medium
 from midair.settings import Settings, beside_paper, best_mode, coarser, paper_mode, quick_mode
-from midair.solvers import Fast
+from midair.solvers import Glide
 
 
 def test_the_modes_are_what_they_say():
@@ -18,8 +18,11 @@ def test_the_modes_are_what_they_say():
     assert (best.target.mapping, best.target.rate) == ("slow-bias", 4000.0)
     assert best.solver.guard is not None
     assert best.compensation.precompensate
-    assert quick_mode().but(iterations=None) == best
-    assert Fast().iterations > quick_mode().solver.iterations
+    quick = quick_mode()
+    assert isinstance(best.solver.method, Glide)
+    assert isinstance(quick.solver.method, Glide)
+    assert quick.solver.method.smooth < best.solver.method.smooth
+    assert quick.but(method=best.solver.method) == best
 
 
 def test_a_coarser_grid_spans_the_same_square():

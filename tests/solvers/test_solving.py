@@ -95,7 +95,7 @@ def test_phases_are_within_a_turn_and_the_life_is_written_down():
         ({"smooth": float("nan")}, "smooth: expected 0 or more"),
         ({"smooth": 0.1}, "method lm: expected terms that it takes .*, got smooth; choose fast"),
         ({"method": "gs", "amplitudes": "bounded"}, "method gs: .*none.*, got amplitudes"),
-        ({"backend": "torch"}, "backend: expected method fast, got lm"),
+        ({"backend": "torch"}, "backend: expected method fast or glide, got lm"),
     ],
 )
 def test_wrong_settings_say_what_was_expected(options, message):

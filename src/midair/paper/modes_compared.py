@@ -147,7 +147,7 @@ def target_strength(asked: PressureFrames, settings: Settings, rig: VirtualRig) 
 
 def iterated_loop(plan: FidelityPlan, settings: Settings, stage: Stage = quiet) -> Loop:
     """A loop on the noise with iterative correction, on fewer points and without a guard."""
-    settings = coarser(settings.but(guard=None, smooth=0.0), plan.points)
+    settings = coarser(settings.but(guard=None), plan.points)
     original = original_of("noise", plan, settings)
     skin = plan.rig.skin()
     with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:

@@ -9,7 +9,7 @@ from midair.errors import InputError
 from midair.model import Medium
 from midair.settings.mode import MODES
 from midair.settings.settings import Settings
-from midair.solvers import Guard
+from midair.solvers import Guard, name_of
 from midair.targets import Circle
 
 
@@ -146,8 +146,9 @@ CHOICES: tuple[Choice, ...] = (
     Choice(
         name="backend",
         path="solver.backend",
-        help="What does the arithmetic of fast: numpy, torch, torch:cuda or cupy.",
+        help="What does the arithmetic of fast and glide: numpy, torch, torch:cuda or cupy.",
     ),
+    Choice(name="jobs", path="solver.jobs", help="Blocks of glide that are solved at once; all cores if not given."),
     Choice(
         name="temperature",
         path="acoustics.medium.temperature",
@@ -167,6 +168,8 @@ def spelt(value: Any, unit: str = "") -> str:
     """
     if value is None:
         return "none" if unit else "its own"
+    if hasattr(value, "solve"):
+        return name_of(value)  # a configured solver, of which a person types the name
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, tuple):

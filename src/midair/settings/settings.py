@@ -107,7 +107,9 @@ class SolverSettings:
     smooth : float
         Weight of the change of phase from frame to frame; not in the paper.
     backend : str or None
-        What does the arithmetic of method "fast"; NumPy if None.
+        What does the arithmetic of methods "fast" and "glide"; NumPy if None.
+    jobs : int or None
+        Blocks of method "glide" that are solved at once, 1 if None; it changes nothing but the time.
     """
 
     method: str | Method = "exact"
@@ -119,6 +121,8 @@ class SolverSettings:
     fit: Fit = "points"
     smooth: float = 0.0
     backend: str | None = None
+    # Settings that differ in it alone give the same.
+    jobs: int | None = field(default=None, compare=False)
 
     @property
     def name(self) -> str:
@@ -245,7 +249,8 @@ class Settings:
         """A provenance with all of them as a step, so that the result can be made again, where they have a text."""
         if not isinstance(self.solver.fit, str):
             return provenance
-        return provenance.then("settings", _flat(self.plain()))
+        # How many cores there were is no part of how a result is made.
+        return provenance.then("settings", _flat(self.but(jobs=None).plain()))
 
     @classmethod
     def of(cls, provenance: Provenance) -> "Settings | None":

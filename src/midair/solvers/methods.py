@@ -102,6 +102,7 @@ def solver(
     iterations: int | tuple[int, int] | None = None,
     start: Start | None = None,
     backend: str | None = None,
+    jobs: int | None = None,
 ) -> Method:
     """The method of this name, or the configured one, with other iterations and another start where it has them.
 
@@ -119,10 +120,14 @@ def solver(
         What does the arithmetic, see `backend.backend`; the method's own if None. Only "fast" and "glide" have the
         choice.
 
+    jobs : int, optional
+        Blocks at once, for "glide"; the others have none.
+
     Raises
     ------
     InputError
-        If the method or the start is unknown, the iterations are below 1, two numbers of iterations are given to
+        If the method or the start is unknown, the iterations are below 1 or given to "glide", which has some for each
+        kind of frame, two numbers of iterations are given to
         a method that has one, or a backend to one that has none.
     """
     if isinstance(method, str) and method not in METHODS:
@@ -139,6 +144,10 @@ def solver(
         if "backend" not in has:
             raise InputError(f"backend: expected method fast or glide, got {name}; the others are NumPy's or Numba's")
         changes["backend"] = backend
+    if jobs is not None and "jobs" in has:
+        changes["jobs"] = jobs
+    if iterations is not None and name == "glide":
+        raise InputError("iterations: expected none with glide, which has some for each kind of frame; see Glide")
     if iterations is not None:
         changes |= _iterations(name, iterations, "warm_iterations" in has)
     return replace(settings, **changes)

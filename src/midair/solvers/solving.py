@@ -37,6 +37,7 @@ def solve(
     smooth: float = 0.0,
     bits: int | None = None,
     backend: str | None = None,
+    jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Solution:
     """Phases of all transducers, equally loud, whose field comes closest to the target, frame by frame.
@@ -80,6 +81,8 @@ def solve(
         Not rounded if None. Amplitudes are not rounded.
     backend : str, optional
         What does the arithmetic of "fast" and "glide": "numpy", "torch", "torch:cuda", "cupy"; see `backend.backend`.
+    jobs : int, optional
+        Blocks that "glide" solves at once, which changes nothing but the time; 1 if None. The other methods have none.
     progress : callable, optional
         Called with (frames done, frames in all).
 
@@ -95,7 +98,7 @@ def solve(
     MissingExtraError
         If a backend, or Numba for "live", is not installed.
     """
-    solver = solver_of(method, iterations=iterations, start=start, backend=backend)
+    solver = solver_of(method, iterations=iterations, start=start, backend=backend, jobs=jobs)
     _check(level, bits, amplitudes, fit, smooth)
     acoustics = acoustics or Acoustics()
     ring = Guard(margin=guard) if isinstance(guard, int | float) else guard

@@ -86,7 +86,7 @@ def test_a_drive_is_made_again_from_its_own_settings(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run(["record", "virtual:am-i", "am.h5", "--duration", "0.1s"]) == 0
     part = ["--start-at", "20ms", "--duration", "5ms"]
-    words = ["--mode", "quick", "--points", "6", "--pitch", "11mm", "--guard", "22mm", "--iterations", "3", "3"]
+    words = ["--mode", "quick", "--points", "6", "--pitch", "11mm", "--guard", "22mm"]
     assert run(["solve", "am.h5", "one.drive.h5", *words, *part]) == 0
     assert run(["solve", "am.h5", "two.drive.h5", "--settings", "one.drive.h5", *part]) == 0
     one, two = load_solution("one.drive.h5"), load_solution("two.drive.h5")

@@ -1,5 +1,6 @@
 """Options that several commands share; those of the way from recording to drive are made from `settings.CHOICES`."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import field, make_dataclass
 from functools import reduce
@@ -44,12 +45,19 @@ class _Chosen:
             value = getattr(self, choice.name.replace("-", "_"), None)
             if value is not None:
                 made = choice.put(made, value)
+        if made.solver.jobs is None:
+            made = made.but(jobs=_cores())
         return made
 
     @property
     def air_is_stated(self) -> bool:
         """Whether the air is a person's: by an option, or by the file that it is to be made like."""
         return getattr(self, "temperature", None) is not None or getattr(self, "settings_file", None) is not None
+
+
+def _cores() -> int:
+    """Of those that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _stored(path: Path) -> Settings:

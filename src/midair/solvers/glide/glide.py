@@ -12,7 +12,7 @@ chosen, and what lost: docs/decisions/0024-glide.md.
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -112,7 +112,7 @@ class Glide:
     memory: int = 4
     rows: int = 128
     block: int = 1024
-    jobs: int = 1
+    jobs: int = field(default=1, compare=False)
     faintest: float = 1e-12
     precision: Literal["single", "double"] = "single"
     backend: str = "numpy"
