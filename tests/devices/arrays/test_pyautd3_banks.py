@@ -1,5 +1,8 @@
 """The driver for older firmware against the SDK's own audit link, whose memory can be read back."""
 
+import threading
+import time
+
 import numpy as np
 import pytest
 
@@ -53,6 +56,25 @@ def test_five_thousand_frames_on_four_units():
         check_memory(device.banks, drive, 4)
         report = device.play(overridden(drive, device))
     assert (report.frames, report.late, report.gap) == (5000, 0, 0)
+
+
+@pytest.mark.parametrize("hours", [-1, 1])
+def test_a_wall_clock_that_jumps_by_an_hour_while_it_plays_changes_nothing(monkeypatch, hours):
+    jump, reports = [0], []
+    for name, second in (("time", 1), ("time_ns", 1_000_000_000)):
+        honest = getattr(time, name)
+        monkeypatch.setattr(time, name, lambda honest=honest, second=second: honest() + jump[0] * 3600 * second)
+
+    def play():
+        with pyautd3_array("audit", PAIR) as device:
+            progress = lambda done, _: jump.__setitem__(0, hours if done >= 250 else 0)  # noqa: E731
+            reports.append(device.play(overridden(noise(1000), device), progress=progress))
+
+    thread = threading.Thread(target=play, daemon=True)
+    thread.start()
+    thread.join(30)
+    assert not thread.is_alive(), "it waits for an hour to pass"
+    assert (reports[0].frames, reports[0].late, reports[0].gap) == (1000, 0, 0)
 
 
 def test_after_playing_the_segment_that_plays_is_silent():

@@ -114,6 +114,8 @@ class PyAutd3Banks:
         self.link = self._link(link)
         try:
             self._controller: Controller | None = Controller.open(units, self.link)
+            # The wall clock is read once: from here on the units' clocks run by themselves, and nobody sets them.
+            self._begin = time.time_ns() - YEAR_2000 - time.monotonic_ns()  # noqa: TID251
             between = Duration.from_nanos(round(1e9 * (interval or (0.5e-3 if link in ("audit", "nop") else 1e-3))))
             self._controller.default_sender_option = SenderOption(send_interval=between, receive_interval=between)
             # Units do not say whether they play unless they are asked to.
@@ -149,7 +151,7 @@ class PyAutd3Banks:
 
     def now(self) -> int:
         """Device time, in ns."""
-        return time.time_ns() - YEAR_2000
+        return self._begin + time.monotonic_ns()
 
     def wait_until(self, instant: int) -> None:
         """Return at an instant, or raise as soon as a unit is lost."""
@@ -268,11 +270,10 @@ def _later_option(module, name: str) -> list:
 
 
 def _device_time(instant: int) -> DcSysTime:
-    """An instant, in ns of device time, as the SDK wants it; version 36 makes one only from the present."""
+    """An instant, in ns of device time, as the SDK wants it; version 36 makes one only by addition."""
     if not hasattr(DcSysTime, "now"):
         return DcSysTime(instant)  # pyright: ignore[reportCallIssue]
-    now = DcSysTime.now()
-    return now + Duration.from_nanos(max(0, instant - now.sys_time()))
+    return DcSysTime.ZERO + Duration.from_nanos(instant)
 
 
 _ADVICE = "check cables and power (up to 50 W a unit), the interface's name, and the right to open raw sockets"
