@@ -1,9 +1,13 @@
+import threading
+import time
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from midair.devices import VirtualArray, admit
-from midair.errors import ExposureError, InputError
-from midair.model import Drive, TransducerArray
+from midair.devices import VirtualArray, admit, autd3_array
+from midair.errors import ExposureError, InputError, SilentFramesError
+from midair.model import Drive, Placement, TransducerArray
 from midair.rig import usual_exposure
 from midair.study.design.blocks import Stimulus
 from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, NoPresenter
@@ -71,3 +75,38 @@ def test_a_drive_that_is_too_loud_is_refused_before_the_session_and_never_sounds
         with pytest.raises(ExposureError):
             one.present(TONE)
         assert not device.emitting
+
+
+def test_the_failsafe_of_real_units_spoils_a_presentation_and_the_next_one_sounds():
+    pytest.importorskip("autd3")
+    from autd3 import Duration
+    from autd3.commands import CpuConfig, SetCpuConfig
+
+    def wait(milliseconds):
+        banks = device.banks
+        order = SetCpuConfig(CpuConfig(failsafe_timeout=Duration.from_millis(milliseconds)))
+        banks._sure(lambda: banks._open.send(order), 2)
+
+    def trip():
+        wait(1)  # Heartbeats come every 10 ms.
+        time.sleep(0.1)
+        wait(500)
+
+    long = Drive(phase=np.zeros((1500, 249)), level=np.full(1500, 0.003), rate=1000.0, array=ARRAY)
+    with autd3_array("emulator", Placement.grid(columns=1, rows=1)) as device:
+        one = presenter(device, lambda _: long, [])
+        timer = threading.Timer(0.5, trip)
+        timer.start()
+        with pytest.raises(SilentFramesError, match=r"failsafe silenced unit 0: frames \d+ to 1499 of 1500"):
+            one.present(TONE)
+        timer.join()
+        one.present(TONE)
+
+
+def test_a_presentation_with_a_hole_in_it_does_not_count():
+    class Stuttering(VirtualArray):
+        def emit(self, drive, progress, **options):
+            return replace(super().emit(drive, progress, **options), late=2, gap=0.25)
+
+    with Stuttering(ARRAY) as device, pytest.raises(SilentFramesError, match=r"2 were late after 0\.250 s of silence"):
+        presenter(device, lambda _: drive(), []).present(TONE)

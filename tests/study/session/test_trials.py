@@ -11,7 +11,14 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from midair.errors import BrokenFileError, DeviceStateError, InputError, MismatchError
+from midair.errors import (
+    BrokenFileError,
+    DeviceStateError,
+    InputError,
+    LinkLostError,
+    MismatchError,
+    SilentFramesError,
+)
 from midair.study.design.plan import draw_plan
 from midair.study.design.standing import replay
 from midair.study.folder import StudyFolder, paper_design_text, read_design
@@ -19,7 +26,7 @@ from midair.study.session.event_log import EventLog, read_events
 from midair.study.session.participant import SimulatedParticipant
 from midair.study.session.presenters import ExperimenterPresenter, NoPresenter
 from midair.study.session.simulated_screen import SimulatedScreen
-from midair.study.session.trials import Reply, Session, run
+from midair.study.session.trials import AGAIN, Reply, Session, run
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +127,60 @@ def test_a_wrong_answer_is_asked_again_and_not_stored(plan, tmp_path):
     answers = [event for event in read_events(tmp_path / "log.jsonl") if event["event"] == "answer"]
     assert [event["answer"] for event in answers] == ["brush"]
     assert answers[0]["reaction_s"] >= 0
+
+
+class Faulty(Recorder):
+    """A presenter whose array goes silent in some presentations, counted from 0."""
+
+    def __init__(self, silent, error=SilentFramesError):
+        super().__init__()
+        self.silent, self.error = silent, error
+
+    def present(self, stimulus):
+        super().present(stimulus)
+        if len(self.done) - 1 in self.silent:
+            raise self.error("array: frames 5 to 9 were silent")
+
+
+def test_a_trial_in_which_the_array_was_silent_is_marked_and_comes_again_before_it_is_asked_about(plan, tmp_path):
+    presenter, screen = Faulty(silent=(2, 3, 7)), Script(plan)
+    with session(plan, tmp_path / "log.jsonl", presenter) as one:
+        assert run(one, screen).kind == "done"
+    names = [trial.stimulus for trial in plan.of(1)]
+    assert presenter.done == [*names[:3], names[2], names[2], *names[3:6], names[5], *names[6:]]
+    assert screen.asked == [(trial.code, name) for trial in plan.of(1) for name in trial.questions]
+    assert screen.seen.count(AGAIN) == 3
+    events = read_events(tmp_path / "log.jsonl")
+    silent = [event for event in events if event["event"] == "silent"]
+    assert [event["trial"] for event in silent] == [plan.of(1)[at].code for at in (2, 2, 5)]
+    assert silent[0]["reason"] == "array: frames 5 to 9 were silent"
+    # Between a silent presentation and the next answer lies one that was felt.
+    for at, event in enumerate(events):
+        if event["event"] == "silent":
+            assert [later["event"] for later in events[at + 1 :]][:2] in (
+                ["present", "presented"],
+                ["present", "silent"],
+            )
+    assert replay(events, plan, 1).next_trial == len(names)
+
+
+def test_an_array_that_stays_silent_ends_the_session_which_can_be_taken_up_again(plan, tmp_path):
+    with pytest.raises(SilentFramesError, match=r"trial 3: silent 3 times.*frames 5 to 9"):  # noqa: SIM117
+        with session(plan, tmp_path / "log.jsonl", Faulty(silent=(2, 3, 4))) as one:
+            run(one, Script(plan))
+    presenter = Recorder()
+    with session(plan, tmp_path / "log.jsonl", presenter) as one:
+        run(one, Script(plan))
+    assert presenter.done[0] == plan.of(1)[2].stimulus
+
+
+def test_an_array_that_is_lost_ends_the_session_and_the_trial_is_marked(plan, tmp_path):
+    with pytest.raises(LinkLostError):  # noqa: SIM117
+        with session(plan, tmp_path / "log.jsonl", Faulty(silent=(1,), error=LinkLostError)) as one:
+            run(one, Script(plan))
+    assert [event["trial"] for event in read_events(tmp_path / "log.jsonl") if event["event"] == "silent"] == [
+        plan.of(1)[1].code
+    ]
 
 
 def test_resume_asks_only_what_has_no_answer(plan, tmp_path):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from midair.devices import Admission, ArrayDevice
-from midair.errors import InputError
+from midair.errors import InputError, SilentFramesError
 from midair.rig import play_admitted
 from midair.study.design import Stimulus
 
@@ -81,9 +81,20 @@ class ArrayPresenter:
                     raise type(wrong)(f"{stimulus.source}: {wrong}") from wrong
 
     def present(self, stimulus: Stimulus) -> None:
-        """Play it, or have it presented; what is played is in the log."""
+        """Play it, or have it presented; what is played is in the log.
+
+        Raises
+        ------
+        SilentFramesError
+            If the array was silent where it should have sounded, at the end or within.
+        """
         if stimulus.kind == "drive":
-            play_admitted(self.admitted(stimulus.source), self.array, source=stimulus.source)
+            report = play_admitted(self.admitted(stimulus.source), self.array, source=stimulus.source)
+            if report.gap:
+                raise SilentFramesError(
+                    f"array: expected every frame in time, {report.late} were late after {report.gap:.3f} s of "
+                    "silence; close other programs"
+                )
         elif stimulus.kind == "object":
             self.by_hand.present(stimulus)
 

@@ -7,16 +7,22 @@ the loop for whoever drives with calls of their own (`Screen`). What a step show
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 from threading import RLock
 from time import monotonic
 from types import TracebackType
 from typing import Any, Literal, Protocol, Self
 
-from midair.errors import DeviceStateError, InputError
+from midair.errors import DeviceError, DeviceStateError, InputError, SilentFramesError
 from midair.study.design import Plan, Policy, Question, Standing, Stimulus, Trial, next_stimulus, replay
 from midair.study.session.event_log import EventLog, read_events
 from midair.study.session.presenters import Presenter
+
+ATTEMPTS = 3
+"""How often a stimulus is presented that an array did not play to its end, before the session ends."""
+
+AGAIN = "The last presentation was interrupted by a fault of the device. It comes once more, from its beginning."
 
 
 class Clock(Protocol):
@@ -148,6 +154,7 @@ class Session:
         self._entered = False
         self._ending = RLock()  # a stop from another thread is in the log before the log closes
         self._step = TrialStep(kind="show")
+        self._silences = 0
         self._since = 0.0
         self._script: Iterator[TrialStep] = iter(())
         self._trials: dict[str, Trial] = {}
@@ -193,13 +200,26 @@ class Session:
         self._advance()
 
     def present(self) -> None:
-        """Present the stimulus that is due; returns when it is over."""
+        """Present the stimulus that is due; returns when it is over.
+
+        One that an array did not play to its end is marked in the log and due again, after a word to the participant.
+
+        Raises
+        ------
+        SilentFramesError
+            If the array went silent in it `ATTEMPTS` times, one after the other.
+        """
         step = self._expect("present")
         stimulus = self._due(self._trials[step.code])
-        for name in stimulus.members or (stimulus.name,):
-            if not self._stopped:
-                self._presenter.present(self.plan.design.stimulus(name))
+        try:
+            for name in stimulus.members or (stimulus.name,):
+                if not self._stopped:
+                    self._presenter.present(self.plan.design.stimulus(name))
+        except DeviceError as wrong:
+            self._failed(step, wrong)
+            return
         if not self._stopped:
+            self._silences = 0
             self._write("presented", trial=step.code)
             self._advance()
 
@@ -232,6 +252,21 @@ class Session:
             self._presenter.silence()
             if self._entered:
                 self._write("stop", reason=reason)
+
+    def _failed(self, step: TrialStep, wrong: DeviceError) -> None:
+        """Take down that a trial was not felt as it should, and make it due again if the array can still play."""
+        if self._stopped:
+            raise wrong
+        self._write("silent", trial=step.code, reason=str(wrong))
+        self._silences += 1
+        if not isinstance(wrong, SilentFramesError):
+            raise wrong
+        if self._silences == ATTEMPTS:
+            raise SilentFramesError(
+                f"trial {step.number}: silent {ATTEMPTS} times, the session ends; {wrong}"
+            ) from wrong
+        self._script = chain([step], self._script)
+        self._step = TrialStep(kind="show", text=AGAIN)
 
     def _due(self, trial: Trial) -> Stimulus:
         """The stimulus of a trial; the choice of an adaptive block is in the log before it is felt."""
