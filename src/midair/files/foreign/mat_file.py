@@ -11,6 +11,7 @@ from midair.files.foreign.header import header_of
 from midair.files.foreign.mat5 import is_mat5, read_mat5
 from midair.files.foreign.named_arrays import from_arrays
 from midair.files.loss import Loss, calibration_lost
+from midair.files.native import open_plain
 from midair.files.opened_take import Given, OpenedTake
 from midair.model import Calibration, Recording
 
@@ -67,8 +68,9 @@ def read_mat(path: Path, given: Given) -> OpenedTake:
 
 
 def _version_73(path: Path) -> dict[str, Any]:
-    """The arrays of an HDF5 file of MATLAB, which writes their axes in reverse."""
+    """The arrays of numbers in an HDF5 file of MATLAB, which writes their axes in reverse."""
     import h5py
 
-    with h5py.File(path, "r") as file:
-        return {name: np.transpose(item[()]) for name, item in file.items() if isinstance(item, h5py.Dataset)}
+    with open_plain(path) as file:
+        found = {name: item for name, item in file.items() if isinstance(item, h5py.Dataset)}
+        return {name: np.transpose(item[()]) for name, item in found.items() if item.dtype.kind in "fiu"}

@@ -15,9 +15,10 @@ import numpy as np
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import existing_file, refusing, whole_file
+from midair.files.native.inspection import get_ready, inspect
 from midair.files.native.provenance_json import to_json
 from midair.files.native.schema import FORMAT, TABLE, Entry, Kind
-from midair.files.native.unclosed import closed_file, is_unclosed
+from midair.files.native.unclosed import openable
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -60,14 +61,43 @@ def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
     MissingFileError, BrokenFileError
         If there is none, or it cannot be read.
     """
-    import h5py
-
     file = existing_file(path)
     with refusing(file, "an HDF5 file of midair"):
-        if not h5py.is_hdf5(file):
+        if not begins_as_hdf5(file):
             raise BrokenFileError(f"{file}: expected an HDF5 file of midair, got other bytes; was it copied whole?")
-        with _opened(file) as opened:
+        with open_plain(file) as opened:
             yield opened
+
+
+@contextmanager
+def open_plain(path: Path) -> "Generator[h5py.File]":
+    """An HDF5 file of anybody to read, once it is known that reading it does no harm (`inspector`).
+
+    No lock is taken: whoever writes makes a new file or lets others read, and some network disks have none.
+
+    Raises
+    ------
+    BrokenFileError
+        If it is not plain: it links elsewhere, announces more than it holds, or HDF5 does not survive it.
+    """
+    get_ready(path)
+    import h5py
+
+    inspect(path)
+    with h5py.File(openable(path), "r", locking=False) as file:
+        yield file
+
+
+def begins_as_hdf5(path: Path) -> bool:
+    """Whether a file has the signature of HDF5 where it may be: at 0, 512, 1024 and so on."""
+    size, place = path.stat().st_size, 0
+    with path.open("rb") as file:
+        while place < size:
+            file.seek(place)
+            if file.read(8) == b"\x89HDF\r\n\x1a\n":
+                return True
+            place = max(512, 2 * place)
+    return False
 
 
 def signature(kind: Kind, provenance: "Provenance") -> dict[str, Any]:
@@ -177,15 +207,6 @@ def plain_text(value: object) -> str:
 def kind_of(group: "h5py.Group") -> str:
     """What a group says it holds, such as "midair recording"; empty when it says nothing."""
     return plain_text(group.attrs.get("kind"))
-
-
-@contextmanager
-def _opened(path: Path) -> "Generator[h5py.File]":
-    """`path`, or what it would be if it were closed, when a writer has it or was killed with it."""
-    import h5py
-
-    with h5py.File(closed_file(path) if is_unclosed(path) else path, "r") as file:
-        yield file
 
 
 def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: bool) -> None:

@@ -28,6 +28,11 @@ def is_unclosed(path: Path) -> bool:
     return _sound(block) and block[11] != 0
 
 
+def openable(path: Path) -> "Path | BinaryIO":
+    """What h5py can open: the file itself, or what it would be if it were closed."""
+    return closed_file(path) if is_unclosed(path) else path
+
+
 def closed_file(path: Path, *, large: int = LARGE) -> BinaryIO:
     """An unclosed file as if it had been closed: a copy in memory, or from `large` bytes on the file itself.
 

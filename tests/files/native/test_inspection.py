@@ -1,0 +1,86 @@
+"""The look at HDF5 of strangers happens in a process of its own, and whatever becomes of that, this one goes on."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import h5py
+import pytest
+
+from midair.errors import BrokenFileError
+from midair.files import load, save
+from midair.files.native import inspection
+
+
+@pytest.fixture
+def path(recording, tmp_path):
+    save(recording, tmp_path / "a.h5")
+    return tmp_path / "a.h5"
+
+
+def test_a_file_that_ends_the_inspector_does_not_end_us(path, recording, alike, monkeypatch):
+    """HDF5 dies of some files; here of one that has the inspector killed while it looks."""
+    alike(load(path), recording)
+    process = inspection._INSPECTOR._process
+    monkeypatch.setattr(inspection, "_PLAIN", {})
+    os.kill(process.pid, signal.SIGSTOP)
+    killer = subprocess.Popen(["sh", "-c", f"sleep 0.2; kill -9 {process.pid}"])
+    with pytest.raises(BrokenFileError, match="HDF5 does not survive"):
+        load(path)
+    killer.wait()
+    alike(load(path), recording)
+    assert inspection._INSPECTOR._process.pid != process.pid
+
+
+def test_an_inspector_that_waits_without_end_is_ended(path, recording, alike, monkeypatch):
+    monkeypatch.setattr(inspection, "PATIENCE", 0.2)
+    alike(load(path), recording)
+    monkeypatch.setattr(inspection, "_PLAIN", {})
+    os.kill(inspection._INSPECTOR._process.pid, signal.SIGSTOP)
+    with pytest.raises(BrokenFileError, match="does not end with"):
+        load(path)
+
+
+def test_where_no_process_can_be_had_the_look_is_the_same(path, recording, alike, monkeypatch):
+    monkeypatch.setattr(inspection, "_INSPECTOR", inspection._Inspector())
+    monkeypatch.setattr(sys, "executable", "/nonexistent/python")
+    monkeypatch.setattr(inspection, "_PLAIN", {})
+    alike(load(path), recording)
+    with h5py.File(path, "r+", libver=("v110", "v110")) as file:
+        file["other"] = h5py.SoftLink("/time")
+    with pytest.raises(BrokenFileError, match="a soft link"):
+        load(path)
+
+
+def test_a_file_that_did_not_change_is_looked_at_once(path, monkeypatch):
+    os.utime(path, (1e9, 1e9))
+    monkeypatch.setattr(inspection, "SETTLED", -(10**18))
+    load(path)
+    monkeypatch.setattr(inspection, "_INSPECTOR", None)
+    load(path)
+
+
+def test_a_copy_of_the_process_has_an_inspector_of_its_own(path):
+    program = """
+        import os, sys
+        from midair.files import load
+        from midair.files.native import inspection
+        load(sys.argv[1])
+        first = inspection._INSPECTOR._process.pid
+        os.utime(sys.argv[1])
+        child = os.fork()
+        load(sys.argv[1])
+        if child == 0:
+            assert inspection._INSPECTOR._process.pid != first
+            os._exit(0)
+        assert inspection._INSPECTOR._process.pid == first
+        assert os.waitpid(child, 0)[1] == 0
+        print(first)
+    """
+    words = [sys.executable, "-c", textwrap.dedent(program), str(path)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert not Path(f"/proc/{done.stdout.strip()}").exists(), "it ended with the process that began it"
