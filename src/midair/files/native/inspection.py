@@ -40,7 +40,7 @@ def inspect(path: Path) -> None:
     refused = _INSPECTOR.ask(path)
     if refused is not None:
         raise BrokenFileError(f"{path}: expected a plain HDF5 file, got {refused}")
-    if time.time_ns() - max(look[3:]) > SETTLED:
+    if time.time_ns() - max(look[3:]) > SETTLED:  # noqa: TID251  # the clock by which files are stamped
         _PLAIN[look] = None
         while len(_PLAIN) > REMEMBERED:
             _PLAIN.popitem(last=False)
