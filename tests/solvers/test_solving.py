@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
+from midair.evaluate import error_in_air
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, TransducerArray
 from midair.physics import focus_amplitude, propagate, radiation_pressure
 from midair.physics.sensing import SensorModel, cell_weights
-from midair.solvers import Cells, Guard, solve
+from midair.solvers import TAKES, Cells, Guard, solve
 
 SMALL = ControlGrid(rows=4, columns=4, pitch=11e-3, height=0.1)
 UNIT = TransducerArray.autd3(columns=1, rows=1)
@@ -164,3 +165,50 @@ def test_what_was_asked_for_is_written_down():
     solution = solve(target(wave()), UNIT, method="fast", fit="cells", smooth=0.01, amplitudes="bounded")
     settings = solution.drive.provenance.steps[-1].settings
     assert (settings["fit"], settings["smooth"], settings["amplitudes"]) == ("cells", 0.01, "bounded")
+
+
+ROOM = Acoustics(medium=Medium.at(temperature=22.0))
+
+
+def over_the_range(solution, wanted):
+    """Mean E at 19 to 25 degrees."""
+    return np.array(
+        [error_in_air(solution.drive, wanted, ROOM.medium.warmer(by)).mean() for by in (-3, -1.5, 0, 1.5, 3)]
+    )
+
+
+@pytest.mark.parametrize("method", [method for method, taken in TAKES.items() if "robust" in taken])
+@pytest.mark.parametrize("amplitudes", ["equal", "bounded"])
+def test_robust_phases_hold_over_the_range(method, amplitudes):
+    """At both ends E is smaller than that of phases for the middle, and so is the root mean square over the range."""
+    if method == "live":
+        pytest.importorskip("numba")
+    array, grid = TransducerArray.autd3(columns=2, rows=1), ControlGrid(rows=8, columns=8, pitch=7e-3)
+    wanted = target(300 * np.abs(np.sin(0.3 * np.arange(64) + np.arange(3)[:, None])), grid)
+    plain, robust = (
+        solve(wanted, array, method=method, acoustics=ROOM, amplitudes=amplitudes, robust=by) for by in (0.0, 3.0)
+    )
+    before, after = over_the_range(plain, wanted), over_the_range(robust, wanted)
+    assert (after[[0, 4]] < 0.9 * before[[0, 4]]).all()
+    assert (after**2).sum() < 0.8 * (before**2).sum()
+    assert robust.error.mean() == pytest.approx(after[2], rel=1e-6)
+    assert robust.drive.acoustics == ROOM
+
+
+@pytest.mark.parametrize("term", [{"fit": "cells"}, {"guard": 0.014}, {"smooth": 0.01}, {"level": "auto"}], ids=str)
+def test_robust_goes_with_every_other_term(term):
+    wanted = target(wave(frames=3, points=64, pascal=900.0), ControlGrid(rows=8, columns=8, pitch=7e-3))
+    solution = solve(wanted, UNIT, method="fast", acoustics=ROOM, robust=2.0, **term)
+    assert solution.error.max() < 1
+    assert solution.drive.provenance.steps[-1].settings["robust_c"] == 2.0
+
+
+@pytest.mark.parametrize("robust", [-1.0, 11.0, float("nan")])
+def test_a_range_that_is_none_is_refused(robust):
+    with pytest.raises(InputError, match="robust: expected 0 to 10 degrees Celsius"):
+        solve(target(wave()), UNIT, robust=robust)
+
+
+def test_published_methods_refuse_a_range():
+    with pytest.raises(InputError, match=r"method gs: expected terms that it takes \(none\), got robust"):
+        solve(target(wave()), UNIT, method="gs", robust=2.0)

@@ -144,6 +144,12 @@ CHOICES: tuple[Choice, ...] = (
         name="smooth", path="solver.smooth", help="Weight of the change of phase from frame to frame; 0.01 is much."
     ),
     Choice(
+        name="robust",
+        path="solver.robust",
+        unit="K",
+        help="Phases that hold in air as much colder and warmer than --temperature.",
+    ),
+    Choice(
         name="backend",
         path="solver.backend",
         help="What does the arithmetic of fast and glide: numpy, torch, torch:cuda or cupy.",

@@ -106,6 +106,8 @@ class SolverSettings:
         Whether the control points are met, as in the paper, or the sensor's cells.
     smooth : float
         Weight of the change of phase from frame to frame; not in the paper.
+    robust : float
+        Degrees Celsius by which the air may be colder or warmer than that of the settings; not in the paper.
     backend : str or None
         What does the arithmetic of methods "fast" and "glide"; NumPy if None.
     jobs : int or None
@@ -120,6 +122,7 @@ class SolverSettings:
     guard: float | Guard | None = None
     fit: Fit = "points"
     smooth: float = 0.0
+    robust: float = 0.0
     backend: str | None = None
     # Settings that differ in it alone give the same.
     jobs: int | None = field(default=None, compare=False)

@@ -46,11 +46,11 @@ METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
 
 TAKES: Mapping[str, frozenset[Term]] = MappingProxyType(
     {
-        "lm": frozenset({"guard", "amplitudes"}),
-        "exact": frozenset({"amplitudes"}),
-        "fast": frozenset({"guard", "cells", "smooth", "amplitudes"}),
-        "glide": frozenset({"guard", "cells", "amplitudes"}),
-        "live": frozenset({"amplitudes"}),
+        "lm": frozenset({"guard", "amplitudes", "robust"}),
+        "exact": frozenset({"amplitudes", "robust"}),
+        "fast": frozenset({"guard", "cells", "smooth", "amplitudes", "robust"}),
+        "glide": frozenset({"guard", "cells", "amplitudes", "robust"}),
+        "live": frozenset({"amplitudes", "robust"}),
         "naive": frozenset(),
         "gs": frozenset(),
         "wgs": frozenset(),

@@ -14,7 +14,7 @@ from midair.solvers.lens import spreading_phase
 from midair.solvers.methods import Method, check_terms, name_of
 from midair.solvers.methods import solver as solver_of
 from midair.solvers.problem import Answer, Problem, Start, Term, error_of
-from midair.solvers.terms import Cells, Guard, GuardField, automatic_level
+from midair.solvers.terms import Cells, Guard, GuardField, airs_around, automatic_level, psi_in_each
 from midair.solvers.threads import one_blas_thread
 
 Array = NDArray[np.float64]
@@ -35,6 +35,7 @@ def solve(
     guard: float | Guard | None = None,
     fit: Fit = "points",
     smooth: float = 0.0,
+    robust: float = 0.0,
     bits: int | None = None,
     backend: str | None = None,
     jobs: int | None = None,
@@ -76,6 +77,10 @@ def solve(
     smooth : float
         Weight of the change of phase from frame to frame, see `terms.smooth`: E^2 / 2 plus this times
         mean(1 - cos(change)) is made small. 0 for none; .01 is much.
+    robust : float
+        Degrees Celsius, 0 to 10, by which the air may be colder or warmer than that of `acoustics`: the root mean
+        square of E over that range is made small, see `terms.temperatures`. The error that is told is that of
+        `acoustics`; `evaluate.error_in_air` tells the others. 0 for that air alone.
     bits : int, optional
         Round phases to 2 pi / 2^bits, as firmware does (8 bits: AUTD3); the error is that of the rounded phases.
         Not rounded if None. Amplitudes are not rounded.
@@ -99,12 +104,15 @@ def solve(
         If a backend, or Numba for "live", is not installed.
     """
     solver = solver_of(method, iterations=iterations, start=start, backend=backend, jobs=jobs)
-    _check(level, bits, amplitudes, fit, smooth)
+    _check(level, bits, amplitudes, fit, smooth, robust)
     acoustics = acoustics or Acoustics()
     ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
     asked: set[Term] = {"amplitudes"} if amplitudes == "bounded" else set()
-    scene = _Scene.of(target, array, acoustics)
-    problem = scene.problem(level, ring, Cells() if fit == "cells" else None if fit == "points" else fit, smooth)
+    asked |= {"robust"} if robust > 0 else set()
+    cells = Cells() if fit == "cells" else None if fit == "points" else fit
+    own = _Scene.of(target, array, (acoustics,)).problem(level, ring, cells, smooth)
+    airs = airs_around(acoustics, robust)
+    problem = own if len(airs) == 1 else _Scene.of(target, array, airs).problem(level, ring, cells, smooth)
     check_terms(method, asked | problem.terms)
     with one_blas_thread():
         if amplitudes == "bounded":
@@ -114,7 +122,7 @@ def solve(
             part = answer.level
         # Rounded before the error is taken, so that it is the error of what will be played.
         phase = np.mod(answer.phase, 2 * np.pi) if bits is None else quantise_phase(answer.phase, bits=bits)
-        error = error_of(problem, phase, part)
+        error = error_of(own, phase, part)
     audible = np.array([status != "silent" for status in answer.status], float)
     # Transposed twice, so that (frame,) and (frame, transducer) are both multiplied frame by frame.
     played = problem.level * (audible if part is None else (audible * part.T).T)
@@ -124,9 +132,12 @@ def solve(
         "amplitudes": amplitudes,
         "fit": "points" if problem.cells is None else "cells",
         "smooth": smooth,
+        "robust_c": robust,
         "bits": bits,
         "directivity": acoustics.directivity,
         "speed_m_s": acoustics.medium.speed,
+        "temperature_c": acoustics.medium.temperature,
+        "humidity": acoustics.medium.humidity,
     }
     if ring is not None:
         settings |= {f"guard_{name}": value for name, value in _settings(ring).items()}
@@ -143,44 +154,44 @@ def solve(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Scene:
-    """The target and the array in units of the strongest focus."""
+    """The target and the array in units of the strongest focus, in one air or in several; the first is its own."""
 
     target: AmplitudeFrames
     array: TransducerArray
-    acoustics: Acoustics
-    G: NDArray[np.complex128]
+    airs: tuple[Acoustics, ...]
+    G: list[NDArray[np.complex128]]
     focus: float
 
     @classmethod
-    def of(cls, target: AmplitudeFrames, array: TransducerArray, acoustics: Acoustics) -> "_Scene":
-        G = transfer_matrix(target.grid, array, acoustics=acoustics)
-        focus = float(np.abs(G).sum(axis=1).max())
+    def of(cls, target: AmplitudeFrames, array: TransducerArray, airs: tuple[Acoustics, ...]) -> "_Scene":
+        G = [transfer_matrix(target.grid, array, acoustics=each) for each in airs]
+        focus = float(np.abs(G[0]).sum(axis=1).max())
         # In units of the focus tolerances, weights and single precision fit any array.
-        return cls(target=target, array=array, acoustics=acoustics, G=G / focus, focus=focus)
+        return cls(target=target, array=array, airs=airs, G=[each / focus for each in G], focus=focus)
 
     def problem(
         self, level: float | Literal["auto"], guard: Guard | None, cells: Cells | None, smooth: float
     ) -> Problem:
-        amplitude, grid = self.target.amplitude / self.focus, self.target.grid
-        unit = float(radiation_pressure(np.array(self.focus), self.acoustics.medium))
+        amplitude, grid, medium = self.target.amplitude / self.focus, self.target.grid, self.airs[0].medium
+        unit = float(radiation_pressure(np.array(self.focus), medium))
+        times = len(self.airs)
         return Problem(
-            G=self.G,
-            amplitude=amplitude,
+            G=np.concatenate(self.G),
+            amplitude=np.tile(amplitude, (1, times)),
             level=automatic_level(amplitude) if level == "auto" else level,
-            psi=spreading_phase(grid, self.array, self.acoustics.medium),
+            psi=psi_in_each(self.G, spreading_phase(grid, self.array, medium)),
             guard=None if guard is None else self._guarded(guard),
-            cells=None if cells is None else cells.target(amplitude, grid, unit),
+            cells=None if cells is None else cells.target(amplitude, grid, unit).repeated(times),
             smooth=smooth,
-            position=self.array.position,
         )
 
     def _guarded(self, guard: Guard) -> GuardField:
         ring = guard.ring(self.target.grid)
-        G = transfer_matrix(ring, self.array, acoustics=self.acoustics)
+        G = np.concatenate([transfer_matrix(ring, self.array, acoustics=each) for each in self.airs])
         return GuardField(G=G / self.focus, ceiling=guard.ceiling, weight=guard.weight)
 
 
-def _check(level: object, bits: int | None, amplitudes: str, fit: object, smooth: float) -> None:
+def _check(level: object, bits: int | None, amplitudes: str, fit: object, smooth: float, robust: float) -> None:
     if level != "auto" and not (isinstance(level, int | float) and 0 < level <= 1):
         shown = f"{level:g}" if isinstance(level, int | float) else repr(level)
         raise InputError(f"level: expected above 0 and at most 1 of full drive, or auto, got {shown}")
@@ -192,6 +203,8 @@ def _check(level: object, bits: int | None, amplitudes: str, fit: object, smooth
         raise InputError(f"fit: expected points, cells, or Cells(...), got {fit!r}")
     if not 0 <= smooth < np.inf:
         raise InputError(f"smooth: expected 0 or more, got {smooth:g}")
+    if not 0 <= robust <= 10:
+        raise InputError(f"robust: expected 0 to 10 degrees Celsius, got {robust:g}")
 
 
 def _bounded(answer: Answer) -> tuple[Answer, Array]:

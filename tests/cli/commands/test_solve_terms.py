@@ -4,7 +4,9 @@ import pytest
 
 from midair.cli import run
 from midair.cli.terminal.options import SolveOptions
-from midair.files import load_solution
+from midair.evaluate import error_in_air
+from midair.files import load_solution, load_target
+from midair.model import Medium
 from midair.solvers import Guard
 
 SMALL = ["--points", "6", "--pitch", "11mm", "--start-at", "20ms", "--duration", "10ms"]
@@ -34,6 +36,18 @@ def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
     assert level.max() <= made["level"] < 1
 
 
+def test_a_range_of_temperature_reaches_the_drive_and_its_ends_are_told(stroke, tmp_path, capsys):
+    drive = tmp_path / "am.drive.h5"
+    words = "--method fast --temperature 22C --robust 2C"
+    assert run(["solve", str(stroke), str(drive), *words.split(), *SMALL]) == 0
+    assert load_solution(drive).drive.provenance.steps[-1].settings["robust_c"] == 2
+    (told,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("E in other air"))
+    target = load_target(drive)
+    cold = 100 * error_in_air(load_solution(drive).drive, target, Medium.at(temperature=20.0)).mean()
+    assert f"{cold:.1f} % at 20 °C, " in told
+    assert "at 24 °C" in told
+
+
 @pytest.mark.parametrize(
     ("words", "said", "status"),
     [
@@ -42,6 +56,10 @@ def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):
         ("--method fast --guard 1mm", "expected at least its pitch, 11 mm, got 1 mm", 1),
         ("--method fast --smooth=-1", "smooth: expected 0 or more, got -1", 1),
         ("--method fast --backend jax", "backend: expected one of numpy", 1),
+        ("--method gs --robust 2C", "got robust; choose lm or exact", 1),
+        ("--robust 20C", "robust: expected 0 to 10 degrees Celsius, got 20", 1),
+        ("--robust 2C --temperature 1C", "temperature: expected 0 to 50 degrees Celsius, got -1", 1),
+        ("--robust 2", "2C", 2),
         ("--level loud", "--level", 2),
         ("--amplitudes free", "equal", 2),
     ],

@@ -19,10 +19,12 @@ from midair.cli.terminal import (
     say_air,
     stages,
 )
+from midair.evaluate import error_in_air
 from midair.files import load_placement, load_solution, save, save_solution
-from midair.flow import reproduce
+from midair.flow import Reproduction, reproduce
 from midair.model import TransducerArray
 from midair.rig import VirtualRig, rerecord
+from midair.settings import Settings
 
 
 def solve_command(
@@ -73,9 +75,21 @@ def solve_command(
             ("frames", f"{made.target.frames} at {settings.target.rate:g} Hz, {int((~plays).sum())} silent"),
             ("strength", f"{made.strength():.3f} of a single full focus"),
             ("E", f"mean {error.mean():.1f} %, worst {error.max():.1f} %"),
+            *_over_the_range(made, settings),
             ("solver", f"{settings.solver.method}, {solution.iterations[plays].mean():.1f} iterations a frame"),
         ]
     )
+
+
+def _over_the_range(made: Reproduction, settings: Settings) -> list[tuple[str, str]]:
+    """E in the coldest and the warmest air that the phases are to hold in, of 256 frames, where there is a range."""
+    by, drive = settings.solver.robust, made.solution.drive
+    if not by:
+        return []
+    ends = [drive.acoustics.medium.warmer(degrees) for degrees in (-by, by)]
+    errors = [error_in_air(drive, made.target, medium, frames=256) for medium in ends]
+    told = [f"{100 * error.mean():.1f} % at {end.degrees:.3g} °C" for error, end in zip(errors, ends, strict=True)]
+    return [("E in other air", ", ".join(told))] if all(map(len, errors)) else []
 
 
 def play_command(

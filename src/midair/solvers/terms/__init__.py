@@ -9,16 +9,19 @@ from midair.solvers.terms.guard import Guard, GuardField, excess, excess_rows
 from midair.solvers.terms.level import automatic_level
 from midair.solvers.terms.points import misfit
 from midair.solvers.terms.smooth import change
+from midair.solvers.terms.temperatures import airs_around, psi_in_each
 
 __all__ = [
     "CellTarget",
     "Cells",
     "Guard",
     "GuardField",
+    "airs_around",
     "automatic_level",
     "cell_misfit",
     "change",
     "excess",
     "excess_rows",
     "misfit",
+    "psi_in_each",
 ]

@@ -68,6 +68,13 @@ class CellTarget:
     weights: Array
     wanted: Array
 
+    def repeated(self, times: int) -> "CellTarget":
+        """The same wanted of so many fields, whose points follow one another."""
+        if times == 1:
+            return self
+        weights = np.kron(np.eye(times), self.weights).astype(np.float64)
+        return CellTarget(weights=weights, wanted=np.tile(self.wanted, (1, times)))
+
     def error(self, size: Array) -> Array:
         """|| w |y|^2 - P || / || P || of each frame for the field's magnitude (frame, point); 0 where P is 0."""
         norm = np.linalg.norm(self.wanted, axis=1)

@@ -1,0 +1,45 @@
+"""Several airs as one problem: which airs, and where their fields begin."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.model import Acoustics, ControlGrid, Medium, TransducerArray
+from midair.physics import transfer_matrix
+from midair.solvers.terms import airs_around, psi_in_each
+
+ROOM = Acoustics(medium=Medium.at(temperature=22.0, humidity=0.3), directivity="point")
+
+
+@pytest.mark.parametrize(
+    ("robust", "others"), [(0.0, []), (1.0, [-1, 1]), (2.0, [-2, 2]), (3.0, [-3, -1.5, 1.5, 3]), (4.0, [-4, -2, 2, 4])]
+)
+def test_the_airs_reach_both_ends_in_steps_of_two_degrees_at_most(robust, others):
+    airs = airs_around(ROOM, robust)
+    assert airs[0] == ROOM
+    assert [each.medium.temperature - 22.0 for each in airs[1:]] == pytest.approx(others)
+    assert {each.directivity for each in airs} == {"point"}
+    assert {each.medium.humidity for each in airs} == {0.3}
+
+
+def test_stated_constants_get_faster_and_slower():
+    _, colder, warmer = airs_around(Acoustics(), 2.0)
+    assert colder.medium.speed < 339 < 341 < warmer.medium.speed
+
+
+def test_a_range_beyond_the_formulas_is_refused():
+    with pytest.raises(InputError, match="0 to 50 degrees Celsius, got -1"):
+        airs_around(replace(ROOM, medium=Medium.at(temperature=1.0)), 2.0)
+
+
+def test_one_drive_makes_all_fields_that_a_solver_begins_with():
+    """With the drive that focuses on one point, the phase there is that of a path: k r of each air, from the same r."""
+    array, grid = TransducerArray.autd3(columns=1, rows=1), ControlGrid(rows=1, columns=1)
+    G = [transfer_matrix(grid, array, acoustics=air) for air in airs_around(ROOM, 2.0)]
+    own, colder, warmer = psi_in_each(G, np.array([0.7]))
+    assert own == 0.7
+    # 745 rad/m at 22 degrees, .17 % less for each degree, over 210 mm or a little more.
+    assert np.angle(np.exp(1j * (colder - own))) == pytest.approx(0.55, abs=0.03)
+    assert np.angle(np.exp(1j * (warmer - own))) == pytest.approx(-0.55, abs=0.03)
