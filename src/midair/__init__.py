@@ -9,32 +9,12 @@ Records what an object does to skin, and plays it back on a bare palm with focus
     played = midair.play(solution, "virtual")
 
 Verbs are functions here; what they hand to each other are nouns, all of them in `midair.model`; the rooms of the house
-are modules. Importing it loads NumPy and nothing else that is heavy: what many programs do without is imported when it
-is first asked for.
+are modules. Importing it loads nothing else: every name is imported when it is first asked for.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from midair import errors, model, physics
-from midair.calibration import calibrate
-from midair.evaluate import compare
-from midair.model import (
-    Acoustics,
-    AmplitudeFrames,
-    Calibration,
-    ControlGrid,
-    Drive,
-    Medium,
-    PressureFrames,
-    Recording,
-    SensorGrid,
-    Solution,
-    TransducerArray,
-)
-from midair.physics import propagate
-from midair.solvers import solve
-from midair.targets import prepare
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -44,11 +24,14 @@ if TYPE_CHECKING:
         datasets,
         devices,
         dsp,
+        errors,
         evaluate,
         figures,
         files,
         flow,
+        model,
         paper,
+        physics,
         recordings,
         rig,
         settings,
@@ -58,9 +41,27 @@ if TYPE_CHECKING:
         targets,
         testing,
     )
+    from midair.calibration import calibrate
+    from midair.evaluate import compare
     from midair.files import load, load_calibration, open_take, save
+    from midair.model import (
+        Acoustics,
+        AmplitudeFrames,
+        Calibration,
+        ControlGrid,
+        Drive,
+        Medium,
+        PressureFrames,
+        Recording,
+        SensorGrid,
+        Solution,
+        TransducerArray,
+    )
+    from midair.physics import propagate
     from midair.rig import loop, open_rig, play, record
     from midair.settings import Settings
+    from midair.solvers import solve
+    from midair.targets import prepare
 
 __all__ = [
     "Acoustics",
@@ -113,23 +114,39 @@ __all__ = [
 ]
 
 _ELSEWHERE = {
+    **dict.fromkeys(
+        (
+            "Acoustics",
+            "AmplitudeFrames",
+            "Calibration",
+            "ControlGrid",
+            "Drive",
+            "Medium",
+            "PressureFrames",
+            "Recording",
+            "SensorGrid",
+            "Solution",
+            "TransducerArray",
+        ),
+        "midair.model",
+    ),
+    **dict.fromkeys(("load", "load_calibration", "open_take", "save"), "midair.files"),
+    **dict.fromkeys(("loop", "open_rig", "play", "record"), "midair.rig"),
     "Settings": "midair.settings",
-    "load": "midair.files",
-    "load_calibration": "midair.files",
-    "loop": "midair.rig",
-    "open_rig": "midair.rig",
-    "open_take": "midair.files",
-    "play": "midair.rig",
-    "record": "midair.rig",
-    "save": "midair.files",
+    "calibrate": "midair.calibration",
+    "compare": "midair.evaluate",
+    "prepare": "midair.targets",
+    "propagate": "midair.physics",
+    "solve": "midair.solvers",
 }
-"""Names of this face that are imported when they are first asked for, and where from; other such names are rooms."""
+"""Nouns and verbs of this face and where they are from; all other names are rooms."""
 
 
 def __getattr__(name: str) -> Any:
-    """What many programs do without, imported when it is first asked for."""
+    """Every name is imported when it is first asked for, and kept."""
     if name in _ELSEWHERE:
-        return getattr(import_module(_ELSEWHERE[name]), name)
+        globals()[name] = getattr(import_module(_ELSEWHERE[name]), name)
+        return globals()[name]
     if name in __all__:
         return import_module(f"midair.{name}")
     raise AttributeError(f"module 'midair' has no attribute {name!r}")

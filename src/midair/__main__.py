@@ -1,5 +1,16 @@
-"""The command line as ``python -m midair``, where the script ``midair`` is not on the path."""
+"""The command line, as ``midair`` and as ``python -m midair`` where the script is not on the path."""
 
-from midair.cli import main
+from midair.blas import take_wide_kernel
 
-main()
+
+def main() -> None:
+    """Run the command line and leave with its exit status."""
+    take_wide_kernel()
+    # Only now: it loads NumPy, and NumPy's OpenBLAS chooses its kernel when it is loaded.
+    from midair.cli import main as command_line
+
+    command_line()
+
+
+if __name__ == "__main__":
+    main()

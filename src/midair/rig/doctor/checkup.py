@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from midair.blas import VARIABLE, WIDE, misses_wide_kernel
 from midair.files import open_take, save
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
@@ -36,6 +37,7 @@ def check_up(device: str | None = None) -> list[Check]:
         _field(),
         _solver(),
         _threads(),
+        _kernel(),
         *sensor_findings(),
         *(live_sensor_findings(device) if device is not None and is_live_sensor(device) else []),
         *array_findings(None if device is not None and is_live_sensor(device) else device),
@@ -112,3 +114,20 @@ def _threads() -> Check:
 
     pools = ", ".join(f"{pool['internal_api']} {pool['num_threads']}" for pool in threadpool_info()) or "none loaded"
     return Check(subject="threads", state="ok", found=f"{os.cpu_count()} cores; {pools}; solvers use one BLAS thread")
+
+
+def _kernel() -> Check:
+    """Which kernel the matrix products run on; solvers do little else."""
+    from threadpoolctl import threadpool_info
+
+    # SciPy may bring a second BLAS; the solvers' products are NumPy's.
+    kernels = {pool.get("architecture", "unknown") for pool in threadpool_info() if "numpy" in pool["filepath"]}
+    found = ", ".join(sorted(kernels)) or "of another BLAS than OpenBLAS"
+    cpuinfo = Path("/proc/cpuinfo")
+    missed = cpuinfo.is_file() and misses_wide_kernel(cpuinfo.read_text(encoding="utf-8")) and WIDE not in kernels
+    return Check(
+        subject="matrix kernel",
+        state="missing" if missed else "ok",
+        found=f"{found}, of 256 bits on a processor that has 512" if missed else found,
+        advice=f"set {VARIABLE}={WIDE} before Python starts: complex products take half the time" if missed else "",
+    )
