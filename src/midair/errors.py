@@ -19,6 +19,8 @@
     ├── DeviceError
     │   ├── UnknownDeviceError (LookupError)
     │   ├── DeviceStateError (RuntimeError)  called in the wrong order
+    │   ├── HeldError                        another program has it
+    │   ├── StoppedError                     somebody asked for silence
     │   ├── LinkLostError (ConnectionError)  a unit that no longer answers
     │   └── SilentFramesError                frames of a drive that did not sound
     ├── ClusterError (RuntimeError)          a cluster that does not answer or loses its workers
@@ -94,6 +96,14 @@ class UnknownDeviceError(DeviceError, LookupError):
 
 class DeviceStateError(DeviceError, RuntimeError):
     """A device called in the wrong order, such as read before open."""
+
+
+class HeldError(DeviceError):
+    """A device that another program has."""
+
+
+class StoppedError(DeviceError):
+    """An array that plays no more because somebody asked for silence, as `midair stop` does."""
 
 
 class LinkLostError(DeviceError, ConnectionError):

@@ -8,6 +8,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from midair.cli.commands import COMMANDS, GROUPS
 from midair.cli.terminal import err
+from midair.devices import ordered_at, process_began
 from midair.errors import MidairError, UnknownDeviceError
 from midair.version import __version__
 
@@ -31,7 +32,9 @@ for group in GROUPS:
 
 def main(tokens: Sequence[str] | None = None) -> None:
     """Run a command line and leave with its exit status."""
-    sys.exit(run(sys.argv[1:] if tokens is None else tokens))
+    # From here on a stop counts, also one that comes before the command says that it plays.
+    with ordered_at(process_began()):
+        sys.exit(run(sys.argv[1:] if tokens is None else tokens))
 
 
 def run(tokens: Sequence[str]) -> int:

@@ -14,11 +14,12 @@ from midair.devices.interface import ArrayDevice, FrameBlock, PlayReport, Sensor
 from midair.devices.reading import Seam, gapless, read_frames
 from midair.devices.safety import (
     Stopped,
-    log_end,
-    log_order,
+    device_lock,
     make_state_folder,
+    ordered_at,
+    playing_now,
+    process_began,
     state_folder,
-    stop_line,
     stop_playing,
 )
 from midair.devices.sensors import Decimated, PacedSensor, ReplaySensor, Rewired, Source, Stream, StreamedSensor
@@ -57,10 +58,11 @@ __all__ = [
     "phase_bytes",
     "read_frames",
     "pyautd3_array",
-    "log_end",
-    "log_order",
+    "device_lock",
     "make_state_folder",
+    "ordered_at",
+    "playing_now",
+    "process_began",
     "state_folder",
-    "stop_line",
     "stop_playing",
 ]

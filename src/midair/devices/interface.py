@@ -6,14 +6,18 @@ on errors too. A new device is a subclass in a file of its own that fills in the
 
 import contextlib
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.devices.admission import Admission
+from midair.devices.safety import Ending, Order, log_end, log_order
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.model import Calibration, Drive, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
 
@@ -173,13 +177,24 @@ class ArrayDevice(ABC):
         Whether it only pretends.
     gated : bool
         Whether nothing may be played on it that breaks the exposure profile; False only where no sound can come out
-        and no real device is spoken to.
+        and no real device is spoken to. What plays on a gated array is logged, and `midair stop` reaches it.
+    exclusive : str or None
+        What no other program may have while this one is open, see `device_lock`; None where each program gets its own.
     """
 
     name: str
     array: TransducerArray
     simulated: bool = False
     gated: bool = True
+    exclusive: str | None = None
+    _order: Order
+    _entered: contextlib.ExitStack
+
+    def __new__(cls, *_: Any, **__: Any) -> Self:
+        """Every array has its order from the beginning, whatever a driver's __init__ does."""
+        made = super().__new__(cls)
+        made._order, made._entered = Order(), contextlib.ExitStack()
+        return made
 
     @abstractmethod
     def open(self) -> None:
@@ -187,27 +202,46 @@ class ArrayDevice(ABC):
 
     @abstractmethod
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
-        """Put out every frame of a drive that `play` has checked; `play` silences afterwards."""
+        """Put out every frame of a drive that `play` has checked; `play` silences afterwards.
+
+        Whatever lets sound begin, or go on, does so inside `sounding`.
+        """
 
     @abstractmethod
     def silence(self) -> None:
-        """Stop all sound at once. Harmless at any time."""
+        """Stop all sound at once, and return when it has; from any thread, harmless at any time."""
 
     @abstractmethod
     def close(self) -> None:
         """Let go of the device. Harmless when not open."""
 
-    def play(self, admission: Admission, *, delay: float = 0.0, progress: Progress | None = None) -> PlayReport:
+    def play(
+        self,
+        admission: Admission,
+        *,
+        source: str | Path = "python",
+        delay: float = 0.0,
+        progress: Progress | None = None,
+        watched: bool | None = None,
+    ) -> PlayReport:
         """Play what was admitted from its first frame to its last, then be silent, whatever happens on the way.
+
+        On an array that can be heard the order is in the log before the first sound, and its end after the last; and
+        `midair stop` in another terminal silences it.
 
         Parameters
         ----------
         admission : Admission
             From `admit` with this device; it says how often, one time after the other without a gap.
+        source : str or Path
+            What to call it in the log; a file is hashed there.
         delay : float
             Silence before the first frame, in s.
         progress : callable, optional
             Called with (frames begun, frames in all).
+        watched : bool, optional
+            Whether it is logged and can be stopped from elsewhere, on an array that nobody can hear. Any other always
+            is, and such a one is not if None.
 
         Raises
         ------
@@ -217,6 +251,12 @@ class ArrayDevice(ABC):
             If the delay is negative or endless.
         DeviceStateError
             If it is no admission, or one for frames that are yet to come, or the device is not open.
+        StoppedError
+            If somebody asked for silence.
+        HeldError
+            If another program has the device.
+        FileError
+            If the log or the state folder cannot be written.
         """
         if not isinstance(admission, Admission):  # pyright: ignore[reportUnnecessaryIsInstance]
             kind = type(admission).__name__
@@ -226,21 +266,79 @@ class ArrayDevice(ABC):
         if not 0 <= delay < 3600:
             raise InputError(f"delay: expected 0 to 3600 s, got {delay:g} s")
         drive = admission.check_for(self)
-        try:
-            report = self.emit(drive, progress, repeats=admission.repeats, delay=delay)
-        except BaseException:
-            self._silence_after_an_error()
-            raise
-        self.silence()
+
+        def emitted() -> PlayReport:
+            try:
+                report = self.emit(drive, progress, repeats=admission.repeats, delay=delay)
+            except BaseException:
+                self._silence_after_an_error()
+                raise
+            self.silence()
+            return report
+
+        if not (self.gated or watched):
+            return emitted()
+        with self._order.held(self.name, self.exclusive, self.silence):
+            self._order.check(self.name)
+            number = log_order(source, self.name, admission, simulated=self.simulated)
+            try:
+                report = emitted()
+                # The last block of a drive needs no order any more that could have been refused.
+                self._order.check(self.name)
+            except BaseException as end:
+                log_end(number, source, self.name, *self._ended(end))
+                raise
+            log_end(number, source, self.name, "played", report=asdict(report))
         return report
 
+    @contextmanager
+    def reserved(self) -> Generator[None]:
+        """While inside, open or not yet, no other program gets the device, and `midair stop` reaches this one.
+
+        After such a stop nothing sounds until the outermost block is left. Entering the device reserves it; earlier is
+        better where what comes before, such as reading and checking a long drive, takes its time.
+
+        Raises
+        ------
+        HeldError
+            If another program has it.
+        StoppedError
+            If somebody asked for silence since the command was given, or does so meanwhile.
+        FileError
+            If the state folder cannot be written.
+        """
+        if not self.gated:
+            yield
+            return
+        with self._order.held(self.name, self.exclusive, self.silence):
+            yield
+
+    @contextmanager
+    def sounding(self) -> Generator[None]:
+        """Inside, a driver lets sound begin or go on: nobody silences meanwhile, and nothing begins after a stop.
+
+        Raises
+        ------
+        StoppedError
+            If somebody asked for silence.
+        """
+        with self._order.sounding(self.name):
+            yield
+
     def __enter__(self) -> Self:
-        self.open()
+        with contextlib.ExitStack() as stack:
+            stack.enter_context(self.reserved())
+            self.open()
+            stack.push(self._shut)
+            self._entered = stack.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._entered.__exit__(kind, error, trace)
+
+    def _shut(self, _: type[BaseException] | None, error: BaseException | None, __: TracebackType | None) -> None:
         try:
             if error is None:
                 self.silence()
@@ -248,6 +346,14 @@ class ArrayDevice(ABC):
                 self._silence_after_an_error()
         finally:
             self.close()
+
+    def _ended(self, end: BaseException) -> tuple[Ending, str]:
+        """How an exception that ended playing stands in the log."""
+        if self._order.stopped:
+            return "stopped", "midair stop"
+        # A key or a signal is somebody's wish as well.
+        wished = isinstance(end, KeyboardInterrupt | SystemExit)
+        return "stopped" if wished else "failed", f"{type(end).__name__}: {end}".rstrip(": ")
 
     def _silence_after_an_error(self) -> None:
         """Silence, and let the first error be the one that is told: a lost link, say, cannot be told to be silent."""

@@ -200,7 +200,7 @@ def play(
     *,
     repeats: int = 1,
     exposure: ExposureChoices | None = None,
-    source: str = "python",
+    source: str | Path = "python",
     progress: Progress | None = None,
 ) -> Played:
     """Play a drive, after its exposure was checked, and record what a sensor hears of it where one listens.
@@ -215,8 +215,8 @@ def play(
         How often, one time after the other without a gap.
     exposure : ExposureChoices, optional
         What it has to keep, in place of the rig's own.
-    source : str
-        What to call it in the log of what was played.
+    source : str or Path
+        What to call it in the log of what was played; a file is hashed there.
     progress : callable, optional
         Called with (frames played, frames in all).
 

@@ -73,7 +73,7 @@ def test_a_loud_drive_is_refused_before_the_device_is_opened(capsys):
     assert "dB at the" in line
     assert "limit 110 dB" in line
     assert "--override-exposure" in line
-    assert not Path("state").exists()
+    assert list(Path("state").glob("*")) == []
 
 
 def test_an_override_plays_and_stays_in_the_log():
@@ -162,7 +162,7 @@ def test_stop_from_another_terminal(capsys):
         [*command, "--repeats", "500"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as player:
         limit = time.monotonic() + 20
-        while not list(Path("state").glob("playing-*")) and time.monotonic() < limit:
+        while not Path("state/played.jsonl").exists() and time.monotonic() < limit:
             time.sleep(0.05)
         time.sleep(0.3)
         assert run(["stop"]) == 0
@@ -170,8 +170,52 @@ def test_stop_from_another_terminal(capsys):
         _, error = player.communicate(timeout=20)
     assert player.returncode in (1, 130)
     assert "Traceback" not in error
-    assert log()[-1]["event"] == "end"
-    assert log()[-1]["reason"] != "played"
+    assert (log()[-1]["event"], log()[-1]["outcome"], log()[-1]["reason"]) == ("end", "stopped", "midair stop")
+    assert log()[-1]["order"] == log()[0]["order"]
+
+
+def test_stop_says_plainly_what_it_could_not_stop(capsys):
+    """A process that holds a player's file and does not answer."""
+    Path("state").mkdir()
+    holder = "import fcntl, time; file = open('state/playing-7.json', 'w'); fcntl.flock(file, fcntl.LOCK_EX)"
+    command = [sys.executable, "-c", f"{holder}; print(1, flush=True); time.sleep(60)"]
+    with subprocess.Popen(command, stdout=-1) as process:
+        process.stdout.readline()
+        assert run(["stop"]) == 1
+        assert run(["stop", "--json"]) == 1
+        process.kill()
+        process.communicate()
+    page, _, document = " ".join(capsys.readouterr().out.split()).partition("[ {")
+    assert "NOT KNOWN TO BE SILENT" in page
+    assert "switch the units off" in page
+    assert '"outcome": "no answer"' in document
+    assert run(["stop"]) == 0
+
+
+def test_a_second_play_on_the_same_array_names_the_first(capsys, request):
+    tap = UdpTap(1)
+    request.addfinalizer(tap.close)
+    make("a.drive.h5", array=TransducerArray.autd3(columns=1, rows=1))
+    Path("one.toml").write_text('name = "one"\n[[unit]]\nposition_mm = [0, 0, 0]\n', encoding="utf-8")
+    play = ["play", "a.drive.h5", "--placement", "one.toml", "--device", f"autd3:{tap.address}"]
+    command = [sys.executable, "-c", "from midair.cli import main; main()", *play, "--repeats", "500"]
+    with subprocess.Popen(command, stdout=-1, stderr=-1) as first:
+        while not list(Path("state").glob("device-*")):
+            time.sleep(0.05)
+        assert run(play) == 1
+        (line,) = said(capsys)
+        assert f"process {first.pid} (-c play a.drive.h5" in line
+        assert "has had it since 20" in line
+        run(["stop"])
+        first.communicate(timeout=30)
+    assert run([*play, "--attenuate"]) == 0
+
+
+def test_what_cannot_be_stopped_does_not_play(capsys):
+    Path("state").write_text("no folder", encoding="utf-8")
+    assert run(["play", make("a.drive.h5"), *EMULATOR]) == 1
+    (line,) = said(capsys)
+    assert "set MIDAIR_STATE" in line
 
 
 def test_a_computer_that_stands_still_for_a_second_ends_the_play_with_status_1_and_the_silent_frames(tap):

@@ -1,30 +1,48 @@
-"""What the log holds of how playing ended, and that nothing goes on without one."""
+"""What the log holds of an order and of its end, so that both can be audited, and that nothing goes on without one."""
 
+import hashlib
 import json
+import os
 
 import numpy as np
 import pytest
 
-from midair.devices import ExposureChoices, PlayReport, VirtualArray, admit
+from midair.devices import ExposureChoices, VirtualArray, admit, state_folder
 from midair.devices.safety.play_log import log_end, log_order
 from midair.errors import FileError
 from midair.files import profile_named
 from midair.model import Drive, TransducerArray
 from midair.physics import focus_phase
+from midair.version import __version__
 
-REPORT = PlayReport(frames=3, duration=0.003, late=1, gap=0.002, start=5)
+REPORT = {"frames": 3, "duration": 0.003, "late": 1, "gap": 0.002, "start": 5, "silencer": "off"}
+ARRAY = TransducerArray.autd3()
+PROFILE = profile_named("occupational-110")
+
+
+def entries():
+    return [json.loads(line) for line in (state_folder() / "played.jsonl").read_text(encoding="utf-8").splitlines()]
+
+
+def admitted(level, **choices):
+    phase = np.tile(focus_phase(ARRAY, np.array([0, 0, 0.2])), (3, 1))
+    drive = Drive(phase=phase, level=np.full(3, level), rate=1000.0, array=ARRAY)
+    exposure = ExposureChoices(profile=PROFILE, **choices)
+    return admit(drive, VirtualArray(ARRAY), exposure, repeats=2)
 
 
 @pytest.mark.parametrize("report", [REPORT, None], ids=["played", "broken off"])
 def test_each_end_is_a_line_of_its_own(report):
-    path = log_end("x.drive.h5", "autd3", report, "KeyboardInterrupt")
-    assert log_end("y.drive.h5", "autd3", None, "played") == path
-    first, second = (json.loads(line) for line in path.read_text(encoding="utf-8").splitlines())
-    assert (first["event"], first["drive"], first["device"]) == ("end", "x.drive.h5", "autd3")
-    assert first["reason"] == "KeyboardInterrupt"
-    told = {key: first[key] for key in ("frames", "late", "gap_s", "start_ns") if key in first}
-    assert told == ({"frames": 3, "late": 1, "gap_s": 0.002, "start_ns": 5} if report else {})
-    assert second["drive"] == "y.drive.h5"
+    log_end("one", "x.drive.h5", "autd3", "stopped", "KeyboardInterrupt", report=report)
+    log_end("two", "y.drive.h5", "autd3", "played")
+    first, second = entries()
+    assert (first["event"], first["order"], first["drive"], first["device"]) == ("end", "one", "x.drive.h5", "autd3")
+    assert (first["outcome"], first["reason"]) == ("stopped", "KeyboardInterrupt")
+    told = {
+        key: first[key] for key in ("frames", "duration_s", "late", "gap_s", "start_ns", "silencer") if key in first
+    }
+    assert list(told.values()) == ([3, 0.003, 1, 0.002, 5, "off"] if report else [])
+    assert (second["drive"], second["outcome"], second["reason"]) == ("y.drive.h5", "played", "played")
     assert first["time"] <= second["time"]
 
 
@@ -32,26 +50,60 @@ def test_a_log_that_cannot_be_written_is_told(tmp_path, monkeypatch):
     (tmp_path / "played.jsonl").mkdir()
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     with pytest.raises(FileError, match="nothing plays without a log"):
-        log_end("x.drive.h5", "autd3", None, "played")
-
-
-ARRAY = TransducerArray.autd3()
-
-
-def admitted(level, **choices):
-    phase = np.tile(focus_phase(ARRAY, np.array([0, 0, 0.2])), (3, 1))
-    drive = Drive(phase=phase, level=np.full(3, level), rate=1000.0, array=ARRAY)
-    exposure = ExposureChoices(profile=profile_named("occupational-110"), **choices)
-    return admit(drive, VirtualArray(ARRAY), exposure, repeats=2)
+        log_end("one", "x.drive.h5", "autd3", "played")
 
 
 def test_an_order_says_how_loud_and_who_answers_for_it():
-    path = log_order("x.drive.h5", "autd3", admitted(1.0, override=" A Person "))
-    log_order("y.drive.h5", "autd3", admitted(0.01))
-    first, second = (json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()[-2:])
+    one = log_order("x.drive.h5", "autd3", admitted(1.0, override=" A Person "))
+    two = log_order("y.drive.h5", "autd3", admitted(0.01))
+    first, second = entries()
+    assert (first["order"], second["order"]) == (one, two)
+    assert one != two
     assert (first["override_by"], first["exposure"], first["repeats"]) == ("A Person", "overridden", 2)
     assert first["places"]["left ear"]["peak_db"] > 110
     assert (second["override_by"], second["exposure"]) == ("", "kept")
+
+
+def test_an_order_can_be_audited(tmp_path, monkeypatch):
+    monkeypatch.setenv("LOGNAME", "somebody")
+    path, admission = tmp_path / "x.drive.h5", admitted(0.01)
+    path.write_bytes(b"what the file holds")
+    log_order(path, "autd3:eth0", admission, simulated=True)
+    (entry,) = entries()
+    assert (entry["version"], entry["user"], entry["process"]) == (__version__, "somebody", os.getpid())
+    assert "pytest" in entry["command"]
+    assert (entry["device"], entry["simulated"], entry["frames"], entry["rate_hz"]) == ("autd3:eth0", True, 3, 1000.0)
+    assert entry["file_sha256"] == hashlib.sha256(b"what the file holds").hexdigest()
+    drive = admission.drive
+    assert entry["sha256"] == hashlib.sha256(drive.phase.tobytes() + drive.level.tobytes()).hexdigest()
+    assert entry["profile"] == "occupational-110"
+    limits = {place.name: (place.limit, place.enforced) for place in PROFILE.places}
+    assert {name: (one["limit_db"], one["enforced"]) for name, one in entry["places"].items()} == limits
+
+
+def test_a_profile_that_was_edited_has_another_hash():
+    from dataclasses import replace
+
+    lax = replace(PROFILE, places=(replace(PROFILE.places[0], limit=150.0), *PROFILE.places[1:]))
+    drive = admitted(0.01).drive
+    for profile in (PROFILE, lax, PROFILE):
+        log_order("x", "autd3", admit(drive, VirtualArray(ARRAY), ExposureChoices(profile=profile)))
+    first, second, third = (entry["profile_sha256"] for entry in entries())
+    assert first == third != second
+    assert len(first) == 64
+
+
+def test_what_no_limit_holds_is_null_and_no_word_that_json_lacks():
+    from dataclasses import replace
+
+    advice = replace(PROFILE, places=tuple(replace(place, enforced=False) for place in PROFILE.places))
+    log_order("x", "autd3", admit(admitted(0.01).drive, VirtualArray(ARRAY), ExposureChoices(profile=advice)))
+    assert entries()[0]["excess_db"] is None
+
+
+def test_nobody_else_reads_the_log():
+    log_end("one", "x", "autd3", "played")
+    assert (state_folder() / "played.jsonl").stat().st_mode & 0o077 == 0
 
 
 def test_nothing_is_ordered_without_a_log(tmp_path, monkeypatch):

@@ -1,7 +1,9 @@
 import importlib.metadata
+import os
 
 import pytest
 
+from midair.devices import autd3_array
 from midair.rig.doctor import array_checkup
 from midair.rig.doctor.array_checkup import array_findings, device_findings
 
@@ -44,6 +46,15 @@ def test_a_log_that_cannot_be_written(tmp_path, monkeypatch):
     finding = by_subject(array_findings())["log of what played"]
     assert finding.state == "broken"
     assert "MIDAIR_STATE" in finding.advice
+
+
+def test_only_what_lives_plays_now(tmp_path):
+    (tmp_path / "state").mkdir()
+    (tmp_path / "state" / "playing-1.json").write_text('{"process": 1, "device": "dead"}', encoding="utf-8")
+    assert by_subject(array_findings())["playing now"].found == "nothing"
+    with autd3_array("eth0").reserved():
+        found = by_subject(array_findings())["playing now"].found
+    assert found.startswith(f"autd3:eth0 (process {os.getpid()}, ")
 
 
 @pytest.mark.parametrize(("name", "package"), [("autd3:emulator", "autd3"), ("pyautd3:audit", "pyautd3")])

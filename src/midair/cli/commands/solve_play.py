@@ -133,7 +133,7 @@ def play_command(
     banner(True)
     with stages() as stage, rig.array_device(skin) as array, rig.sensor(skin) as sensor:
         admission = options.admit(drive, array)
-        recording = rerecord(admission, array, sensor, source=str(source), progress=stage("play and re-record"))
+        recording = rerecord(admission, array, sensor, source=source, progress=stage("play and re-record"))
     save(recording, target, calibration=sensor.calibration)
     print_rows(
         [

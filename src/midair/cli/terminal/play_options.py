@@ -46,18 +46,14 @@ def play_on_array(source: Path, device: str, options: PlayOptions) -> None:
     """Play a drive's file on a device that is not virtual, and print how it went."""
     placement = None if options.placement is None else load_placement(options.placement)
     array = array_named(device, placement, silencer=options.silencer)
-    drive = load_solution(source).drive
-    admission = options.admit(drive, array)
-    banner(array.simulated)
-    print_rows([("exposure", f"{admission.outcome}: {admission.exposure.verdict()}")])
-    with stages() as stage, array:
-        report = play_admitted(
-            admission,
-            array,
-            source=str(source),
-            delay=options.delay,
-            progress=stage("play"),
-        )
+    # Reserved before a long drive is read and checked, so that this can be stopped too, and nobody else gets the units.
+    with array.reserved():
+        drive = load_solution(source).drive
+        admission = options.admit(drive, array)
+        banner(array.simulated)
+        print_rows([("exposure", f"{admission.outcome}: {admission.exposure.verdict()}")])
+        with stages() as stage, array:
+            report = play_admitted(admission, array, source=source, delay=options.delay, progress=stage("play"))
     print_rows(_rows(report, drive, device))
 
 

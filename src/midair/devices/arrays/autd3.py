@@ -30,9 +30,17 @@ def autd3_array(
         return _module("midair.devices.arrays.autd3_udp", "autd3").Autd3Udp(placement, where)
 
     name = "autd3" if where == "auto" else f"autd3:{where}"
-    # An address with a port is an emulator's: real units are searched for behind an interface.
-    emulated = where == "emulator" or "]:" in where
-    return BankedArray(connect, placement or Placement.grid(), name=name, silencer=silencer, simulated=emulated)
+    # Behind a loopback address there are no units; behind any other there may be.
+    own, elsewhere = where == "emulator", where.startswith("[::1]:")
+    return BankedArray(
+        connect,
+        placement or Placement.grid(),
+        name=name,
+        silencer=silencer,
+        simulated=own or elsewhere,
+        # Everybody who asks for an emulator of their own gets one; one that runs elsewhere is nobody's units.
+        exclusive=None if own else f"emulator:{where}" if elsewhere else name,
+    )
 
 
 def autd3_firmware(placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
@@ -65,6 +73,7 @@ def pyautd3_array(link: str, placement: Placement | None = None, *, silencer: Si
         name=f"pyautd3:{link}",
         silencer=silencer,
         simulated=link in ("audit", "nop"),
+        exclusive=None if link in ("audit", "nop") else f"pyautd3:{link}",
     )
 
 

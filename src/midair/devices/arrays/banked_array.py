@@ -30,6 +30,8 @@ class BankedArray(ArrayDevice):
         Longest piece that is handed over at once, in s.
     simulated : bool
         Whether it is an emulator.
+    exclusive : str, optional
+        What no other program may have while this one is open.
     """
 
     def __init__(
@@ -41,8 +43,10 @@ class BankedArray(ArrayDevice):
         silencer: SilencerChoice = "auto",
         block: float = 0.25,
         simulated: bool = False,
+        exclusive: str | None = None,
     ) -> None:
         self.name, self.placement, self.array, self.simulated = name, placement, placement.array(), simulated
+        self.exclusive = exclusive
         self.silencer: SilencerChoice = silencer
         self.block = block
         self._connect = connect
@@ -80,7 +84,7 @@ class BankedArray(ArrayDevice):
         ordered = self._silenced
 
         def switch(bank: int, instant: int) -> None:
-            with self._lock:
+            with self.sounding(), self._lock:
                 # Under the lock no silence from another thread can fall between this check and the switch.
                 if self._silenced != ordered:
                     raise DeviceError(f"{self.name}: silenced from elsewhere while it played")
@@ -100,14 +104,15 @@ class BankedArray(ArrayDevice):
 
     def silence(self) -> None:
         """Stop all sound at once, from any thread; what plays then ends with an error."""
-        if self._banks is None:
-            return
         with self._lock:
-            self._silenced += 1
-            self._banks.silence()
+            if self._banks is not None:
+                self._silenced += 1
+                self._banks.silence()
 
     def close(self) -> None:
         """Let go of the device."""
-        banks, self._banks = self._banks, None
-        if banks is not None:
-            banks.close()
+        # Under the lock a silence from another thread returns only when the closing has silenced it.
+        with self._lock:
+            banks, self._banks = self._banks, None
+            if banks is not None:
+                banks.close()

@@ -5,7 +5,7 @@ import os
 import socket
 import sys
 
-from midair.devices import state_folder
+from midair.devices import playing_now, state_folder
 from midair.errors import MidairError
 from midair.rig.doctor.check import Check
 from midair.rig.names import array_named
@@ -125,7 +125,7 @@ def _log() -> Check:
 
 
 def _playing() -> Check:
-    files = list(state_folder().glob("playing-*.json"))
-    if files:
-        return Check(subject="playing now", state="ok", found=f"{len(files)} say so", advice="midair stop silences")
+    programs = [f"{each.get('device')} (process {each['process']}, {each['command']})" for each in playing_now()]
+    if programs:
+        return Check(subject="playing now", state="ok", found=", ".join(programs), advice="midair stop silences")
     return Check(subject="playing now", state="ok", found="nothing")

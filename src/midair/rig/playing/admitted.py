@@ -1,13 +1,13 @@
-"""Play what was admitted with everything that keeps it safe: a log, a way to stop it, silence at the end."""
+"""Play what was admitted, and be silent when a signal ends the program."""
 
-import _thread
 import signal
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 
-from midair.devices import Admission, ArrayDevice, PlayReport, log_end, log_order, stop_line
+from midair.devices import Admission, ArrayDevice, PlayReport
 from midair.model import Progress
 from midair.rig.signals import ENDING, handled
 
@@ -16,14 +16,14 @@ def play_admitted(
     admission: Admission,
     array: ArrayDevice,
     *,
-    source: str,
+    source: str | Path,
     delay: float = 0.0,
     progress: Progress | None = None,
 ) -> PlayReport:
     """Play on an open array what has been admitted on it.
 
-    The order is in the log before the first sound, and its end after the last. SIGTERM and SIGHUP end the program as
-    Ctrl-C does, which silences the array on the way out; so does `stop_playing` from another terminal.
+    SIGTERM and SIGHUP end the program as Ctrl-C does, which silences the array on the way out. It is
+    logged, and `midair stop` reaches it, also where nobody can hear it: see `ArrayDevice.play`.
 
     Parameters
     ----------
@@ -31,26 +31,13 @@ def play_admitted(
         What `admit` gave for this array.
     array : ArrayDevice
         Open.
-    source : str
-        What to call the drive in the log.
+    source : str or Path
+        What to call the drive in the log; a file is hashed there.
     delay, progress
         As in `ArrayDevice.play`.
     """
-    log_order(source, array.name, admission)
-
-    def stop() -> None:
-        # Silence first, then the end of the program, which may take its time.
-        array.silence()
-        _thread.interrupt_main()
-
-    try:
-        with signals_end_the_program(), stop_line(array.name, stop):
-            report = array.play(admission, delay=delay, progress=progress)
-    except BaseException as end:
-        log_end(source, array.name, None, f"{type(end).__name__}: {end}".rstrip(": "))
-        raise
-    log_end(source, array.name, report, "played")
-    return report
+    with signals_end_the_program():
+        return array.play(admission, source=source, delay=delay, progress=progress, watched=True)
 
 
 @contextmanager

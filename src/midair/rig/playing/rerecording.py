@@ -1,6 +1,7 @@
 """From an admitted drive to a played one, and to what a sensor felt of it."""
 
 import time
+from pathlib import Path
 
 from midair.devices import Admission, ArrayDevice, ExposureChoices, SensorDevice, read_frames
 from midair.errors import MismatchError
@@ -19,7 +20,7 @@ def rerecord(
     array: ArrayDevice,
     sensor: SensorDevice,
     *,
-    source: str = "loop",
+    source: str | Path = "loop",
     tail: float = 0.02,
     progress: Progress | None = None,
 ) -> Recording:
@@ -34,8 +35,8 @@ def rerecord(
         What `admit` gave for this array.
     array, sensor : ArrayDevice, SensorDevice
         Open. The sensor must keep what it samples until it is read.
-    source : str
-        What to call the drive in the log.
+    source : str or Path
+        What to call the drive in the log; a file is hashed there.
     tail : float
         How much longer than the drive to record, in s, so that a delay cuts nothing off.
     progress : callable, optional
