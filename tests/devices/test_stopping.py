@@ -32,7 +32,7 @@ def noise(frames=100, level=1.0):
 class ClockedBanks:
     """Banks of units that know when they sound, by the clock of this computer; orders take their time to get there."""
 
-    frames_max, margin, failsafe = 1024, 2 * MS, 0.0
+    frames_max, margin, patience, failsafe = 1024, 2 * MS, 2 * MS, 0.0
 
     def __init__(self, rng):
         self.rng, self.frames, self.sounds = rng, {}, []
@@ -82,10 +82,12 @@ class ClockedBanks:
 
 
 def stopped_at(seed):
-    """Play in a thread, stop after a random time; what sounded after the answer, and how it ended."""
+    """Play in a thread, stop at a random moment; what sounded after the answer, the answers, how it ended, if it ever
+    sounded. One in four stops comes while it starts, one while it sounds, one after its end, and one at any time.
+    """
     rng = np.random.default_rng(seed)
     banks = ClockedBanks(np.random.default_rng(seed + 1))
-    opening, checking, moment = rng.uniform(0, 0.02), rng.uniform(0, 0.02), rng.uniform(0, 0.22)
+    opening, checking = rng.uniform(0, 0.02), rng.uniform(0, 0.02)
 
     def connect(_):
         time.sleep(opening)
@@ -108,7 +110,9 @@ def stopped_at(seed):
 
     player = threading.Thread(target=play)
     player.start()
-    time.sleep(moment)
+    while (seed % 4 == 1 and not (banks.sounds or ended)) or (seed % 4 == 2 and not ended):
+        time.sleep(0.001)
+    time.sleep(rng.uniform(0, (0.05, 0.1, 0.01, 0.22)[seed % 4]))
     answers = [one.outcome for one in stop_playing()]
     answered = banks.now()
     player.join(20)
@@ -121,11 +125,11 @@ def stop_often(times):
     assert {answer for _, answers, _, _ in results for answer in answers} == {"silent"}
     # Before anything sounded, while it did, and after its end: all of it was tried.
     kinds = {(ended, sounded) for _, _, (ended,), sounded in results}
-    assert kinds == {("stopped", False), ("stopped", True), ("played", True)}
+    assert kinds >= {("stopped", False), ("stopped", True), ("played", True)}
 
 
 def test_nothing_sounds_after_a_stop_at_random_moments():
-    stop_often(30)
+    stop_often(32)
 
 
 @pytest.mark.slow

@@ -10,6 +10,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from midair.devices.admission import Admission
 from midair.devices.safety.held_files import command, token, user
 from midair.devices.safety.state_folders import make_state_folder
@@ -119,7 +121,7 @@ def hash_of_drive(drive: Drive) -> str:
     """SHA-256, in hex, of all phases and then all levels, as the drive holds them in memory, row by row."""
     digest = hashlib.sha256()
     for part in (drive.phase, drive.level):
-        digest.update(memoryview(part).cast("B"))
+        digest.update(np.ascontiguousarray(part).view(np.uint8).data)
     return digest.hexdigest()
 
 

@@ -114,11 +114,9 @@ def stop_playing(*, timeout: float = WAIT) -> list[Stopped]:
     """
     problem = _note_stop()
     paths = sorted(state_folder().glob("playing-*.json"))
-    if paths:
-        with ThreadPoolExecutor(min(64, len(paths))) as pool:
-            stopped = [one for one in pool.map(lambda path: _stop(path, timeout), paths) if one is not None]
-    else:
-        stopped = []
+    with ThreadPoolExecutor(min(64, len(paths) or 1)) as pool:
+        asked = [pool.submit(_stop, path, timeout) for path in paths]
+    stopped = [one for each in asked if (one := each.result()) is not None]
     if problem is not None and not stopped:
         raise problem
     return stopped
