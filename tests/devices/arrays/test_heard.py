@@ -69,6 +69,11 @@ def test_what_ends_a_stream_says_which_frames_are_in_doubt():
     assert str(done.told(DeviceError("at the end"))) == "at the end"
 
 
+def test_an_error_before_the_first_block_leaves_all_frames_in_doubt():
+    _, one = heard(0)
+    assert str(one.told(DeviceError("refused"))).startswith("refused; frames 0 to 999 of 1000")
+
+
 def test_heat_is_remembered_after_it_has_gone():
     units, one = heard(1)
     units.answer = UnitsState(hot=(2,), errors=())

@@ -74,6 +74,8 @@ class Heard:
 
     def _first_after(self, instant: int) -> int:
         """The first frame that was not over at an instant."""
+        if not self._blocks:
+            return 0
         ends = [*(first for _, first in self._blocks[1:]), self._ordered]
         for (start, first), end in zip(self._blocks, ends, strict=True):
             over = first + max(0, (instant - start) // self._period)

@@ -13,7 +13,7 @@ from midair.devices.arrays.banks import Banks, TooLateError
 from midair.devices.arrays.heard import Heard
 from midair.devices.frame_bytes import TICK, Bytes
 from midair.devices.interface import PlayReport
-from midair.errors import DeviceError, SilentFramesError
+from midair.errors import DeviceError, SilentFramesError, StoppedError
 from midair.model import Progress
 
 MS = 1_000_000
@@ -99,7 +99,7 @@ def play_stream(
     heard = Heard(banks, stream.period, stream.total)
     try:
         return _play(stream, banks, heard, progress, switch or banks.switch)
-    except SilentFramesError:
+    except (SilentFramesError, StoppedError):
         raise
     except DeviceError as wrong:
         raise heard.told(wrong) from wrong
