@@ -2,7 +2,9 @@
 
 import os
 import sys
+import warnings
 from collections.abc import Sequence
+from typing import Any
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -10,6 +12,7 @@ from midair.cli.commands import COMMANDS, GROUPS
 from midair.cli.terminal import err
 from midair.devices import ordered_at, process_began
 from midair.errors import MidairError, UnknownDeviceError
+from midair.files import NoLocksWarning
 from midair.version import __version__
 
 TRACEBACK = "MIDAIR_TRACEBACK"
@@ -32,6 +35,7 @@ for group in GROUPS:
 
 def main(tokens: Sequence[str] | None = None) -> None:
     """Run a command line and leave with its exit status."""
+    warnings.showwarning = _say_warning
     # From here on a stop counts, also one that comes before the command says that it plays.
     with ordered_at(process_began()):
         sys.exit(run(sys.argv[1:] if tokens is None else tokens))
@@ -67,6 +71,14 @@ def _unforeseen(wrong: Exception) -> int:
         return _say(f"{where}{wrong.strerror} ({TRACEBACK}=1 shows where)", 1)
     said = f"{type(wrong).__name__}: {wrong}" if str(wrong) else type(wrong).__name__
     return _say(f"this is an error in midair, please report it: {said[:400]} ({TRACEBACK}=1 shows where)", 1)
+
+
+def _say_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
+    """A warning of midair in its own words, without the line of code that gave it; others as Python shows them."""
+    if issubclass(category, NoLocksWarning):
+        _say(str(message), 0)
+    else:
+        sys.stderr.write(warnings.formatwarning(message, category, *where[:2]))
 
 
 def _say(message: str, status: int) -> int:

@@ -3,7 +3,7 @@
 from midair.files.atomic import refusing, whole_file, writable_path
 from midair.files.formats import FORMATS, format_of, load, open_take, save
 from midair.files.harmless import no_formula, printable
-from midair.files.holding import hold
+from midair.files.holding import NoLocksWarning, check_unclaimed, hold
 from midair.files.listing import Contents, contents
 from midair.files.loss import Loss
 from midair.files.native import (
@@ -40,7 +40,9 @@ __all__ = [
     "FORMATS",
     "OpenedTake",
     "Loss",
+    "NoLocksWarning",
     "RecordingWriter",
+    "check_unclaimed",
     "contents",
     "csv_text",
     "for_json",

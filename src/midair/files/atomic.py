@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from midair.errors import BrokenFileError, FileError, MidairError, MissingFileError
+from midair.files.holding import check_unclaimed
 
 PARSER_FAILURES = (
     ArithmeticError,
@@ -77,21 +78,23 @@ def whole_file(path: str | os.PathLike[str]) -> Generator[Path]:
     """A name beside `path` to write to; it becomes `path` when the block ends well and is removed when it does not.
 
     The bytes are on the disk (fsync) before the name changes (os.replace): whoever looks sees the old file or the new
-    one, never half of either.
+    one, never half of either. A file that is being recorded is left alone.
 
     Raises
     ------
     MissingFileError
         If the folder does not exist.
     FileError
-        If the file cannot be written.
+        If the file cannot be written, or some program is recording into it.
     """
     target = writable_path(path)
+    check_unclaimed(target)
     partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
     try:
         partial.touch(exist_ok=False)
         yield partial
         _sync(partial)
+        check_unclaimed(target)
         os.replace(partial, target)
     except MidairError:
         raise

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from midair.cli.terminal import SolveOptions, Time, banner, out, print_figures, print_rows, quantity, say_air, stages
-from midair.files import save, save_solution
+from midair.files import check_unclaimed, save, save_solution
 from midair.flow import felt
 from midair.rig import Loop, VirtualRig, capture_recording, pictures, run_loop, write_report
 
@@ -42,6 +42,7 @@ def demo_command(
     options = options or SolveOptions()
     settings = options.settings()
     output.mkdir(parents=True, exist_ok=True)
+    check_unclaimed(output / "stroke.h5")
     (output / "stroke.h5").unlink(missing_ok=True)
     rig = VirtualRig(seed=seed, height=settings.target.grid.height)
     out().print(f"sensor: none found, virtual {object_name} on {rig.sensor_model.grid.name}")

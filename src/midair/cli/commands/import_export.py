@@ -105,7 +105,7 @@ def export_command(
 def repair_command(source: Path, /) -> None:
     """Close a recording whose program was killed, so that any program can open it.
 
-    Do not use it on a recording that still runs.
+    A recording that still runs is refused.
 
     Parameters
     ----------

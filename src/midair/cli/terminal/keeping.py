@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.terminal.console import banner, out, print_json, print_rows
 from midair.errors import InputError
-from midair.files import Loss, save, save_pressure
+from midair.files import Loss, check_unclaimed, save, save_pressure
 from midair.model import Calibration, PressureFrames, Recording
 
 
@@ -50,6 +50,7 @@ def say_kept(
 
 
 def may_write(path: Path, force: bool) -> None:
-    """Refuse to write over a file unless told to."""
+    """Refuse to write over a file unless told to, and over one that is being recorded in any case."""
     if path.exists() and not force:
         raise InputError(f"{path}: is there already; give another name, or --force to write over it")
+    check_unclaimed(path)

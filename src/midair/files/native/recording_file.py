@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError
+from midair.files.holding import check_unclaimed
 from midair.files.loss import Loss
 from midair.files.native.axes import check_time, sensor_from, sensor_values, time_values
 from midair.files.native.calibration_file import load_calibration, read_calibration, write_calibration
@@ -128,7 +129,7 @@ def load_pressure(path: str | os.PathLike[str]) -> PressureFrames | None:
 
 
 def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Close a recording whose writer was killed, so that any program can open it; not one that still runs.
+    """Close a recording whose writer was killed, so that any program can open it; one that still runs is refused.
 
     Parameters
     ----------
@@ -143,8 +144,9 @@ def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError, FileError
-        If not even its first frame can be read, or it cannot be written.
+        If not even its first frame can be read, or it cannot be written, or a program is recording into it.
     """
+    check_unclaimed(Path(path))
     imported = read_recording(Path(path), Given())
     _write(imported.recording, Path(path), load_calibration(path), load_pressure(path))
     return imported.report

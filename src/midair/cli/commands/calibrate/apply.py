@@ -14,6 +14,7 @@ from midair.cli.terminal import (
     calibrated_by,
     given_calibration,
     keep,
+    may_write,
     nominal_calibration,
     prepare_page,
     print_rows,
@@ -57,6 +58,7 @@ def apply_command(
         Of that: 0 for the inverse of the crosstalk matrix, more for less.
     """
     chosen = (options or BandOptions()).settings().calibration
+    may_write(source, force=True)
     take = open_take(source)
     recording = take.recording
     known = nominal_calibration(recording, sensitivity, peak)
