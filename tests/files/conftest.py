@@ -2,6 +2,7 @@ import json
 import struct
 from collections.abc import Callable
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,6 +39,12 @@ def recording(provenance: Provenance) -> Recording:
     samples = np.random.default_rng(7).normal(size=(40, 3, 5))
     sensor = SensorGrid(rows=3, columns=5, pitch=7e-3, name="palm µ")
     return Recording(samples=samples, rate=1000 / 3, sensor=sensor, unit="Pa", provenance=provenance)
+
+
+@pytest.fixture
+def options(recording: Recording) -> dict[str, Any]:
+    """What a writer of `recording` has to be told."""
+    return {"rate": recording.rate, "sensor": recording.sensor, "unit": "Pa", "provenance": recording.provenance}
 
 
 @pytest.fixture

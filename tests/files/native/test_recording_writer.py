@@ -12,11 +12,6 @@ from midair.files import RecordingWriter, load, load_calibration, open_take, rep
 from midair.model import Provenance, SensorGrid
 
 
-@pytest.fixture
-def options(recording):
-    return {"rate": recording.rate, "sensor": recording.sensor, "unit": "Pa", "provenance": recording.provenance}
-
-
 def test_a_live_recording_equals_a_saved_one(recording, calibration, options, tmp_path, alike):
     path = tmp_path / "live.h5"
     with RecordingWriter(path, **options, calibration=calibration) as writer:
@@ -171,3 +166,9 @@ def test_a_killed_program_loses_at_most_a_quarter_of_a_second(seconds, tmp_path)
     assert load_calibration(path).sensor == SensorGrid()
     with xarray.open_dataset(path, engine="h5netcdf") as table:
         assert table.sizes["time"] == frames
+
+
+def test_no_file_is_made_where_there_is_no_room_for_what_will_come(options, tmp_path):
+    with pytest.raises(FileError, match=r"free on the disk, got .* record for a shorter time"):
+        RecordingWriter(tmp_path / "live.h5", **options, expected=10**15).__enter__()
+    assert list(tmp_path.iterdir()) == []

@@ -8,6 +8,7 @@ import json
 import mmap
 import os
 import random
+import re
 import signal
 import struct
 import subprocess
@@ -193,3 +194,32 @@ def test_a_request_to_end_closes_the_file_in_order(tmp_path):
     assert f"midair: stopped; {load(path).frames} frames are in take.h5" in said
     assert open_take(path).report == (), "closed in order"
     assert load(path).frames > 0
+
+
+def test_what_would_replace_a_recording_that_runs_is_refused_and_nothing_is_lost(tmp_path):
+    path = tmp_path / "n.h5"
+    run = [*MIDAIR, "record", "virtual:towel", str(path), "--duration", "8s", "--real-time", "--quiet"]
+    with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as recorder:
+        while not path.exists() or read_frames(path) < 500:
+            time.sleep(0.05)
+        refused = []
+        for words in (["calibrate", "n.h5"], ["repair", "n.h5"], ["gain", "n.h5", "n.h5", "--by", "2", "--force"]):
+            done = subprocess.run([*MIDAIR, *words], capture_output=True, text=True, check=False, cwd=tmp_path)
+            refused.append((done.returncode, done.stderr))
+        # A copy may be made meanwhile.
+        subprocess.run([*MIDAIR, "cut", "n.h5", "part.h5", "--end", "0.4s"], check=True, cwd=tmp_path)
+        said, _ = recorder.communicate()
+    assert recorder.returncode == 0, said
+    for status, error in refused:
+        assert status == 1
+        assert re.fullmatch(rf"midair: n\.h5: process {recorder.pid} \(.*\) is recording into it; wait .*\n", error)
+    assert read_frames(path) == 8000
+    assert "8000 at 1000 Hz" in said
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["n.h5", "part.h5"]
+
+
+def read_frames(path):
+    try:
+        return open_take(path).recording.frames
+    except BrokenFileError:
+        return 0

@@ -256,7 +256,8 @@ def _status(takes: list[Take], device: SensorDevice) -> int:
         err().print(f"midair: stopped; {kept}")
         return 130
     if last.end == "failure":
-        raise DeviceError(f"{last.problem}; the {last.frames} frames before it are in {last.path}")
+        kept = f"the {last.frames} frames so far are safe"
+        raise DeviceError(last.problem if kept in last.problem else f"{last.problem}; {kept}, in {last.path}")
     if not any(take.frames for take in takes):
         raise DeviceError(f"{device.name}: nothing was recorded, it ended before a take began")
     return 0

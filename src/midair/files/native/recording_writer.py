@@ -2,13 +2,12 @@
 
 import importlib
 import os
-import secrets
 import shutil
 import threading
 import time
 from collections.abc import Generator, Iterable
 from contextlib import contextmanager
-from pathlib import Path
+from io import BytesIO
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -21,6 +20,7 @@ from midair.files.native.axes import sensor_values
 from midair.files.native.calibration_file import write_calibration
 from midair.files.native.events import KINDS, event_values
 from midair.files.native.hdf5 import LAYOUT, fixed_text, signature, stored_dataset, write_group
+from midair.files.native.live_file import LiveFile
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Unit
 from midair.validation import frozen_array, positive
 
@@ -31,9 +31,10 @@ if TYPE_CHECKING:
 class RecordingWriter:
     """A recording's file that grows while the sensor speaks, and that others may read meanwhile (SWMR).
 
-    Leaving the context closes the file in order, also on an error; killing the program loses at most what came in the
-    last `interval`. It stands up to the death of the program, not of the computer: the bytes are with the operating
-    system, which writes them to the disk in its own time.
+    Leaving the context closes the file in order, also on an error. Killing the program loses at most what came in the
+    last `interval`, and so does a disk that refuses: the message says how many frames are safe. It stands up to the
+    death of the program, not of the computer: until the file is closed, the operating system may hold bytes back. No
+    other program of midair replaces or removes it meanwhile.
 
     Parameters
     ----------
@@ -53,6 +54,8 @@ class RecordingWriter:
         Longest time that a frame waits in memory, in s, and how many frames of it may wait there.
     reserve : int
         Bytes that stay free on the disk: a recording ends in order before the disk is full.
+    expected : int
+        Frames that will come, where that is known: without room for them no file is made.
 
     Examples
     --------
@@ -71,6 +74,7 @@ class RecordingWriter:
         calibration: Calibration | None = None,
         interval: float = 0.25,
         reserve: int = 2**24,
+        expected: int = 0,
     ) -> None:
         self.path = writable_path(path)
         self.rate = positive(rate, "rate", "Hz")
@@ -79,13 +83,14 @@ class RecordingWriter:
         self.provenance = provenance
         self.calibration = calibration
         self.interval = positive(interval, "interval", "s")
-        self.reserve = reserve
+        self.reserve, self.expected = reserve, expected
         self._frames = self._events = self._safe = self._told = 0
-        self._file: h5py.File | None = None
+        self._live: LiveFile | None = None
         self._lock = threading.RLock()
         self._timer: threading.Timer | None = None
         self._flushed = 0.0
         self._failure: Exception | None = None
+        self._said = False
         # A recording of one silent frame meets the unit and the sensor as every later block will.
         Recording(samples=np.zeros((1, *sensor.shape)), rate=self.rate, sensor=sensor, unit=unit)
 
@@ -95,27 +100,16 @@ class RecordingWriter:
         return self._frames
 
     def __enter__(self) -> Self:
-        import h5py
-
-        with _new_name(self.path) as partial, h5py.File(partial, "w", libver=LAYOUT) as file:
-            write_group(file, "recording", self._start(), live=True)
-            stored_dataset(file, "event_kind").attrs["flag_values"] = np.arange(len(KINDS), dtype="i1")
-            stored_dataset(file, "event_kind").attrs["flag_meanings"] = fixed_text(" ".join(KINDS))
-            if self.calibration is not None:
-                write_calibration(file.create_group("calibration"), self.calibration)
-        try:
-            # Opened again for SWMR, in which rows can grow but no name can be added any more.
-            self._file = h5py.File(self.path, "r+", libver=LAYOUT)
-            self._file.swmr_mode = True
-        except OSError as wrong:
-            raise FileError(f"{self.path}: cannot be written: {reason(wrong)}") from wrong
-        self._flush()
+        self._check_room(8 * (self.sensor.count + 1) * self.expected)
+        self._live = LiveFile(self.path, self._image())
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, wrong: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+        if wrong is not None and self._frames == 0:
+            self.path.unlink(missing_ok=True)
 
     @staticmethod
     def warm_up() -> None:
@@ -142,13 +136,11 @@ class RecordingWriter:
             file = self._opened()
             self._check_room()
             start, stop = self._frames, self._frames + len(samples)
-            try:
+            with self._failing():
                 self._extend(stored_dataset(file, "time"), start, np.arange(start, stop) / self.rate)
                 self._extend(stored_dataset(file, "samples"), start, samples)
-            except (OSError, RuntimeError) as wrong:
-                raise FileError(f"{self.path}: cannot be written: {reason(wrong)}") from wrong
-            self._frames = stop
-            self._flush_in_time()
+                self._frames = stop
+                self._flush_in_time()
 
     def note(self, events: Iterable[Event]) -> None:
         """Write down what happened; it is flushed with the next frames, before them.
@@ -167,27 +159,35 @@ class RecordingWriter:
         with self._lock:
             file = self._opened()
             values = event_values(rows) | {"event": np.arange(self._events, self._events + len(rows))}
-            try:
+            with self._failing():
                 for name in values if rows else ():
                     self._extend(stored_dataset(file, name), self._events, values[name])
-            except (OSError, RuntimeError) as wrong:
-                raise FileError(f"{self.path}: cannot be written: {reason(wrong)}") from wrong
-            self._events += len(rows)
+                self._events += len(rows)
 
     def close(self) -> None:
-        """Write what is left, mark the recording as finished, and close it; once is enough, twice does no harm."""
+        """Write what is left, mark the recording as finished, and close it; once is enough, twice does no harm.
+
+        Raises
+        ------
+        FileError
+            If the disk refuses; the message says how many frames are safe, and `frames` does, too.
+        """
         with self._lock:
             if self._timer is not None:
                 self._timer.cancel()
-            if self._file is None:
+            if self._live is None:
                 return
-            file, self._file = self._file, None
+            live, self._live = self._live, None
             try:
-                self._cut(file)
-                stored_dataset(file, "finished")[()] = 1
-                file.close()
+                self._cut(live.file)
+                stored_dataset(live.file, "finished")[()] = 1
+                live.close()
             except (OSError, RuntimeError) as wrong:
-                raise FileError(f"{self.path}: cannot be closed in order: {reason(wrong)}") from wrong
+                # After a failure the disk has what it had; trying to close in order was worth it all the same.
+                if self._failure is None:
+                    self._give_up(wrong)
+            if self._failure is not None and not self._said:
+                raise self._refusal() from self._failure
 
     def _start(self) -> dict[str, Any]:
         return {
@@ -201,20 +201,53 @@ class RecordingWriter:
             **event_values(()),
         }
 
+    def _image(self) -> bytes:
+        """The file without a frame. In memory, since HDF5 does not survive a disk that refuses."""
+        import h5py
+
+        image = BytesIO()
+        with h5py.File(image, "w", libver=LAYOUT) as file:
+            write_group(file, "recording", self._start(), live=True)
+            stored_dataset(file, "event_kind").attrs["flag_values"] = np.arange(len(KINDS), dtype="i1")
+            stored_dataset(file, "event_kind").attrs["flag_meanings"] = fixed_text(" ".join(KINDS))
+            if self.calibration is not None:
+                write_calibration(file.create_group("calibration"), self.calibration)
+        return image.getvalue()
+
     def _opened(self) -> "h5py.File":
         if self._failure is not None:
-            raise FileError(f"{self.path}: cannot be written: {reason(self._failure)}") from self._failure
-        if self._file is None:
+            self._said = True
+            raise self._refusal() from self._failure
+        if self._live is None:
             raise FileError(f"{self.path}: the recording is not open; use it in a with block")
-        return self._file
+        return self._live.file
 
-    def _check_room(self) -> None:
+    def _check_room(self, more: int = 0) -> None:
         free = shutil.disk_usage(self.path.parent).free
-        if free < self.reserve:
+        if free < self.reserve + more:
+            far = f"the {self._frames} frames so far are safe, make room and record on under another name"
+            near = "make room, record for a shorter time, or on another disk"
             raise FileError(
-                f"{self.path}: expected {self.reserve / 1e6:.4g} MB free on the disk, got {free / 1e6:.4g} MB; "
-                f"the {self._frames} frames so far are safe, make room and record on under another name"
+                f"{self.path}: expected {(self.reserve + more) / 1e6:.4g} MB free on the disk, got {free / 1e6:.4g} "
+                f"MB; {near if self._live is None else far}"
             )
+
+    @contextmanager
+    def _failing(self) -> Generator[None]:
+        """Turn what a disk refuses into the end of the recording: what is on it stays as it is."""
+        try:
+            yield
+        except (OSError, RuntimeError) as wrong:
+            self._give_up(wrong)
+            self._said = True
+            raise self._refusal() from wrong
+
+    def _give_up(self, wrong: Exception) -> None:
+        self._failure, self._frames, self._events = wrong, self._safe, self._told
+
+    def _refusal(self) -> FileError:
+        why = "" if self._failure is None else reason(self._failure)
+        return FileError(f"{self.path}: cannot be written: {why}; the {self._safe} frames so far are safe")
 
     def _extend(self, dataset: "h5py.Dataset", start: int, values: np.ndarray) -> None:
         dataset.resize(start + len(values), axis=0)
@@ -245,49 +278,13 @@ class RecordingWriter:
             try:
                 self._flush()
             except (OSError, RuntimeError) as wrong:
-                self._failure = wrong  # the next append says it
+                self._give_up(wrong)  # the next append says it
 
     def _flush(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-        self._flushed, self._safe = time.monotonic(), self._frames
-        if self._file is not None:
-            if self._events > self._told:
-                for name in event_values(()):
-                    stored_dataset(self._file, name).flush()
-                self._told = self._events
-            # Times first: netCDF pads a variable that is shorter than its axis, and knows no longer ones.
-            stored_dataset(self._file, "time").flush()
-            stored_dataset(self._file, "samples").flush()
-
-
-@contextmanager
-def _new_name(path: Path) -> Generator[Path]:
-    """A name beside `path` to write to, which becomes `path` when the block ends well, unless somebody has that name.
-
-    So a file with the recording's name is one that opens, however early the program is killed.
-    """
-    partial = path.with_name(f".midair-{secrets.token_hex(4)}.part")
-    try:
-        if path.exists():
-            raise FileExistsError
-        yield partial
-        _take_name(partial, path)
-    except FileExistsError as wrong:
-        raise FileError(f"{path}: a file is there already; record under another name") from wrong
-    except OSError as wrong:
-        raise FileError(f"{path}: cannot be written: {reason(wrong)}") from wrong
-    finally:
-        partial.unlink(missing_ok=True)
-
-
-def _take_name(partial: Path, path: Path) -> None:
-    """Give a file its name; a link fails where the name is taken, which a change of name does not."""
-    try:
-        os.link(partial, path)
-    except FileExistsError:
-        raise
-    except OSError:  # a disk without links: claim the name, then replace what claims it
-        path.touch(exist_ok=False)
-        os.replace(partial, path)
+        self._flushed = time.monotonic()
+        if self._live is not None and self._failure is None:
+            self._live.commit()
+            self._safe, self._told = self._frames, self._events

@@ -17,14 +17,17 @@ if TYPE_CHECKING:
 LARGE = 64_000_000
 """Bytes from which a file is not copied into memory."""
 
-_LENGTH = 48  # bytes of the superblock; the last 4 are the checksum of the others
+LENGTH = 48
+"""Bytes of the superblock; the last 4 are the checksum of the others."""
+
+_WRITTEN = 5  # the flags of who has it open: somebody writes to it (1), and others may read meanwhile (4, SWMR)
 _WORD = 0xFFFFFFFF
 
 
 def is_unclosed(path: Path) -> bool:
     """Whether a file says that a writer has it open."""
     with path.open("rb") as file:
-        block = file.read(_LENGTH)
+        block = file.read(LENGTH)
     return _sound(block) and block[11] != 0
 
 
@@ -46,7 +49,7 @@ def closed_file(path: Path, *, large: int = LARGE) -> BinaryIO:
 def closed_image(path: Path) -> bytes:
     """The bytes of an unclosed file with the flag cleared and the end where the bytes end."""
     data = path.read_bytes()
-    return _closed_block(data[:_LENGTH], len(data)) + data[_LENGTH:]
+    return _closed_block(data[:LENGTH], len(data)) + data[LENGTH:]
 
 
 class _ClosedView(FileIO):
@@ -54,26 +57,34 @@ class _ClosedView(FileIO):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "r")
-        self._block = _closed_block(self.read(_LENGTH), path.stat().st_size)
+        self._block = _closed_block(self.read(LENGTH), path.stat().st_size)
         self.seek(0)
 
     def readinto(self, buffer: "WriteableBuffer", /) -> int:
         """Read where the file stands."""
         at = self.tell()
         count = super().readinto(buffer) or 0
-        if at < _LENGTH:
+        if at < LENGTH:
             instead = self._block[at : at + count]
             memoryview(buffer).cast("B")[: len(instead)] = instead
         return count
 
 
+def flagged_block(block: bytes, *, written: bool) -> bytes:
+    """A superblock, and whatever follows it, of a file that somebody writes to, or nobody."""
+    return _flagged(block, _WRITTEN if written else 0) + block[LENGTH:]
+
+
 def _closed_block(block: bytes, size: int) -> bytes:
     """The superblock of a file with the flag cleared and its end at `size`."""
-    closed = bytearray(block[: _LENGTH - 4])
-    # Byte 11 holds the flags of who has it open, bytes 28 to 35 the end of the file.
-    closed[11] = 0
-    closed[28:36] = struct.pack("<Q", size)
-    return bytes(closed) + struct.pack("<I", checksum(bytes(closed)))
+    # Bytes 28 to 35 hold the end of the file.
+    return _flagged(block[:28] + struct.pack("<Q", size) + block[36:], 0)
+
+
+def _flagged(block: bytes, flags: int) -> bytes:
+    """A superblock with other flags of who has the file open: byte 11."""
+    changed = block[:11] + bytes([flags]) + block[12 : LENGTH - 4]
+    return changed + struct.pack("<I", checksum(changed))
 
 
 def checksum(data: bytes) -> int:
@@ -106,5 +117,5 @@ def _turned(word: int, turn: int) -> int:
 
 
 def _sound(block: bytes) -> bool:
-    whole = len(block) == _LENGTH and block[:9] == b"\x89HDF\r\n\x1a\n\x03" and block[9:11] == b"\x08\x08"
+    whole = len(block) == LENGTH and block[:9] == b"\x89HDF\r\n\x1a\n\x03" and block[9:11] == b"\x08\x08"
     return whole and checksum(block[:-4]) == int.from_bytes(block[-4:], "little")

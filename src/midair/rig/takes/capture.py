@@ -62,6 +62,7 @@ def capture_recording(
                 unit=sensor.unit,
                 provenance=provenance,
                 calibration=sensor.calibration,
+                expected=frames,
             ) as writer:
                 _blocks(sensor, frames, block, writer, progress)
             return open_take(path).recording

@@ -148,6 +148,8 @@ class _Taking:
         if plan.level is not None:
             settings |= {"level": plan.level}
         life = Provenance(source=sensor.name, simulated=sensor.simulated, notes=plan.notes)
+        if plan.duration is not None:
+            self._wanted = kept + round(plan.duration * sensor.rate)
         self._writer = RecordingWriter(
             plan.path,
             rate=sensor.rate,
@@ -156,11 +158,10 @@ class _Taking:
             provenance=life.then("record", settings) if settings else life,
             calibration=sensor.calibration,
             interval=plan.interval,
+            expected=0 if self._wanted is None else self._wanted,
         )
         self._stack.enter_context(self._writer)
         self._origin = origin
-        if plan.duration is not None:
-            self._wanted = kept + round(plan.duration * sensor.rate)
         self._note_early()
         if plan.start == "touch":
             self._tell([Event(kind="trigger", frame=origin + kept)])

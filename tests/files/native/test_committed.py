@@ -1,0 +1,140 @@
+"""What a disk that refuses leaves of a recording: every write of it, a disk too small, a limit of the size of files."""
+
+import errno
+import os
+import shutil
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from midair.errors import FileError
+from midair.files import RecordingWriter, open_take, repair
+from midair.files.native import committed
+
+
+class Refusing:
+    """`os.write` of a disk that refuses from the n-th write on, so many times."""
+
+    def __init__(self, error, first, times):
+        self.error, self.first, self.last, self.count = error, first, first + times, 0
+
+    def __call__(self, handle, data):
+        self.count += 1
+        if self.first <= self.count < self.last:
+            raise OSError(self.error, os.strerror(self.error))
+        return os.write(handle, data)
+
+
+@pytest.mark.parametrize("times", [1, 10**9], ids=["once", "for good"])
+@pytest.mark.parametrize("error", [errno.EIO, errno.ENOSPC, errno.EDQUOT, errno.EFBIG], ids=errno.errorcode.get)
+def test_a_disk_that_refuses_at_any_write_leaves_what_the_message_says_is_safe(
+    error, times, recording, options, tmp_path, monkeypatch
+):
+    for first in (*range(1, 30), 61, 64, 67):
+        path = tmp_path / f"{first}.h5"
+        write = Refusing(error, first, times)
+        monkeypatch.setattr(committed, "os", SimpleNamespace(**vars(os) | {"write": write}))
+        frames, said = 0, ""
+        try:
+            with RecordingWriter(path, **options, interval=1e-9) as writer:
+                for _ in range(12):
+                    writer.append(np.arange(frames, frames + 40)[:, None, None] + recording.samples * 0)
+                    frames = writer.frames
+        except FileError as wrong:
+            said = str(wrong)
+        monkeypatch.undo()
+        frames = writer.frames
+        assert (f"{os.strerror(error)}; the {frames} frames so far are safe" in said) == (write.count >= first)
+        if frames == 0:
+            assert not path.exists()
+            continue
+        stored = open_take(path).recording.samples
+        assert len(stored) >= frames
+        np.testing.assert_array_equal(stored, np.arange(len(stored))[:, None, None] + np.zeros((1, 3, 5)))
+        repair(path)
+        assert open_take(path).report == ()
+
+
+SMALL = """
+import sys
+import numpy as np
+from midair.errors import FileError
+from midair.files import RecordingWriter
+from midair.model import Provenance, SensorGrid
+about = dict(rate=1000, sensor=SensorGrid(), unit="V", provenance=Provenance(source="bench"))
+writer = RecordingWriter(sys.argv[1], reserve=int(sys.argv[2]), **about)
+try:
+    with writer:
+        for first in range(0, 200_000, 50):
+            writer.append(np.arange(first, first + 50)[:, None, None] + np.zeros((1, 4, 4)))
+except FileError as wrong:
+    print(wrong)
+    print(writer.frames)
+"""
+
+
+def written_in(path, *, reserve=2**24, **how):
+    """What a program says that writes as much as it can, and how many frames it says are safe."""
+    done = subprocess.run([sys.executable, "-c", SMALL, path, str(reserve)], text=True, capture_output=True, **how)
+    assert (done.returncode, done.stderr) == (0, "")
+    said, frames = done.stdout.splitlines()
+    return said, int(frames)
+
+
+@pytest.fixture
+def tiny_disk(tmp_path):
+    """A disk in memory of so many kB."""
+    made = []
+
+    def mount(size):
+        folder = tmp_path / f"disk{size}"
+        folder.mkdir()
+        words = ["mount", "-t", "tmpfs", "-o", f"size={size}k", "tmpfs", str(folder)]
+        if shutil.which("mount") is None or subprocess.run(words, capture_output=True, check=False).returncode:
+            pytest.skip("only root may mount a disk of a chosen size")
+        made.append(folder)
+        return folder
+
+    yield mount
+    for folder in made:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("size", [4, 16, 32, 128, 1024, 16384])
+def test_a_disk_that_is_too_small_gets_no_file(size, tiny_disk):
+    folder = tiny_disk(size)
+    said, frames = written_in(folder / "live.h5")
+    assert "expected 16.78 MB free on the disk" in said
+    assert frames == 0
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("size", [4, 16, 32, 64, 128, 256, 512, 2048])
+def test_what_fits_on_a_disk_without_a_reserve_is_kept(size, tiny_disk):
+    folder = tiny_disk(size)
+    said, frames = written_in(folder / "live.h5", reserve=0)
+    assert "No space left on device" in said
+    assert (folder / "live.h5").exists() == (frames > 0)
+    assert frames > 0 or size < 512
+    if frames:
+        assert open_take(folder / "live.h5").recording.frames >= frames
+
+
+@pytest.mark.parametrize("limit", [0, 4, 16, 64, 512, 4096])
+def test_a_limit_of_the_size_of_files_leaves_what_is_safe(limit, tmp_path):
+    """As of a shell's ulimit -f, or of 4 GB on FAT32."""
+    resource = pytest.importorskip("resource")
+    path = tmp_path / "live.h5"
+    said, frames = written_in(
+        path, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit * 1024, limit * 1024))
+    )
+    assert "File too large" in said
+    assert path.exists() == (frames > 0)
+    if limit >= 512:
+        assert frames * 17 * 8 > 0.5 * limit * 1024
+    if frames:
+        assert open_take(path).recording.frames >= frames
+        np.testing.assert_array_equal(open_take(path).recording.samples[:, 0, 0], np.arange(frames))
