@@ -43,7 +43,7 @@ class LiveFile:
             self._handle = os.open(path, os.O_RDWR | _BINARY)
         except OSError as wrong:
             raise FileError(f"{path}: cannot be written: {reason(wrong)}") from wrong
-        claim(self._handle)
+        claim(self._handle, path)
         self._bytes = CommittedFile(self._handle)
         self.file = h5py.File(self._bytes, "r+", libver=LAYOUT)
 
