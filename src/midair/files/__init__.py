@@ -1,6 +1,7 @@
 """Files: recordings, calibrations and drives in HDF5, and recordings in the formats of other programs."""
 
 from midair.files.atomic import refusing, whole_file, writable_path
+from midair.files.foreign import load_board
 from midair.files.formats import FORMATS, format_of, load, open_take, save
 from midair.files.harmless import no_formula, printable
 from midair.files.holding import NoLocksWarning, check_unclaimed, hold
@@ -51,6 +52,7 @@ __all__ = [
     "hold",
     "json_of",
     "load",
+    "load_board",
     "load_calibration",
     "load_pressure",
     "load_placement",

@@ -1,6 +1,7 @@
 """The nouns: frozen dataclasses on NumPy arrays that the stages hand to each other."""
 
 from midair.model.acoustics import Acoustics, Directivity
+from midair.model.board import Board, array_of_boards
 from midair.model.calibration import Calibration
 from midair.model.drive import Drive, Solution, Status
 from midair.model.frames import AmplitudeFrames, PressureFrames
@@ -17,6 +18,7 @@ from midair.model.wiring import SensorWiring
 __all__ = [
     "Acoustics",
     "AmplitudeFrames",
+    "Board",
     "Calibration",
     "ControlGrid",
     "Crosstalk",
@@ -41,4 +43,5 @@ __all__ = [
     "Step",
     "TransducerArray",
     "Unit",
+    "array_of_boards",
 ]

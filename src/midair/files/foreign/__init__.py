@@ -6,11 +6,13 @@ from midair.files.foreign.hjif_file import write_hjif
 from midair.files.foreign.mat_file import read_mat, write_mat
 from midair.files.foreign.mcap_file import read_mcap
 from midair.files.foreign.npz_file import read_npz, write_npz
+from midair.files.foreign.pat_file import load_board
 from midair.files.foreign.tdms_file import read_tdms
 from midair.files.foreign.wav_file import read_wav, write_wav
 from midair.files.foreign.xdf_file import read_xdf
 
 __all__ = [
+    "load_board",
     "read_csv",
     "read_mat",
     "read_mcap",

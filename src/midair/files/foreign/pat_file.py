@@ -1,0 +1,76 @@
+"""A board file of OpenMPD, ``board_N.pat``: seven lines of what its makers measured.
+
+Serial number; number of transducers; steps of a turn; places (x, y, z), in m; pins; phase offsets, in whole degrees;
+factors of the amplitudes. All lists run by transducer, not by pin: so the makers' driver and their solver use them
+(OpenMPD_Driver, AsierInhoImpl_V2.cpp; OpenMPD_Solvers, hologramSolver_V2.cl), though their page on the format says by
+pin.
+"""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import BrokenFileError, InputError, MissingFileError
+from midair.model import Board
+
+LARGEST = 65_536
+"""Bytes; the makers' own files have 12,500."""
+
+
+def load_board(path: str | os.PathLike[str]) -> Board:
+    """The board that a file describes.
+
+    Raises
+    ------
+    MissingFileError
+        If the file is not there.
+    BrokenFileError
+        If it is not such a file, or its numbers cannot be.
+    """
+    serial, *lines = _lines(Path(path))
+    count, steps = (_numbers(line, path, 1)[0] for line in lines[:2])
+    if (count, steps) != (256, 128):
+        raise BrokenFileError(f"{path}: expected a board of 256 transducers and 128 steps, got {count:g} and {steps:g}")
+    places = _numbers(re.sub(r"[()]", " ", lines[2]), path, 3 * 256)
+    pins, degrees, factors = (_numbers(line, path, 256) for line in lines[3:])
+    try:
+        return Board(
+            position=places.reshape(256, 3),
+            pin=pins.astype(np.int64),
+            offset=np.radians(degrees),
+            strength=factors,
+            serial=serial,
+        )
+    except InputError as wrong:
+        raise BrokenFileError(f"{path}: {wrong}") from None
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
+    except FileNotFoundError:
+        raise MissingFileError(f"{path}: expected a board file of OpenMPD (board_N.pat); it is not there") from None
+    except OSError as wrong:
+        raise BrokenFileError(f"{path}: {wrong.strerror}") from wrong
+    lines = [line.strip() for line in content.decode("ascii", errors="replace").splitlines() if line.strip()]
+    if len(lines) != 7 or len(content) > LARGEST:
+        raise BrokenFileError(
+            f"{path}: expected the seven lines of an OpenMPD board file, got {len(lines)}; "
+            "take the board_N.pat that belongs to the board"
+        )
+    return lines
+
+
+def _numbers(line: str, path: str | os.PathLike[str], count: int) -> NDArray[np.float64]:
+    fields = [field for field in re.split(r"[\s,]+", line) if field]
+    try:
+        values = np.array([float(field) for field in fields])
+    except ValueError as wrong:
+        raise BrokenFileError(f"{path}: expected numbers, got {str(wrong).rpartition(': ')[2]}") from None
+    if len(values) != count or not np.isfinite(values).all():
+        raise BrokenFileError(f"{path}: expected {count} finite numbers in a line, got {len(values)}")
+    return values
