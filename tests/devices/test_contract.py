@@ -3,15 +3,19 @@
 import numpy as np
 import pytest
 
-from midair.devices import VirtualArray, VirtualSkin, autd3_array, autd3_firmware, pyautd3_array
+from midair.devices import OpenMpdArray, VirtualArray, VirtualSkin, autd3_array, autd3_firmware, pyautd3_array
 from midair.errors import DeviceStateError, InputError, MismatchError
-from midair.model import Drive, Placement, TransducerArray
+from midair.model import Board, Drive, Placement, TransducerArray
 from midair.physics import focus_phase
 from midair.physics.sensing import SensorModel
-from midair.testing import overridden
+from midair.testing import OpenMpdStandIn, overridden
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 ONE = Placement.grid(columns=1, rows=1)
+
+
+def openmpd(*boards):
+    return OpenMpdArray([board.port for board in boards], [Board.nominal()] * len(boards))
 
 
 ARRAYS = {
@@ -21,23 +25,32 @@ ARRAYS = {
     "autd3:emulator": lambda: autd3_array("emulator", ONE),
     "pyautd3:audit": lambda: pyautd3_array("audit", ONE),
     "pyautd3:nop": lambda: pyautd3_array("nop", ONE),
+    "openmpd": openmpd,
+    "openmpd twin": openmpd,
 }
+BOARDS = {"openmpd": 1, "openmpd twin": 2}
 
 
-def drive(array=ARRAY, frames=5, rate=1000.0):
+def drive(device, frames=5, rate=1000.0):
+    array = getattr(device, "array", device)
     phase = np.broadcast_to(focus_phase(array, np.array([0, 0, 0.2])), (frames, array.count))
     return Drive(phase=phase, level=np.ones(frames), rate=rate, array=array)
 
 
 @pytest.fixture(params=ARRAYS)
 def array(request):
-    return ARRAYS[request.param]()
+    boards = [OpenMpdStandIn() for _ in range(BOARDS.get(request.param, 0))]
+    yield ARRAYS[request.param](*boards)
+    for board in boards:
+        board.settle()
+        assert not board.sounds, "what a board got last must be silence"
+        board.close()
 
 
 def test_an_array_tells_what_it_played(array):
     seen = []
     with array:
-        report = array.play(overridden(drive(), array), progress=lambda done, total: seen.append((done, total)))
+        report = array.play(overridden(drive(array), array), progress=lambda done, total: seen.append((done, total)))
     assert (report.frames, report.late, report.repeated) == (5, 0, 0)
     assert report.duration == pytest.approx(0.005)
     assert seen[-1] == (5, 5)
@@ -46,7 +59,7 @@ def test_an_array_tells_what_it_played(array):
 def test_an_array_is_silent_before_and_after(array):
     with array:
         assert not array.emitting
-        array.play(overridden(drive(), array))
+        array.play(overridden(drive(array), array))
         assert not array.emitting
     assert not array.emitting
 
@@ -61,7 +74,7 @@ def test_an_array_is_silent_after_any_failure_on_the_way(array, failure):
 
     with array:
         with pytest.raises(failure):
-            array.play(overridden(drive(frames=300), array), progress=fail)
+            array.play(overridden(drive(array, frames=300), array), progress=fail)
         assert loud == [True]
         assert not array.emitting
 
@@ -75,12 +88,12 @@ def test_phases_of_another_array_are_refused(array):
 
 def test_a_closed_array_does_not_play(array):
     with pytest.raises(DeviceStateError, match="open"):
-        array.play(overridden(drive(), array))
+        array.play(overridden(drive(array), array))
 
 
 def test_repeats_and_a_delay_are_played(array):
     with array:
-        report = array.play(overridden(drive(), array, repeats=3), delay=0.01)
+        report = array.play(overridden(drive(array), array, repeats=3), delay=0.01)
         assert (report.frames, report.late) == (15, 0)
         assert report.duration == pytest.approx(0.015)
         assert not array.emitting
@@ -89,18 +102,18 @@ def test_repeats_and_a_delay_are_played(array):
 @pytest.mark.parametrize("repeats", [0, -1])
 def test_repeats_that_make_no_sense_are_refused(array, repeats):
     with array, pytest.raises(InputError, match="repeat"):
-        overridden(drive(), array, repeats=repeats)
+        overridden(drive(array), array, repeats=repeats)
 
 
 @pytest.mark.parametrize("delay", [-1.0, float("nan"), float("inf")])
 def test_delays_that_make_no_sense_are_refused(array, delay):
     with array, pytest.raises(InputError, match="delay"):
-        array.play(overridden(drive(), array), delay=delay)
+        array.play(overridden(drive(array), array), delay=delay)
 
 
 def test_a_drive_that_nobody_admitted_does_not_play(array):
     with array, pytest.raises(DeviceStateError, match=r"expected an admission from admit\(\), got a Drive"):
-        array.play(drive())
+        array.play(drive(array))
     assert not array.emitting
 
 
@@ -109,20 +122,20 @@ def test_what_was_admitted_where_nothing_sounds_does_not_play_where_it_does(arra
         return
     silent = VirtualArray(array.array)
     with array, pytest.raises(DeviceStateError, match="admit again"):
-        array.play(overridden(drive(), silent))
+        array.play(overridden(drive(array), silent))
     assert not array.emitting
 
 
 def test_an_array_plays_again_after_it_has_played(array):
     with array:
-        array.play(overridden(drive(), array))
-        assert array.play(overridden(drive(), array)).frames == 5
+        array.play(overridden(drive(array), array))
+        assert array.play(overridden(drive(array), array)).frames == 5
 
 
 def test_closing_twice_and_silence_at_any_time_are_harmless(array):
     array.silence()
     with array:
         array.silence()
-        assert array.play(overridden(drive(), array)).frames == 5
+        assert array.play(overridden(drive(array), array)).frames == 5
     array.silence()
     array.close()

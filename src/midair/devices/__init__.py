@@ -3,6 +3,7 @@
 from midair.devices.admission import Admission, ExposureChoices, admit, admit_level, admit_parts
 from midair.devices.arrays import (
     BankedArray,
+    OpenMpdArray,
     SilencerChoice,
     autd3_array,
     autd3_firmware,
@@ -31,6 +32,7 @@ __all__ = [
     "BankedArray",
     "Decimated",
     "FrameBlock",
+    "OpenMpdArray",
     "PacedSensor",
     "PlayReport",
     "ReplaySensor",

@@ -215,6 +215,10 @@ class ArrayDevice(ABC):
     def close(self) -> None:
         """Let go of the device. Harmless when not open."""
 
+    def describe(self) -> dict[str, str]:
+        """What it says of itself while it is open, in words."""
+        return {}
+
     def play(
         self,
         admission: Admission,

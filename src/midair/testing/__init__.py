@@ -1,6 +1,7 @@
 """For tests of programs that use midair: fakes and builders, as midair's own tests use them."""
 
+from midair.testing.openmpd_stand_in import OpenMpdStandIn, PinFrame, measured_board
 from midair.testing.overriding import overridden
 from midair.testing.udp_tap import UdpTap
 
-__all__ = ["UdpTap", "overridden"]
+__all__ = ["OpenMpdStandIn", "PinFrame", "UdpTap", "measured_board", "overridden"]

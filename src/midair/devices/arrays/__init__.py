@@ -1,11 +1,13 @@
-"""Phased arrays: AUTD3 by both of its SDKs, how frames reach them, and the gate before any sound."""
+"""Phased arrays: AUTD3 by both of its SDKs, OpenMPD's boards, and how frames reach them."""
 
 from midair.devices.arrays.autd3 import autd3_array, autd3_firmware, pyautd3_array
 from midair.devices.arrays.banked_array import BankedArray
+from midair.devices.arrays.openmpd import OpenMpdArray
 from midair.devices.arrays.silencer import Silencer, SilencerChoice, choose_silencer
 
 __all__ = [
     "BankedArray",
+    "OpenMpdArray",
     "Silencer",
     "SilencerChoice",
     "autd3_array",

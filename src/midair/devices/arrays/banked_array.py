@@ -116,3 +116,11 @@ class BankedArray(ArrayDevice):
             banks, self._banks = self._banks, None
             if banks is not None:
                 banks.close()
+
+    def describe(self) -> dict[str, str]:
+        """What the units say of themselves, and what can be said of all of them."""
+        return {
+            **self.banks.describe(),
+            "rate": "any that is 40 kHz / N: 1000 Hz is N = 40; silencer chosen from steps",
+            "power": "cannot be asked; a unit takes up to 50 W at full drive",
+        }

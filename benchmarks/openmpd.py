@@ -1,0 +1,73 @@
+"""What an OpenMPD board's seven bits of phase and 64 pulses cost in E: `python -m benchmarks.openmpd`.
+
+A simulated stroke of a towel, as it is and with a tenth of its pressure, solved for one board at several levels. E of
+the drive; of what a stand-in of the board puts out, all transducers at the next quieter pulse, as midair plays; and if
+the pulses were spread, some a step longer than others, so that the mean level is right.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from midair.datasets import stroke
+from midair.devices import ExposureChoices, OpenMpdArray, admit
+from midair.devices.arrays.openmpd_frames import START, STEPS, drive_frames
+from midair.files import profile_named
+from midair.flow import reproduce
+from midair.model import AmplitudeFrames, Board, Drive, array_of_boards
+from midair.physics import transfer_matrix
+from midair.settings import paper_mode
+from midair.testing import measured_board
+from midair.testing.openmpd_stand_in import CommandReader
+
+FRAMES = slice(100, 160)
+ALWAYS = ExposureChoices(profile=profile_named("occupational-110"), override="the benchmark")
+
+
+def main() -> None:
+    board = measured_board(3)
+    touch = stroke("towel", duration=0.3)
+    touch = dataclasses.replace(touch, pressure=touch.pressure[FRAMES])
+    print("level   strength   E solved   E played   E if spread   loudest at an ear, dB")
+    for gain, level in [(1.0, 1.0), (1.0, 0.5), (0.1, 1.0), (0.1, 0.5), (0.1, 0.2), (0.1, 0.1), (0.1, 0.05)]:
+        made = reproduce(touch, array_of_boards(Board.nominal()), paper_mode().but(level=level, gain=gain))
+        drive = made.solution.drive
+        found = [
+            made.solution.error.mean(),
+            error(put_out(drive, board), made.target, drive),
+            error(spread(drive, board), made.target, drive),
+        ]
+        loud = admit(drive, OpenMpdArray(["nowhere"], [board]), ALWAYS).exposure.peak.max()
+        said = "".join(f"{100 * each:9.1f} %" for each in found)
+        print(f"{level:5.2f}   {made.strength():8.3f} {said}   {loud:10.1f}")
+
+
+def put_out(drive: Drive, board: Board) -> np.ndarray:
+    """What each transducer does with the driver's bytes, shape (frame, transducer)."""
+    seen = []
+    CommandReader(seen.append).read(drive_frames(drive, 0, drive.frames, [board])[0])
+    return np.array([one.sound()[board.pin] for one in seen]) * np.exp(1j * board.offset)
+
+
+def spread(drive: Drive, board: Board) -> np.ndarray:
+    """The same with a share of the transducers at the next longer pulse, always the same ones first."""
+    first = np.random.default_rng(1).permutation(len(board.pin)) / len(board.pin)
+    length = np.floor(np.arcsin(drive.level[:, None]) * STEPS / np.pi + first + 1e-9)
+    start = np.rint((drive.phase - board.offset) / (2 * np.pi) * STEPS + (STEPS / 2 - length) / 2) % STEPS
+    frames = np.empty((drive.frames, 2, len(board.pin)), np.uint8)
+    frames[:, 0, board.pin], frames[:, 1, board.pin] = start, length
+    frames[:, 0, 0] |= START
+    seen = []
+    CommandReader(seen.append).read(frames.tobytes())
+    return np.array([one.sound()[board.pin] for one in seen]) * np.exp(1j * board.offset)
+
+
+def error(q: np.ndarray, target: AmplitudeFrames, drive: Drive) -> float:
+    matrix = transfer_matrix(target.grid, drive.array, acoustics=drive.acoustics)
+    wanted = target.amplitude.reshape(drive.frames, -1)
+    off = np.linalg.norm(np.abs(q @ matrix.T) - wanted, axis=1)
+    return float((off / np.linalg.norm(wanted, axis=1)).mean())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,221 @@
+"""The driver against stand-ins that read its bytes as the firmware does."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from midair.devices import OpenMpdArray
+from midair.devices.arrays.openmpd import LEAD
+from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, MissingExtraError, RateError
+from midair.model import Board, Drive, array_of_boards
+from midair.testing import OpenMpdStandIn, measured_board, overridden
+
+pytest.importorskip("serial")
+
+
+@pytest.fixture
+def stand_ins():
+    made = []
+
+    def make(count=1):
+        made.extend(OpenMpdStandIn() for _ in range(count))
+        return made[-count:]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def some_drive(boards, frames=6):
+    array, rng = array_of_boards(*boards), np.random.default_rng(1)
+    return Drive(phase=rng.uniform(-10, 10, (frames, array.count)), level=np.ones(frames), rate=1000.0, array=array)
+
+
+def array_at(stand_ins, boards):
+    return OpenMpdArray([one.port for one in stand_ins], boards)
+
+
+def phases(stand_in, board):
+    """Of every transducer in every frame that sounded."""
+    return np.array([one.sound()[board.pin] for one in stand_in.heard]) * np.exp(1j * board.offset)
+
+
+@pytest.mark.parametrize("count", [1, 2], ids=["one", "twin"])
+def test_every_frame_of_a_drive_sounds_once_in_its_order(stand_ins, count):
+    boards = [measured_board(number) for number in range(count)]
+    ports = stand_ins(count)
+    drive = some_drive(boards, frames=120)
+    device = array_at(ports, boards)
+    with device:
+        report = device.play(overridden(drive, device, repeats=2))
+    assert report.frames == 240
+    for number, (port, board) in enumerate(zip(ports, boards, strict=True)):
+        port.settle()
+        heard = phases(port, board)
+        assert heard.shape == (240, 256)
+        own = np.tile(drive.phase[:, 256 * number : 256 * (number + 1)], (2, 1))
+        assert np.abs(np.angle(heard * np.exp(-1j * own))).max() <= np.pi / 128 + 1e-9
+        assert {one.divider for one in port.heard} == {40}
+        assert not port.sounds
+
+
+def test_another_rate_sets_another_divider(stand_ins):
+    (port,) = stand_ins()
+    boards = [Board.nominal()]
+    base = some_drive(boards, frames=8)
+    drive = Drive(phase=base.phase, level=base.level, rate=200.0, array=base.array)
+    with array_at([port], boards) as device:
+        device.play(overridden(drive, device))
+        # The last frame stands for its time and no longer: silence waits right behind it.
+        assert not port.sounds
+    assert {one.divider for one in port.heard} == {200}
+    assert len(port.heard) == 8
+
+
+def test_what_another_program_left_sounding_is_silenced_on_opening(stand_ins):
+    (port,) = stand_ins()
+    line = array_at([port], [Board.nominal()])._connect(port.port)
+    line.write(bytes([0x80] + [0] * 255 + [64] * 256) + bytes([0x80] * 100))
+    line.close()
+    port.settle()
+    assert port.sounds
+    with OpenMpdArray([port.port]):
+        port.settle()
+        assert not port.sounds
+
+
+def test_silence_from_another_thread_is_true_when_it_returns(stand_ins):
+    (port,) = stand_ins()
+    boards = [measured_board()]
+    drive = some_drive(boards, frames=3000)
+    begun, ended = threading.Event(), []
+    with array_at([port], boards) as device:
+
+        def play():
+            with pytest.raises(DeviceError, match="silenced from elsewhere"):
+                device.play(overridden(drive, device), progress=lambda done, total: begun.set())
+            ended.append(True)
+
+        player = threading.Thread(target=play)
+        player.start()
+        assert begun.wait(30)
+        device.silence()
+        port.settle()
+        assert not port.sounds
+        count = len(port.heard)
+        player.join(30)
+        assert ended
+        port.settle()
+        assert len(port.heard) == count
+    assert 0 < count < 3000
+
+
+def test_few_frames_are_under_way_when_silence_comes(stand_ins):
+    """What was sent when an error came is at most what the lead allows, however far the board has got."""
+    (port,) = stand_ins()
+    boards = [measured_board()]
+    device = array_at([port], boards)
+    told = []
+
+    def fail(done, total):
+        told.append(done)
+        if done > 100:
+            raise RuntimeError
+
+    with device, pytest.raises(RuntimeError):
+        device.play(overridden(some_drive(boards, frames=5000), device), progress=fail)
+    port.settle()
+    assert not port.sounds
+    assert told[-1] < len(port.heard) <= told[-1] + LEAD * 1000
+
+
+def test_a_board_whose_cable_is_pulled_is_told_and_the_other_one_is_silenced(stand_ins):
+    ports = stand_ins(2)
+    boards = [measured_board(0), measured_board(1)]
+    device = array_at(ports, boards)
+
+    def pull(done, total):
+        if done > 20 and ports[0]._master >= 0:
+            ports[0].unplug()
+
+    with pytest.raises(LinkLostError, match="it holds the last frame that it got: switch off its power now"), device:
+        device.play(overridden(some_drive(boards, frames=2000), device), progress=pull)
+    ports[1].settle()
+    assert ports[0].sounds
+    assert not ports[1].sounds
+    assert device.emitting
+
+
+def test_a_board_that_takes_no_more_bytes_is_told(stand_ins):
+    (port,) = stand_ins()
+    boards = [measured_board()]
+    device = array_at([port], boards)
+
+    def stall(done, total):
+        port.stalled = True
+
+    with pytest.raises(LinkLostError, match="switch off its power"), device:
+        device.play(overridden(some_drive(boards, frames=2000), device), progress=stall)
+
+
+def test_a_board_without_its_file_can_be_silenced_and_not_played_on(stand_ins):
+    (port,) = stand_ins()
+    device = OpenMpdArray([port.port])
+    assert device.array.same_as(array_of_boards(Board.nominal()))
+    with device, pytest.raises(DeviceStateError, match=r"\?board=board_N\.pat"):
+        device.play(overridden(some_drive([Board.nominal()]), device))
+    assert port.heard == []
+
+
+def test_what_cannot_be_played_is_refused_before_a_sound(stand_ins):
+    (port,) = stand_ins()
+    boards = [Board.nominal()]
+    base = some_drive(boards)
+    slow = Drive(phase=base.phase, level=base.level, rate=100.0, array=base.array)
+    with array_at([port], boards) as device, pytest.raises(RateError, match="40 kHz / N"):
+        device.play(overridden(slow, device))
+    faint = Drive(phase=base.phase, level=np.full(base.frames, 0.02), rate=1000.0, array=base.array)
+    with array_at([port], boards) as device, pytest.raises(InputError, match=r"at least 2\.5%.*got 2\.0%"):
+        device.play(overridden(faint, device))
+    assert port.heard == []
+    with pytest.raises(InputError, match="a board file for each of 2 ports, got 1"):
+        OpenMpdArray(["a", "b"], boards)
+    with pytest.raises(InputError, match="this firmware has none"):
+        OpenMpdArray(["a"], boards, silencer="half")
+
+
+def test_a_port_that_is_not_there_is_one_line():
+    with pytest.raises(DeviceError, match="expected a port /dev/nothing"):
+        OpenMpdArray(["/dev/nothing"]).open()
+
+
+def test_without_pyserial_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "serial", None)
+    with pytest.raises(MissingExtraError, match=r'pip install "midair\[serial\]"'):
+        OpenMpdArray(["/dev/nothing"]).open()
+
+
+def test_a_computer_that_hesitates_leaves_a_frame_standing_and_says_so(stand_ins):
+    (port,) = stand_ins()
+    boards = [measured_board()]
+    slow = iter([False] * 5 + [True] + [False] * 10_000)
+
+    def hesitate(done, total):
+        if next(slow):
+            time.sleep(6 * LEAD)
+
+    with array_at([port], boards) as device:
+        report = device.play(overridden(some_drive(boards, frames=150), device), progress=hesitate)
+    port.settle()
+    assert report.repeated >= 1
+    assert len(port.heard) == 150
+
+
+def test_it_says_what_it_cannot_know(stand_ins):
+    (port,) = stand_ins()
+    with array_at([port], [measured_board()]) as device:
+        said = device.describe()
+    assert "cannot say" in said["boards"]
+    assert said["failsafe"].startswith("none")
