@@ -22,6 +22,7 @@ SAME_NAME = {
 WHOLE_SUITES = {
     "calibration/measure/test_blind.py": "all ways to measure, on a bench whose sensor they do not know",
     "cli/commands/test_play_arrays.py": "the command play on each kind of array",
+    "cli/commands/test_play_openmpd.py": "solve, play, stop and doctor on the boards of a second maker",
     "cli/commands/test_solve_terms.py": "the command solve with each term",
     "cli/test_commands.py": "the whole loop by commands, and what all commands have in common",
     "devices/sensors/test_sensor_contract.py": "one contract, each kind of sensor",

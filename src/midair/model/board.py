@@ -27,8 +27,8 @@ class Board:
     pin : ndarray of int, shape (256,)
         Place of each transducer's byte in a frame, 0 to 255.
     offset : ndarray, shape (256,)
-        Phase by which the sound of each transducer is ahead of what it is told, in rad: half of a board's transducers
-        are often soldered the other way round. It is subtracted.
+        Phase by which each transducer sounds later than it is told, in rad; it is subtracted. Many boards have two
+        groups half a turn apart: transducers soldered the other way round.
     strength : ndarray, shape (256,)
         By which the level of each transducer is multiplied, 0 to 1.
     serial : str

@@ -32,7 +32,7 @@ from midair.rig.looping import (
     run_loop,
     write_report,
 )
-from midair.rig.names import VirtualRig, array_named, sensor_named
+from midair.rig.names import ArrayKind, VirtualRig, array_named, array_of_kind, sensor_named
 from midair.rig.playing import play_admitted, rerecord, stop_playing, usual_exposure
 from midair.rig.recorder import OpenRig, Played, loop, open_rig, play, record
 from midair.rig.signals import ENDING, handled
@@ -54,6 +54,7 @@ from midair.rig.takes import (
 )
 
 __all__ = [
+    "ArrayKind",
     "ENDING",
     "handled",
     "OpenRig",
@@ -78,6 +79,7 @@ __all__ = [
     "View",
     "VirtualRig",
     "array_named",
+    "array_of_kind",
     "calibrate_by_beam",
     "calibration_rows",
     "card_of_loop",

@@ -1,8 +1,8 @@
 import pytest
 
-from midair.errors import UnknownDeviceError
-from midair.model import TransducerArray
-from midair.rig.names.array_names import array_named
+from midair.errors import InputError, MissingFileError, UnknownDeviceError
+from midair.model import Placement, TransducerArray
+from midair.rig.names.array_names import array_named, array_of_kind
 
 ARRAY = TransducerArray.autd3()
 
@@ -33,7 +33,41 @@ def test_names_of_arrays(name, simulated):
     assert array.array.same_as(ARRAY)
 
 
-@pytest.mark.parametrize("name", ["", "virtual", "autd9", "autd3:", "pyautd3:", "soem"])
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("openmpd:/dev/ttyUSB0", "openmpd"),
+        ("openmpd:COM3?board=none", "openmpd"),
+        ("openmpd:COM3,COM4?board=none,none", "openmpd-twin"),
+    ],
+)
+def test_names_of_boards(name, kind):
+    array = array_named(name)
+    assert array.gated
+    assert not array.simulated
+    assert array.name == name.partition("?")[0]
+    assert array.array.same_as(array_of_kind(kind))
+
+
+def test_what_a_name_of_boards_cannot_say():
+    with pytest.raises(InputError, match="expected no placement"):
+        array_named("openmpd:COM3", Placement.grid())
+    with pytest.raises(InputError, match="expected the option board, got baud"):
+        array_named("openmpd:COM3?baud=9600")
+    with pytest.raises(InputError, match="each of 2 ports, got 1"):
+        array_named("openmpd:COM3,COM4?board=none")
+    with pytest.raises(InputError, match="one board, or two face to face, got 3"):
+        array_named("openmpd:a,b,c")
+    with pytest.raises(MissingFileError, match=r"board_N\.pat"):
+        array_named("openmpd:COM3?board=nowhere.pat")
+
+
+def test_kinds_of_arrays_that_can_be_solved_for():
+    assert array_of_kind("autd3").same_as(ARRAY)
+    assert (array_of_kind("openmpd").count, array_of_kind("openmpd-twin").count) == (256, 512)
+
+
+@pytest.mark.parametrize("name", ["", "virtual", "openmpd", "openmpd:", "autd9", "autd3:", "pyautd3:", "soem"])
 def test_names_that_nothing_answers_to(name):
     with pytest.raises(UnknownDeviceError, match="expected virtual, autd3"):
         array_named(name)

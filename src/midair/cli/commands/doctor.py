@@ -16,8 +16,8 @@ def doctor_command(*, device: str | None = None, json: Json = False) -> int:
     Parameters
     ----------
     device
-        An array to open and ask: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE. It stays silent. Or a
-        sensor to listen to for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
+        An array to open and ask: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE, openmpd:PORT. It stays
+        silent. Or a sensor to listen to for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
     """
     findings = check_up(device)
     if json:

@@ -19,11 +19,11 @@ from midair.cli.terminal import (
     say_air,
     stages,
 )
+from midair.errors import InputError
 from midair.evaluate import error_in_air
 from midair.files import load_placement, load_solution, save, save_solution
 from midair.flow import Reproduction, reproduce
-from midair.model import TransducerArray
-from midair.rig import VirtualRig, rerecord
+from midair.rig import ArrayKind, VirtualRig, array_of_kind, rerecord
 from midair.settings import Settings
 
 
@@ -35,6 +35,7 @@ def solve_command(
     options: SolveOptions | None = None,
     start_at: Time = 0.0,
     duration: Annotated[float | None, quantity("s")] = None,
+    array: ArrayKind = "autd3",
     placement: Path | None = None,
     force: Force = False,
 ) -> None:
@@ -52,26 +53,30 @@ def solve_command(
         Where in the recording to begin.
     duration
         How much of the recording; all that is left if not given.
+    array
+        autd3: two by two units. openmpd, openmpd-twin (experimental): one board, or two face to face.
     placement
-        TOML file with position and rotation of the array's units; two by two side by side if not given.
+        TOML file with position and rotation of other AUTD3 units.
     """
     options = options or SolveOptions()
     settings = options.settings()
-    array = TransducerArray.autd3() if placement is None else load_placement(placement).array()
+    if placement is not None and array != "autd3":
+        raise InputError(f"--placement: expected --array autd3, whose units it places, got {array}; leave one out")
+    transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force)
     pressure = felt_part(source, settings, start_at, duration)
     banner(pressure.provenance.simulated)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
     with stages() as stage:
-        made = reproduce(pressure, array, settings, progress=stage("solve"))
+        made = reproduce(pressure, transducers, settings, progress=stage("solve"))
     save_solution(made.solution, target, target=made.target)
     solution = made.solution
     plays = np.array([status != "silent" for status in solution.status])
     error = 100 * solution.error[plays] if plays.any() else np.zeros(1)
     print_rows(
         [
-            ("drive", f"{target} for {array.name}, {array.count} transducers"),
+            ("drive", f"{target} for {transducers.name}, {transducers.count} transducers"),
             ("frames", f"{made.target.frames} at {settings.target.rate:g} Hz, {int((~plays).sum())} silent"),
             ("strength", f"{made.strength():.3f} of a single full focus"),
             ("E", f"mean {error.mean():.1f} %, worst {error.max():.1f} %"),
@@ -114,7 +119,7 @@ def play_command(
     device
         virtual: an array and a sensor that exist only here. autd3, autd3:INTERFACE: units over Ethernet.
         autd3:emulator: their emulator. pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit,
-        pyautd3:nop: no units.
+        pyautd3:nop: no units. openmpd:PORT?board=FILE.pat: a board of OpenMPD (experimental).
     output
         The re-recording of a virtual device; NAME.rerecorded.h5 if not given.
     seed

@@ -21,7 +21,7 @@ def stop_command(*, device: str | None = None, placement: Path | None = None, js
     Parameters
     ----------
     device
-        Also open and silence it: autd3, autd3:INTERFACE, pyautd3, pyautd3:INTERFACE.
+        Also open and silence it: autd3, autd3:INTERFACE, pyautd3, pyautd3:INTERFACE, openmpd:PORT.
     placement
         TOML file with the units of that device; two by two if not given.
     json

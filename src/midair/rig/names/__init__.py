@@ -1,14 +1,16 @@
 """Open: from the names that people type to devices, and the virtual rig."""
 
-from midair.rig.names.array_names import array_named
+from midair.rig.names.array_names import ArrayKind, array_named, array_of_kind
 from midair.rig.names.sensor_names import sensor_named
 from midair.rig.names.source_names import KINDS, source_module, source_sensor
 from midair.rig.names.virtual_rig import VirtualRig
 
 __all__ = [
+    "ArrayKind",
     "KINDS",
     "VirtualRig",
     "array_named",
+    "array_of_kind",
     "sensor_named",
     "source_module",
     "source_sensor",

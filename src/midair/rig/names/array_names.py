@@ -1,16 +1,31 @@
-"""Arrays by the names that people give them on the command line: ``autd3:eth0``, ``pyautd3:audit``."""
+"""Arrays by the names that people give them: ``autd3:eth0``, ``pyautd3:audit``, ``openmpd:COM3``."""
 
-from midair.devices import BankedArray, SilencerChoice, autd3_array, pyautd3_array
-from midair.errors import UnknownDeviceError
-from midair.model import Placement
+from collections.abc import Mapping
+from typing import Literal
+
+from midair.devices import ArrayDevice, OpenMpdArray, SilencerChoice, autd3_array, pyautd3_array
+from midair.errors import InputError, UnknownDeviceError
+from midair.files import load_board
+from midair.model import Board, Placement, TransducerArray, array_of_boards
+from midair.rig.names.source_names import split_name
 
 NAMES = (
     "virtual, autd3, autd3:INTERFACE, autd3:emulator, pyautd3, pyautd3:INTERFACE, pyautd3:twincat, "
-    "pyautd3:remote:ADDRESS:PORT, pyautd3:audit or pyautd3:nop"
+    "pyautd3:remote:ADDRESS:PORT, pyautd3:audit, pyautd3:nop or openmpd:PORT[,PORT]?board=FILE[,FILE]"
 )
 
+ArrayKind = Literal["autd3", "openmpd", "openmpd-twin"]
+"""Arrays that can be solved for without a file: two by two units; one board; two boards face to face."""
 
-def array_named(name: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
+
+def array_of_kind(kind: ArrayKind) -> TransducerArray:
+    """The transducers of a kind of array."""
+    if kind == "autd3":
+        return TransducerArray.autd3()
+    return array_of_boards(*[Board.nominal()] * (1 if kind == "openmpd" else 2))
+
+
+def array_named(name: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> ArrayDevice:
     """The array that a name means, not yet open.
 
     Parameters
@@ -19,9 +34,12 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
         ``autd3`` searches all network interfaces; ``autd3:INTERFACE`` takes one, or the address of an emulator;
         ``autd3:emulator`` starts one. ``pyautd3`` and ``pyautd3:INTERFACE`` are for older firmware over
         EtherCAT, ``pyautd3:twincat`` and ``pyautd3:remote:ADDRESS:PORT`` through a server; ``pyautd3:audit`` and
-        ``pyautd3:nop`` have no hardware behind them. ``virtual`` is not among them: it needs a skin to press on.
+        ``pyautd3:nop`` have no hardware behind them. ``openmpd:PORT?board=FILE`` is a board at a serial port with its
+        own file, ``openmpd:LOWER,UPPER?board=FILE,FILE`` two of them; ``board=none`` says that there is no file, and
+        without any word of it a board can be silenced, but not played on. ``virtual`` is not among them: it needs a
+        skin to press on.
     placement : Placement, optional
-        Placement of the units; two by two if None.
+        Placement of the units; two by two if None. Boards of openmpd stand where they stand.
     silencer : {"auto", "off", "quarter", "half", "default"}
         How phase steps are spread.
 
@@ -29,6 +47,10 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
     ------
     UnknownDeviceError
         If nothing answers to the name.
+    InputError
+        If an option is unknown, or does not fit.
+    FileError
+        If a board's file cannot be read.
     """
     kind, colon, where = name.partition(":")
     if colon and not where:
@@ -38,6 +60,8 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
             return autd3_array(where or "auto", placement, silencer=silencer)
         case "pyautd3":
             return pyautd3_array(_old_link(where), placement, silencer=silencer)
+        case "openmpd" if where:
+            return _openmpd(name, placement, silencer)
         case _:
             raise UnknownDeviceError(f"array: expected {NAMES}, got {name!r}")
 
@@ -47,3 +71,18 @@ def _old_link(where: str) -> str:
     if where in ("audit", "nop", "twincat") or where.startswith("remote:"):
         return where
     return f"ethercrab:{where}" if where else "ethercrab"
+
+
+def _openmpd(name: str, placement: Placement | None, silencer: SilencerChoice) -> OpenMpdArray:
+    _, where, said = split_name(name)
+    if placement is not None:
+        raise InputError(f"{name}: expected no placement; boards are alone, or face to face, 238.8 mm apart")
+    if unknown := sorted(set(said) - {"board"}):
+        raise InputError(f"{name}: expected the option board, got {unknown[0]}")
+    return OpenMpdArray(where.split(","), _boards(said), name=f"openmpd:{where}", silencer=silencer)
+
+
+def _boards(said: Mapping[str, str]) -> list[Board]:
+    """The boards of a name, in the order of its ports; none when it says nothing of them."""
+    files = said["board"].split(",") if "board" in said else []
+    return [Board.nominal() if file == "none" else load_board(file) for file in files]

@@ -1,0 +1,121 @@
+"""OpenMPD boards as a person types them: solve for them, play on stand-ins, and the field that comes of it."""
+
+import numpy as np
+import pytest
+
+from midair.cli import run
+from midair.files import load_solution, load_target
+from midair.physics import quantise_phase, transfer_matrix
+from midair.testing import OpenMpdStandIn, measured_board
+
+pytest.importorskip("serial")
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+
+
+@pytest.fixture
+def board():
+    one = OpenMpdStandIn()
+    yield one
+    one.close()
+
+
+def write_board(path, board):
+    degrees = np.rint(np.degrees(board.offset)).astype(int)
+    lists = [
+        "".join(f"({x:f}, {y:f}, {z:f})," for x, y, z in board.position),
+        *("".join(f"{each}," for each in values) for values in (board.pin, degrees, board.strength)),
+    ]
+    path.write_text("\n".join([board.serial, "256", "128", *lists, ""]), encoding="ascii")
+    return path
+
+
+def solved(path, *words):
+    """A felt stroke solved for, 30 frames."""
+    assert run(["record", "virtual:towel", "towel.h5", "--duration", "0.3s"]) == 0
+    assert run(["solve", "towel.h5", str(path), "--start-at", "100ms", "--duration", "30ms", *words]) == 0
+    return load_solution(path)
+
+
+def errors(drive, target, q):
+    matrix = transfer_matrix(target.grid, drive.array, acoustics=drive.acoustics)
+    wanted = target.amplitude.reshape(drive.frames, -1)
+    return np.linalg.norm(np.abs(q @ matrix.T) - wanted, axis=1) / np.linalg.norm(wanted, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    # Strong targets: what seven bits of phase leave over is then small beside them.
+    [("openmpd", ["--gain", "16"]), ("openmpd-twin", ["--gain", "64", "--height", "119.4mm"])],
+    ids=["one board", "face to face"],
+)
+def test_what_the_boards_put_out_is_the_field_that_was_solved_for(kind, words, tmp_path, capsys):
+    count = 1 if kind == "openmpd" else 2
+    boards, ports = [measured_board(number) for number in range(count)], [OpenMpdStandIn() for _ in range(count)]
+    files = [write_board(tmp_path / f"board_{number}.pat", board) for number, board in enumerate(boards)]
+    solution = solved(tmp_path / "x.drive.h5", "--array", kind, *words)
+    device = f"openmpd:{','.join(port.port for port in ports)}?board={','.join(map(str, files))}"
+    played = run(["play", "x.drive.h5", "--device", device, "--override-exposure", "A Person"])
+    printed = " ".join(capsys.readouterr().out.split())
+    for port in ports:
+        port.settle()
+        port.close()
+    assert played == 0, printed
+    assert "30 frames at 1000 Hz on openmpd:" in printed
+    assert not any(port.sounds for port in ports)
+    drive, target = solution.drive, load_target("x.drive.h5")
+    assert drive.array.count == 256 * count
+    heard = [
+        np.array([one.sound()[board.pin] for one in port.heard]) * np.exp(1j * board.offset)
+        for port, board in zip(ports, boards, strict=True)
+    ]
+    q = np.concatenate(heard, axis=1)
+    assert np.abs(np.angle(q * drive.q.conj())).max() <= np.pi / 128 + 1e-9
+    rounded = errors(drive, target, np.exp(1j * quantise_phase(drive.phase, bits=7)))
+    played = errors(drive, target, q)
+    assert played.mean() == pytest.approx(rounded.mean(), abs=0.01)
+    assert played.mean() <= solution.error.mean() + 0.03
+
+
+def test_a_loud_drive_is_refused_before_the_board_is_opened(board, tmp_path, capsys):
+    solved(tmp_path / "x.drive.h5", "--array", "openmpd")
+    capsys.readouterr()
+    assert run(["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none"]) == 1
+    assert "limit 110 dB" in capsys.readouterr().err
+    board.settle()
+    assert len(board.frames) == 1
+
+
+def test_a_drive_for_another_array_is_refused(board, tmp_path, capsys):
+    solved(tmp_path / "x.drive.h5")
+    assert run(["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none"]) == 1
+    assert "expected one for OpenMPD (256 transducers), got one for AUTD3 2 x 2" in capsys.readouterr().err
+    assert board.heard == []
+
+
+def test_stop_silences_a_board_that_something_left_sounding(board, capsys):
+    with open(board.port, "wb", buffering=0) as line:
+        line.write(bytes([0x80] + [0] * 255 + [64] * 256))
+        board.settle()
+        assert board.sounds
+        assert run(["stop", "--device", f"openmpd:{board.port}"]) == 0
+    board.settle()
+    assert not board.sounds
+    assert "opened and silenced" in capsys.readouterr().out
+
+
+def test_doctor_says_what_nobody_can_know(board, capsys):
+    run(["doctor", "--device", f"openmpd:{board.port}"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "its last frame for ever" in said
+    assert board.heard == []
+
+
+def test_units_are_placed_for_autd3_only(tmp_path, capsys):
+    (tmp_path / "mine.toml").write_text("[[unit]]\nposition_mm = [0, 0, 0]\n", encoding="utf-8")
+    assert run(["solve", "towel.h5", "--array", "openmpd", "--placement", "mine.toml"]) == 1
+    assert "--placement: expected --array autd3" in capsys.readouterr().err
