@@ -44,7 +44,8 @@ def test_a_quiet_drive_passes_as_it_is():
 def test_attenuation_keeps_the_profile_as_the_firmware_rounds_it():
     admission = admit(focus(), Loud(ARRAY), WEAKER)
     assert admission.outcome == "attenuated"
-    assert -1.0 < admission.exposure.excess <= 0
+    # So far down, one of the firmware's 255 steps is several decibels.
+    assert -4.0 < admission.exposure.excess <= 0
     assert admission.drive.provenance.steps[-1].stage == "attenuate"
     made = amplitude_of(intensity_bytes(admission.drive, 4))
     heard = Drive(phase=admission.drive.phase, level=made, rate=1000.0, array=ARRAY)
@@ -121,7 +122,7 @@ def test_parts_that_are_read_twice_are_admitted_and_no_others():
         rate=1000.0,
         array=ARRAY,
     )
-    np.testing.assert_allclose(admission.exposure.level, exposure(whole, PROFILE).level, rtol=1e-12)
+    np.testing.assert_allclose(admission.exposure.level, exposure(whole, PROFILE).level, atol=1e-3)
     with device:
         assert sum(device.play(admission.frames(part)).frames for part in parts) == 6
         with pytest.raises(ExposureError, match="got one that was not"):

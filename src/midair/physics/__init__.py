@@ -3,7 +3,8 @@
 from midair.physics.chain import Moment, PlaybackChain, radiate
 from midair.physics.directivity import off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
-from midair.physics.exposure_level import Exposure, ExposureProfile, Place, exposure, greatest_exposure, sound_level
+from midair.physics.exposure_level import Exposure, exposure, greatest_exposure, sound_level
+from midair.physics.exposure_places import ExposureProfile, Place
 from midair.physics.field_error import printed_error, relative_error
 from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_a_frame
 from midair.physics.propagation import (

@@ -3,73 +3,25 @@
 Levels are in dB re 20 µPa rms, from the linear field of each frame as if it lasted for ever.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
+from midair.physics.exposure_places import ExposureProfile, Place
+from midair.physics.exposure_search import CubeSearch, cube_search
 from midair.physics.propagation import transfer_matrix
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
-    """Where somebody's ear or hand is, and what may reach it.
-
-    Attributes
-    ----------
-    name : str
-        Such as "left ear".
-    position : tuple of float
-        x, y, z from the centre of the array, in m.
-    reach : float
-        Half the edge of the cube around it that is searched, in m.
-    limit : float
-        Sound pressure level that no frame may exceed, in dB.
-    enforced : bool
-        Whether more than the limit is refused, or only told.
-    source : str
-        Where the limit is from, if not from the profile's source.
-    """
-
-    name: str
-    position: tuple[float, float, float]
-    reach: float
-    limit: float
-    enforced: bool = True
-    source: str = ""
-
-    @property
-    def points(self) -> Array:
-        """3 x 3 x 3 points of the cube, shape (27, 3), in m."""
-        steps = np.array([-1.0, 0.0, 1.0]) * self.reach
-        cube = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-        return np.asarray(cube + np.array(self.position), np.float64)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExposureProfile:
-    """A named set of limits.
-
-    Attributes
-    ----------
-    name, title : str
-        What to call it, and for whom it is.
-    source, evidence : str
-        Where its limits are from, and how good the evidence is.
-    places : tuple of Place
-        The places; at least one.
-    """
-
-    name: str
-    title: str
-    source: str
-    evidence: str
-    places: tuple[Place, ...]
+BLOCK = 128
+"""Frames that are worked out at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -196,14 +148,15 @@ def exposure(
         Of every frame at every place.
     """
     acoustics = acoustics or drive.acoustics
-    points = np.concatenate([place.points for place in profile.places])
-    matrix = transfer_matrix(points, drive.array, acoustics=acoustics).T
     level = np.empty((drive.frames, len(profile.places)))
-    # In parts, since the field of a whole drive at all places may not fit into memory.
-    for first in range(0, drive.frames, 256):
-        part = slice(first, first + 256)
-        pressure = np.abs(_drive(drive, part) @ matrix).reshape(-1, len(profile.places), 27).max(axis=2)
-        level[part] = sound_level(pressure)
+    # Small parts stay in the cache, and a whole drive at all points would not fit into memory.
+    blocks = [slice(first, first + BLOCK) for first in range(0, drive.frames, BLOCK)]
+    # NumPy lets go of the interpreter, so that threads use all cores; BLAS threads beside them would only wait.
+    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor() as threads:
+        searches = list(threads.map(partial(cube_search, array=drive.array, acoustics=acoustics), profile.places))
+        found = threads.map(partial(_loudest, drive, searches), blocks)
+        for part, block in zip(blocks, found, strict=True):
+            level[part] = block
     return Exposure(
         profile=profile,
         level=level,
@@ -216,7 +169,7 @@ def exposure(
 def greatest_exposure(
     array: TransducerArray, level: float, profile: ExposureProfile, *, rate: float, acoustics: Acoustics
 ) -> Exposure:
-    """The most that any phases at a level can expose people to: all transducers in step at each place.
+    """The most that any phases at a level can expose people to: all transducers in step, each where it is loudest.
 
     Parameters
     ----------
@@ -236,9 +189,8 @@ def greatest_exposure(
     Exposure
         Of one frame.
     """
-    points = np.concatenate([place.points for place in profile.places])
-    most = level * np.abs(transfer_matrix(points, array, acoustics=acoustics)).sum(axis=1)
-    loudest = sound_level(most.reshape(1, len(profile.places), 27).max(axis=2))
+    ceilings = [cube_search(place, array, acoustics).ceiling.sum() for place in profile.places]
+    loudest = sound_level(level * np.array([ceilings]))
     number = int(np.argmin([np.linalg.norm(place.position) for place in profile.places]))
     palm = np.array(profile.places[number].position)
     phase = -np.angle(transfer_matrix(palm[None], array, acoustics=acoustics))
@@ -288,6 +240,28 @@ def _nonlinearity(drive: Drive, profile: ExposureProfile, acoustics: Acoustics, 
     matrix = transfer_matrix(share[:, None] * end, drive.array, acoustics=acoustics)
     pressure = np.abs(matrix @ _drive(drive, slice(strongest, strongest + 1))[0])
     return nonlinearity_index(pressure, share * float(np.linalg.norm(end)), acoustics.medium, drive.array.frequency)
+
+
+def _loudest(drive: Drive, searches: list[CubeSearch], frames: slice) -> Array:
+    """Level of some frames at each place, shape (frame, place), in dB."""
+    parts, level = _parts(drive, frames)
+    return sound_level(np.stack([each.loudest(parts, level) for each in searches], axis=1))
+
+
+def _parts(drive: Drive, frames: slice) -> tuple[NDArray[np.float32], Array]:
+    """Real, then imaginary parts of some frames in single precision, and their level, shape (frame, transducer)."""
+    phase = drive.phase[frames]
+    # Single precision has no digits to spare for turns: a file may hold any number of them.
+    if np.abs(phase).max(initial=0.0) > 64:
+        phase = np.remainder(phase, 2 * np.pi)
+    phase = phase.astype(np.float32)
+    level = drive.level[frames].reshape(len(phase), -1)
+    parts = np.empty((len(phase), 2 * phase.shape[1]), np.float32)
+    np.cos(phase, out=parts[:, : phase.shape[1]])
+    np.sin(phase, out=parts[:, phase.shape[1] :])
+    strength = level.astype(np.float32)
+    parts *= strength if strength.shape[1] == 1 else np.tile(strength, 2)
+    return parts, np.broadcast_to(level, phase.shape)
 
 
 def _drive(drive: Drive, frames: slice) -> NDArray[np.complex128]:
