@@ -48,6 +48,23 @@ def test_from_a_virtual_stroke_to_a_comparison(take, capsys):
     assert load_solution("take.drive.h5").drive.frames == 100
 
 
+def test_the_air_of_the_room_is_checked_at_play(take, capsys):
+    """The re-recording is of the stated air, and without a word of the drive's own."""
+    here = ["--temperature", "26C", "--start-at", "0.1s", "--duration", "0.05s"]
+    assert run(["solve", "take.h5", *QUICK, *here]) == 0
+    heard = {}
+    for name, room in {"own": [], "near": ["--temperature", "27C"], "far": ["--temperature", "14C"]}.items():
+        capsys.readouterr()
+        assert run(["play", "take.drive.h5", "--output", f"{name}.h5", *room]) == 0
+        heard[name] = (load(f"{name}.h5").samples, capsys.readouterr().err)
+    assert "air: 26 °C, 50 % humidity, the drive's own" in heard["own"][1]
+    assert "instead of" not in heard["near"][1]
+    assert "the room has 14 °C, 50 % humidity, the drive was solved for 26 °C" in heard["far"][1]
+    assert " % instead of " in heard["far"][1]
+    changes = [np.abs(heard[name][0] - heard["own"][0]).max() for name in ("near", "far")]
+    assert 0 < changes[0] < changes[1]
+
+
 def test_loop_writes_a_report(take, capsys):
     assert run(["loop", "take.h5", *QUICK, "--start-at", "0.1s", "--duration", "0.05s", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
@@ -170,6 +187,9 @@ WRONG = {
     "no iterations": (["solve", "take.h5", "--iterations", "0", "0"], 1, "iterations"),
     "no duration": (["record", "virtual:towel", "x.h5", "--duration", "0s"], 1, "duration"),
     "a file that is there": (["export", "take.h5", "there.csv"], 1, "--force"),
+    "humidity alone": (["play", "nothing.drive.h5", "--humidity", "50%"], 1, "--temperature"),
+    "air that is none": (["solve", "take.h5", "--temperature", "99C"], 1, "99"),
+    "a temperature without a unit": (["solve", "take.h5", "--temperature", "22"], 2, "22C"),
     "both scales": (["import", "take.h5", "x.h5", "--peak", "1Pa", "--sensitivity", "1V/Pa"], 1, "one"),
     "bad sensitivity": (["import", "take.h5", "x.h5", "--sensitivity", "1mm"], 1, "sensitivity"),
     "another pitch of things": (["compare", "take.h5", "small.h5"], 1, "cells"),

@@ -33,7 +33,7 @@ from midair.rig.looping import (
     write_report,
 )
 from midair.rig.names import ArrayKind, VirtualRig, array_named, array_of_kind, sensor_named
-from midair.rig.playing import play_admitted, rerecord, stop_playing, usual_exposure
+from midair.rig.playing import play_admitted, rerecord, room_air, stop_playing, usual_exposure
 from midair.rig.recorder import OpenRig, Played, loop, open_rig, play, record
 from midair.rig.signals import ENDING, handled
 from midair.rig.takes import (
@@ -103,6 +103,7 @@ __all__ = [
     "remember",
     "remembered",
     "rerecord",
+    "room_air",
     "run_loop",
     "sensor_named",
     "stop_playing",

@@ -3,7 +3,7 @@
 import signal
 from collections.abc import Generator
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from time import monotonic
 from types import FrameType
 
@@ -12,9 +12,9 @@ from rich.markup import escape
 
 from midair.devices import Admission, ExposureChoices, VirtualArray, admit
 from midair.errors import InputError
-from midair.files import load_solution, printable
-from midair.model import TransducerArray
-from midair.rig import ENDING, array_named, handled, usual_exposure
+from midair.files import load_solution, load_target, printable
+from midair.model import Medium, TransducerArray
+from midair.rig import ENDING, array_named, handled, room_air, usual_exposure
 from midair.study.design import Plan
 from midair.study.folder import StudyFolder
 from midair.study.session import ArrayPresenter, ExperimenterPresenter, Presenter, Reply, TrialStep
@@ -71,11 +71,17 @@ class TerminalScreen:
 
 @contextmanager
 def presenter_named(
-    array: str, folder: StudyFolder, plan: Plan, *, exposure: ExposureChoices | None = None
+    array: str,
+    folder: StudyFolder,
+    plan: Plan,
+    *,
+    exposure: ExposureChoices | None = None,
+    room: Medium | None = None,
 ) -> Generator[Presenter]:
     """What presents: the experimenter, told on the error stream, or an array that plays drives beside the plan.
 
-    Every drive passes the exposure gate before the session begins, and each time it plays is in the log.
+    Every drive passes the exposure gate before the session begins, and each time it plays is in the log. The
+    experimenter is told what the air of the room does to it.
     """
     console = Console(stderr=True, emoji=False)
     by_hand = ExperimenterPresenter(
@@ -97,6 +103,9 @@ def presenter_named(
     with device:
         presenter = ArrayPresenter(array=device, admitted=admitted, by_hand=by_hand)
         presenter.check(plan.design.stimuli)
+        for path in dict.fromkeys(folder.path / one.source for one in plan.design.stimuli if one.kind == "drive"):
+            air = room_air(load_solution(path).drive, room, partial(load_target, path), simulated=device.simulated)
+            console.print(_plain(f"{path.name}: {air.said}"), style="yellow" if air.warns else None)
         yield presenter
 
 

@@ -19,6 +19,7 @@ from midair.errors import (
     MismatchError,
     SilentFramesError,
 )
+from midair.model import Medium
 from midair.study.design.plan import draw_plan
 from midair.study.design.standing import replay
 from midair.study.folder import StudyFolder, paper_design_text, read_design
@@ -104,6 +105,17 @@ def test_a_whole_session(plan, tmp_path):
     assert len(progress.answers) == len(screen.asked)
     assert plan.design.consent in screen.seen
     assert "rest 60" in screen.seen
+
+
+@pytest.mark.parametrize(
+    ("room", "stored"),
+    [(None, None), (Medium.at(temperature=23.5, humidity=0.4), {"temperature_c": 23.5, "humidity": 0.4})],
+    ids=["not stated", "stated"],
+)
+def test_the_air_of_the_room_is_in_the_log(plan, tmp_path, room, stored):
+    with session(plan, tmp_path / "log.jsonl", room=room):
+        pass
+    assert read_events(tmp_path / "log.jsonl")[0]["room"] == stored
 
 
 def test_nobody_sees_the_condition(plan, tmp_path):

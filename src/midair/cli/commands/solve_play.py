@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from midair.cli.terminal import (
+    AirOptions,
     Force,
     PlayOptions,
     SolveOptions,
@@ -17,12 +18,14 @@ from midair.cli.terminal import (
     print_rows,
     quantity,
     say_air,
+    say_room,
     stages,
 )
 from midair.errors import InputError
 from midair.evaluate import error_in_air
 from midair.files import load_placement, load_solution, save, save_solution
 from midair.flow import Reproduction, reproduce
+from midair.model import Acoustics
 from midair.rig import ArrayKind, VirtualRig, array_of_kind, rerecord
 from midair.settings import Settings
 
@@ -106,6 +109,7 @@ def play_command(
     seed: int = 0,
     force: Force = False,
     options: PlayOptions | None = None,
+    air: AirOptions | None = None,
 ) -> None:
     """Play a drive, and re-record what it presses when the device is virtual.
 
@@ -126,16 +130,19 @@ def play_command(
         Of the virtual rig's strengths and noise.
     options
         Of exposure and of arrays.
+    air
+        Of the room; a virtual device plays in the drive's own air if it is not stated.
     """
-    options = options or PlayOptions()
+    options, room = options or PlayOptions(), (air or AirOptions()).medium()
     if device != "virtual":
-        return play_on_array(source, device, options)
+        return play_on_array(source, device, options, room)
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
     drive = load_solution(source).drive
-    rig = VirtualRig(array=drive.array, seed=seed)
+    rig = VirtualRig(array=drive.array, acoustics=None if room is None else Acoustics(medium=room), seed=seed)
     skin = rig.skin()
     banner(True)
+    say_room(drive, source, room, simulated=True)
     with stages() as stage, rig.array_device(skin) as array, rig.sensor(skin) as sensor:
         admission = options.admit(drive, array)
         recording = rerecord(admission, array, sensor, source=source, progress=stage("play and re-record"))

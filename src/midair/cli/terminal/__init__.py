@@ -22,7 +22,7 @@ from midair.cli.terminal.meter_screen import MeterScreen
 from midair.cli.terminal.nominal import nominal_calibration, stated_sensitivity
 from midair.cli.terminal.options import BandOptions, Force, Frequency, Json, Length, Quiet, SolveOptions, Time
 from midair.cli.terminal.originals import felt_part, made_with, same_part
-from midair.cli.terminal.play_options import PlayOptions, play_on_array
+from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
 from midair.cli.terminal.rows import calibrated_by, recording_rows
 from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
@@ -73,6 +73,7 @@ __all__ = [
     "say",
     "say_air",
     "say_kept",
+    "say_room",
     "show_patterns",
     "show_trials",
     "signals_noted",

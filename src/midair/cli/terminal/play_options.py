@@ -5,13 +5,14 @@ from pathlib import Path
 
 from cyclopts import Parameter
 
+from midair.cli.terminal.air_options import note_air
 from midair.cli.terminal.console import banner, print_rows, stages
 from midair.cli.terminal.exposure_options import ExposureOptions
 from midair.cli.terminal.options import Time
 from midair.devices import Admission, ArrayDevice, PlayReport, SilencerChoice, admit
-from midair.files import load_placement, load_solution
-from midair.model import Drive
-from midair.rig import array_named, play_admitted
+from midair.files import load_placement, load_solution, load_target
+from midair.model import Drive, Medium
+from midair.rig import array_named, play_admitted, room_air
 
 
 @Parameter(name="*")
@@ -42,8 +43,14 @@ class PlayOptions(ExposureOptions):
         return admit(drive, device, self.choices(), repeats=self.repeats)
 
 
-def play_on_array(source: Path, device: str, options: PlayOptions) -> None:
-    """Play a drive's file on a device that is not virtual, and print how it went."""
+def say_room(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
+    """Say on the error stream what the air of the room does to the drive of a file."""
+    found = room_air(drive, room, lambda: load_target(source), simulated=simulated)
+    note_air(found.said, warn=found.warns)
+
+
+def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium | None) -> None:
+    """Play a drive's file on a device that is not virtual, in the air of a room, and print how it went."""
     placement = None if options.placement is None else load_placement(options.placement)
     array = array_named(device, placement, silencer=options.silencer)
     # Reserved before a long drive is read and checked, so that this can be stopped too, and nobody else gets the units.
@@ -51,6 +58,7 @@ def play_on_array(source: Path, device: str, options: PlayOptions) -> None:
         drive = load_solution(source).drive
         admission = options.admit(drive, array)
         banner(array.simulated)
+        say_room(drive, source, room)
         print_rows([("exposure", f"{admission.outcome}: {admission.exposure.verdict()}")])
         with stages() as stage, array:
             report = play_admitted(admission, array, source=source, delay=options.delay, progress=stage("play"))

@@ -2,11 +2,14 @@
 
 from midair.devices import stop_playing
 from midair.rig.playing.admitted import play_admitted
+from midair.rig.playing.air_check import RoomAir, room_air
 from midair.rig.playing.rerecording import rerecord, usual_exposure
 
 __all__ = [
+    "RoomAir",
     "play_admitted",
     "rerecord",
+    "room_air",
     "stop_playing",
     "usual_exposure",
 ]

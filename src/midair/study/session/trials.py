@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any, Literal, Protocol, Self
 
 from midair.errors import DeviceError, DeviceStateError, InputError, SilentFramesError
+from midair.model import Medium
 from midair.study.design import Plan, Policy, Question, Standing, Stimulus, Trial, next_stimulus, replay
 from midair.study.session.event_log import EventLog, read_events
 from midair.study.session.presenters import Presenter
@@ -128,6 +129,8 @@ class Session:
         trial again and asks only what has no answer yet; the others put answers aside, which stay in the log.
     simulated : bool
         Whether no person takes part; written into the log and from there into every result.
+    room : Medium, optional
+        The air in which it takes place, for the log; None where nobody stated it.
     clock : Clock, optional
         The computer's if None.
     """
@@ -141,6 +144,7 @@ class Session:
         *,
         policy: Policy = "resume",
         simulated: bool = False,
+        room: Medium | None = None,
         clock: Clock | None = None,
     ) -> None:
         self.plan = plan
@@ -149,6 +153,7 @@ class Session:
         self._presenter = presenter
         self._policy: Policy = policy
         self._simulated = simulated
+        self._room = None if room is None else {"temperature_c": room.temperature, "humidity": room.humidity}
         self._clock = clock or SystemClock()
         self._stopped = False
         self._entered = False
@@ -164,7 +169,8 @@ class Session:
         try:
             events = read_events(self._log.path)
             before = replay(events, self.plan, self.participant)
-            self._write("open", plan=self.plan.digest, participant=self.participant, simulated=self._simulated)
+            about = {"participant": self.participant, "simulated": self._simulated, "room": self._room}
+            self._write("open", plan=self.plan.digest, **about)
             if any(event["event"] == "open" for event in events) and before.next_trial < len(before.trials):
                 self._write("resume", policy=self._policy, redo=list(before.redo(self._policy)))
             progress = replay(read_events(self._log.path), self.plan, self.participant)

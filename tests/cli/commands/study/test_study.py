@@ -185,6 +185,18 @@ def played(folder):
     return [json.loads(line) for line in (folder / "played.jsonl").read_text().splitlines()]
 
 
+def test_the_air_of_the_room_is_told_and_stored(tmp_path, monkeypatch, capsys):
+    folder = study_of_drives(tmp_path, level=0.001)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    air = ("--temperature", "15C", "--humidity", "40%")
+    assert study("run", folder, "--participant", 1, "--array", "pyautd3:audit", *air) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert told.count("focus.drive.h5: air: the room has 15 °C, 40 % humidity") == 1
+    first = json.loads((folder / "sessions" / "sub-01.jsonl").read_text(encoding="utf-8").splitlines()[0])
+    assert first["room"] == {"temperature_c": 15.0, "humidity": 0.4}
+
+
 @pytest.mark.parametrize("array", ["virtual", "pyautd3:audit"])
 def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     folder = study_of_drives(tmp_path, level=0.001)

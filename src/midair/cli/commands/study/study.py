@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from midair.cli.terminal import ExposureOptions, Json, PlainConsole, err, say
+from midair.cli.terminal import AirOptions, ExposureOptions, Json, PlainConsole, err, say
 from midair.errors import InputError
 from midair.files import read_text
 from midair.study import (
@@ -87,6 +87,7 @@ def run_command(
     d_prime: float = 1.2,
     array: str = "none",
     exposure: ExposureOptions | None = None,
+    air: AirOptions | None = None,
 ) -> int:
     """Run one participant in this terminal, or go on with one who was interrupted. Ctrl-C stops at once.
 
@@ -108,6 +109,8 @@ def run_command(
         participant's.
     exposure
         What a drive may expose people to.
+    air
+        Of the room; it is stored with the answers.
     """
     folder = StudyFolder(study)
     plan = folder.plan()
@@ -115,15 +118,18 @@ def run_command(
         return _run_simulated(folder, plan, participant, policy, d_prime)
     if participant < 1:
         raise InputError("participant: expected --participant N, from 1 on; or --simulate for simulated ones")
+    room = (air or AirOptions()).medium()
     screen = TerminalScreen(PlainConsole(markup=True, soft_wrap=False))
     with (
         stops_on_signals(),
-        presenter_named(array, folder, plan, exposure=(exposure or ExposureOptions()).choices()) as presenter,
+        presenter_named(
+            array, folder, plan, exposure=(exposure or ExposureOptions()).choices(), room=room
+        ) as presenter,
     ):
         simulated = isinstance(presenter, ArrayPresenter) and presenter.array.simulated
         log = folder.log(participant)
         try:
-            with Session(plan, participant, log, presenter, policy=policy, simulated=simulated) as session:
+            with Session(plan, participant, log, presenter, policy=policy, simulated=simulated, room=room) as session:
                 step = run(session, screen)
         except EOFError as closed:
             raise InputError(
