@@ -1,15 +1,18 @@
 """Signals along the frame axis: windows in frequency, filters without delay, spectra, other rates.
 
-Time is always the first axis; every other axis is carried along.
+Time is always the first axis; every other axis is carried along. Filters and other rates of a reel are reels.
 """
 
 from collections.abc import Callable
 from fractions import Fraction
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import BandError, InputError, ShapeError
+from midair.errors import BandError, InputError
+from midair.reel import Reel
+from midair.segments import convolved, extend, filtered, resampled
 from midair.validation import positive
 
 Array = NDArray[np.float64]
@@ -104,6 +107,8 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
+    if isinstance(x, Reel):
+        return cast("Array", filtered(x, rate, response, reach=reach))
     pad = int(np.ceil(reach * rate)) + 1
     x = np.asarray(x, float)
     # Taken out, so that what is added at the ends fades to the mean and not to 0.
@@ -161,19 +166,10 @@ def filter_fir(x: Array, fir: Array) -> Array:
 
     if len(fir) % 2 == 0:
         raise InputError(f"taps: expected an odd number, got {len(fir)}")
+    if isinstance(x, Reel):
+        return cast("Array", convolved(x, fir))
     pad = len(fir) - 1
     return np.asarray(oaconvolve(extend(x, pad), fir, mode="same", axes=0)[pad : pad + len(x)], np.float64)
-
-
-def extend(x: Array, pad: int) -> Array:
-    """`x` with `pad` frames on both sides: the end values, held for half of them and then fading to 0."""
-    x = np.asarray(x, float)
-    if x.ndim < 1 or not len(x):
-        raise ShapeError(f"signal: expected at least one frame, got shape {x.shape}")
-    fade = pad - pad // 2
-    ramp = np.concatenate([0.5 - 0.5 * np.cos(np.pi * np.arange(fade) / max(fade, 1)), np.ones(pad - fade)])
-    ramp = ramp.reshape(-1, *([1] * (x.ndim - 1)))
-    return np.concatenate([ramp * x[:1], x, ramp[::-1] * x[-1:]])
 
 
 def welch(x: Array, rate: float, *, resolution: float = 4.0) -> tuple[Array, Array]:
@@ -261,10 +257,12 @@ def resample(x: Array, rate: float, new_rate: float) -> Array:
     ratio = Fraction(fast / slow).limit_denominator(1000)
     up, down = (ratio.numerator, ratio.denominator) if new_rate > rate else (ratio.denominator, ratio.numerator)
     if up == down:
-        return np.array(x, float)
+        return x if isinstance(x, Reel) else np.array(x, float)
     slower = max(up, down)
     # Kaiser's beta for a stop band of 80 dB is 8; 64 frames of the slower rate on either side give the edge its width.
     fir = firwin(128 * slower + 1, 1 / slower, window=("kaiser", 8.0))
+    if isinstance(x, Reel):
+        return cast("Array", resampled(x, up, down, fir))
     x = np.asarray(x, float)
     # The stubs know windows by name only; the function takes coefficients too.
     y = resample_poly(x, up, down, window=fir, padtype="edge")  # pyright: ignore[reportCallIssue, reportArgumentType]

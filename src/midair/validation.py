@@ -1,23 +1,29 @@
 """Arrays that cannot change: checked once, copied, read-only."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from midair.errors import InputError, NonFiniteError, ShapeError
+from midair.reel import Reel
 
 
 def frozen_array(
-    value: ArrayLike, name: str, axes: Sequence[str | int], dtype: DTypeLike = np.float64, *, finite: bool = True
+    value: "ArrayLike | Reel",
+    name: str,
+    axes: Sequence[str | int],
+    dtype: DTypeLike = np.float64,
+    *,
+    finite: bool = True,
 ) -> NDArray[Any]:
     """A read-only copy of `value` after checking its axes and that every number in it is finite.
 
     Parameters
     ----------
-    value : array_like
-        What came.
+    value : array_like or Reel
+        What came. A reel stays one: only its shape is looked at here, its numbers when they are read.
     name : str
         What to call it in a message.
     axes : sequence of str or int
@@ -39,20 +45,35 @@ def frozen_array(
     NonFiniteError
         If a number is NaN or infinite.
     """
+    if isinstance(value, Reel):
+        _check_shape(value.shape, name, axes)
+        # To a type checker a reel is the array that it stands for.
+        return cast("NDArray[Any]", value)
     try:
         array = np.array(value, dtype=dtype, order="C")
     except (TypeError, ValueError) as wrong:
         raise ShapeError(f"{name}: expected numbers with axes {_spell(axes)}, got {type(value).__name__}") from wrong
-    fits = array.ndim == len(axes) and all(
-        have == want if isinstance(want, int) else have > 0 for have, want in zip(array.shape, axes, strict=True)
-    )
-    if not fits:
-        raise ShapeError(f"{name}: expected axes {_spell(axes)}, got shape {array.shape}")
-    if finite and not np.isfinite(array).all():
-        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise NonFiniteError(f"{name}: expected finite numbers, got {array[first]} at {first}; repair or cut it first")
+    _check_shape(array.shape, name, axes)
+    if finite:
+        check_finite(array, name)
     array.flags.writeable = False
     return array
+
+
+def check_finite(array: NDArray[Any], name: str, *, frame: int = 0) -> None:
+    """Raise NonFiniteError if a number is NaN or infinite; `frame` is the number of the array's first frame."""
+    if not np.isfinite(array).all():
+        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        place = (first[0] + frame, *first[1:]) if first else first
+        raise NonFiniteError(f"{name}: expected finite numbers, got {array[first]} at {place}; repair or cut it first")
+
+
+def _check_shape(shape: tuple[int, ...], name: str, axes: Sequence[str | int]) -> None:
+    fits = len(shape) == len(axes) and all(
+        have == want if isinstance(want, int) else have > 0 for have, want in zip(shape, axes, strict=True)
+    )
+    if not fits:
+        raise ShapeError(f"{name}: expected axes {_spell(axes)}, got shape {shape}")
 
 
 def positive(value: float, name: str, unit: str = "") -> float:

@@ -6,7 +6,16 @@ from hypothesis import strategies as st
 from midair.errors import InputError
 from midair.model import ControlGrid, Medium, PressureFrames, SensorGrid
 from midair.physics import sound_amplitude
-from midair.targets import MAPPINGS, interpolation_matrix, prepare
+from midair.reel import Reel
+from midair.targets import (
+    MAPPINGS,
+    Circle,
+    decouple,
+    interpolation_matrix,
+    precompensate,
+    precompensate_sound,
+    prepare,
+)
 
 PITCH = 11e-3
 
@@ -119,3 +128,34 @@ def test_the_step_is_written_down():
 def test_wrong_settings_say_what_was_expected(options, message):
     with pytest.raises(InputError, match=message):
         prepare(frames(np.ones((1, 4, 4))), **options)
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS)
+@pytest.mark.parametrize("circle", [None, Circle()], ids=["still", "on a circle"])
+@pytest.mark.parametrize("compensate", ["not", "pressure", "sound"])
+def test_pressure_on_disk_becomes_the_target_of_the_same_in_memory(mapping, circle, compensate, monkeypatch):
+    """To rounding; pre-compensation to what its answer has left after two seconds, which is most at half the rate.
+
+    White noise has all of that there is.
+    """
+    monkeypatch.setattr("midair.segments.BYTES", 2**17)
+    pressure = frames(20 * np.random.default_rng(0).standard_normal((9000, 4, 4)))
+    reel = Reel(lambda first, last: pressure.pressure[first:last], pressure.pressure.shape)
+    whole, made = (_target(each, mapping, circle, compensate) for each in (pressure, frames_of(reel)))
+    assert isinstance(made.amplitude, Reel)
+    assert made.provenance == whole.provenance
+    tolerance = {"not": 1e-9, "pressure": 1e-3, "sound": 1e-2}[compensate]
+    difference = np.linalg.norm(np.asarray(made.amplitude) - whole.amplitude)
+    assert difference < tolerance * np.linalg.norm(whole.amplitude)
+
+
+def frames_of(reel):
+    return PressureFrames(pressure=reel, rate=1000.0, sensor=SensorGrid())
+
+
+def _target(pressure, mapping, circle, compensate):
+    pressure = decouple(pressure)
+    if compensate == "pressure":
+        pressure = precompensate(pressure)
+    target = prepare(pressure, mapping=mapping, circle=circle)
+    return precompensate_sound(target) if compensate == "sound" else target

@@ -4,11 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Recording
+from midair.reel import Moments, moments
 
 
 def dead_channels(recording: Recording) -> NDArray[np.bool_]:
     """Which channels never change, shape (row, column)."""
-    return np.ptp(recording.samples, axis=0) == 0
+    found = moments(recording.samples)
+    return found.least == found.greatest
 
 
 def at_limit(samples: NDArray[np.float64], full_scale: float) -> NDArray[np.bool_]:
@@ -32,26 +34,23 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     independent numbers: von Neumann's ratio, their mean square over the variance, is within four standard errors of 2
     (J. von Neumann, Ann. Math. Stat. 12, 1941: variance 4 (n - 2) / (n^2 - 1)).
     """
-    samples = recording.samples.reshape(recording.frames, -1)
-    # To 1 at most, so that the squares of very small or large units do not leave the range of numbers.
-    samples = samples / max(np.abs(samples).max(), np.finfo(float).tiny)
-    first = recording.samples[0].ravel()
-    spread = samples.std(axis=0)
-    dead = np.ptp(samples, axis=0) == 0
+    found = moments(recording.samples)
+    dead = (found.least == found.greatest).ravel()
     report: list[str] = []
     if recording.frames > 1 and dead.any():
+        first = found.first.ravel()
         values = ", ".join(f"{i} ({first[i]:g} {recording.unit})" for i in np.flatnonzero(dead))
         report.append(f"Channels that never change, dead or saturated: {values}.")
     if recording.frames >= 100 and not dead.all():
-        floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _white(samples, spread)
+        spread = found.spread.ravel()
+        floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _white(found, recording.frames)
         if floor.any():
             names = ", ".join(str(i) for i in np.flatnonzero(floor))
             report.append(f"Channels that hold only a white floor, more than ten times below the others: {names}.")
     return tuple(report)
 
 
-def _white(samples: NDArray[np.float64], spread: NDArray[np.float64]) -> NDArray[np.bool_]:
-    n = len(samples)
+def _white(found: Moments, n: int) -> NDArray[np.bool_]:
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.square(np.diff(samples, axis=0)).mean(axis=0) / np.square(spread)
+        ratio = np.square(found.step / found.spread).ravel()
     return np.abs(ratio - 2) < 4 * np.sqrt(4 * (n - 2) / (n**2 - 1))

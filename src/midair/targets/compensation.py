@@ -12,6 +12,7 @@ import numpy as np
 from midair.dsp import band_window, filter_response
 from midair.model import AmplitudeFrames, PressureFrames, Setting
 from midair.physics import TransducerDynamics, playback_response
+from midair.reel import each_frame
 
 Band = tuple[float, float]
 
@@ -91,7 +92,7 @@ def precompensate_sound(
     louder = filter_response(target.amplitude, target.rate, inverse, reach=reach)
     return replace(
         target,
-        amplitude=np.maximum(louder, 0.0),
+        amplitude=each_frame(louder, lambda block: np.maximum(block, 0.0)),
         provenance=target.provenance.then("precompensate sound", _settings(dynamics, ramp)),
     )
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.model import ControlGrid, PressureFrames
 from midair.physics import SensorModel, cell_weights
+from midair.reel import each_frame
 from midair.targets.interpolation import interpolation_matrix
 
 Array = NDArray[np.float64]
@@ -64,10 +65,13 @@ def decouple(
             f"decouple: expected cells that the control points tell apart, to a condition number of {worst:g}, got "
             f"{condition:.3g}; take a grid that covers the cells, or leave decouple out"
         )
-    cells = pressure.pressure.reshape(pressure.frames, -1)
+
+    def undone(block: Array) -> Array:
+        return np.asarray(np.linalg.solve(matrix, block.reshape(len(block), -1).T).T.reshape(block.shape), np.float64)
+
     return replace(
         pressure,
-        pressure=np.linalg.solve(matrix, cells.T).T.reshape(pressure.pressure.shape),
+        pressure=each_frame(pressure.pressure, undone),
         provenance=pressure.provenance.then(
             "decouple", {"spread_m": sensor.spread, "aperture_m": sensor.aperture, "condition": condition}
         ),

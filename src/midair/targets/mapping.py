@@ -11,11 +11,14 @@ Sound can only push (paper, 4.1). Three ways out, each a pure function of (frame
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
+from midair.reel import Reel, each_frame
+from midair.segments import surrounded
 from midair.validation import positive
 
 Array = NDArray[np.float64]
@@ -23,7 +26,7 @@ Array = NDArray[np.float64]
 
 def half_wave(pressure: Array, rate: float = 1.0) -> Array:  # noqa: ARG001, all mappings are called alike
     """The positive part, any shape, in Pa: radiation pressure only pushes (paper, 4.1)."""
-    return np.maximum(pressure, 0.0)
+    return each_frame(pressure, lambda block: np.maximum(block, 0.0))
 
 
 def constant_offset(pressure: Array, rate: float = 1.0, *, offset: Array | float | None = None) -> Array:  # noqa: ARG001
@@ -40,10 +43,11 @@ def constant_offset(pressure: Array, rate: float = 1.0, *, offset: Array | float
         recording.
     """
     if offset is None:
-        return pressure - np.minimum(pressure.min(axis=0), 0.0)
+        lift = np.minimum(pressure.min(axis=0), 0.0)
+        return each_frame(pressure, lambda block: block - lift)
     if not (np.isfinite(offset).all() and np.min(offset) >= 0):
         raise InputError(f"offset: expected 0 Pa or more, got {np.min(offset):g} Pa; it can only push")
-    return np.maximum(pressure + offset, 0.0)
+    return each_frame(pressure, lambda block: np.maximum(block + offset, 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +98,8 @@ class SlowBias:
     def __call__(self, pressure: Array, rate: float) -> Array:
         """Pressure that pushes, same shape, in Pa; beyond its ends the signal is taken as held."""
         reach = self.reach(rate)
+        if isinstance(pressure, Reel):
+            return cast("Array", surrounded(pressure, reach, lambda around: self.lift(around, rate)))
         ends = [np.repeat(end, reach, axis=0) for end in (pressure[:1], pressure[-1:])]
         return self.lift(np.concatenate([ends[0], pressure, ends[1]]), rate)
 

@@ -1,13 +1,14 @@
 """From pressure on a few cells to the sound amplitude wanted at the control points (paper, 4.1)."""
 
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, Setting
+from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, SensorGrid, Setting
 from midair.physics import sound_amplitude
+from midair.reel import Reel
 from midair.targets.interpolation import interpolation_matrix, moved_interpolation
 from midair.targets.mapping import mapping_of
 from midair.targets.motion import Circle
@@ -68,11 +69,19 @@ def prepare(
     gain = positive(gain, "gain of the pressure")
     grid, medium = grid or ControlGrid(), medium or Medium()
     # On the pressure, not on the drive: the transducers stay equally loud and the target gets stronger (eq. 6).
-    pushed = gain * to_push(pressure.pressure, pressure.rate).reshape(pressure.frames, -1)
-    if interpolate == "amplitude":
-        amplitude = _spread(sound_amplitude(pushed, medium), pressure, grid, circle)
-    else:
-        amplitude = sound_amplitude(_spread(pushed, pressure, grid, circle), medium)
+    pushes = to_push(pressure.pressure, pressure.rate)
+
+    def wanted(block: Array, first: int) -> Array:
+        pushed, places = gain * block.reshape(len(block), -1), np.arange(first, first + len(block)) / pressure.rate
+        if interpolate == "amplitude":
+            return _spread(sound_amplitude(pushed, medium), pressure.sensor, grid, circle, places)
+        return sound_amplitude(_spread(pushed, pressure.sensor, grid, circle, places), medium)
+
+    amplitude = (
+        Reel(lambda a, b: wanted(pushes.read(a, b), a), (pressure.frames, grid.count))
+        if isinstance(pushes, Reel)
+        else wanted(pushes, 0)
+    )
     settings: dict[str, Setting] = {
         "mapping": mapping,
         "interpolate": interpolate,
@@ -82,15 +91,15 @@ def prepare(
     if circle is not None:
         settings |= {"circle_m": circle.radius, "circle_hz": circle.frequency, "motion": str(circle)}
     return AmplitudeFrames(
-        amplitude=amplitude,
+        amplitude=cast("Array", amplitude),
         rate=pressure.rate,
         grid=grid,
         provenance=pressure.provenance.then("prepare", settings),
     )
 
 
-def _spread(cells: Array, pressure: PressureFrames, grid: ControlGrid, circle: Circle | None) -> Array:
-    """Interpolate values (frame, channel) to (frame, point)."""
+def _spread(cells: Array, sensor: SensorGrid, grid: ControlGrid, circle: Circle | None, time: Array) -> Array:
+    """Interpolate values (frame, channel) at times (frame,), in s, to (frame, point)."""
     if circle is None:
-        return cells @ interpolation_matrix(pressure.sensor, grid).T
-    return moved_interpolation(cells, pressure.sensor, grid, circle.offset(pressure.time))
+        return cells @ interpolation_matrix(sensor, grid).T
+    return moved_interpolation(cells, sensor, grid, circle.offset(time))

@@ -11,8 +11,14 @@ from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, fi
 from midair.errors import BandError, InputError, MismatchError, UnitError
 from midair.model import Calibration, PressureFrames, Recording, Setting
 from midair.recordings import dead_channels
+from midair.reel import Reel, blocks, each_frame, moments
 
 Method = Literal["fft", "fir"]
+LEAST = 1e-6
+"""Share of a channel's variance that must lie in the band: -60 dB."""
+
+_LONG = 2**16
+"""Frames in which the band of a reel is looked for: 1.4 s at 48 kHz, a minute at 1 kHz."""
 
 
 def calibrate(
@@ -84,7 +90,7 @@ def calibrate(
     else:
         taps, pressure = None, _by_fft(recording, used, band, edges, floor)
     if mix is not None:
-        pressure = (pressure.reshape(recording.frames, -1) @ mix.T).reshape(pressure.shape)
+        pressure = each_frame(pressure, lambda block: (block.reshape(len(block), -1) @ mix.T).reshape(block.shape))
     settings: dict[str, Setting] = {
         "band_hz": band,
         "edges_hz": edges,
@@ -164,7 +170,7 @@ def _check_content(recording: Recording, band: Band) -> None:
     if dead_channels(recording).all():
         raise BandError("recording: expected something that changes, got a constant on every channel; check the sensor")
     share = _share_inside(recording, band)
-    if share < 1e-6:
+    if share < LEAST:
         raise BandError(
             f"band: expected something of the recording between {low:g} and {high:g} Hz, got a share of {share:.1g} of "
             f"its variance; choose a band where it has something (its rate is {recording.rate:g} Hz)"
@@ -172,18 +178,29 @@ def _check_content(recording: Recording, band: Band) -> None:
 
 
 def _share_inside(recording: Recording, band: Band) -> float:
-    """Largest share of a channel's variance that lies in the band.
+    """Largest share of a channel's variance that lies in the band, of a reel one that is large enough.
 
     Looked for over the whole recording and again in ever shorter segments, so that a short tap close to one of its ends
-    counts too; the shorter a segment, the further from the corners, so that what is outside does not leak in.
+    counts too; the shorter a segment, the further from the corners, so that what is outside does not leak in. A reel is
+    gone through in long blocks, until what was found will do.
     """
+    variance = np.square(moments(recording.samples).spread)
+    inside, share = np.zeros_like(variance), 0.0
+    for block in blocks(recording.samples, _LONG if isinstance(recording.samples, Reel) else recording.frames):
+        inside = inside + _inside(block, recording.rate, band) * (len(block) / recording.frames)
+        share = float(np.divide(inside, variance, out=np.zeros_like(inside), where=variance > 0).max())
+        if share >= LEAST:
+            break
+    return share
+
+
+def _inside(samples: NDArray[np.float64], rate: float, band: Band) -> NDArray[np.float64]:
+    """Mean square of what lies in the band, by the length of segment that finds most of it, shape (row, column)."""
     low, high = band
-    rate, samples = recording.rate, recording.samples
-    variance = samples.var(axis=0)
-    inside, length = band_energy(samples, rate, band, resolution=rate / recording.frames), recording.frames // 4
+    inside, length = band_energy(samples, rate, band, resolution=rate / len(samples)), len(samples) // 4
     while length >= 16 and low + 4 * rate / length < high - 4 * rate / length:
         # Four bins are how far the window of `band_energy` leaks.
         inner = (low + 4 * rate / length, high - 4 * rate / length)
         inside = np.maximum(inside, band_energy(samples, rate, inner, resolution=rate / length))
         length //= 4
-    return float(np.divide(inside, variance, out=np.zeros_like(inside), where=variance > 0).max())
+    return inside

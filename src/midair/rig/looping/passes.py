@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, admit
-from midair.dsp import extend
 from midair.errors import InputError
 from midair.evaluate import Comparison, compare, find_delay
 from midair.flow import Reproduction, at_rate, felt, reproduce
 from midair.model import PressureFrames, Progress, Recording
 from midair.rig.playing import rerecord, usual_exposure
+from midair.segments import extend
 from midair.settings import Settings
 
 Stage = Callable[[str], Progress | None]

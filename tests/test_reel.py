@@ -1,0 +1,122 @@
+"""Reels read as the arrays that they stand for, a stretch at a time."""
+
+import numpy as np
+import pytest
+
+from midair.errors import NonFiniteError, ShapeError
+from midair.model import Recording, SensorGrid
+from midair.reel import BYTES, Moments, Reel, blocks, each_frame, made_of, moments, stretches
+from midair.validation import check_finite, frozen_array
+
+X = np.random.default_rng(0).standard_normal((1000, 2, 3)).cumsum(axis=0) + 40
+
+
+def reel_of(x, asked=None, **kept):
+    def read(first, last):
+        if asked is not None:
+            asked.append((first, last))
+        return x[first:last]
+
+    return Reel(read, x.shape, **kept)
+
+
+def test_a_reel_reads_as_its_array():
+    reel = reel_of(X)
+    assert (len(reel), reel.shape, reel.ndim, reel.size, reel.nbytes, reel.dtype) == (
+        1000,
+        (1000, 2, 3),
+        3,
+        6000,
+        48000,
+        "f8",
+    )
+    np.testing.assert_array_equal(reel, X)
+    np.testing.assert_array_equal(reel[-1], X[-1])
+    np.testing.assert_array_equal(reel[:, 1, 2], X[:, 1, 2])
+    assert (reel.min(), reel.max()) == (X.min(), X.max())
+    np.testing.assert_array_equal(reel.max(axis=0), X.max(axis=0))
+    with pytest.raises(IndexError):
+        reel[1000]
+    assert repr(reel) == "<Reel 1000 x 2 x 3>"
+
+
+def test_a_slice_of_a_reel_is_a_reel_that_has_read_nothing():
+    asked = []
+    part = reel_of(X, asked, stored="f4")[100:400][50:-50]
+    assert isinstance(part, Reel)
+    assert (asked, part.stored, len(part)) == ([], "f4", 200)
+    np.testing.assert_array_equal(part.read(10, 20), X[160:170])
+    assert asked == [(160, 170)]
+    assert len(reel_of(X)[700:100]) == 0
+    np.testing.assert_array_equal(np.asarray(reel_of(X)[::7]), X[::7])
+
+
+@pytest.mark.parametrize("x", [X, reel_of(X)], ids=["array", "reel"])
+def test_blocks_are_all_frames_in_order(x):
+    parts = list(blocks(x, 300))
+    assert [len(part) for part in parts] == [300, 300, 300, 100]
+    np.testing.assert_array_equal(np.concatenate(parts), X)
+
+
+def test_a_block_is_about_eight_megabytes_and_one_frame_at_least():
+    assert next(stretches((10**9, 4, 4))) == (0, BYTES // 128)
+    assert list(stretches((2, 10**8))) == [(0, 1), (1, 2)]
+
+
+@pytest.mark.parametrize("size", [1, 7, 1000])
+def test_moments_are_numpys(size, monkeypatch):
+    monkeypatch.setattr("midair.reel.BYTES", 8 * 6 * size)
+    found = Moments.of(reel_of(X))
+    np.testing.assert_array_equal(found.least, X.min(axis=0))
+    np.testing.assert_array_equal(found.greatest, X.max(axis=0))
+    np.testing.assert_allclose(found.mean, X.mean(axis=0), rtol=1e-13)
+    np.testing.assert_allclose(found.spread, X.std(axis=0), rtol=1e-11)
+    np.testing.assert_allclose(found.step, np.sqrt(np.square(np.diff(X, axis=0)).mean(axis=0)), rtol=1e-12)
+    np.testing.assert_array_equal((found.first, found.last), (X[0], X[-1]))
+    assert found.largest == np.abs(X).max()
+
+
+def test_moments_of_a_reel_take_one_pass():
+    asked = []
+    reel = reel_of(X, asked)
+    assert moments(reel) is moments(reel)
+    assert asked == [(0, 1000)]
+
+
+def test_each_frame_maps_arrays_and_reels_alike():
+    def doubled(block):
+        return 2 * block.reshape(len(block), -1)
+
+    np.testing.assert_array_equal(np.asarray(each_frame(reel_of(X), doubled)), each_frame(X, doubled))
+    assert each_frame(reel_of(X, stored="f4"), doubled).stored == "f8"
+    assert each_frame(reel_of(X, stored="f4"), doubled, exact=True).stored == "f4"
+
+
+def test_segments_lie_where_they_lie_and_the_last_ones_are_kept():
+    made = []
+
+    def make(first, last):
+        made.append((first, last))
+        return X[first:last]
+
+    reel = made_of(make, X.shape, size=300, kept=2)
+    np.testing.assert_array_equal(reel.read(250, 650), X[250:650])
+    np.testing.assert_array_equal(reel.read(640, 900), X[640:900])
+    assert made == [(0, 300), (300, 600), (600, 900)]
+    np.testing.assert_array_equal(reel.read(0, 10), X[:10])
+    assert made[-1] == (0, 300)
+    assert reel.read(5, 5).shape == (0, 2, 3)
+    np.testing.assert_array_equal(np.asarray(reel), X)
+
+
+def test_nouns_hold_reels_and_look_at_their_shape():
+    reel = reel_of(X)
+    assert Recording(samples=reel, rate=10, sensor=SensorGrid(rows=2, columns=3)).samples is reel
+    assert frozen_array(reel, "x", ("frame", 2, 3)) is reel
+    with pytest.raises(ShapeError, match="axes"):
+        frozen_array(reel, "x", ("frame", 3, 3))
+
+
+def test_a_number_that_is_none_is_named_by_its_place_in_the_whole():
+    with pytest.raises(NonFiniteError, match=r"samples.*nan at \(102, 1\)"):
+        check_finite(np.array([[0, 0], [0, 0], [0, np.nan]]), "samples", frame=100)
