@@ -22,6 +22,8 @@ from midair.errors import (
 )
 from midair.files import FORMATS, load, open_take, save, save_calibration, save_solution
 from midair.model import Provenance, Recording, SensorGrid
+from midair.recordings import cut
+from midair.reel import Reel
 
 BOTH = [ending for ending, form in FORMATS.items() if form.read and form.write]
 IN = [ending for ending, form in FORMATS.items() if form.read]
@@ -270,3 +272,55 @@ def test_refuses_to_read_what_is_only_written(ending, recording, tmp_path):
 def test_errors_are_of_the_one_tree():
     assert issubclass(FileError, MidairError)
     assert issubclass(InputError, MidairError)
+
+
+@pytest.mark.parametrize("ending", [".h5", ".nc", ".wav", ".csv", ".npz", ".mat"])
+def test_a_streamed_recording_is_written_as_one_in_memory(tmp_path, ending):
+    samples = np.random.default_rng(0).standard_normal((5000, 4, 4))
+    save(Recording(samples=samples, rate=1000), tmp_path / "a.h5")
+    streamed = open_take(tmp_path / "a.h5", streamed=True).recording
+    assert isinstance(streamed.samples, Reel)
+    save(streamed, tmp_path / f"b{ending}")
+    again = load(tmp_path / f"b{ending}")
+    np.testing.assert_array_equal(again.samples, samples)
+    assert (again.rate, again.sensor, again.provenance) == (streamed.rate, streamed.sensor, streamed.provenance)
+
+
+def test_float32_stays_float32_and_other_numbers_stay_as_they_are(tmp_path):
+    import h5py
+    import soundfile
+
+    single = np.random.default_rng(0).standard_normal((3000, 16)).astype(np.float32)
+    soundfile.write(tmp_path / "a.wav", single, 48_000, subtype="FLOAT")
+    for streamed in (False, True):
+        save(open_take(tmp_path / "a.wav", unit="V", streamed=streamed).recording, tmp_path / "a.h5")
+        with h5py.File(tmp_path / "a.h5") as file:
+            assert file["samples"].dtype == "<f4"
+        np.testing.assert_array_equal(load(tmp_path / "a.h5").samples, single.reshape(-1, 4, 4))
+        # A part of it, and a copy, are float32 too.
+        save(cut(open_take(tmp_path / "a.h5", streamed=streamed).recording, 0.01, 0.02), tmp_path / "b.h5")
+        with h5py.File(tmp_path / "b.h5") as file:
+            assert file["samples"].dtype == "<f4"
+    save(Recording(samples=np.full((3, 4, 4), 0.1), rate=1000), tmp_path / "c.h5")
+    with h5py.File(tmp_path / "c.h5") as file:
+        assert file["samples"].dtype == "<f8"
+
+
+def test_a_streamed_file_that_is_no_longer_there_is_said_to_be_another(tmp_path):
+    save(Recording(samples=np.zeros((30, 4, 4)), rate=1000), tmp_path / "a.h5")
+    reel = open_take(tmp_path / "a.h5", streamed=True).recording.samples
+    save(Recording(samples=np.ones((30, 4, 4)), rate=1000), tmp_path / "a.h5")
+    with pytest.raises(BrokenFileError, match="another of its name"):
+        reel.read(0, 10)
+
+
+def test_a_streamed_number_that_is_none_is_refused_when_it_is_read(tmp_path):
+    import h5py
+
+    save(Recording(samples=np.full((30, 4, 4), 0.1), rate=1000), tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        file["samples"][20, 1, 2] = np.nan
+    reel = open_take(tmp_path / "a.h5", streamed=True).recording.samples
+    assert reel.read(0, 20).shape == (20, 4, 4)
+    with pytest.raises(NonFiniteError, match=r"\(20, 1, 2\)"):
+        reel.read(10, 30)

@@ -3,6 +3,7 @@
 import errno
 import os
 import secrets
+import shutil
 import stat
 import struct
 import tokenize
@@ -104,6 +105,16 @@ def whole_file(path: str | os.PathLike[str]) -> Generator[Path]:
         # On a disk that refuses, the reason is on its way already.
         with suppress(OSError):
             partial.unlink(missing_ok=True)
+
+
+def check_room(folder: Path, needed: int, path: str | os.PathLike[str]) -> None:
+    """Raise FileError if the disk of a folder has fewer than `needed` bytes free for the file `path`."""
+    free = shutil.disk_usage(folder).free
+    if free < needed:
+        raise FileError(
+            f"{path}: expected {needed / 1e6:.4g} MB free on the disk, got {free / 1e6:.4g} MB; make room, or write "
+            "to another disk"
+        )
 
 
 def writable_path(path: str | os.PathLike[str]) -> Path:

@@ -34,8 +34,9 @@ from midair.files.native import (
     write_recording,
 )
 from midair.files.opened_take import Given, OpenedTake
-from midair.model import Calibration, Recording, SensorGrid, Solution, Unit
+from midair.model import Calibration, PressureFrames, Recording, SensorGrid, Solution, Unit
 from midair.recordings import suspicious
+from midair.reel import Reel
 
 Reader = Callable[[Path, Given], OpenedTake]
 Writer = Callable[[Recording, Path, Calibration | None], tuple[Loss, ...]]
@@ -51,23 +52,26 @@ class Format:
         What to call it.
     read, write : callable or None
         The doors in and out; None where there is none.
+    streams : bool
+        Whether what is written passes through block by block; other formats get the whole recording in memory.
     """
 
     name: str
     read: Reader | None = None
     write: Writer | None = None
+    streams: bool = False
 
 
-HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
+HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording, streams=True)
 
 FORMATS: Mapping[str, Format] = {
     ".h5": HDF5,
     ".hdf5": HDF5,
-    ".csv": Format(name="CSV", read=read_csv, write=write_csv),
-    ".wav": Format(name="WAV", read=read_wav, write=write_wav),
-    ".npz": Format(name="NPZ", read=read_npz, write=write_npz),
+    ".csv": Format(name="CSV", read=read_csv, write=write_csv, streams=True),
+    ".wav": Format(name="WAV", read=read_wav, write=write_wav, streams=True),
+    ".npz": Format(name="NPZ", read=read_npz, write=write_npz, streams=True),
     ".mat": Format(name="MAT", read=read_mat, write=write_mat),
-    ".nc": Format(name="NetCDF of midair", read=read_recording, write=write_netcdf),
+    ".nc": Format(name="NetCDF of midair", read=read_recording, write=write_netcdf, streams=True),
     ".w64": Format(name="Wave64", read=read_wav),
     ".rf64": Format(name="RF64", read=read_wav),
     ".xdf": Format(name="XDF", read=read_xdf),
@@ -147,6 +151,7 @@ def open_take(
     scale: float | None = None,
     channels: Sequence[str] | None = None,
     stream: str | None = None,
+    streamed: bool = False,
 ) -> OpenedTake:
     """Recording, calibration and journal of a file together, and a sentence for each thing that was assumed.
 
@@ -156,6 +161,10 @@ def open_take(
     ----------
     path, rate, unit, sensor, scale, channels, stream
         As in `load`.
+    streamed : bool
+        Whether the samples are a reel where the format allows it (midair's own, WAV): read when somebody asks for them,
+        so that a recording of any length takes the memory of a block. What looks wrong is then left to
+        `midair.recordings.suspicious`.
 
     Returns
     -------
@@ -175,13 +184,20 @@ def open_take(
     # Damaged numbers may overflow on the way; the recording refuses what is not finite.
     with refusing(file, f"a {form.name} file"), np.errstate(all="ignore"):
         chosen = None if channels is None else tuple(channels)
-        given = Given(rate=rate, unit=unit, sensor=sensor, scale=scale, channels=chosen, stream=stream)
+        given = Given(
+            rate=rate, unit=unit, sensor=sensor, scale=scale, channels=chosen, stream=stream, streamed=streamed
+        )
         imported = form.read(file, given)
-    return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
+    # To look at all of a recording would be to read all of it.
+    return imported if streamed else replace(imported, report=(*imported.report, *suspicious(imported.recording)))
 
 
 def save(
-    recording: Recording, path: str | os.PathLike[str], *, calibration: Calibration | None = None
+    recording: Recording,
+    path: str | os.PathLike[str],
+    *,
+    calibration: Calibration | None = None,
+    pressure: PressureFrames | None = None,
 ) -> tuple[Loss, ...]:
     """Write a recording in the format that the ending of `path` tells, whole or not at all.
 
@@ -193,6 +209,8 @@ def save(
         Ends in .h5, .hdf5, .csv, .wav, .npz, .mat, .nc, .hjif or .ahap; replaced in one piece if it is there.
     calibration : Calibration, optional
         Of its sensor, to keep in the same file.
+    pressure : PressureFrames, optional
+        What was made of it, to keep in the same file.
 
     Returns
     -------
@@ -210,7 +228,14 @@ def save(
     if form.write is None:
         known = ", ".join(ending for ending, each in FORMATS.items() if each.write)
         raise UnknownFormatError(f"{path}: {form.name} is read, not written; what can be written is {known}")
-    return form.write(recording, Path(path), calibration)
+    if not form.streams and isinstance(recording.samples, Reel):
+        recording = replace(recording, samples=np.asarray(recording.samples))
+    if pressure is None:
+        return form.write(recording, Path(path), calibration)
+    if form is HDF5:
+        return write_recording(recording, Path(path), calibration, pressure)
+    lost = form.write(recording, Path(path), calibration)
+    return (*lost, Loss(what="pressure", text="The calibrated pressure was left out; --pressure exports it instead."))
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:

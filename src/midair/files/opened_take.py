@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
 from midair.files.stamps import held
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Setting, Unit
+from midair.reel import blocks, each_frame
 
 ONE = SensorGrid(rows=1, columns=1)
 """What a file of one channel is taken for."""
@@ -64,6 +65,8 @@ class Given:
     stream : str or None
         Which one to take of a file that holds several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of
         NPZ or MAT.
+    streamed : bool
+        Whether its samples may be a reel, read when somebody asks for them.
     """
 
     rate: float | None = None
@@ -72,6 +75,7 @@ class Given:
     scale: float | None = None
     channels: tuple[str, ...] | None = None
     stream: str | None = None
+    streamed: bool = False
 
     def __post_init__(self) -> None:
         if self.scale is not None and not (np.isfinite(self.scale) and self.scale != 0):
@@ -155,7 +159,10 @@ class Foreign:
         if given.scale is not None:
             settings["scale_pa"] = given.scale
         provenance = Provenance(source=path.name, notes=self.notes).then("import", {**settings, "report": report})
-        samples = self.samples.reshape(len(self.samples), *sensor.shape) * (given.scale or 1.0)
+        scale = given.scale or 1.0
+        samples = each_frame(
+            self.samples, lambda block: block.reshape(len(block), *sensor.shape) * scale, exact=of_two(scale)
+        )
         recording = Recording(samples=samples, rate=rate, sensor=sensor, unit=unit, provenance=provenance)
         return OpenedTake(recording=recording, report=report)
 
@@ -216,13 +223,13 @@ class Foreign:
 
     def _chosen(self, channels: tuple[str, ...], path: Path) -> "Foreign":
         """Only these channels, of which nobody says any more how they lie."""
-        flat = self.samples.reshape(len(self.samples), -1)
-        places = [self._place(channel, flat.shape[1], path) for channel in channels]
+        places = [self._place(channel, int(np.prod(self.samples.shape[1:])), path) for channel in channels]
         if not places or len(set(places)) != len(places):
             raise ShapeError(f"{path}: expected channels that are there once each, got {', '.join(channels) or 'none'}")
         names = tuple(self.names[i] for i in places) if self.names else tuple(str(i) for i in places)
-        samples = flat[:, places]
-        fine = len(np.unique(samples, axis=0)) > len(samples) / 2  # coarse numbers repeat by themselves
+        samples = each_frame(self.samples, lambda block: block.reshape(len(block), -1)[:, places], exact=True)
+        some = next(blocks(samples))
+        fine = len(np.unique(some, axis=0)) > len(some) / 2  # coarse numbers repeat by themselves
         repeats = tuple(sentence for sentence in held(samples) if fine and sentence not in self.report)
         return replace(
             self,
@@ -241,6 +248,11 @@ class Foreign:
             return int(channel)
         known = ", ".join(self.names[:40]) or "no names"
         raise ShapeError(f"{path}: expected a channel by name ({known}) or number 0 to {count - 1}, got {channel!r}")
+
+
+def of_two(scale: float) -> bool:
+    """Whether a factor is a power of two, which leaves every digit of a number as it is."""
+    return abs(np.frexp(scale)[0]) == 0.5
 
 
 def _sha256(path: Path) -> str:

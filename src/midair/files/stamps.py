@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import RateError
+from midair.reel import blocks
 
 Array = NDArray[np.float64]
 
@@ -115,7 +116,10 @@ def _repeats(keep: NDArray[np.bool_]) -> tuple[str, ...]:
 
 def held(samples: Array) -> tuple[str, ...]:
     """A sentence when rows, shape (row, channel), repeat the one before although time went on and some do not."""
-    repeats = int((np.diff(samples, axis=0) == 0).all(axis=1).sum())
+    repeats, before = 0, samples[:0]
+    for block in blocks(samples):
+        rows = np.concatenate([before, block])
+        repeats, before = repeats + int((np.diff(rows, axis=0) == 0).all(axis=1).sum()), block[-1:]
     if not repeats or repeats == len(samples) - 1:
         return ()
     told = f"{repeats} of {len(samples)} rows"

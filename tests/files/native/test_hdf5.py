@@ -76,7 +76,7 @@ EDITS = {
     "rate is text": (lambda f: f.attrs.__setitem__("rate_hz", "fast"), "rate_hz to be finite f8"),
     "rate is not finite": (lambda f: f.attrs.__setitem__("rate_hz", np.inf), "rate_hz to be finite f8"),
     "rate was edited": (lambda f: f.attrs.__setitem__("rate_hz", 100.0), "expected frame i at i / 100 Hz"),
-    "samples of another type": (replace("samples", np.zeros((40, 3, 5), "f4")), "expected f8"),
+    "samples of another type": (replace("samples", np.zeros((40, 3, 5), "i4")), "expected f8"),
     "samples without rows": (replace("samples", np.zeros((40, 15))), "axes"),
     "samples of another length": (replace("samples", np.zeros((39, 3, 5))), "samples: expected 40 along time, got 39"),
     "samples in another unit": (lambda f: f["samples"].attrs.__setitem__("units", "V"), "got 'V' as unit"),

@@ -16,6 +16,7 @@ from midair.files.loss import Loss, calibration_lost
 from midair.files.opened_take import Foreign, Given, OpenedTake
 from midair.files.stamps import uniform
 from midair.model import Calibration, Recording, Unit
+from midair.reel import blocks
 
 MARK = "# midair "
 """What midair's own files begin with."""
@@ -27,12 +28,16 @@ def write_csv(recording: Recording, path: Path, calibration: Calibration | None)
     cells = [
         f"row{row}_column{column} [{recording.unit}]" for row in range(sensor.rows) for column in range(sensor.columns)
     ]
-    table = np.column_stack([recording.time, recording.samples.reshape(recording.frames, -1)])
     with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
         file.write(f"{MARK}{without_formulas(header_of(recording))}\n")
         file.write(",".join(["time [s]", *cells]) + "\n")
         # repr gives the fewest digits that are read back as the same number.
-        file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+        first = 0
+        for block in blocks(recording.samples, 4096):
+            time = np.arange(first, first + len(block)) / recording.rate
+            table = np.column_stack([time, block.reshape(len(block), -1)])
+            file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+            first += len(block)
     return calibration_lost(calibration, "CSV")
 
 

@@ -13,6 +13,7 @@ from midair.errors import BrokenFileError, UnknownFormatError
 from midair.files.native import FORMAT, from_plain, to_plain
 from midair.files.texts import json_of
 from midair.model import Recording, SensorGrid
+from midair.reel import each_frame
 from midair.version import __version__
 
 
@@ -75,13 +76,13 @@ def recording_from(header: Mapping[str, Any], samples: NDArray[np.float64], path
     part = header["sensor"]
     sensor = SensorGrid(rows=part["rows"], columns=part["columns"], pitch=part["pitch_m"], name=part["name"])
     expected = header["frames"] * sensor.count
-    if samples.size != expected:
+    if samples.size != expected or not samples.size:
         raise BrokenFileError(
             f"{path}: expected {header['frames']} frames of {sensor.count} channels, got {samples.size} samples "
             f"instead of {expected}; the file was cut or edited, copy it again"
         )
     return Recording(
-        samples=samples.reshape(header["frames"], *sensor.shape),
+        samples=each_frame(samples, lambda block: block.reshape(len(block), *sensor.shape), exact=True),
         rate=header["rate_hz"],
         sensor=sensor,
         unit=header["unit"],

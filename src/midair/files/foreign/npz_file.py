@@ -1,28 +1,34 @@
 """NumPy archives: `samples`, `rate`, `unit` and midair's header, or one array of another program."""
 
+import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from midair.files.atomic import whole_file
+from midair.files.atomic import check_room, whole_file
 from midair.files.foreign.header import header_of
 from midair.files.foreign.named_arrays import from_arrays
 from midair.files.loss import Loss, calibration_lost
 from midair.files.opened_take import Given, OpenedTake
 from midair.model import Calibration, Recording
+from midair.reel import blocks
 
 
 def write_npz(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
     """Write the samples, shape (frame, row, column), their rate in Hz and unit, and the header."""
-    with whole_file(path) as partial, partial.open("wb") as file:
-        np.savez(
-            file,
-            samples=recording.samples,
-            rate=np.float64(recording.rate),
-            unit=np.array(recording.unit),
-            midair=np.array(header_of(recording)),
-        )
+    rest = {"rate": recording.rate, "unit": recording.unit, "midair": header_of(recording)}
+    with whole_file(path) as partial:
+        check_room(partial.parent, recording.samples.nbytes, path)
+        with zipfile.ZipFile(partial, "w", allowZip64=True) as archive:
+            with archive.open("samples.npy", "w", force_zip64=True) as file:
+                shape = recording.samples.shape
+                np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": shape})
+                for block in blocks(recording.samples):
+                    file.write(block.tobytes())
+            for name, value in rest.items():
+                with archive.open(f"{name}.npy", "w") as file:
+                    np.lib.format.write_array(file, np.array(value), allow_pickle=False)
     return calibration_lost(calibration, "NPZ")
 
 

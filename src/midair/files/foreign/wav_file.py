@@ -4,16 +4,22 @@ midair keeps its header in a chunk that other programs skip.
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from midair.errors import BrokenFileError, FileError, UnitError
-from midair.files.atomic import whole_file
+from midair.files.atomic import check_room, whole_file
 from midair.files.foreign.header import header_of, parse_header, recording_from
 from midair.files.foreign.riff import CHUNK, append_chunk, chunks, content
 from midair.files.loss import Loss, calibration_lost
-from midair.files.opened_take import Foreign, Given, OpenedTake
+from midair.files.opened_take import Foreign, Given, OpenedTake, of_two
 from midair.model import Calibration, Recording, Unit
+from midair.reel import Reel, blocks, each_frame, moments
+from midair.validation import check_finite
+
+if TYPE_CHECKING:
+    import soundfile
 
 _FORMATS = ("WAV", "WAVEX", "W64", "RF64")
 _BITS = {"PCM_U8": 8, "PCM_16": 16, "PCM_24": 24, "PCM_32": 32}
@@ -38,10 +44,12 @@ def write_wav(recording: Recording, path: Path, calibration: Calibration | None)
         raise FileError(f"{path}: a WAV holds less than 4 GB, got {recording.samples.nbytes} bytes; save to .h5")
     # A WAV has whole rates; midair's header keeps the exact one.
     rate = max(1, round(recording.rate))
-    exponent = int(np.frexp(np.abs(recording.samples).max())[1])
-    samples = np.ldexp(recording.samples, -exponent).reshape(recording.frames, cells)
+    exponent = int(np.frexp(moments(recording.samples).largest)[1])
     with whole_file(path) as partial:
-        soundfile.write(partial, samples, rate, subtype="DOUBLE", format="WAV")
+        check_room(partial.parent, recording.samples.nbytes, path)
+        with soundfile.SoundFile(partial, "w", rate, cells, subtype="DOUBLE", format="WAV") as file:
+            for block in blocks(recording.samples):
+                file.write(np.ldexp(block, -exponent).reshape(len(block), cells))
         append_chunk(partial, header_of(recording, scale_exponent=exponent).encode("ascii"))
     return (*_losses(recording, rate, exponent), *calibration_lost(calibration, "WAV"))
 
@@ -68,16 +76,35 @@ def read_wav(path: Path, given: Given) -> OpenedTake:
         subtype, rate = file.subtype, file.samplerate
         if file.format not in _FORMATS or subtype not in _READABLE:
             raise BrokenFileError(f"{path}: expected PCM, float or µ-law in a WAV, got {file.format} with {subtype}")
-        samples = file.read(dtype="float64", always_2d=True)
+        samples: Any = _reel(path, file) if given.streamed else file.read(dtype="float64", always_2d=True)
     if header is None:
         return _foreign(samples, subtype, float(rate), given, path).settle(given, path)
     parsed = parse_header(header.decode("ascii"), path)
-    recording = recording_from(parsed, np.ldexp(samples, parsed["scale_exponent"]), path)
+    exponent = parsed["scale_exponent"]
+    recording = recording_from(parsed, each_frame(samples, lambda block: np.ldexp(block, exponent), exact=True), path)
     given.check(recording, path)
     return OpenedTake(recording=recording)
 
 
-def _foreign(samples: np.ndarray, subtype: str, rate: float, given: Given, path: Path) -> Foreign:
+def _reel(path: Path, file: "soundfile.SoundFile") -> Reel:
+    """The samples of an open file, read from it when somebody asks for them."""
+    import soundfile
+
+    def read(first: int, last: int) -> np.ndarray:
+        with soundfile.SoundFile(path) as again:
+            again.seek(first)
+            block = again.read(last - first, dtype="float64", always_2d=True)
+        if len(block) < last - first:
+            raise BrokenFileError(f"{path}: expected frames {first} to {last}, got {len(block)}; the file was cut")
+        check_finite(block, "samples", frame=first)
+        return block
+
+    # A float32 has 24 bits of digits; µ-law has 14.
+    fits = file.subtype in ("FLOAT", "PCM_U8", "PCM_16", "PCM_24", "ULAW")
+    return Reel(read, (file.frames, file.channels), stored="f4" if fits else "f8")
+
+
+def _foreign(samples: Any, subtype: str, rate: float, given: Given, path: Path) -> Foreign:
     """The rate given may be the exact one of which a WAV holds the nearest whole number."""
     exact = given.rate if given.rate is not None and round(given.rate) == rate else rate
     full = f"1 {given.unit}" if given.scale is None else f"{given.scale:g} Pa"
@@ -85,7 +112,11 @@ def _foreign(samples: np.ndarray, subtype: str, rate: float, given: Given, path:
     if given.unit == "count" and given.scale is None:
         scale, remark = _counts(subtype, path)
     return Foreign(
-        samples=samples * scale, form="WAV", rate=exact, settings={"subtype": subtype, "scale": scale}, report=(remark,)
+        samples=each_frame(samples, lambda block: block * scale, exact=of_two(scale)),
+        form="WAV",
+        rate=exact,
+        settings={"subtype": subtype, "scale": scale},
+        report=(remark,),
     )
 
 

@@ -9,16 +9,20 @@ from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
-from midair.files.atomic import existing_file, refusing, whole_file
+from midair.files.atomic import check_room, existing_file, refusing, whole_file
 from midair.files.native.inspection import get_ready, inspect
+from midair.files.native.patient import Patient
 from midair.files.native.provenance_json import to_json
 from midair.files.native.schema import FORMAT, TABLE, Entry, Kind
 from midair.files.native.unclosed import openable
+from midair.reel import Reel, stretches
+from midair.validation import check_finite
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -36,20 +40,32 @@ GROWING = ("time", "event")
 
 
 @contextmanager
-def new_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
+def new_file(path: "str | os.PathLike[str]", *, room: int = 0) -> "Generator[h5py.File]":
     """An HDF5 file that gets its name when the block ends well.
 
-    It is made in memory: HDF5 does not survive a disk that fills up while it writes, Python does.
+    Parameters
+    ----------
+    path : str or PathLike
+        Its name.
+    room : int
+        Bytes that it will take, about: refused before anything is written where the disk has less.
+
+    Raises
+    ------
+    FileError
+        If the disk has no room for it, or refuses.
     """
     import h5py
 
     with whole_file(path) as partial:
-        with h5py.File(partial, "w", driver="core", backing_store=False, libver=LAYOUT) as file:
-            yield file
-            # The image has only what HDF5 no longer holds in buffers.
-            file.flush()
-            image = file.id.get_file_image()
-        partial.write_bytes(image)
+        check_room(partial.parent, room, path)
+        with Patient(partial) as patient:
+            try:
+                with h5py.File(patient, "w", libver=LAYOUT) as file:
+                    yield file
+            finally:
+                # What HDF5 says of bytes that the disk refused is not the reason.
+                patient.check()
 
 
 @contextmanager
@@ -127,10 +143,13 @@ def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, l
             _create(group, entry, values[entry.name], entry.unit.format(unit=unit), live=live)
 
 
-def read_group(group: "h5py.Group", kind: Kind, path: Path, *, live: bool = False) -> dict[str, Any]:
+def read_group(
+    group: "h5py.Group", kind: Kind, path: Path, *, live: bool = False, streamed: bool = False
+) -> dict[str, Any]:
     """What the table lists for `kind`, each checked for type, axes, unit and lengths that agree.
 
-    With `live`, what lies along time, or event, is cut to the shortest: a writer may be between two datasets.
+    With `live`, what lies along time, or event, is cut to the shortest: a writer may be between two datasets. With
+    `streamed`, times and all that is more than a number a frame are reels: read when somebody asks for them.
 
     Raises
     ------
@@ -144,7 +163,9 @@ def read_group(group: "h5py.Group", kind: Kind, path: Path, *, live: bool = Fals
     values = {entry.name: _attribute(group, entry, path) for entry in present if entry.dimensions is None}
     stored = [entry for entry in present if entry.dimensions is not None]
     for entry in stored:
-        values[entry.name] = _dataset(group, entry, entry.unit.format(unit=values.get("unit", "")), path)
+        values[entry.name] = _dataset(
+            group, entry, entry.unit.format(unit=values.get("unit", "")), path, streamed=streamed
+        )
     for axis in GROWING if live else ():
         along = [entry.name for entry in stored if axis in (entry.dimensions or ())]
         shortest = min((len(values[name]) for name in along), default=0)
@@ -210,19 +231,27 @@ def kind_of(group: "h5py.Group") -> str:
 
 
 def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: bool) -> None:
-    data = np.asarray(value, entry.dtype)
+    # What is single is stored as such where the table allows it; everything else as the table says.
+    data = value if isinstance(value, Reel) else np.asarray(value)
+    single = entry.single and (data.stored if isinstance(data, Reel) else data.dtype) == "f4"
+    kind = np.dtype("f4" if single else entry.dtype)
     axes = entry.dimensions or ()
     grows = live and not set(GROWING).isdisjoint(axes)
+    chunk = _chunk(data.shape, kind.itemsize, grows=grows)
     dataset = group.create_dataset(
         entry.name,
-        data=data,
+        shape=data.shape,
+        dtype=kind,
+        data=None if isinstance(data, Reel) else data.astype(kind),
         maxshape=tuple(None if axis in GROWING else have for axis, have in zip(axes, data.shape, strict=True))
         if grows
         else None,
-        chunks=_chunk(data, grows=grows),
+        chunks=chunk,
         fletcher32=None if live or not data.ndim else True,
-        fillvalue=np.nan if entry.dtype == "f8" else None,
+        fillvalue=np.nan if kind.kind == "f" else None,
     )
+    if isinstance(data, Reel) and chunk is not None:
+        _fill(dataset, data, chunk[0])
     dataset.attrs["units"] = fixed_text(unit)
     dataset.attrs["long_name"] = fixed_text(entry.what)
     if entry.coordinate:
@@ -234,12 +263,22 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: b
         dataset.dims[index].attach_scale(group[axis])
 
 
-def _chunk(data: np.ndarray, *, grows: bool) -> tuple[int, ...] | None:
+def _fill(dataset: "h5py.Dataset", reel: Reel, chunk: int) -> None:
+    """Write a reel block by block, each of whole chunks: a chunk that is written twice is read in between."""
+    size = next(last for _, last in stretches(reel.shape))
+    size = max(chunk, size // chunk * chunk)
+    first = 0
+    for block in reel.blocks(size):
+        dataset[first : first + len(block)] = block
+        first += len(block)
+
+
+def _chunk(shape: tuple[int, ...], itemsize: int, *, grows: bool) -> tuple[int, ...] | None:
     """Blocks of about 64 kB along the first axis; of 256 frames when that axis grows."""
-    if not data.ndim:
+    if not shape:
         return None
-    row = int(np.prod(data.shape[1:], dtype=int)) * data.itemsize
-    return (256 if grows else max(1, min(len(data), 65536 // max(row, 1))), *data.shape[1:])
+    row = int(np.prod(shape[1:], dtype=int)) * itemsize
+    return (256 if grows else max(1, min(shape[0], 65536 // max(row, 1))), *shape[1:])
 
 
 def _packed(entry: Entry, value: Any) -> Any:
@@ -289,16 +328,49 @@ def _attribute(group: "h5py.Group", entry: Entry, path: Path) -> Any:
     raise BrokenFileError(f"{path}: expected {entry.name} to be finite {entry.dtype}, got {value!r}")
 
 
-def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path) -> np.ndarray:
+def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, streamed: bool) -> "np.ndarray | Reel":
     dataset = stored_dataset(group, entry.name)
     axes = entry.dimensions or ()
     spelled = f"{entry.name}: expected {entry.dtype} with axes ({', '.join(axes)}) in {unit}"
-    if dataset.dtype != np.dtype(entry.dtype) or dataset.ndim != len(axes):
+    single = entry.single and dataset.dtype == np.dtype("f4")
+    if not (single or dataset.dtype == np.dtype(entry.dtype)) or dataset.ndim != len(axes):
         raise BrokenFileError(f"{path}: {spelled}, got {dataset!r}")
     have = plain_text(dataset.attrs.get("units"))
     if have != unit:
         raise BrokenFileError(f"{path}: {spelled}, got {have!r} as unit")
-    return dataset[()]
+    if streamed and axes[:1] == ("time",) and (len(axes) > 1 or entry.coordinate):
+        return _reel(dataset, path)
+    return dataset[()].astype(np.float64) if single else dataset[()]
+
+
+def _reel(dataset: "h5py.Dataset", path: Path) -> Reel:
+    """What a dataset of an open file holds, read from the file when somebody asks for it."""
+    import h5py
+
+    name, number = str(dataset.name), path.stat().st_ino
+
+    def read(first: int, last: int) -> np.ndarray:
+        # The same name may be that of a new file by now; what it was is known to be plain.
+        with refusing(path, "the file as it was"), h5py.File(openable(path), "r", locking=False) as opened:
+            if path.stat().st_ino != number:
+                raise BrokenFileError(f"{path}: expected the file as it was, got another of its name; begin again")
+            return stored_dataset(opened, name)[first:last].astype(np.float64)
+
+    return Reel(read, dataset.shape, stored="f4" if dataset.dtype == np.dtype("f4") else "f8")
+
+
+def finite(reel: "np.ndarray | Reel", name: str) -> "NDArray[np.float64]":
+    """A reel whose numbers are checked as they are read: NonFiniteError; an array as it is."""
+    if not isinstance(reel, Reel):
+        return reel
+
+    def read(first: int, last: int) -> np.ndarray:
+        block = reel.read(first, last)
+        check_finite(block, name, frame=first)
+        return block
+
+    # To a type checker a reel is the array that it stands for.
+    return cast("NDArray[np.float64]", Reel(read, reel.shape, stored=reel.stored))
 
 
 def _check_lengths(entries: list[Entry], values: Mapping[str, Any], path: Path) -> None:

@@ -23,7 +23,7 @@ def write_netcdf(recording: Recording, path: Path, calibration: Calibration | No
         "history": "; ".join(step.stage for step in life.steps) or "recorded",
         "comment": f"Written by midair {__version__}; its provenance is JSON in the attribute provenance.",
     }
-    with new_file(path) as file:
+    with new_file(path, room=recording.samples.nbytes) as file:
         write_group(file, "recording", recording_values(recording))
         if calibration is not None:
             write_calibration(file.create_group("calibration"), calibration)

@@ -10,10 +10,11 @@ from midair.errors import BrokenFileError, MismatchError
 from midair.files.holding import check_unclaimed
 from midair.files.loss import Loss
 from midair.files.native.axes import check_time, sensor_from, sensor_values, time_values
-from midair.files.native.calibration_file import load_calibration, read_calibration, write_calibration
+from midair.files.native.calibration_file import read_calibration, write_calibration
 from midair.files.native.events import events_from, with_events
 from midair.files.native.hdf5 import (
     check_kind,
+    finite,
     new_file,
     open_file,
     read_group,
@@ -26,21 +27,45 @@ from midair.files.native.provenance_json import from_json
 from midair.files.native.unclosed import is_unclosed
 from midair.files.opened_take import Given, OpenedTake
 from midair.model import Calibration, PressureFrames, Recording
+from midair.reel import Reel, stretches
 
 if TYPE_CHECKING:
     import h5py
 
 
-def write_recording(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
-    """Write a recording, whole or not at all; nothing of it is lost."""
-    _write(recording, path, calibration, None)
+def write_recording(
+    recording: Recording, path: Path, calibration: Calibration | None, pressure: PressureFrames | None = None
+) -> tuple[Loss, ...]:
+    """Write a recording and what was made of it, whole or not at all; nothing of it is lost.
+
+    Samples that float32 holds, every one of them, are stored in it.
+
+    Raises
+    ------
+    MismatchError
+        If the pressure is of a sensor of another shape.
+    """
+    if pressure is not None and pressure.sensor.shape != recording.sensor.shape:
+        raise MismatchError(
+            f"{path}: expected pressure of {recording.sensor.shape} cells, got {pressure.sensor.shape}; "
+            "save what was made of this recording"
+        )
+    values = recording_values(recording)
+    room = 8 * recording.frames + _bytes(values["samples"]) + (0 if pressure is None else pressure.pressure.nbytes)
+    with new_file(path, room=room) as file:
+        write_group(file, "recording", values)
+        if calibration is not None:
+            write_calibration(file.create_group("calibration"), calibration)
+        if pressure is not None:
+            _write_pressure(file.create_group("pressure"), pressure)
     return ()
 
 
 def read_recording(path: Path, given: Given) -> OpenedTake:
     """The recording of a file, also of one that is being written or whose writer was killed.
 
-    A file that is being written may be caught between two of its blocks: it is read again, up to twice.
+    A file that is being written may be caught between two of its blocks: it is read again, up to twice. With
+    `given.streamed` its samples are a reel.
 
     Raises
     ------
@@ -60,14 +85,14 @@ def _read_once(path: Path, given: Given) -> OpenedTake:
     with open_file(path) as file:
         check_kind(file, "recording", path)
         live = not stored_dataset(file, "finished")[()]
-        values = read_group(file, "recording", path, live=live)
+        values = read_group(file, "recording", path, live=live, streamed=given.streamed)
         report = ()
         if live:
             values, report = _whole_frames(values, path)
         check_time(values, path)
         journal = events_from(values)
         recording = Recording(
-            samples=values["samples"],
+            samples=finite(values["samples"], "samples"),
             rate=values["rate_hz"],
             sensor=sensor_from(values),
             unit=values["unit"],
@@ -95,17 +120,12 @@ def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> Non
     MissingFileError, BrokenFileError, FileError
         If the file cannot be read or written.
     """
-    recording = read_recording(Path(path), Given()).recording
-    if pressure.sensor.shape != recording.sensor.shape:
-        raise MismatchError(
-            f"{path}: expected pressure of {recording.sensor.shape} cells, got {pressure.sensor.shape}; "
-            "save what was made of this recording"
-        )
-    _write(recording, Path(path), load_calibration(path), pressure)
+    take = read_recording(Path(path), Given(streamed=True))
+    write_recording(take.recording, Path(path), take.calibration, pressure)
 
 
-def load_pressure(path: str | os.PathLike[str]) -> PressureFrames | None:
-    """The calibrated pressure in a recording's file; None when it has none.
+def load_pressure(path: str | os.PathLike[str], *, streamed: bool = False) -> PressureFrames | None:
+    """The calibrated pressure in a recording's file, as a reel if `streamed`; None when it has none.
 
     Raises
     ------
@@ -116,11 +136,11 @@ def load_pressure(path: str | os.PathLike[str]) -> PressureFrames | None:
         check_kind(file, "recording", Path(path))
         if "pressure" not in file:
             return None
-        values = read_group(stored_group(file, "pressure"), "pressure", Path(path))
+        values = read_group(stored_group(file, "pressure"), "pressure", Path(path), streamed=streamed)
         check_time(values, Path(path))
         band = (values.get("band_low_hz"), values.get("band_high_hz"))
         return PressureFrames(
-            pressure=values["pressure"],
+            pressure=finite(values["pressure"], "pressure"),
             rate=values["rate_hz"],
             sensor=sensor_from(values),
             band=None if band[0] is None or band[1] is None else (band[0], band[1]),
@@ -147,9 +167,9 @@ def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
         If not even its first frame can be read, or it cannot be written, or a program is recording into it.
     """
     check_unclaimed(Path(path))
-    imported = read_recording(Path(path), Given())
-    _write(imported.recording, Path(path), load_calibration(path), load_pressure(path))
-    return imported.report
+    take = read_recording(Path(path), Given(streamed=True))
+    write_recording(take.recording, Path(path), take.calibration, load_pressure(path, streamed=True))
+    return take.report
 
 
 def recording_values(recording: Recording) -> dict[str, Any]:
@@ -159,18 +179,22 @@ def recording_values(recording: Recording) -> dict[str, Any]:
         **time_values(recording.frames, recording.rate),
         **sensor_values(recording.sensor),
         "unit": recording.unit,
-        "samples": recording.samples,
+        "samples": single(recording.samples),
         "finished": 1,
     }
 
 
-def _write(recording: Recording, path: Path, calibration: Calibration | None, pressure: PressureFrames | None) -> None:
-    with new_file(path) as file:
-        write_group(file, "recording", recording_values(recording))
-        if calibration is not None:
-            write_calibration(file.create_group("calibration"), calibration)
-        if pressure is not None:
-            _write_pressure(file.create_group("pressure"), pressure)
+def single(samples: "np.ndarray | Reel") -> "np.ndarray | Reel":
+    """Samples as float32 where that holds every one of them; as they are otherwise, and reels always."""
+    if isinstance(samples, Reel):
+        return samples
+    with np.errstate(over="ignore"):
+        small = samples.astype(np.float32)
+    return small if np.array_equal(small, samples) else samples
+
+
+def _bytes(samples: "np.ndarray | Reel") -> int:
+    return samples.size * np.dtype(samples.stored if isinstance(samples, Reel) else samples.dtype).itemsize
 
 
 def _write_pressure(group: "h5py.Group", pressure: PressureFrames) -> None:
@@ -188,11 +212,19 @@ def _write_pressure(group: "h5py.Group", pressure: PressureFrames) -> None:
 def _whole_frames(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
     """The frames of a recording without its end that were written whole, and a sentence that says so."""
     samples = values["samples"]
-    written = ~np.isnan(samples).all(axis=(1, 2))
-    # What was not written is NaN: the recording ends with the last frame that is not.
-    frames = len(samples) - int(np.argmax(written[::-1])) if written.any() else 0
+    frames = _written(samples)
     if frames == 0:
         raise BrokenFileError(f"{path}: the recording stopped before its first frame was written; record it again")
     seconds = frames / values["rate_hz"]
     text = f"The recording was not closed: it still runs or was killed. {frames} frames, {seconds:g} s, could be read."
     return {**values, "samples": samples[:frames], "time": values["time"][:frames]}, (text,)
+
+
+def _written(samples: "np.ndarray | Reel") -> int:
+    """How many frames there are up to the last that is not NaN: what was never written is."""
+    for first, last in reversed(list(stretches(samples.shape))):
+        block = samples.read(first, last) if isinstance(samples, Reel) else samples[first:last]
+        there = np.asarray(~np.isnan(block).all(axis=(1, 2)))
+        if there.any():
+            return last - int(np.argmax(there[::-1]))
+    return 0

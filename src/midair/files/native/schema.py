@@ -30,6 +30,8 @@ class Entry:
         Empty for attributes, whose names carry it.
     required : bool
         Whether every file of its kind has it.
+    single : bool
+        Whether it is stored as f4 where that holds every number of it.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Entry:
     dimensions: tuple[str, ...] | None = None
     unit: str = ""
     required: bool = True
+    single: bool = False
 
     @property
     def coordinate(self) -> bool:
@@ -50,9 +53,10 @@ def attribute(name: str, dtype: Literal["f8", "i8", "text"], what: str, *, requi
     return Entry(name=name, what=what, dtype=dtype, required=required)
 
 
-def numbers(name: str, dimensions: str, unit: str, what: str, *, required: bool = True) -> Entry:
+def numbers(name: str, dimensions: str, unit: str, what: str, *, required: bool = True, single: bool = False) -> Entry:
     """An entry that is a dataset of float64, its dimensions in words."""
-    return Entry(name=name, what=what, dimensions=tuple(dimensions.split()), unit=unit, required=required)
+    axes = tuple(dimensions.split())
+    return Entry(name=name, what=what, dimensions=axes, unit=unit, required=required, single=single)
 
 
 def indices(
@@ -135,7 +139,9 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         *_UNIT,
         *_TIME,
         *_SENSOR,
-        numbers("samples", "time row column", "{unit}", "what the sensor said; NaN where nothing was written"),
+        numbers(
+            "samples", "time row column", "{unit}", "what the sensor said; NaN where nothing was written", single=True
+        ),
         indices("finished", "", "1 when the recording was closed in order, 0 while it runs", dtype="i1"),
         *_EVENTS,
     ),
@@ -226,5 +232,6 @@ def as_markdown(entries: Iterable[Entry]) -> str:
         stored = "attribute" if entry.dimensions is None else "dataset"
         name = f"`{entry.name}`" if entry.required else f"`{entry.name}` (optional)"
         axes = ", ".join(entry.dimensions or ())
-        lines.append(f"| {name} | {stored} | {axes} | {entry.dtype} | {entry.unit} | {entry.what} |")
+        kind = f"{entry.dtype} or f4" if entry.single else entry.dtype
+        lines.append(f"| {name} | {stored} | {axes} | {kind} | {entry.unit} | {entry.what} |")
     return "\n".join(lines)
