@@ -22,7 +22,7 @@ from midair.cli.terminal import (
     say_kept,
 )
 from midair.errors import InputError
-from midair.files import load_pressure, open_take
+from midair.files import contents, open_take
 from midair.model import Calibration, Recording
 
 Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
@@ -54,7 +54,7 @@ def cut_command(
         Print JSON for a program.
     """
     may_write(output, force)
-    _write(recordings.cut(open_take(source).recording, start, end), [source], output, json=json)
+    _write(recordings.cut(open_take(source, streamed=True).recording, start, end), [source], output, json=json)
 
 
 def join_command(*files: Path, force: Force = False, json: Json = False) -> None:
@@ -189,13 +189,13 @@ def mask_command(
 
 def _write(recording: Recording, sources: list[Path], output: Path, *, json: bool) -> None:
     """Write what was made, with the calibration that all its sources share."""
-    takes = [open_take(source) for source in sources]
+    takes = [open_take(source, streamed=True) for source in sources]
     calibrations = [take.calibration for take in takes]
     calibration = calibrations[0] if _same(calibrations) else None
     notes: list[str] = []
     if calibration is None and any(calibrations):
         notes.append("The calibration was left out: the recordings do not share one.")
-    if any(take.stored and load_pressure(source) is not None for take, source in zip(takes, sources, strict=True)):
+    if any(take.stored and "pressure" in contents(source).parts for take, source in zip(takes, sources, strict=True)):
         notes.append("The calibrated pressure was left out: it belongs to the whole; run midair calibrate again.")
     lost = keep(recording, output, calibration=calibration)
     rows = [("recording", str(output)), *recording_rows(recording)]

@@ -62,10 +62,10 @@ def import_command(
     file = sample_path(source.removeprefix("sample:")) if source.startswith("sample:") else Path(source)
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
-    imported = bring(file, options)
+    imported = bring(file, options, streamed=True)
     calibration = imported.calibration
     stated = nominal_calibration(imported.recording, sensitivity, peak)
-    pressure = load_pressure(file) if imported.stored and stated is None else None
+    pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
     lost = keep(imported.recording, target, calibration=stated or calibration, pressure=pressure)
     rows = [("recording", str(target)), *recording_rows(imported.recording)]
     if imported.recording.unit != "Pa" or stated or calibration:
@@ -90,9 +90,9 @@ def export_command(
         Print JSON for a program.
     """
     may_write(output, force)
-    take = open_take(source)
+    take = open_take(source, streamed=True)
     recording, calibration = take.recording, take.calibration
-    made = load_pressure(source) if take.stored else None
+    made = load_pressure(source, streamed=True) if take.stored else None
     if pressure:
         if made is None:
             raise InputError(f"{source}: expected calibrated pressure in it, got none; run midair calibrate first")

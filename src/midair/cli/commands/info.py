@@ -8,6 +8,7 @@ import numpy as np
 from midair.cli.terminal import Json, banner, calibrated_by, print_json, print_rows, recording_rows
 from midair.files import contents, load_calibration, load_pressure, load_solution, open_take
 from midair.model import Provenance, Setting
+from midair.reel import moments
 from midair.rig import calibration_rows, uncertainty_of
 
 
@@ -50,9 +51,9 @@ def _calibration_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
 
 
 def _take_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
-    take = open_take(source)
+    take = open_take(source, streamed=True)
     recording, calibration = take.recording, take.calibration
-    pressure = load_pressure(source) if take.stored else None
+    pressure = load_pressure(source, streamed=True) if take.stored else None
     rows = [("recording", str(source)), ("source", recording.provenance.source), *recording_rows(recording)]
     rows.append(("calibration", calibrated_by(calibration)))
     if calibration is not None:
@@ -60,7 +61,7 @@ def _take_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
         rows.append(("calibration date", calibration.date or "not written down"))
         rows.append(("uncertainty", uncertainty_of(calibration)))
     if pressure is not None:
-        rows.append(("largest pressure", f"{np.abs(pressure.pressure).max():.3g} Pa"))
+        rows.append(("largest pressure", f"{moments(pressure.pressure).largest:.3g} Pa"))
     rows += [(f"note: {name}", text) for name, text in recording.provenance.notes.items()]
     return rows, recording.provenance
 

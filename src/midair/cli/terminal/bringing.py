@@ -11,7 +11,8 @@ from cyclopts import Parameter, Token
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
 from midair.files import OpenedTake, open_take
 from midair.model import Recording, SensorGrid, Unit
-from midair.recordings import Footprint, Path, Shape, Turn, footprint_field, resample
+from midair.recordings import Footprint, Path, Shape, Turn, footprint_field, resample, suspicious
+from midair.reel import Reel
 
 Patch = tuple[str, float]
 """Shape and size (m) of a footprint."""
@@ -114,8 +115,11 @@ class FileOptions:
         return self.footprint is not None or self.resample is not None
 
 
-def bring(file: File, options: FileOptions) -> OpenedTake:
-    """The recording in a file, as the options make it, and what was assumed on the way."""
+def bring(file: File, options: FileOptions, *, streamed: bool = False) -> OpenedTake:
+    """The recording in a file, as the options make it, and what was assumed on the way.
+
+    With `streamed` its samples may be a reel, as in `open_take`; a footprint is made in memory.
+    """
     taken = open_take(
         file,
         rate=options.rate,
@@ -124,8 +128,11 @@ def bring(file: File, options: FileOptions) -> OpenedTake:
         scale=options.scale,
         channels=options.channels,
         stream=options.stream,
+        streamed=streamed and options.footprint is None,
     )
     recording, report = taken.recording, taken.report
+    if isinstance(recording.samples, Reel):
+        report = (*report, *suspicious(recording))
     if options.resample is not None:
         recording = resample(recording, options.resample)
     if options.footprint is not None:

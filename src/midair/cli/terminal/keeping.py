@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.terminal.console import banner, out, print_json, print_rows
 from midair.errors import InputError
-from midair.files import Loss, check_unclaimed, save, save_pressure
+from midair.files import Loss, check_unclaimed, save
 from midair.model import Calibration, PressureFrames, Recording
 
 
@@ -13,13 +13,7 @@ def keep(
     recording: Recording, path: Path, *, calibration: Calibration | None, pressure: PressureFrames | None = None
 ) -> tuple[Loss, ...]:
     """Write a recording with its calibration and pressure, and return what its format cannot hold."""
-    lost = save(recording, path, calibration=calibration)
-    if pressure is None:
-        return lost
-    if path.suffix.lower() in (".h5", ".hdf5"):
-        save_pressure(pressure, path)
-        return lost
-    return (*lost, Loss(what="pressure", text="The calibrated pressure was left out; --pressure exports it instead."))
+    return save(recording, path, calibration=calibration, pressure=pressure)
 
 
 def as_recording(pressure: PressureFrames) -> Recording:

@@ -7,6 +7,7 @@ import numpy as np
 from midair.cli.terminal.quantities import parse_quantity
 from midair.errors import InputError, MismatchError
 from midair.model import Calibration, Provenance, Recording
+from midair.reel import moments
 
 
 def nominal_calibration(recording: Recording, sensitivity: str | None, peak: float | None) -> Calibration | None:
@@ -26,7 +27,8 @@ def nominal_calibration(recording: Recording, sensitivity: str | None, peak: flo
         return Calibration.flat(recording.sensor, sensitivity=value, unit=recording.unit)
     if peak is None:
         return None
-    change = np.abs(recording.samples - np.median(recording.samples, axis=0)).max()
+    rest, found = np.median(recording.samples, axis=0), moments(recording.samples)
+    change = np.maximum(found.greatest - rest, rest - found.least).max()
     if change == 0 or peak <= 0:
         raise InputError(
             f"--peak: expected a pressure above 0 and a recording that changes, got {peak:g} Pa, {change:g}"

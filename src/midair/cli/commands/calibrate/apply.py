@@ -21,7 +21,8 @@ from midair.cli.terminal import (
     quantity,
     tell,
 )
-from midair.files import open_take
+from midair.files import load_pressure, open_take
+from midair.reel import moments
 from midair.rig import uncertainty_of
 
 Pressure = Annotated[float | None, quantity("Pa")]
@@ -59,16 +60,18 @@ def apply_command(
     """
     chosen = (options or BandOptions()).settings().calibration
     may_write(source, force=True)
-    take = open_take(source)
+    take = open_take(source, streamed=True)
     recording = take.recording
     known = nominal_calibration(recording, sensitivity, peak)
     known = known or (given_calibration(calibration) if calibration else take.calibration)
     pressure = calibrate(
         recording, known, band=chosen.band, method=chosen.inverse, crosstalk=crosstalk, damping=damping
     )
+    # Of a file of midair what was written is looked at afterwards: before, it would have to be worked out twice.
+    found = None if take.stored else moments(pressure.pressure)
     keep(recording, source, calibration=known, pressure=pressure)
+    found = found or moments((load_pressure(source, streamed=True) or pressure).pressure)
     banner(pressure.provenance.simulated)
-    largest = np.abs(pressure.pressure).max()
     print_rows(
         [
             ("recording", str(source)),
@@ -76,8 +79,8 @@ def apply_command(
             *(() if known is None else (("uncertainty", uncertainty_of(known)),)),
             ("band", f"{chosen.band[0]:g} to {chosen.band[1]:g} Hz"),
             ("crosstalk", "kept" if crosstalk == "keep" else f"undone, damping {damping:g}"),
-            ("largest pressure", f"{largest:.3g} Pa"),
-            ("rms of the strongest cell", f"{np.sqrt((pressure.pressure**2).mean(axis=0)).max():.3g} Pa"),
+            ("largest pressure", f"{found.largest:.3g} Pa"),
+            ("rms of the strongest cell", f"{np.hypot(found.spread, found.mean).max():.3g} Pa"),
         ]
     )
 
