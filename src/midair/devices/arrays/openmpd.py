@@ -1,7 +1,8 @@
 """OpenMPD boards over USB: one board, or two face to face. EXPERIMENTAL: no real board has ever played from here.
 
 A board never answers and holds its last frame for ever, so that everything here serves one end: whatever happens, the
-last thing that a board gets is silence, and it has got there before the port is closed.
+last thing that a board gets is silence, and it has got there before the port is closed. Should the program itself be
+killed or hang, its guard (`openmpd_guard`) silences.
 
 The boards' USB chip (FT232H) hands bytes to the firmware as a FIFO (ParallelReceiver.vhd). Linux shows such a chip as
 a serial port; a program for these boards (levitate, hardware/_interactlab.py) writes to it as one with pyserial, as
@@ -12,9 +13,10 @@ import contextlib
 import importlib
 import importlib.util
 import math
+import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 from midair.devices.arrays.openmpd_frames import (
@@ -25,6 +27,7 @@ from midair.devices.arrays.openmpd_frames import (
     off_frames,
     rate_divider,
 )
+from midair.devices.arrays.openmpd_guard import LIMIT, BoardGuard
 from midair.devices.arrays.silencer import SilencerChoice
 from midair.devices.interface import ArrayDevice, PlayReport
 from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError, MissingExtraError
@@ -61,6 +64,10 @@ class BoardPort(Protocol):
         """Throw away what this computer has yet to send."""
         ...
 
+    def fileno(self) -> int:
+        """Its file descriptor."""
+        ...
+
     def close(self) -> None:
         """Let go of the port."""
         ...
@@ -79,8 +86,6 @@ class OpenMpdArray(ArrayDevice):
         What it was opened by.
     silencer : {"auto", "off"}
         Nothing to choose: the firmware steps at once.
-    connect : callable, optional
-        Opens a port; for tests.
     """
 
     def __init__(
@@ -90,7 +95,6 @@ class OpenMpdArray(ArrayDevice):
         *,
         name: str = "openmpd",
         silencer: SilencerChoice = "auto",
-        connect: Callable[[str], BoardPort] | None = None,
     ) -> None:
         if boards and len(boards) != len(ports):
             raise InputError(f"{name}: expected a board file for each of {len(ports)} ports, got {len(boards)}")
@@ -99,8 +103,8 @@ class OpenMpdArray(ArrayDevice):
         self.name, self.exclusive = name, f"openmpd:{','.join(ports)}"
         self.array = array_of_boards(*(boards or [Board.nominal()] * len(ports)))
         self._names, self._boards = tuple(ports), tuple(boards)
-        self._connect = connect or _serial_port
         self._ports: list[BoardPort] = []
+        self._guard: BoardGuard | None = None
         self._lock = threading.RLock()
         self._silenced = 0
         self._sounding = self._lost = False
@@ -119,7 +123,7 @@ class OpenMpdArray(ArrayDevice):
         self._lost, self._holds = False, LONGEST
         try:
             for name in self._names:
-                self._ports.append(self._connect(name))
+                self._ports.append(_serial_port(name))
             self.silence()
             # Nothing but the silence of here can be waiting from now on.
             self._holds = FEW
@@ -148,6 +152,8 @@ class OpenMpdArray(ArrayDevice):
         divider, ordered = rate_divider(drive.rate), self._silenced
         period, total = divider * PERIOD, drive.frames * repeats
         ahead = max(2, int(LEAD / period))
+        if self._guard is None and sys.platform != "win32":
+            self._guard = BoardGuard([port.fileno() for port in self._ports], off_frames())
         self._wait(delay, ordered)
         # In its own frame: in one that sounds, its bits could be taken for the beginning of another.
         self._send([off_frames() + off_frame(divider)] * len(self._ports), ordered)
@@ -188,6 +194,8 @@ class OpenMpdArray(ArrayDevice):
             if self._ports:
                 time.sleep(self._holds)
             self._sounding = False
+            if self._guard is not None:
+                self._guard.rest()
 
     def close(self) -> None:
         """Silence the boards, unless that has failed before, and let go of them."""
@@ -196,6 +204,7 @@ class OpenMpdArray(ArrayDevice):
                 if self._ports and not self._lost:
                     self.silence()
             finally:
+                self._dismiss()
                 ports, self._ports = self._ports, []
                 for port in ports:
                     with contextlib.suppress(*FAILURES):
@@ -207,7 +216,8 @@ class OpenMpdArray(ArrayDevice):
         return {
             "boards": f"{len(self._names)} at {', '.join(self._names)}; whether they are there, they cannot say",
             "board files": known or "none: it can be silenced, but not played on",
-            "failsafe": "none: a board holds its last frame for ever",
+            "failsafe": "none of its own: a board holds its last frame for ever; a process beside midair silences it "
+            "when midair dies, none when the computer does or the cable is pulled",
             "rate": "any that is 40 kHz / N, N from 4 to 255: 1000 Hz is N = 40",
         }
 
@@ -216,16 +226,37 @@ class OpenMpdArray(ArrayDevice):
         with self.sounding(), self._lock:
             self._check(ordered)
             self._sounding = self._sounding or sounds
+            if sounds:
+                self._beat()
             for port, text in zip(self._ports, texts, strict=True):
                 try:
                     port.write(text)
                 except FAILURES as wrong:
                     raise self._gone(wrong) from wrong
 
+    def _beat(self) -> None:
+        """Tell the guard that all is well; what it had to silence must not sound again by itself."""
+        try:
+            if self._guard is not None:
+                self._guard.beat()
+        except OSError:
+            self._dismiss()
+            raise DeviceError(
+                f"{self.name}: this program stood still for more than {LIMIT:g} s while it played, and its guard "
+                "silenced the boards, or the guard was ended; close other programs, then play again"
+            ) from None
+
+    def _dismiss(self) -> None:
+        guard, self._guard = self._guard, None
+        if guard is not None:
+            guard.close()
+
     def _wait(self, seconds: float, ordered: int) -> None:
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0:
             self._check(ordered)
+            if self._sounding:
+                self._beat()
             time.sleep(min(left, LEAD))
         self._check(ordered)
 

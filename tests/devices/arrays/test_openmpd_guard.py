@@ -1,0 +1,113 @@
+"""Boards fall silent when the program that plays on them is killed or stands still."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+
+from midair.testing import OpenMpdStandIn
+
+pytest.importorskip("serial")
+
+PLAYER = """
+import sys
+import numpy as np
+from midair.devices import OpenMpdArray
+from midair.errors import DeviceError
+from midair.model import Board, Drive, array_of_boards
+from midair.testing import overridden
+
+board = Board.nominal()
+array = array_of_boards(board)
+drive = Drive(phase=np.zeros((1000, 256)), level=np.ones(1000), rate=1000.0, array=array)
+device = OpenMpdArray([sys.argv[1]], [board])
+try:
+    with device:
+        device.play(overridden(drive, device, repeats=3600))
+except DeviceError as wrong:
+    print(wrong)
+    sys.exit(1)
+"""
+
+
+@pytest.fixture
+def board():
+    one = OpenMpdStandIn()
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def player(board, tmp_path, monkeypatch):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
+    made = []
+
+    def start():
+        made.append(subprocess.Popen([sys.executable, "-c", PLAYER, board.port], stdout=subprocess.PIPE, text=True))
+        until(lambda: board.sounds)
+        return made[-1]
+
+    yield start
+    for one in made:
+        one.kill()
+        one.communicate()
+
+
+def until(true, limit=60.0):
+    end = time.monotonic() + limit
+    while not true():
+        assert time.monotonic() < end, "it never came"
+        time.sleep(0.002)
+
+
+def assert_stays_silent(board):
+    until(lambda: not board.sounds)
+    board.settle()
+    count = len(board.heard)
+    time.sleep(0.1)
+    assert not board.sounds
+    assert len(board.heard) == count
+
+
+@pytest.mark.parametrize("kills", [2, pytest.param(30, marks=pytest.mark.slow)])
+def test_a_program_that_is_killed_at_any_moment_leaves_silence(board, player, kills):
+    rng = random.Random(7)
+    for _ in range(kills):
+        one = player()
+        time.sleep(rng.uniform(0, 0.15))
+        one.kill()
+        one.wait()
+        assert_stays_silent(board)
+
+
+def test_a_program_that_stands_still_leaves_silence_and_says_so_when_it_goes_on(board, player):
+    one = player()
+    os.kill(one.pid, signal.SIGSTOP)
+    assert_stays_silent(board)
+    os.kill(one.pid, signal.SIGCONT)
+    said, _ = one.communicate(timeout=60)
+    assert one.returncode == 1
+    assert "stood still for more than 1 s while it played, and its guard silenced the boards" in said
+    assert_stays_silent(board)
+
+
+def test_keys_at_the_terminal_do_not_reach_the_guard(board, player):
+    """Its session is its own: a stop or an end of the whole group would leave nobody to silence."""
+    one = player()
+    (guard,) = psutil.Process(one.pid).children()
+    assert os.getsid(guard.pid) != os.getsid(one.pid)
+
+
+def test_a_program_whose_guard_was_ended_plays_no_further(board, player):
+    one = player()
+    (guard,) = psutil.Process(one.pid).children()
+    guard.kill()
+    said, _ = one.communicate(timeout=60)
+    assert one.returncode == 1
+    assert "the guard was ended" in said
+    assert_stays_silent(board)
