@@ -59,6 +59,8 @@ class OpenMpdStandIn:
         Name of the pty.
     frames : list of PinFrame
         That have stood since it was switched on, its own silence first.
+    begins : list of float
+        When each of them began by the board's own clock, in s.
     stalled : bool
         Set it to have the board take no more bytes.
     """
@@ -72,9 +74,11 @@ class OpenMpdStandIn:
         silence = PinFrame(start=np.zeros(256, np.uint8), length=np.zeros(256, np.uint8), divider=4)
         self.frames = [silence]
         self.stalled = False
+        self.begins = [time.monotonic()]
         self._fifo = bytearray()
-        self._reader = CommandReader(self.frames.append)
+        self._reader = CommandReader(self._stand)
         self._due: float | None = None
+        self._begin = self.begins[0]
         self._full_since = time.monotonic()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="OpenMPD stand-in", daemon=True)
@@ -128,13 +132,17 @@ class OpenMpdStandIn:
             elif select.select([self._master], [], [], 0.0005)[0]:
                 self._fifo += os.read(self._master, 1024)
 
+    def _stand(self, frame: PinFrame) -> None:
+        self.begins.append(self._begin)
+        self.frames.append(frame)
+
     def _play(self, now: float) -> None:
         """All frames whose time has come (FrameBufferController.vhd, states Idle, ReadFIFO and WaitFrame)."""
         while self._due is None or now >= self._due:
             if len(self._fifo) < 512:
                 self._due = None
                 break
-            begin = now if self._due is None else self._due
+            begin = self._begin = now if self._due is None else self._due
             self._reader.read(self._fifo[:512])
             del self._fifo[:512]
             self._due = begin + (self._reader.divider or 256) * 25e-6
