@@ -30,6 +30,7 @@ WHOLE_SUITES = {
     "devices/test_stopping.py": "silence at any moment, from arrays to the command stop",
     "files/test_mutations.py": "damaged files of every format",
     "test_docs.py": "README and the pages of docs",
+    "files/test_whole_writers.py": "every writer, killed or refused in the middle",
     "files/test_one_way_in.py": "every format and every command that opens one",
     "files/test_real_recordings.py": "files that other programs wrote",
     "paper/test_paper.py": "the paper's figures made again, with few points",

@@ -1,6 +1,6 @@
 """Files: recordings, calibrations and drives in HDF5, and recordings in the formats of other programs."""
 
-from midair.files.atomic import refusing, whole_file, writable_path
+from midair.files.atomic import refusing, whole_file, whole_folder, writable_path
 from midair.files.foreign import load_board
 from midair.files.formats import FORMATS, format_of, load, open_take, save
 from midair.files.harmless import no_formula, printable
@@ -77,5 +77,6 @@ __all__ = [
     "to_plain",
     "toml_of",
     "whole_file",
+    "whole_folder",
     "writable_path",
 ]

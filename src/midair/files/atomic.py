@@ -117,6 +117,41 @@ def check_room(folder: Path, needed: int, path: str | os.PathLike[str]) -> None:
         )
 
 
+@contextmanager
+def whole_folder(path: str | os.PathLike[str]) -> Generator[Path]:
+    """A folder beside `path` to fill; it becomes `path` when the block ends well and is removed when it does not.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        A name that nothing has, or of an empty folder; folders above it are made.
+
+    Raises
+    ------
+    FileError
+        If something has the name, or the disk refuses.
+    """
+    target = Path(path).resolve()
+    partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
+    try:
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            raise FileError(f"{target}: expected a new folder, got one that holds something; choose another name")
+        partial.mkdir(parents=True)
+        yield partial
+        for file in partial.rglob("*"):
+            if file.is_file():
+                _sync(file)
+        if target.exists():
+            target.rmdir()
+        partial.rename(target)
+    except MidairError:
+        raise
+    except (OSError, RuntimeError) as wrong:
+        raise FileError(f"{target}: cannot be written: {reason(wrong)}") from wrong
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
 def writable_path(path: str | os.PathLike[str]) -> Path:
     """`path`, links followed, after checking that a file can have that name.
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
-from midair.files import json_of, read_text, toml_of
+from midair.errors import BrokenFileError, InputError, MissingFileError
+from midair.files import json_of, read_text, toml_of, whole_folder
 from midair.study.design import (
     Design,
     Plan,
@@ -68,19 +68,17 @@ class StudyFolder:
 
     @classmethod
     def create(cls, path: Path, text: str, design: Design) -> "StudyFolder":
-        """Draw the plan of a new study and store it.
+        """Draw the plan of a new study and store it, whole or not at all.
 
         Raises
         ------
         FileError
             If the folder holds something already: a plan is never drawn twice.
         """
-        if path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise FileError(f"{path.name}: expected a new folder, got one that holds something; choose another name")
-        path.mkdir(parents=True, exist_ok=True)
-        (path / "plan.toml").write_text(text, encoding="utf-8")
-        content = json.dumps(asdict(draw_plan(design)), indent=1, ensure_ascii=False)
-        (path / "plan.json").write_text(content, encoding="utf-8")
+        with whole_folder(path) as partial:
+            content = json.dumps(asdict(draw_plan(design)), indent=1, ensure_ascii=False)
+            (partial / "plan.toml").write_text(text, encoding="utf-8")
+            (partial / "plan.json").write_text(content, encoding="utf-8")
         return cls(path)
 
     def plan(self) -> Plan:

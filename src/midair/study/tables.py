@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
-from midair.files import no_formula
+from midair.files import no_formula, whole_file, whole_folder
 from midair.version import __version__
 
 if TYPE_CHECKING:
@@ -40,14 +40,17 @@ MEANING: Mapping[str, str] = {
 
 
 def write_csv(table: DataFrame, path: Path) -> None:
-    """A table as CSV with a line of names.
+    """A table as CSV with a line of names, whole or not at all.
 
     Raises
     ------
     FileError
-        If the file is there already.
+        If the file is there already, or cannot be written.
     """
-    _write_separated(table, path, ",")
+    if path.exists():
+        raise FileError(f"{path.name}: expected a new file, got one that is there; choose another name")
+    with whole_file(path) as partial:
+        _write_separated(table, partial, ",")
 
 
 def read_csv(path: Path) -> DataFrame:
@@ -89,9 +92,12 @@ def write_bids(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
     """
     if answers.empty:
         raise InputError("export: expected answers, got none; run a participant first")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise FileError(f"{folder.name}: expected a new folder for the dataset, got one that holds something")
-    folder.mkdir(parents=True, exist_ok=True)
+    with whole_folder(folder) as partial:
+        written = _dataset(answers, design, partial)
+        return [folder / path.relative_to(partial) for path in written]
+
+
+def _dataset(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
     simulated = bool(answers["simulated"].any())
     written = [_text(folder / "README", _readme(design, simulated))]
     written.append(_json(folder / "dataset_description.json", _description(design, simulated)))
@@ -175,12 +181,9 @@ def _write_separated(table: DataFrame, path: Path, delimiter: str) -> None:
         words[name] = np.where(table[name], "true", "false")
     for name in words.select_dtypes(exclude=["number", "bool"]):
         words[name] = words[name].map(no_formula)
-    try:
-        words.rename(columns=no_formula).to_csv(
-            path, sep=delimiter, index=False, mode="x", encoding="utf-8", lineterminator="\n", na_rep="n/a"
-        )
-    except FileExistsError as there:
-        raise FileError(f"{path.name}: expected a new file, got one that is there; choose another name") from there
+    words.rename(columns=no_formula).to_csv(
+        path, sep=delimiter, index=False, encoding="utf-8", lineterminator="\n", na_rep="n/a"
+    )
 
 
 def _description(design: Design, simulated: bool) -> dict[str, Any]:

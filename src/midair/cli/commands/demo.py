@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from midair.cli.terminal import SolveOptions, Time, banner, out, print_figures, print_rows, quantity, say_air, stages
-from midair.files import check_unclaimed, save, save_solution
+from midair.files import check_unclaimed, save, save_solution, whole_file
 from midair.flow import felt
 from midair.rig import Loop, VirtualRig, capture_recording, pictures, run_loop, write_report
 
@@ -89,4 +89,5 @@ def _keep(loop: Loop, output: Path, name: str, part: str) -> None:
         f"midair loop stroke.h5 report.html {part}",
     )
     write_report(loop, output / "report.html", commands=commands)
-    (output / "field.png").write_bytes(pictures(loop)[2].data)
+    with whole_file(output / "field.png") as partial:
+        partial.write_bytes(pictures(loop)[2].data)

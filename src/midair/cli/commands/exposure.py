@@ -4,7 +4,7 @@ from pathlib import Path
 
 from midair.cli.terminal import Force, Json, may_write, print_figures, print_json, print_rows
 from midair.figures import exposure_figure, png
-from midair.files import DEFAULT_PROFILE, load_solution, profile_named
+from midair.files import DEFAULT_PROFILE, load_solution, profile_named, whole_file
 from midair.physics import Exposure, exposure
 
 
@@ -46,7 +46,8 @@ def exposure_command(
     drive = load_solution(source).drive
     found = exposure(drive, chosen, repeats=repeats)
     if drawn:
-        target.write_bytes(png(exposure_figure(found, simulated=drive.provenance.simulated)))
+        with whole_file(target) as partial:
+            partial.write_bytes(png(exposure_figure(found, simulated=drive.provenance.simulated)))
     if json:
         print_json(_plain(found))
         return

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from midair.devices import make_state_folder, state_folder
 from midair.errors import InputError, MissingFileError
+from midair.files import whole_file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,4 +115,5 @@ def remember(subject: Subject) -> None:
         If there is no place to keep it.
     """
     path = make_state_folder() / "subject.json"
-    path.write_text(json.dumps(asdict(subject)), encoding="utf-8")
+    with whole_file(path) as partial:
+        partial.write_text(json.dumps(asdict(subject)), encoding="utf-8")

@@ -7,6 +7,7 @@ import numpy as np
 
 from midair.cli.terminal import say
 from midair.figures import png
+from midair.files import whole_file
 from midair.study import (
     IdentificationExperiment,
     RatingExperiment,
@@ -90,6 +91,8 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
     pairs = range(3, 61)
     power = {d_z: [power_paired_t(n, d_z=d_z) for n in pairs] for d_z in (0.3, 0.5, 0.8)}
     curves = [(f"d_z = {d_z:g}", DataFrame({"participants": pairs, "power": p})) for d_z, p in power.items()]
-    (output / "paper-chance.png").write_bytes(png(chance_figure(chance, simulated=True)))
-    (output / "paper-power.png").write_bytes(png(power_figure(curves)))
+    drawn = {"paper-chance.png": chance_figure(chance, simulated=True), "paper-power.png": power_figure(curves)}
+    for name, figure in drawn.items():
+        with whole_file(output / name) as partial:
+            partial.write_bytes(png(figure))
     say(f"{output}: paper-chance.png, paper-power.png")

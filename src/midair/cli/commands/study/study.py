@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from midair.cli.terminal import AirOptions, ExposureOptions, Json, PlainConsole, err, say
 from midair.errors import InputError
-from midair.files import read_text
+from midair.files import read_text, whole_file
 from midair.study import (
     ArrayPresenter,
     NoPresenter,
@@ -204,7 +204,9 @@ def analyse_command(
         )
         title, target = source.name, output or source.with_name(f"{source.stem}-report.html")
     report = analyse(data, seed=seed, draws=draws)
-    target.write_text(report_page(report, title=title, within=data.within), encoding="utf-8")
+    page = report_page(report, title=title, within=data.within)
+    with whole_file(target) as partial:
+        partial.write_text(page, encoding="utf-8")
     _print_report(report, data, target, json=json)
 
 

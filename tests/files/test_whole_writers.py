@@ -1,0 +1,88 @@
+"""Every writer: stopped in the middle, it leaves the file that was there, or none."""
+
+import ast
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SRC = Path(__file__).parents[2] / "src" / "midair"
+PROGRAM = Path(__file__).with_name("half_writers.py")
+
+ON_THEIR_OWN = {
+    "devices/safety/held_files.py": "a file that is held while it is written, and whose content dies with its process",
+    "devices/safety/play_log.py": "a log that grows line by line",
+    "devices/safety/stop_lines.py": "written aside and moved there by itself",
+    "files/native/live_file.py": "a recording that grows; written aside before it gets its name",
+    "study/session/event_log.py": "a log that grows line by line",
+}
+"""Files of src that write without `whole_file`, and why."""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows limits the size of no file")
+@pytest.mark.parametrize("how", ["killed", "refused"])
+def test_what_was_there_is_there_when_a_writer_is_stopped_half_way(how, tmp_path):
+    words = [sys.executable, PROGRAM, how]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=tmp_path, timeout=500)
+    assert done.returncode == 0, done.stderr
+    found = {
+        line["name"]: line for line in map(json.loads, filter(lambda line: line[:1] == "{", done.stdout.splitlines()))
+    }
+    assert len(found) >= 20
+    ended = -signal.SIGXFSZ if how == "killed" else 1
+    assert {name: line["ended"] for name, line in found.items()} == dict.fromkeys(found, ended)
+    assert [name for name, line in found.items() if not line["whole"]] == []
+    # What a refused writer began is gone; a killed one leaves a hidden file that no reader takes for anything.
+    assert how == "killed" or [name for name, line in found.items() if line["left"]] == []
+    assert [name for name, line in found.items() if line["again"] not in (False, 0)] == []
+
+
+WRITES = {"write_text", "write_bytes", "to_csv", "savefig"}
+
+
+def names_of_whole_files(tree):
+    """What `with whole_file(...) as name` and the like bind."""
+    return {
+        item.optional_vars.id
+        for node in ast.walk(tree)
+        if isinstance(node, ast.With)
+        for item in node.items
+        if isinstance(item.context_expr, ast.Call)
+        and ast.unparse(item.context_expr.func) in ("whole_file", "whole_folder")
+        and isinstance(item.optional_vars, ast.Name)
+    }
+
+
+def written_by_hand(module):
+    """Calls in a file of src that write to something else than a whole file; a path from elsewhere is let go."""
+    tree = ast.parse(module.read_text(encoding="utf-8"))
+    whole = names_of_whole_files(tree)
+    for node in ast.walk(tree):
+        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)):
+            continue
+        mode = [each.value for each in node.args[:1] if isinstance(each, ast.Constant)]
+        opens = node.func.attr == "open" and any(set(str(each)) & set("wxa") for each in mode)
+        if not (node.func.attr in WRITES or opens):
+            continue
+        target = node.func.value if node.func.attr != "to_csv" else node.args[0]
+        named = {each.id for each in ast.walk(target) if isinstance(each, ast.Name)}
+        if node.func.attr == "savefig" or named & whole:
+            continue
+        arguments = {
+            each.arg
+            for f in ast.walk(tree)
+            if isinstance(f, ast.FunctionDef)
+            if node in ast.walk(f)
+            for each in f.args.args
+        }
+        if not (isinstance(target, ast.Name) and named <= arguments and whole):
+            yield f"{module.relative_to(SRC).as_posix()}:{node.lineno}"
+
+
+def test_nothing_in_src_writes_a_file_that_could_be_left_half():
+    found = [each for module in SRC.rglob("*.py") for each in written_by_hand(module)]
+    assert [each for each in found if each.split(":")[0] not in ON_THEIR_OWN] == []
+    assert {each.split(":")[0] for each in found} <= set(ON_THEIR_OWN)
