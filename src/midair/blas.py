@@ -1,8 +1,8 @@
 """Which kernel OpenBLAS takes for its products, and the wider one that it misses on some processors.
 
-OpenBLAS up to 0.3.31 does not know AMD's family 26 (Zen 5) and takes a kernel of 256 bits there, although the processor
-has 512 (github.com/OpenMathLib/OpenBLAS, issue 6029, mended by pull request 6033): complex products take twice as
-long. It reads OPENBLAS_CORETYPE when NumPy loads it, and never again.
+OpenBLAS up to 0.3.31 does not list AMD's family 26 (Zen 5): where its look at the processor's features fails too, it
+takes a kernel of 256 bits on a processor that has 512 (github.com/OpenMathLib/OpenBLAS, issue 6029, pull request 6033),
+and complex products take twice as long. It reads OPENBLAS_CORETYPE when NumPy loads it, and never again.
 """
 
 import os
@@ -17,7 +17,7 @@ NEEDED = {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}
 
 
 def misses_wide_kernel(cpuinfo: str) -> bool:
-    """Whether OpenBLAS takes the narrow kernel on a processor that has the wide one's instructions.
+    """Whether OpenBLAS may take the narrow kernel on a processor that has the wide one's instructions.
 
     Parameters
     ----------

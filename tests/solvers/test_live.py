@@ -106,3 +106,13 @@ def test_a_thousand_frames_do_not_drift(transfer, channels_to_points, array, los
     assert error.mean() < 0.025
     assert error.max() < 0.1
     assert error[-200:].mean() < 1.5 * error[:200].mean()
+
+
+def test_targets_that_have_little_to_do_with_each_other_are_followed(blob, patterns_to_points):
+    """Each frame half of the last one and half new, as in noise on all channels: what is new is put in first."""
+    bits = np.random.default_rng(3).choice(np.arange(1, 65536), 25, replace=False)
+    strengths = patterns_to_points([int(each) for each in bits])
+    jumping = replace(blob, amplitude=0.05 * (strengths[1:] + strengths[:-1]))
+    error = error_of(jumping, Live().solve(jumping).phase)[4:]
+    # .043; without the new part put in first it was .126.
+    assert error.mean() < 0.08

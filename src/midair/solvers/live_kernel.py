@@ -43,6 +43,36 @@ def cost_and_slope(z, p, gain, out, drive, weight, y, q, conjugate, g):
 
 
 @njit(cache=True, fastmath=True)
+def bend(z, p, before, out, lens, towards, weak, y, g):
+    """Where the field of a frame starts: z (mode,) of the frame before, moved in place to what is new in the target.
+
+    The part of p (point,) that the target before it has too keeps its field; what is left is asked for with the phases
+    that the field has there, or the lens' where it is nearly silent. before (point,) was the last target, of norm 1,
+    and becomes p; lens (point,) is exp j psi; weak (mode,) asks less of weak modes; y (point,) and g (mode,) are
+    workspace.
+    """
+    common, square, peak = np.float32(0), np.float32(0), np.float32(0)
+    for m in range(len(p)):
+        common += p[m] * before[m]
+        square += before[m] * before[m]
+        peak = max(peak, before[m])
+    part = common / max(square, np.float32(1e-30))
+    np.dot(out.T, z, y)
+    for m in range(len(p)):
+        re, im = y[m].real, y[m].imag
+        loud = before[m] / max(np.sqrt(re * re + im * im), np.float32(1e-30))
+        re = loud * re + towards * peak * lens[m].real
+        im = loud * im + towards * peak * lens[m].imag
+        new = (p[m] - part * before[m]) / max(np.sqrt(re * re + im * im), np.float32(1e-30))
+        # Conjugated, so that the product with `out` as it lies in memory is that with its adjoint.
+        y[m] = complex(new * re, -new * im)
+        before[m] = p[m]
+    np.dot(out, y, g)
+    for k in range(len(z)):
+        z[k] = complex(part * z[k].real + weak[k] * g[k].real, part * z[k].imag - weak[k] * g[k].imag)
+
+
+@njit(cache=True, fastmath=True)
 def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
     """L-BFGS on one row; z (mode,) is moved in place.
 
