@@ -171,11 +171,62 @@ class Machine:
         q = xp.broadcast_to(q, (a.shape[0], q.shape[1]))
         return xp.atan2(xp.imag(q), xp.real(q))
 
+    def possible(self, a: Rows, hardest: float) -> NDArray[np.bool_]:
+        """Which rows of a field a, V^H q (row, mode), equally loud drives can come close to, shape (row,).
+
+        Those whose least drive asks for no more than this part of the power that the array has.
+        """
+        xp = self.backend.xp
+        power = xp.real(xp.vecdot(a, a)) / self.drive.shape[1]
+        return np.asarray(self.backend.get(power) <= hardest)
+
+    def split(self, batch: Batch, a: Rows, q: Rows, iterations: int, *, stiffness: float, relaxation: float) -> Rows:
+        """ADMM: a, the field that is wanted, against b = V^H q, the one that phases can make; u is their dual.
+
+        Boyd et al., "Distributed optimization and statistical learning via the alternating direction method of
+        multipliers", 2011, section 3.1.1, with one step each towards a and q. It looks at the control points only.
+
+        Parameters
+        ----------
+        batch : Batch
+            The targets.
+        a : array of complex, shape (row, mode)
+            Field that is wanted first.
+        q : array of complex, shape (row, transducer)
+            Drive of magnitude 1 that is near to it.
+        iterations : int
+            Number of them.
+        stiffness : float
+            Weight of the difference of a and b, in parts of the strongest mode.
+        relaxation : float
+            Over-relaxation of the step towards q, 1 to 2.
+
+        Returns
+        -------
+        array of complex, shape (row, transducer)
+            Drive of magnitude 1.
+        """
+        there, s, points = self.backend, self.root**2, batch.p.shape[1]
+        weight = (stiffness * self.strongest * batch.gain) ** 2
+        inverse = 1 / ((s * batch.gain) ** 2 + weight)
+        b, u = q @ self.drive_back, 0 * a
+        for _ in range(iterations):
+            y = ((batch.gain * a) @ self.field)[:, :points]
+            wanted = (batch.gain * (batch.p * there.unit(y))) @ self.field_back[:points, :]
+            a = (wanted + weight * (b - u)) * inverse
+            # Less than the full step of the dual, which at few iterations overshoots.
+            u = u + 0.8 * (a - b)
+            q = there.unit(q + relaxation * ((a + u - b) @ self.drive))
+            b = q @ self.drive_back
+        return q
+
     def polish(self, theta: Rows, batch: Batch, iterations: int, *, more: int) -> Rows:
         """Least cost from theta on, (row, transducer), with `more` iterations for the worst quarter."""
         xp, method = self.backend.xp, LBFGS(memory=self.memory, xp=self.backend.xp)
         step = 1 / (self.strongest * batch.gain[:, 0]) ** 2
         state = method.run(self.phase_function(batch), theta, step, iterations)
+        if not more:
+            return state.x
         order = xp.argsort(state.cost)
         # The quarter is rounded up, so that a frame alone in its batch counts as worst.
         good = theta.shape[0] - (theta.shape[0] + 3) // 4
@@ -251,6 +302,14 @@ class Machine:
             return cost, slope
         extra, outside = excess(xp, y[:, points:], guard.ceiling * batch.peak, guard.weight)
         return cost + extra, xp.concat([slope, outside], axis=1)
+
+
+def in_order(there: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Rows:
+    """Rows that were worked on apart, as one array in the order of their numbers."""
+    if len(parts) == 1:
+        return parts[0][1]
+    order = there.put(np.argsort(np.concatenate([rows for rows, _ in parts])))
+    return there.xp.take(there.xp.concat([part for _, part in parts], axis=0), order, axis=0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

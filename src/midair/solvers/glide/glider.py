@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from midair.solvers.backend import Numbers, Rows
 from midair.solvers.lbfgs import LBFGS, RowsState
-from midair.solvers.moves import Batch, FieldMove, Machine
+from midair.solvers.moves import Batch, FieldMove, Machine, in_order
 
 Effort = tuple[int, int, int]
 """Iterations of field, lift and polish."""
@@ -87,9 +87,9 @@ class Glider:
         Over-relaxation of the projections, 1 to 2.
     towards : float
         How much of an even field, in parts of the peak, decides the phases of what is new in a target.
-    split, stiffness, hardest : int, float, float
-        Iterations of ADMM, its weight in parts of the strongest mode, and the mean power of the drive that a field
-        asks for, above which it has no chance and `hard_polish` iterations take its place.
+    split, stiffness, hardest, hard_polish : int, float, float, int
+        Iterations and stiffness of ADMM, see `Machine.split`; above `hardest`, see `Machine.possible`, so many
+        iterations of the polish take its place.
     """
 
     machine: Machine
@@ -178,50 +178,31 @@ class Glider:
 
     def _after_split(self, batch: Batch, a: Rows, q: Rows, scale: Numbers, iterations: int) -> RowsState:
         """A polish of all rows, after ADMM where the drive can make the field; a longer one where it cannot."""
-        xp = self.machine.backend.xp
-        power = xp.real(xp.vecdot(a, a)) / q.shape[1]
-        hard = np.asarray(self.machine.backend.get(power)) > self.hardest
+        machine = self.machine
+        xp, put = machine.backend.xp, machine.backend.put
+        possible = machine.possible(a, self.hardest)
         parts: list[tuple[NDArray[np.int64], RowsState]] = []
-        for rows, longer in ((np.flatnonzero(~hard), False), (np.flatnonzero(hard), True)):
+        for rows, easy in ((np.flatnonzero(possible), True), (np.flatnonzero(~possible), False)):
             if len(rows):
-                index = self.machine.backend.put(rows)
+                index = put(rows)
                 some, mine = batch.some(xp, index), xp.take(q, index, axis=0)
-                if not longer:
-                    mine = self._split(some, xp.take(a, index, axis=0), mine)
-                its = self.hard_polish if longer else iterations
+                if easy:
+                    mine = machine.split(
+                        some,
+                        xp.take(a, index, axis=0),
+                        mine,
+                        self.split,
+                        stiffness=self.stiffness,
+                        relaxation=self.relaxation,
+                    )
+                its = iterations if easy else self.hard_polish
                 parts.append((rows, self._polish(some, self._angle(mine), xp.take(scale, index), its)))
         return self._joined(parts)
 
     def _joined(self, parts: list[tuple[NDArray[np.int64], RowsState]]) -> RowsState:
         """The parts as one state, in the order of their rows."""
-        if len(parts) == 1:
-            return parts[0][1]
-        xp = self.machine.backend.xp
-        order = self.machine.backend.put(np.argsort(np.concatenate([rows for rows, _ in parts])))
-
-        def joined(name: str) -> Rows:
-            return xp.take(xp.concat([getattr(state, name) for _, state in parts], axis=0), order, axis=0)
-
-        names = ("x", "gradient", "cost", "scale", "length")
-        made: dict[str, Any] = {name: joined(name) for name in names}
+        made: dict[str, Any] = {
+            name: in_order(self.machine.backend, [(rows, getattr(state, name)) for rows, state in parts])
+            for name in ("x", "gradient", "cost", "scale", "length")
+        }
         return RowsState(**made, pairs=[])
-
-    def _split(self, batch: Batch, a: Rows, q: Rows) -> Rows:
-        """ADMM: a, the field that is wanted, against b = V^H q, the one that phases can make; u is their dual.
-
-        Boyd et al., "Distributed optimization and statistical learning via the alternating direction method of
-        multipliers", 2011, section 3.1.1, with relaxation as in 3.4.3 and the steps towards a and q each taken once.
-        """
-        machine, there = self.machine, self.machine.backend
-        s, points = machine.root**2, batch.p.shape[1]
-        weight = (self.stiffness * machine.strongest * batch.gain) ** 2
-        inverse = 1 / ((s * batch.gain) ** 2 + weight)
-        b, u = q @ machine.drive_back, 0 * a
-        for _ in range(self.split):
-            y = ((batch.gain * a) @ machine.field)[:, :points]
-            wanted = (batch.gain * (batch.p * there.unit(y))) @ machine.field_back[:points, :]
-            a = (wanted + weight * (b - u)) * inverse
-            u = u + 0.8 * (a - b)
-            q = there.unit(q + self.relaxation * ((a + u - b) @ machine.drive))
-            b = q @ machine.drive_back
-        return q
