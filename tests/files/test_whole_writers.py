@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -64,7 +65,7 @@ def written_by_hand(module):
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)):
             continue
         mode = [each.value for each in node.args[:1] if isinstance(each, ast.Constant)]
-        opens = node.func.attr == "open" and any(set(str(each)) & set("wxa") for each in mode)
+        opens = node.func.attr == "open" and any(re.fullmatch("[wxa][bt+]{0,2}", str(each)) for each in mode)
         if not (node.func.attr in WRITES or opens):
             continue
         target = node.func.value if node.func.attr != "to_csv" else node.args[0]
