@@ -32,7 +32,7 @@ def noise(frames=100, level=1.0):
 class ClockedBanks:
     """Banks of units that know when they sound, by the clock of this computer; orders take their time to get there."""
 
-    frames_max, margin, patience, failsafe = 1024, 2 * MS, 2 * MS, 0.0
+    emulated, frames_max, margin, patience, failsafe = True, 1024, 2 * MS, 2 * MS, 0.0
 
     def __init__(self, rng):
         self.rng, self.frames, self.sounds = rng, {}, []

@@ -26,5 +26,9 @@ def test_names_say_what_is_spoken_to():
     assert (autd3_array("eth0").name, autd3_array("eth0").simulated) == ("autd3:eth0", False)
     assert (autd3_array("emulator").name, autd3_array("emulator").simulated) == ("autd3:emulator", True)
     assert autd3_array("[::1]:50000").simulated
+    assert (autd3_array("[fe80::1%2]:44336").name, autd3_array("[fe80::1%2]:44336").simulated) == (
+        "autd3:[fe80::1%2]:44336",
+        False,
+    )
     assert pyautd3_array("audit").simulated
     assert not pyautd3_array("ethercrab:eth0").simulated

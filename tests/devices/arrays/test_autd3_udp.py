@@ -2,6 +2,7 @@
 
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -246,6 +247,41 @@ def test_a_hang_that_trips_the_failsafe_ends_the_play_with_the_silent_frames_and
 def test_fifty_kills_at_random_moments(tap):
     for after in np.random.default_rng(7).uniform(0, 0.6, 50):
         kill_and_look(tap, after)
+
+
+def test_units_say_themselves_that_they_are_emulated(tap):
+    device = autd3_array(tap.address, ONE)
+    device.simulated = False
+    with device:
+        assert device.simulated
+
+
+def test_a_simulator_that_does_not_run_is_told():
+    with pytest.raises(LinkLostError, match=r"no simulator answers at \[::1\]:50123"):
+        autd3_array("simulator:50123", ONE).open()
+
+
+def test_a_simulator_is_searched_for_at_its_port_and_asked_to_take_the_geometry(tap):
+    """The emulator takes no geometry, for which a simulator has the next port: so far the SDK gets here, no further."""
+    port = int(tap.address.rsplit(":", 1)[1])
+    with pytest.raises(LinkLostError, match=rf"did not answer the geometry at \[::1\]:{port + 1}"):
+        autd3_array(f"simulator:{port}", ONE).open()
+    assert tap.sent
+
+
+def test_a_server_that_does_not_run_is_told():
+    with pytest.raises(LinkLostError, match=r"no server accepts a connection at \[::1\]:50124"):
+        autd3_array("server:50124", ONE).open()
+
+
+def test_a_server_is_called_at_its_port_and_one_that_says_nothing_is_told():
+    with socket.create_server(("::1", 0), family=socket.AF_INET6) as server:
+        port = server.getsockname()[1]
+        with pytest.raises(LinkLostError, match=r"the server did not answer within 1s"):
+            autd3_array(f"server:{port}", ONE).open()
+        call, _ = server.accept()
+        with call:
+            assert len(call.recv(4096)) > 0  # the SDK speaks first
 
 
 def test_units_that_do_not_answer_are_told_with_advice():

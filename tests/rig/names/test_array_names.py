@@ -18,6 +18,12 @@ def _state(tmp_path, monkeypatch):
         ("autd3", False),
         ("autd3:eth0", False),
         ("autd3:emulator", True),
+        ("autd3:[::1]:50000", True),
+        ("autd3:[fe80::1]:44336", False),
+        ("autd3-simulator", True),
+        ("autd3-simulator:5000", True),
+        ("autd3-server", False),
+        ("autd3-server:5000", False),
         ("pyautd3", False),
         ("pyautd3:eth0", False),
         ("pyautd3:twincat", False),
@@ -67,7 +73,9 @@ def test_kinds_of_arrays_that_can_be_solved_for():
     assert (array_of_kind("openmpd").count, array_of_kind("openmpd-twin").count) == (256, 512)
 
 
-@pytest.mark.parametrize("name", ["", "virtual", "openmpd", "openmpd:", "autd9", "autd3:", "pyautd3:", "soem"])
+@pytest.mark.parametrize(
+    "name", ["", "virtual", "openmpd", "openmpd:", "autd9", "autd3:", "autd3-server:", "pyautd3:", "soem"]
+)
 def test_names_that_nothing_answers_to(name):
     with pytest.raises(UnknownDeviceError, match="expected virtual, autd3"):
         array_named(name)

@@ -122,8 +122,9 @@ def play_command(
         NAME.drive.h5.
     device
         virtual: an array and a sensor that exist only here. autd3, autd3:INTERFACE: units over Ethernet.
-        autd3:emulator: their emulator. pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit,
-        pyautd3:nop: no units. openmpd:PORT?board=FILE.pat: a board of OpenMPD (experimental).
+        autd3:emulator: their emulator. autd3-simulator, autd3-server: the makers' programs on this computer.
+        pyautd3, pyautd3:INTERFACE: older units over EtherCAT. pyautd3:audit, pyautd3:nop: no units.
+        openmpd:PORT?board=FILE.pat: a board of OpenMPD (experimental).
     output
         The re-recording of a virtual device; NAME.rerecorded.h5 if not given.
     seed

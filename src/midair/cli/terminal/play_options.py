@@ -57,10 +57,11 @@ def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium 
     with array.reserved():
         drive = load_solution(source).drive
         admission = options.admit(drive, array)
-        banner(array.simulated)
         say_room(drive, source, room)
         print_rows([("exposure", f"{admission.outcome}: {admission.exposure.verdict()}")])
         with stages() as stage, array:
+            # Only now the units have said whether they are real.
+            banner(array.simulated)
             report = play_admitted(admission, array, source=source, delay=options.delay, progress=stage("play"))
     print_rows(_rows(report, drive, device))
 

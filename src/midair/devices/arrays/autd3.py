@@ -3,6 +3,7 @@
 import importlib
 from typing import Any
 
+from midair.devices.arrays.autd3_places import autd3_place
 from midair.devices.arrays.banked_array import BankedArray
 from midair.devices.arrays.banks import Banks
 from midair.devices.arrays.silencer import SilencerChoice
@@ -18,28 +19,31 @@ def autd3_array(
     Parameters
     ----------
     where : str
-        A network interface, ``auto`` to search all of them, ``emulator`` for the SDK's emulator over loopback, or the
-        address of one that runs elsewhere, such as ``[::1]:50000``.
+        A network interface, ``auto`` to search all of them, ``emulator`` for the SDK's emulator over loopback, the
+        address of one that runs elsewhere, such as ``[::1]:50000``, or one of the makers' programs on this computer:
+        ``simulator`` or ``simulator:PORT``, ``server`` or ``server:PORT``.
     placement : Placement, optional
         Two by two units if None.
     silencer : {"auto", "off", "quarter", "half", "default"}
         As in `choose_silencer`.
+
+    Raises
+    ------
+    UnknownDeviceError
+        If an address or a port is none.
     """
+    place = autd3_place(where)
 
     def connect(placement: Placement) -> Banks:
-        return _module("midair.devices.arrays.autd3_udp", "autd3").Autd3Udp(placement, where)
+        return _module("midair.devices.arrays.autd3_udp", "autd3").Autd3Udp(placement, place)
 
-    name = "autd3" if where == "auto" else f"autd3:{where}"
-    # Behind a loopback address there are no units; behind any other there may be.
-    own, elsewhere = where == "emulator", where.startswith("[::1]:")
     return BankedArray(
         connect,
         placement or Placement.grid(),
-        name=name,
+        name=place.device,
         silencer=silencer,
-        simulated=own or elsewhere,
-        # Everybody who asks for an emulator of their own gets one; one that runs elsewhere is nobody's units.
-        exclusive=None if own else f"emulator:{where}" if elsewhere else name,
+        simulated=place.simulated,
+        exclusive=place.exclusive,
     )
 
 

@@ -50,6 +50,7 @@ class Autd3Firmware:
         One entry a unit.
     """
 
+    emulated = True
     frames_max = commands.FRAMES_MAX
     # As over UDP, where the firmware refuses switches less than 10 ms ahead.
     margin = patience = 15_000_000

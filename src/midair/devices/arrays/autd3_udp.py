@@ -11,10 +11,21 @@ import time
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from typing import TypeVar
 
-from autd3 import Autd3Error, Client, ClientConfig, Duration, Interface, Telemetry, UdpEmulator, UdpOption
+from autd3 import (
+    Autd3Error,
+    Client,
+    ClientConfig,
+    Duration,
+    Interface,
+    ServerLink,
+    Telemetry,
+    UdpEmulator,
+    UdpOption,
+)
 from autd3.commands import CpuConfig, ReleaseFailsafe, SetCpuConfig
 
 from midair.devices.arrays import autd3_commands as commands
+from midair.devices.arrays.autd3_places import Autd3Place
 from midair.devices.arrays.banks import TooLateError, UnitsState
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
@@ -46,13 +57,13 @@ TELLING = (
 """Counters of a unit that stay at 0 while all goes well; the others count traffic, or what the SDK mends by itself."""
 
 
-def loopback_option(address: str) -> UdpOption:
-    """How to speak to an emulator at an address such as ``[::1]:50000``."""
+def _loopback(interface: Interface) -> UdpOption:
+    """How to speak to units that are a program: there at once, but not within the 1 ms of real ones."""
     return UdpOption(
-        iface=Interface.Addr(address),
+        iface=interface,
         enumeration_timeout=Duration.from_secs(1),
         sync_timeout=Duration.from_secs(5),
-        reply_timeout=Duration.from_millis(50),
+        reply_timeout=Duration.from_secs_f64(ANSWER),
     )
 
 
@@ -63,8 +74,8 @@ class Autd3Udp:
     ----------
     placement : Placement
         One entry a unit, in the order of the wiring.
-    where : str
-        A network interface, ``auto`` to search all of them, an address with a port, or ``emulator``.
+    place : Autd3Place
+        Where they are.
 
     Raises
     ------
@@ -78,19 +89,21 @@ class Autd3Udp:
     patience = 75_000_000
     failsafe = FAILSAFE
 
-    def __init__(self, placement: Placement, where: str = "auto") -> None:
+    def __init__(self, placement: Placement, place: Autd3Place) -> None:
         self._units, self._again = placement.units, 0
-        self._emulator = UdpEmulator(placement.units) if where == "emulator" else None
+        self._emulator = UdpEmulator(placement.units) if place.kind == "emulator" else None
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="autd3", daemon=True)
         self._thread.start()
         try:
-            client: Client = self._do(lambda: self._connect(placement, self._option(where)), 60)
+            client: Client = self._do(lambda: self._connect(placement, self._link(place)), 60)
             self._client: Client | None = client
             self._state = client.state_checker()
             config = CpuConfig(failsafe_timeout=Duration.from_secs_f64(FAILSAFE))
             self._sure(lambda: client.send(SetCpuConfig(config)), 5)
             self.silence()
+            versions = self._sure(client.read_firmware_version, 5)
+            self.emulated = all(one.is_emulator() for one in versions)
             self._counted = self._sure(client.read_telemetry, 5)
         except BaseException:
             # Ctrl-C as well: the thread of the loop must not outlive a device that was never opened.
@@ -194,21 +207,31 @@ class Autd3Udp:
             raise DeviceStateError("autd3: expected open before use")
         return self._client
 
-    def _option(self, where: str) -> UdpOption:
+    def _link(self, place: Autd3Place) -> UdpOption | ServerLink:
         if self._emulator is not None:
             return self._emulator.option()
-        if "]:" in where:
-            return loopback_option(where)
-        return UdpOption(iface=Interface.Auto if where == "auto" else Interface.Name(where))
+        match place.kind:
+            case "server":
+                return ServerLink(place.port)
+            case "simulator":
+                return _loopback(Interface.Simulator(place.port))
+            case "address" if place.simulated:
+                return _loopback(Interface.Addr(place.name))
+            case "address":
+                return UdpOption(iface=Interface.Addr(place.name))
+            case "interface":
+                return UdpOption(iface=Interface.Name(place.name))
+            case _:
+                return UdpOption()
 
-    async def _connect(self, placement: Placement, option: UdpOption) -> Client:
+    async def _connect(self, placement: Placement, link: UdpOption | ServerLink) -> Client:
         # A unit that was lost stays silent until someone opens it again: no recovery behind one's back.
         config = ClientConfig(
             ack_timeout=Duration.from_secs_f64(ANSWER),
             resynchronize_on_recovery=None,
             release_failsafe_on_recovery=None,
         )
-        return await Client.open(commands.geometry(placement), option, config)
+        return await Client.open(commands.geometry(placement), link, config)
 
     def _send(self, many: Sequence[commands.Command]) -> None:
         self._sure(lambda: self._open.send(many), 10)

@@ -70,6 +70,8 @@ class BankedArray(ArrayDevice):
         """Take hold of the device; it is silent."""
         if self._banks is None:
             self._banks = self._connect(self.placement)
+            # A name only promises: the SDK's own search takes a simulator that runs before it takes units.
+            self.simulated = self._banks.emulated
 
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
         """Stream every frame through the two memories, and report how it went."""

@@ -42,6 +42,11 @@ class Banks(Protocol):
     """
 
     @property
+    def emulated(self) -> bool:
+        """Whether what answers is an emulator, as far as it says so itself."""
+        ...
+
+    @property
     def frames_max(self) -> int:
         """How many patterns a memory holds."""
         ...

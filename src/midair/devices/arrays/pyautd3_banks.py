@@ -109,7 +109,7 @@ class PyAutd3Banks:
 
     def __init__(self, placement: Placement, link: str, *, interval: float | None = None) -> None:
         self._lock, self._lost, self._ordered = RLock(), "", False
-        self._units = placement.units
+        self._units, self.emulated = placement.units, link in ("audit", "nop")
         units = [AUTD3(pos=at, rot=turn) for at, turn in zip(placement.origin * 1e3, placement.quaternion, strict=True)]
         self.link = self._link(link)
         try:

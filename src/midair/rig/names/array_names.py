@@ -10,8 +10,8 @@ from midair.model import Board, Placement, TransducerArray, array_of_boards
 from midair.rig.names.source_names import split_name
 
 NAMES = (
-    "virtual, autd3, autd3:INTERFACE, autd3:emulator, pyautd3, pyautd3:INTERFACE, pyautd3:twincat, "
-    "pyautd3:remote:ADDRESS:PORT, pyautd3:audit, pyautd3:nop or openmpd:PORT[,PORT]?board=FILE[,FILE]"
+    "virtual, autd3, autd3:INTERFACE, autd3:emulator, autd3-simulator, autd3-server, pyautd3, pyautd3:INTERFACE, "
+    "pyautd3:twincat, pyautd3:remote:ADDRESS:PORT, pyautd3:audit, pyautd3:nop or openmpd:PORT[,PORT]?board=FILE[,FILE]"
 )
 
 ArrayKind = Literal["autd3", "openmpd", "openmpd-twin"]
@@ -32,12 +32,13 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
     ----------
     name : str
         ``autd3`` searches all network interfaces; ``autd3:INTERFACE`` takes one, or the address of an emulator;
-        ``autd3:emulator`` starts one. ``pyautd3`` and ``pyautd3:INTERFACE`` are for older firmware over
-        EtherCAT, ``pyautd3:twincat`` and ``pyautd3:remote:ADDRESS:PORT`` through a server; ``pyautd3:audit`` and
-        ``pyautd3:nop`` have no hardware behind them. ``openmpd:PORT?board=FILE`` is a board at a serial port with its
-        own file, ``openmpd:LOWER,UPPER?board=FILE,FILE`` two of them; ``board=none`` says that there is no file, and
-        without any word of it a board can be silenced, but not played on. ``virtual`` is not among them: it needs a
-        skin to press on.
+        ``autd3:emulator`` starts one. ``autd3-simulator`` and ``autd3-server``, each with ``:PORT`` if it is not the
+        makers' own, are programs of the makers that run on this computer. ``pyautd3`` and ``pyautd3:INTERFACE`` are for
+        older firmware over EtherCAT, ``pyautd3:twincat`` and ``pyautd3:remote:ADDRESS:PORT`` through a server;
+        ``pyautd3:audit`` and ``pyautd3:nop`` have no hardware behind them. ``openmpd:PORT?board=FILE`` is a board at a
+        serial port with its own file, ``openmpd:LOWER,UPPER?board=FILE,FILE`` two of them; ``board=none`` says that
+        there is no file, and without any word of it a board can be silenced, but not played on. ``virtual`` is not
+        among them: it needs a skin to press on.
     placement : Placement, optional
         Placement of the units; two by two if None. Boards of openmpd stand where they stand.
     silencer : {"auto", "off", "quarter", "half", "default"}
@@ -58,6 +59,8 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
     match kind:
         case "autd3":
             return autd3_array(where or "auto", placement, silencer=silencer)
+        case "autd3-simulator" | "autd3-server":
+            return autd3_array(name.removeprefix("autd3-"), placement, silencer=silencer)
         case "pyautd3":
             return pyautd3_array(_old_link(where), placement, silencer=silencer)
         case "openmpd" if where:
