@@ -11,6 +11,7 @@ from midair import model
 from midair.model import (
     Acoustics,
     AmplitudeFrames,
+    Board,
     Calibration,
     ControlGrid,
     Crosstalk,
@@ -68,6 +69,7 @@ def solution(drive, status="converged"):
 ORDINARY = {
     "Acoustics": Acoustics(),
     "AmplitudeFrames": AmplitudeFrames(amplitude=RNG.uniform(0, 3800, (50, 256)), rate=1000.0, provenance=TOWEL),
+    "Board": replace(Board.nominal(), offset=np.ones(256), serial="FT000003"),
     "Calibration": Calibration(
         sensor=SENSOR,
         frequency=np.linspace(0, 500, 257),
@@ -101,6 +103,7 @@ ORDINARY["Solution"] = solution(ORDINARY["Drive"])
 SAYS = {
     "Acoustics": ["t4010a1", "340"],
     "AmplitudeFrames": ["50 frames at 1000 Hz, 0.05 s", "16 x 16 points 200 mm above", "Pa", "from virtual:towel"],
+    "Board": ["FT000003", "256 transducers", "offsets known"],
     "Calibration": ["257 bins 0 to 500 Hz", "4 x 4 'virtual sensor 0'", "V/Pa", "measured", "version 1 2026-01-31"],
     "ControlGrid": ["rows=16", "height=0.2"],
     "Crosstalk": ["16 x 16 channels", "at most 10 %"],
@@ -190,6 +193,7 @@ EXTREME = {
     "provenance without a life": Provenance(),
     "step with many settings": Step(stage=LONG, settings={f"{LONG}{i}": tuple(range(99)) for i in range(99)}),
     "step without settings": Step(stage="cut"),
+    "board with a long serial number": replace(Board.nominal(), serial=LONG),
     "acoustics": Acoustics(medium=Medium.at(temperature=21.123456789, humidity=0.123456789)),
     "control grid": ControlGrid(rows=1000, columns=1000, pitch=1 / 3e3, height=1 / 3, centre=(-1 / 3, 1 / 3)),
 }

@@ -1,5 +1,9 @@
 """OpenMPD boards as a person types them: solve for them, play on stand-ins, and the field that comes of it."""
 
+import subprocess
+import sys
+import time
+
 import numpy as np
 import pytest
 
@@ -106,6 +110,32 @@ def test_stop_silences_a_board_that_something_left_sounding(board, capsys):
     board.settle()
     assert not board.sounds
     assert "opened and silenced" in capsys.readouterr().out
+
+
+def test_stop_in_another_terminal_is_true_when_it_answers(board, capsys):
+    solved("x.drive.h5", "--array", "openmpd")
+    words = ["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none", "--repeats", "2000"]
+    order = [sys.executable, "-m", "midair", *words, "--override-exposure", "A Person"]
+    player = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        end = time.monotonic() + 60
+        while not board.sounds and time.monotonic() < end:
+            time.sleep(0.01)
+        assert board.sounds, player.communicate()
+        capsys.readouterr()
+        assert run(["stop"]) == 0
+        assert "silent" in capsys.readouterr().out
+        board.settle()
+        count = len(board.heard)
+        assert not board.sounds
+        _, said = player.communicate(timeout=60)
+        assert player.returncode != 0
+        assert "silenced by midair stop" in said
+        board.settle()
+        assert len(board.heard) == count
+    finally:
+        player.kill()
+        player.communicate()
 
 
 def test_doctor_says_what_nobody_can_know(board, capsys):

@@ -73,14 +73,17 @@ def test_another_rate_sets_another_divider(stand_ins):
 
 
 def test_the_last_frame_stands_for_its_time_by_the_board_s_own_clock(stand_ins):
-    """Silence waits right behind it. A busy computer may spoil one play by hesitating, not ten."""
+    """Silence waits right behind it, so that a program that hesitates at the end does no harm.
+
+    A busy computer may spoil one play by hesitating before; not ten.
+    """
     (port,) = stand_ins()
     boards = [Board.nominal()]
     drive = some_drive(boards, frames=40)
     times = []
     with array_at([port], boards) as device:
         for _ in range(10):
-            device.play(overridden(drive, device))
+            device.play(overridden(drive, device), progress=lambda done, total: time.sleep(0.1 * (done == total)))
             port.settle()
             last = max(number for number, one in enumerate(port.frames) if one.sounds)
             times.append(port.begins[last + 1] - port.begins[last])
