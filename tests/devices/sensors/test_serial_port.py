@@ -1,5 +1,6 @@
 """Serial frames over a pty: a kernel's serial line without the wire."""
 
+import fcntl
 import os
 import threading
 import time
@@ -8,10 +9,12 @@ import tty
 import numpy as np
 import pytest
 
-from midair.errors import DeviceError
+from midair.errors import DeviceError, HeldError
 from midair.rig.names.source_names import source_sensor
 
 pytest.importorskip("serial")
+TIOCGEXCL = 0x80045440
+"""Linux: asks whether TIOCEXCL was set."""
 
 
 def record(sensor, seconds):
@@ -91,6 +94,63 @@ def test_a_sensor_that_falls_silent_is_an_error_in_time(serial_line):
 def test_a_port_that_is_not_there_names_those_that_are():
     with pytest.raises(DeviceError, match=r"expected a port /dev/nothing, got: .*; ports here: "):
         source_sensor("serial:/dev/nothing").open()
+
+
+def test_a_port_is_one_recorder_s(serial_line, tmp_path):
+    line = serial_line()
+    alias = tmp_path / "by-id"
+    alias.symlink_to(line.port)
+    with source_sensor(f"serial:{line.port}") as sensor:
+        with pytest.raises(HeldError) as refused:
+            source_sensor(f"serial:{alias}").open()
+        assert f"serial:{line.port}: " in str(refused.value)
+        assert f"process {os.getpid()} (" in str(refused.value)
+        assert "has had it since 20" in str(refused.value)
+        # A program that does not ask for the lock is kept out by the system: anybody but root, and root by this flag.
+        with open(line.port, "rb") as same:
+            assert fcntl.ioctl(same, TIOCGEXCL, bytes(4)) == b"\1\0\0\0"
+        sensor.start()
+        _, ramp = record(sensor, 0.2)
+        np.testing.assert_array_equal(np.diff(ramp[:, 0] // 16) % 2048, 1)
+    with source_sensor(f"serial:{line.port}"):
+        pass
+    with open(line.port, "rb") as same:
+        assert fcntl.ioctl(same, TIOCGEXCL, bytes(4)) == bytes(4)
+
+
+def test_another_program_s_lock_on_the_port_is_told(serial_line):
+    line = serial_line()
+    with open(line.port, "rb") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        with pytest.raises(DeviceError, match=r"another program has it open: lsof /dev/"):
+            source_sensor(f"serial:{line.port}").open()
+    with source_sensor(f"serial:{line.port}"):
+        pass
+
+
+def test_who_may_not_open_a_port_is_told_which_group_may():
+    from midair.devices.sensors.serial_port import SerialSource
+
+    def refuse():
+        raise PermissionError(13, "could not open port")
+
+    with pytest.raises(DeviceError, match=r"usermod -aG root \$USER, then log out and in"):
+        SerialSource("/dev/null", connect=refuse).open()
+    with pytest.raises(DeviceError, match=r"usermod -aG dialout \$USER"):
+        SerialSource("/dev/ttyUSB77", connect=refuse).open()
+
+
+def test_a_port_that_sends_nothing_is_let_go():
+    from midair.devices.sensors.serial_port import SerialSource
+
+    master, slave = os.openpty()
+    try:
+        for _ in range(2):
+            with pytest.raises(DeviceError, match="no whole frame"):
+                SerialSource(os.ttyname(slave), search=0.1).open()
+    finally:
+        os.close(master)
+        os.close(slave)
 
 
 def test_a_port_that_sends_something_else_says_how_much_it_heard():

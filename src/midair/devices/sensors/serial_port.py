@@ -1,13 +1,19 @@
 """A sensor on a serial line, USB or not, that sends the frames of `serial_frames`. Imports the extra `serial`."""
 
+import errno
+import os
+import sys
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import Any, Protocol
 
 import serial
 from serial.tools.list_ports import comports
 
+from midair.devices.safety import device_lock
 from midair.devices.sensors.serial_frames import Decoder, Frames, Layout
 from midair.devices.sensors.sources import Chunk, Stream
 from midair.errors import DeviceError, DeviceStateError
@@ -54,7 +60,8 @@ class SerialSource:
         self, port: str, *, baud: int = 921_600, search: float = 2.0, connect: Callable[[], Port] | None = None
     ) -> None:
         self._name, self._search = port, search
-        self._connect = connect or (lambda: serial.Serial(port, baud, timeout=0.05))
+        self._connect = connect or (lambda: exclusive_port(port, baud))
+        self._hold = ExitStack()
         self._port: Port | None = None
         self._decoder = Decoder()
         self._waiting: deque[Frames] = deque()
@@ -63,11 +70,20 @@ class SerialSource:
 
     def open(self) -> Stream:
         """Open the port and listen until one whole frame has come, which says what the sensor sends."""
+        with ExitStack() as hold:
+            # By its real path, since one port has several names.
+            hold.enter_context(device_lock(f"serial:{os.path.realpath(self._name)}"))
+            try:
+                self._port = self._connect()
+            except (OSError, ValueError) as wrong:
+                refused = f"serial: expected a port {self._name}, got: {wrong}"
+                raise DeviceError(f"{refused}; {_advice(self._name, wrong)}") from wrong
+            self._hold = hold.pop_all()
         try:
-            self._port = self._connect()
-        except (OSError, ValueError) as wrong:
-            raise DeviceError(f"serial: expected a port {self._name}, got: {wrong}; {_others()}") from wrong
-        layout = self._listen()
+            layout = self._listen()
+        except BaseException:
+            self.close()
+            raise
         return Stream(channels=layout.channels, rate=1e9 / layout.period, full_scale=float(layout.full_scale))
 
     def start(self) -> None:
@@ -91,8 +107,10 @@ class SerialSource:
     def close(self) -> None:
         """Let go of the port."""
         port, self._port = self._port, None
-        if port is not None:
-            port.close()
+        with self._hold:
+            if port is not None:
+                _share(port)
+                port.close()
 
     def describe(self) -> dict[str, str]:
         """What was wrong on the line since start."""
@@ -148,10 +166,46 @@ class SerialSource:
         return self._port
 
 
+def exclusive_port(port: str, baud: int) -> Any:
+    """An open port that nobody else opens meanwhile, as far as the system can see to that."""
+    opened = serial.Serial(port, baud, timeout=0.05, exclusive=True if os.name == "posix" else None)
+    if sys.platform != "win32":
+        import fcntl
+        import termios
+
+        # pyserial's own lock is a word among programs that ask for one; this makes the system refuse the others too.
+        with suppress(OSError):
+            fcntl.ioctl(opened.fileno(), termios.TIOCEXCL)
+    return opened
+
+
+def _share(port: Any) -> None:
+    """Let others open a port again, which a system may not do by itself while somebody else has it open."""
+    if sys.platform != "win32":
+        import fcntl
+        import termios
+
+        with suppress(OSError, AttributeError, ValueError):
+            fcntl.ioctl(port.fileno(), termios.TIOCNXCL)
+
+
 def ports() -> list[str]:
     """Serial ports of this computer."""
     return sorted(port.device for port in comports())
 
 
-def _others() -> str:
+def _advice(port: str, wrong: Exception) -> str:
+    """What to do about a port that cannot be opened."""
+    if getattr(wrong, "errno", None) in (errno.EACCES, errno.EPERM):
+        return f"you may not open it: sudo usermod -aG {_group(port)} $USER, then log out and in again"
+    if getattr(wrong, "errno", None) in (errno.EBUSY, errno.EAGAIN):
+        return f"another program has it open: lsof {port} names it"
     return f"ports here: {', '.join(ports()) or 'none'}"
+
+
+def _group(port: str) -> str:
+    """The group that may open a port; dialout, as most systems call it, where the port does not tell."""
+    try:
+        return Path(port).group()
+    except (OSError, KeyError, NotImplementedError):
+        return "dialout"
