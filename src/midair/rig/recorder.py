@@ -107,7 +107,7 @@ def open_rig(
     placement : Placement, optional
         Of the array's units; two by two if None.
     silencer : {"auto", "off", "quarter", "half", "default"}, optional
-        How phase steps are spread; off on the virtual array, auto elsewhere, if None.
+        How phase steps are spread, on the virtual array as on a real one; auto if None.
     exposure : ExposureChoices, optional
         That every drive has to keep; the usual profile, with nobody answering for more, if None.
     height : float
@@ -131,7 +131,7 @@ def open_rig(
             raise InputError("virtual array: expected no sensor, calibration or placement; it brings its own")
         skin = virtual.skin()
         device = virtual.array_device(skin)
-        device.silencer = silencer or "off"
+        device.silencer = silencer or "auto"
         return OpenRig(array=device, sensor=virtual.sensor(skin), exposure=choices)
     real = array_named(array, placement, silencer=silencer or "auto")
     if sensor is None:

@@ -59,7 +59,7 @@ def budget_command(
     duration
         How much of the recording; all that is left if not given.
     silencer
-        How the array spreads phase steps; auto is what midair sets on a real one.
+        How the array spreads phase steps; auto is what midair sets on any.
     lead
         Silence around what is played, in which a bias can rise; 100 ms for mappings with one if not given.
     seed

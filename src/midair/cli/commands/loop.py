@@ -46,7 +46,7 @@ class RigOptions(ExposureOptions):
     calibration
         Of that sensor: a file of midair calibrate.
     silencer
-        How the array spreads phase steps; off on the virtual array unless given.
+        How the array spreads phase steps, the virtual one as well: auto takes the least simulated error.
     placement
         TOML file with position and rotation of the units; two by two side by side if not given.
     seed
@@ -148,5 +148,6 @@ def _print(loop: Loop, target: Path, json: bool) -> None:
     if card is not None:
         print_card(card)
     ended = [("iteration", f"{loop.end}; {loop.taken_back} steps taken back")] if loop.end else []
-    print_rows([*ended, ("report", str(target))])
+    silencer = str(loop.passes[-1].rerecorded.provenance.steps[-1].settings["silencer"])
+    print_rows([*ended, ("silencer", silencer), ("report", str(target))])
     return None

@@ -144,7 +144,9 @@ def play_command(
     skin = rig.skin()
     banner(True)
     say_room(drive, source, room, simulated=True)
-    with stages() as stage, rig.array_device(skin) as array, rig.sensor(skin) as sensor:
+    array = rig.array_device(skin)
+    array.silencer = options.silencer
+    with stages() as stage, array, rig.sensor(skin) as sensor:
         admission = options.admit(drive, array)
         recording = rerecord(admission, array, sensor, source=source, progress=stage("play and re-record"))
     save(recording, target, calibration=sensor.calibration)
@@ -152,6 +154,7 @@ def play_command(
         [
             ("played", f"{drive.frames} frames at {drive.rate:g} Hz on {device}"),
             ("re-recorded", f"{target}, {recording.frames} frames at {recording.rate:g} Hz"),
+            ("silencer", str(recording.provenance.steps[-1].settings["silencer"])),
             ("exposure", f"on a real array: {admission.exposure.verdict()}"),
         ]
     )

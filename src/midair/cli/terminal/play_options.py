@@ -27,8 +27,8 @@ class PlayOptions(ExposureOptions):
     delay
         Before the first frame.
     silencer
-        How the array spreads phase steps: auto chooses from the drive's steps; off, quarter and half of a frame;
-        default is the firmware's own 1 ms.
+        How the array spreads phase steps: auto takes the one with the least simulated error of the pressure; off,
+        quarter and half of a frame; default is the firmware's own 1 ms.
     placement
         TOML file with position and rotation of the units; two by two side by side if not given.
     """

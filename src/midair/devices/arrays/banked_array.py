@@ -78,7 +78,7 @@ class BankedArray(ArrayDevice):
         banks, ticks = self.banks, divider(drive.rate)
         phases = phase_bytes(drive, self.placement.units)
         intensity = intensity_bytes(drive, self.placement.units)
-        silencer = choose_silencer(self.silencer, phases, intensity, drive.rate)
+        silencer = choose_silencer(self.silencer, drive)
         # The silencer is set while nothing sounds, and `play_stream` begins on silent banks.
         banks.silence()
         self._release(banks)

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.devices.arrays import Silencer, SilencerChoice, choose_silencer
-from midair.devices.frame_bytes import intensity_bytes, phase_bytes
 from midair.devices.interface import ArrayDevice, PlayReport
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError
@@ -52,8 +51,8 @@ class VirtualArray(ArrayDevice):
         Standard deviation of the quality factors, as a part of the mean.
     seed : int
         Of the spreads.
-    silencer : {"off", "auto", "quarter", "half", "default"}
-        How steps are spread; see `choose_silencer`.
+    silencer : {"auto", "off", "quarter", "half", "default"}, optional
+        How steps are spread, see `choose_silencer`; if None, auto as on a real array, and off where a chain is given.
     chain : PlaybackChain, optional
         All of this instead of the settings above but for the silencer's, to make single parts ideal.
     """
@@ -74,13 +73,13 @@ class VirtualArray(ArrayDevice):
         resonance_spread: float = 50.0,
         quality_spread: float = 0.05,
         seed: int = 0,
-        silencer: SilencerChoice = "off",
+        silencer: SilencerChoice | None = None,
         chain: PlaybackChain | None = None,
         name: str = "virtual",
     ) -> None:
         self.name, self.array = name, array
         self.acoustics = acoustics
-        self.silencer: SilencerChoice = silencer
+        self.silencer: SilencerChoice = silencer or ("auto" if chain is None else "off")
         self.chain = chain or PlaybackChain(
             phase_bits=phase_bits,
             transducers=Transducers.varied(
@@ -121,7 +120,7 @@ class VirtualArray(ArrayDevice):
         total = drive.frames * repeats
         for before in range(0, total, drive.frames):
             self._emit_once(drive, chain, path, steps, before, total, progress)
-        said = "" if silencer is None else str(silencer)
+        said = "off" if silencer is None else str(silencer)
         return PlayReport(frames=total, duration=total / drive.rate, silencer=said)
 
     def silence(self) -> None:
@@ -136,7 +135,7 @@ class VirtualArray(ArrayDevice):
         """What spreads the steps of this drive; None when none is on."""
         if self.silencer == "off":
             return None
-        return choose_silencer(self.silencer, phase_bytes(drive, 1), intensity_bytes(drive, 1), drive.rate)
+        return choose_silencer(self.silencer, drive)
 
     def _path_in(self, acoustics: Acoustics) -> "_Path | None":
         """The way from the array to the skin, kept until a drive comes that is played in other air."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.calibration import calibrate
-from midair.devices import SilencerChoice, choose_silencer, intensity_bytes, phase_bytes
+from midair.devices import SilencerChoice, choose_silencer
 from midair.dsp import band_edges, band_energy, band_window, filter_response
 from midair.evaluate import Budget, StageOutput, budget, leak
 from midair.flow import Reproduction, at_rate, mapped, reproduce, to_play
@@ -40,7 +40,7 @@ class BudgetPlan:
     rig : VirtualRig
         Array, sensor and air.
     silencer : {"auto", "off", "quarter", "half", "default"}
-        How the firmware spreads steps; "auto" is what midair sets on a real array.
+        How the firmware spreads steps; "auto" is what midair sets unless told otherwise.
     lead : float
         Silence that swells into the original before it and fades after it, in s; it is not judged.
     """
@@ -159,8 +159,7 @@ def _chains(drive: Drive, plan: BudgetPlan) -> Generator[tuple[str, str, Playbac
     yield "frame hold", f"each frame stands for {1e3 / drive.rate:g} ms", held
     moving = replace(held, transducers=full.transducers)
     yield "transducers", "each follows its drive at its own resonance, quality and strength", moving
-    # As if of one unit: only the steps count here.
-    silencer = choose_silencer(plan.silencer, phase_bytes(drive, 1), intensity_bytes(drive, 1), drive.rate)
+    silencer = choose_silencer(plan.silencer, drive)
     spread = replace(moving, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
     yield "silencer", f"spreads steps: {silencer}", spread
 

@@ -60,10 +60,10 @@ def rerecord(
     try:
         began = time.monotonic()
         if array.gated:
-            play_admitted(admission, array, source=source, progress=progress)
+            report = play_admitted(admission, array, source=source, progress=progress)
         else:
             # Nothing sounds: passes of a loop on the virtual rig would fill the log of what did.
-            array.play(admission, progress=progress)
+            report = array.play(admission, progress=progress)
         lasted = admission.repeats * drive.frames / drive.rate if sensor.simulated else time.monotonic() - began
         samples = read_frames(sensor, round((lasted + tail) * sensor.rate))
     finally:
@@ -73,5 +73,8 @@ def rerecord(
         simulated=sensor.simulated or drive.provenance.simulated,
         notes=drive.provenance.notes,
         steps=drive.provenance.steps,
-    ).then("play", {"array": array.name, "frames": drive.frames, "rate_hz": drive.rate})
+    ).then(
+        "play",
+        {"array": array.name, "frames": drive.frames, "rate_hz": drive.rate, "silencer": report.silencer},
+    )
     return Recording(samples=samples, rate=sensor.rate, sensor=sensor.grid, unit=sensor.unit, provenance=provenance)
