@@ -1,11 +1,22 @@
 """Only what was checked plays: what `admit` lets through, and what its admissions are good for."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from midair.devices import ExposureChoices, VirtualArray, admit, admit_level, admit_parts, amplitude_of, intensity_bytes
+from midair.devices import (
+    ExposureChoices,
+    VirtualArray,
+    admit,
+    admit_level,
+    admit_parts,
+    amplitude_of,
+    feeling,
+    intensity_bytes,
+    measure,
+)
 from midair.devices.admission import Admission
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.files import profile_named
@@ -176,3 +187,24 @@ def test_a_level_is_admitted_by_the_worst_that_phases_can_do():
 def test_levels_that_make_no_sense_are_refused(level):
     with pytest.raises(InputError, match="level"):
         admit_level(level, Loud(ARRAY), CHOICES, rate=1000.0)
+
+
+def test_what_an_attenuation_leaves_to_feel_is_said():
+    """.6 Pa around a mean of .6 are just felt at 250 Hz: .1 um * 50 kPa / (2 * .84 * 5 mm)."""
+    admission = admit(focus(), Loud(ARRAY), WEAKER)
+    assert admission.exposure.pressure < 1
+    assert re.search(r"nothing will be felt: at most 0\.\d+ Pa on the palm, where 1\.2 Pa", admission.verdict())
+    assert feeling(exposure(focus(), PROFILE)) == ""
+    kept = admit(focus(level=0.01), Loud(ARRAY), CHOICES)
+    assert "felt" not in kept.verdict()
+    with pytest.raises(ExposureError, match=r"--attenuate \(-3\d\.\d dB, and nothing will be felt\)"):
+        admit(focus(), Loud(ARRAY), CHOICES)
+
+
+def test_measuring_in_parts_and_at_once_agree_on_what_is_felt():
+    whole = focus(frames=600)
+    parts = [
+        replace(whole, phase=whole.phase[part], level=whole.level[part]) for part in (slice(0, 300), slice(300, 600))
+    ]
+    admission = admit_parts(parts, Loud(ARRAY), WEAKER)
+    assert admission.exposure.pressure == pytest.approx(measure(whole, ARRAY, PROFILE).pressure)

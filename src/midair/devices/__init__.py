@@ -1,6 +1,6 @@
 """Devices: the only files that touch hardware, and the virtual rig, which is a driver like any other."""
 
-from midair.devices.admission import Admission, ExposureChoices, admit, admit_level, admit_parts
+from midair.devices.admission import Admission, ExposureChoices, admit, admit_level, admit_parts, feeling, measure
 from midair.devices.arrays import (
     BankedArray,
     OpenMpdArray,
@@ -52,6 +52,8 @@ __all__ = [
     "admit_parts",
     "ExposureChoices",
     "amplitude_of",
+    "feeling",
+    "measure",
     "autd3_array",
     "autd3_firmware",
     "choose_silencer",

@@ -13,6 +13,7 @@ import numpy as np
 
 from midair.devices.frame_bytes import amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
+from midair.evaluate import SkinModel
 from midair.model import Acoustics, Drive, TransducerArray
 from midair.physics import Exposure, ExposureProfile, exposure, greatest_exposure
 
@@ -151,10 +152,73 @@ class Admission:
         weaker = own if self.factor == 1 else _weakened(own, self.factor, self.exposure.profile.name)
         return replace(self, drive=weaker, _key=_ONLY_HERE)
 
+    def verdict(self) -> str:
+        """One line: what becomes of it, why, and whether anybody would feel it."""
+        felt = feeling(self.exposure) if self.outcome == "attenuated" else ""
+        return f"{self.outcome}: {self.exposure.verdict()}" + (f"; {felt}" if felt else "")
+
     def __repr__(self) -> str:
         what = f"frames to come up to level {self.level:.3g}" if self.drive is None else f"{self.drive.frames} frames"
         answers = f", {self.by[:40]} answers for it" if self.by else ""
         return f"<Admission of {what}, {self.repeats} times on {self.array.name[:40]}: {self.outcome}{answers}>"
+
+
+def feeling(found: Exposure) -> str:
+    """What a palm would make of a drive in one line; nothing where it may be felt.
+
+    A pressure that comes and goes swings by half its peak around its mean at most. Where that is less than what is just
+    felt at the frequency that skin feels best (`SkinModel`; nominal, people differ by 10 dB), nothing will be felt.
+
+    Parameters
+    ----------
+    found : Exposure
+        Of the drive.
+    """
+    just = 2 * SkinModel().pressure_just_felt
+    if found.pressure >= just:
+        return ""
+    return f"nothing will be felt: at most {found.pressure:.2g} Pa on the palm, where {just:.2g} Pa are just felt"
+
+
+def measure(drive: Drive, array: TransducerArray, profile: ExposureProfile, *, repeats: int = 1) -> Exposure:
+    """Exposure on an array that is known, whatever the drive's file says of its strength.
+
+    Measured in the paper's air and in the one that the drive says it was solved for, and the higher of both: phases
+    focus in the air that they were solved for, but a file may claim an air that swallows the sound or scatters the
+    focus, so that it alone must not decide.
+
+    Parameters
+    ----------
+    drive : Drive
+        To be played.
+    array : TransducerArray
+        That is to play it.
+    profile : ExposureProfile
+        Places and limits.
+    repeats : int
+        How often it is to be played, 1 or more.
+
+    Raises
+    ------
+    MismatchError
+        If the drive is for another array.
+    """
+    if not array.same_as(drive.array):
+        raise MismatchError(
+            f"drive: expected one for {array.name} ({array.count} transducers), got one for "
+            f"{drive.array.name} ({drive.array.count} transducers); solve the target again for this array"
+        )
+    own = replace(drive, array=array)
+    found = exposure(own, profile, repeats=repeats, acoustics=Acoustics())
+    if own.acoustics == Acoustics():
+        return found
+    said = exposure(own, profile, repeats=repeats)
+    return replace(
+        found,
+        level=np.maximum(found.level, said.level),
+        nonlinearity=max(found.nonlinearity, said.nonlinearity),
+        pressure=max(found.pressure, said.pressure),
+    )
 
 
 def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: int = 1) -> Admission:
@@ -182,13 +246,12 @@ def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: 
         If there is less than one repeat.
     """
     _check_repeats(repeats)
-    check_fits(drive, device)
+    found = measure(drive, device.array, choices.profile, repeats=repeats)
     own = replace(drive, array=device.array)
-    found = _measured(own, choices.profile, repeats)
     outcome, factor = _decide(found, device, choices)
     if outcome == "attenuated":
         own = _weakened(own, factor, choices.profile.name)
-        found = _measured(own, choices.profile, repeats)
+        found = measure(own, device.array, choices.profile, repeats=repeats)
     return _admission(device, choices, found, outcome, drive=own, repeats=repeats)
 
 
@@ -217,17 +280,17 @@ def admit_parts(parts: Iterable[Drive], device: Sounding, choices: ExposureChoic
     known: set[bytes] = set()
     measured: list[Exposure] = []
     for part in parts:
-        check_fits(part, device)
         if measured and part.rate != measured[0].rate:
             raise MismatchError(f"parts: expected all at {measured[0].rate:g} Hz, got one at {part.rate:g} Hz")
         known.add(_fingerprint(part))
-        measured.append(_measured(replace(part, array=device.array), choices.profile, repeats))
+        measured.append(measure(part, device.array, choices.profile, repeats=repeats))
     if not measured:
         raise InputError("parts: expected one or more, got none")
     found = replace(
         measured[0],
         level=np.concatenate([each.level for each in measured]),
         nonlinearity=max(each.nonlinearity for each in measured),
+        pressure=max(each.pressure for each in measured),
     )
     outcome, factor = _decide(found, device, choices)
     return _admission(device, choices, found, outcome, repeats=repeats, factor=factor, _known=frozenset(known))
@@ -270,15 +333,6 @@ def admit_level(
     return _admission(device, choices, found, outcome, level=level)
 
 
-def check_fits(drive: Drive, device: Sounding) -> None:
-    """Refuse phases that were solved for another array, with MismatchError."""
-    if not device.array.same_as(drive.array):
-        raise MismatchError(
-            f"drive: expected one for {device.array.name} ({device.array.count} transducers), got one for "
-            f"{drive.array.name} ({drive.array.count} transducers); solve the target again for this array"
-        )
-
-
 def _check_repeats(repeats: int) -> None:
     if repeats < 1:
         raise InputError(f"expected 1 repeat or more, got {repeats}")
@@ -305,21 +359,6 @@ def _admission(
     )
 
 
-def _measured(drive: Drive, profile: ExposureProfile, repeats: int) -> Exposure:
-    """Exposure at the higher of two levels: in the paper's air, and in the one that the drive says it was solved for.
-
-    Phases focus in the air that they were solved for, so that its levels count; but a file may claim an air that
-    swallows the sound or scatters the focus, so that it alone must not decide.
-    """
-    found = exposure(drive, profile, repeats=repeats, acoustics=Acoustics())
-    if drive.acoustics == Acoustics():
-        return found
-    said = exposure(drive, profile, repeats=repeats)
-    return replace(
-        found, level=np.maximum(found.level, said.level), nonlinearity=max(found.nonlinearity, said.nonlinearity)
-    )
-
-
 def _decide(found: Exposure, device: Sounding, choices: ExposureChoices) -> tuple[Outcome, float]:
     """What becomes of a drive with this exposure, and the factor that weakens it."""
     if found.excess <= 0:
@@ -331,9 +370,16 @@ def _decide(found: Exposure, device: Sounding, choices: ExposureChoices) -> tupl
     if not device.gated:
         return "exceeded", 1.0
     raise ExposureError(
-        f"exposure: {found.verdict()}; weaken it with --attenuate ({-found.excess:.1f} dB), take another --profile, or "
-        "answer for it with --override-exposure NAME and ear protection for everyone in the room"
+        f"exposure: {found.verdict()}; weaken it with --attenuate ({-found.excess:.1f} dB{_and_then(found)}), "
+        "take another --profile, or answer for it with --override-exposure NAME and ear protection for everyone in "
+        "the room"
     )
+
+
+def _and_then(found: Exposure) -> str:
+    """What would be left to feel after attenuation: radiation pressure goes with the square of sound pressure."""
+    weakened = replace(found, pressure=found.pressure * 10 ** (-found.excess / 10))
+    return ", and nothing will be felt" if feeling(weakened) else ""
 
 
 def _who(outcome: Outcome, choices: ExposureChoices) -> str:

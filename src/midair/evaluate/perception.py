@@ -95,6 +95,11 @@ class SkinModel:
         """Displacement of skin amid an evenly pressed disc, u = 2 (1 - nu^2) P a / E, in m; 100 Pa make 17 µm."""
         return 2 * (1 - self.poisson**2) * self.radius / self.modulus * np.asarray(pressure, float)
 
+    @property
+    def pressure_just_felt(self) -> float:
+        """Pressure on a cell that swings just enough to be felt at `best`, from its mean to its peak, in Pa: .6 Pa."""
+        return self.just_felt / float(self.displacement(np.ones(1))[0])
+
     def threshold(self, frequency: Array) -> Array:
         """Pacinian threshold T_P(f), peak displacement in m, shape of `frequency` (Hz, above 0)."""
         octaves = np.log2(np.asarray(frequency, float) / self.best)

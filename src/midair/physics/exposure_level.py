@@ -16,6 +16,7 @@ from midair.model import Acoustics, Drive, Medium, TransducerArray
 from midair.physics.exposure_places import ExposureProfile, Place
 from midair.physics.exposure_search import CubeSearch, cube_search
 from midair.physics.propagation import transfer_matrix
+from midair.physics.radiation import radiation_pressure
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
@@ -40,6 +41,8 @@ class Exposure:
         How often all frames are played.
     nonlinearity : float
         sigma of the strongest frame up to the palm; above 1 the linear field is too strong.
+    pressure : float
+        Highest radiation pressure of up to 256 frames on a palm at the nearest place, at points 5 mm apart, in Pa.
     """
 
     profile: ExposureProfile
@@ -47,6 +50,7 @@ class Exposure:
     rate: float
     repeats: int
     nonlinearity: float
+    pressure: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "level", frozen_array(self.level, "level", ("frame", len(self.profile.places))))
@@ -107,6 +111,15 @@ class Exposure:
         number = max(margins)[1]
         return self.profile.places[number], int(self.level[:, number].argmax())
 
+    @property
+    def resolution(self) -> str:
+        """One line: how far the truth may be from these levels."""
+        bounded = [place.name for place in self.profile.places if place.enforced and place.reach > 0]
+        rough = [place.name for place in self.profile.places if not place.enforced and place.reach > 0]
+        said = [f"{', '.join(bounded)}: nowhere around more than 0.5 dB above this"] if bounded else []
+        said += [f"{', '.join(rough)}: at 27 points, between which a focus falls"] if rough else []
+        return "; ".join(said)
+
     def verdict(self) -> str:
         """One line: whether the profile is kept, and where it is closest to its limit."""
         place, frame = self.worst
@@ -163,6 +176,7 @@ def exposure(
         rate=drive.rate,
         repeats=repeats,
         nonlinearity=_nonlinearity(drive, profile, acoustics, level),
+        pressure=_pressure(drive, profile, acoustics),
     )
 
 
@@ -191,8 +205,7 @@ def greatest_exposure(
     """
     ceilings = [cube_search(place, array, acoustics).ceiling.sum() for place in profile.places]
     loudest = sound_level(level * np.array([ceilings]))
-    number = int(np.argmin([np.linalg.norm(place.position) for place in profile.places]))
-    palm = np.array(profile.places[number].position)
+    palm = np.array(profile.nearest[1].position)
     phase = -np.angle(transfer_matrix(palm[None], array, acoustics=acoustics))
     focus = Drive(phase=phase, level=np.array([level]), rate=rate, array=array, acoustics=acoustics)
     return Exposure(
@@ -201,6 +214,7 @@ def greatest_exposure(
         rate=rate,
         repeats=1,
         nonlinearity=_nonlinearity(focus, profile, acoustics, loudest),
+        pressure=_pressure(focus, profile, acoustics),
     )
 
 
@@ -232,14 +246,25 @@ def nonlinearity_index(pressure: Array, path: Array, medium: Medium, frequency: 
 
 def _nonlinearity(drive: Drive, profile: ExposureProfile, acoustics: Acoustics, level: Array) -> float:
     """Index of the frame that is strongest at the nearest place, the palm, along the line that leads there."""
-    number = int(np.argmin([np.linalg.norm(place.position) for place in profile.places]))
+    number, palm = profile.nearest
     strongest = int(level[:, number].argmax())
-    end = np.array(profile.places[number].position)
+    end = np.array(palm.position)
     # Not from 0: a point on a transducer has no finite field.
     share = np.linspace(0.02, 1, 200)
     matrix = transfer_matrix(share[:, None] * end, drive.array, acoustics=acoustics)
     pressure = np.abs(matrix @ _drive(drive, slice(strongest, strongest + 1))[0])
     return nonlinearity_index(pressure, share * float(np.linalg.norm(end)), acoustics.medium, drive.array.frequency)
+
+
+def _pressure(drive: Drive, profile: ExposureProfile, acoustics: Acoustics) -> float:
+    """Highest radiation pressure on the nearest place's level, at points 5 mm apart over 6 cm, in Pa."""
+    steps = np.arange(-30e-3, 31e-3, 5e-3)
+    x, y = np.meshgrid(steps, steps)
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) + np.array(profile.nearest[1].position)
+    some = np.unique(np.linspace(0, drive.frames - 1, 256).astype(int))
+    level = drive.level[some] if drive.level.ndim == 2 else drive.level[some, None]
+    field = (level * np.exp(1j * drive.phase[some])) @ transfer_matrix(points, drive.array, acoustics=acoustics).T
+    return float(radiation_pressure(np.abs(field).max(initial=0.0), acoustics.medium))
 
 
 def _loudest(drive: Drive, searches: list[CubeSearch], frames: slice) -> Array:

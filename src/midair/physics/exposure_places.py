@@ -62,3 +62,9 @@ class ExposureProfile:
     source: str
     evidence: str
     places: tuple[Place, ...]
+
+    @property
+    def nearest(self) -> tuple[int, Place]:
+        """The place that is nearest to the array, the palm, and its number."""
+        number = int(np.argmin([np.linalg.norm(place.position) for place in self.places]))
+        return number, self.places[number]

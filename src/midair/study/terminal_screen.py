@@ -106,6 +106,9 @@ def presenter_named(
         for path in dict.fromkeys(folder.path / one.source for one in plan.design.stimuli if one.kind == "drive"):
             air = room_air(load_solution(path).drive, room, partial(load_target, path), simulated=device.simulated)
             console.print(_plain(f"{path.name}: {air.said}"), style="yellow" if air.warns else None)
+            admission = admitted(str(path.relative_to(folder.path)))
+            if admission.outcome == "attenuated":
+                console.print(_plain(f"{path.name}: exposure {admission.verdict()}"), style="yellow")
         yield presenter
 
 

@@ -36,7 +36,7 @@ def tap():
     one.close()
 
 
-def make(name, level=0.01, frames=200, rate=1000.0, array=ARRAY):
+def make(name, level=0.008, frames=200, rate=1000.0, array=ARRAY):
     rng = np.random.default_rng(0)
     drive = Drive(phase=rng.uniform(0, 6, (frames, array.count)), level=np.full(frames, level), rate=rate, array=array)
     solution = Solution(
@@ -268,3 +268,28 @@ def test_a_drive_for_a_placement_plays_there_and_nowhere_else(capsys):
     assert run(["play", "take.drive.h5", *EMULATOR]) == 1
     assert "solve the target again" in said(capsys)[0]
     assert run(["play", "take.drive.h5", *EMULATOR, "--placement", "tilted.toml"]) == 0
+
+
+def test_what_a_file_says_of_the_strength_changes_no_exposure(capsys):
+    """A file that claims transducers of a millionth is measured as those of the device are, and the claim is told."""
+    claims = TransducerArray(
+        position=ARRAY.position, normal=ARRAY.normal, pressure=1e-6, frequency=ARRAY.frequency, name=ARRAY.name
+    )
+    answers = []
+    for name, array in (("honest.drive.h5", ARRAY), ("claims.drive.h5", claims)):
+        assert run(["exposure", make(name, array=array), "--json"]) == 0
+        answers.append(json.loads(capsys.readouterr().out))
+    assert answers[0]["places"] == answers[1]["places"]
+    assert answers[1]["file_transducer_pa_m"] == pytest.approx(1e-6)
+    assert run(["exposure", "claims.drive.h5", *EMULATOR]) == 0
+    page = " ".join(capsys.readouterr().out.split())
+    assert "the file says 1e-06 Pa m, which counts for nothing" in page
+    assert "nowhere around more than 0.5 dB above this" in page
+
+
+def test_a_drive_that_nobody_would_feel_is_said(capsys):
+    focus = make("loud.drive.h5", level=1.0)
+    assert run(["play", focus, *EMULATOR]) == 1
+    assert "and nothing will be felt), take another --profile" in said(capsys)[0]
+    assert run(["play", focus, *EMULATOR, "--attenuate"]) == 0
+    assert "nothing will be felt: at most" in " ".join(capsys.readouterr().out.split())

@@ -1,17 +1,24 @@
 """The command `exposure`: what a drive would expose ears and hands to."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
-from midair.cli.terminal import Force, Json, may_write, print_figures, print_json, print_rows
+from midair.cli.terminal import Force, Json, may_write, print_figures, print_json, print_rows, say_how_long
+from midair.devices import feeling, measure
 from midair.figures import exposure_figure, png
-from midair.files import DEFAULT_PROFILE, load_solution, profile_named, whole_file
-from midair.physics import Exposure, exposure
+from midair.files import DEFAULT_PROFILE, load_placement, load_solution, profile_named, whole_file
+from midair.model import Drive, TransducerArray
+from midair.physics import Exposure
+from midair.rig import ArrayKind, array_named, array_of_kind
 
 
 def exposure_command(
     source: Path,
     /,
     *,
+    device: str | None = None,
+    placement: Path | None = None,
     profile: str = DEFAULT_PROFILE,
     profiles: Path | None = None,
     repeats: int = 1,
@@ -27,6 +34,11 @@ def exposure_command(
     ----------
     source
         NAME.drive.h5.
+    device
+        On which it would be played, by the names of `midair play`; transducers of AUTD3 where the drive was solved for
+        them if not given. What the drive's file says of their strength counts for nothing.
+    placement
+        TOML file with position and rotation of the device's units; two by two side by side if not given.
     profile
         Name of the exposure profile.
     profiles
@@ -44,23 +56,44 @@ def exposure_command(
     if drawn:
         may_write(target, force)
     drive = load_solution(source).drive
-    found = exposure(drive, chosen, repeats=repeats)
+    array = _known(drive, device, placement)
+    say_how_long(drive, chosen)
+    found = measure(drive, array, chosen, repeats=repeats)
     if drawn:
         with whole_file(target) as partial:
             partial.write_bytes(png(exposure_figure(found, simulated=drive.provenance.simulated)))
     if json:
-        print_json(_plain(found))
+        print_json(_plain(found) | {"transducer_pa_m": array.pressure, "file_transducer_pa_m": drive.array.pressure})
         return
     print_figures(chosen.title, _columns(found))
     print_rows(
         [
             ("verdict", found.verdict()),
+            ("for", _for(drive, array)),
+            ("resolution", found.resolution),
+            ("felt", feeling(found) or f"up to {found.pressure:.3g} Pa on the palm"),
             ("nonlinearity", f"sigma {found.nonlinearity:.2f}; above 1 the real sound is weaker and harsher than this"),
             ("limits from", chosen.source),
             ("evidence", chosen.evidence),
             ("figure", str(target)),
         ]
     )
+
+
+def _known(drive: Drive, device: str | None, placement: Path | None) -> TransducerArray:
+    """The array that is to play: a device's, or the drive's places with transducers of the strength that is known."""
+    if device is not None:
+        return array_named(device, None if placement is None else load_placement(placement)).array
+    kinds = [array_of_kind(kind) for kind in get_args(ArrayKind)]
+    known = next((kind for kind in kinds if kind.same_as(drive.array)), kinds[0])
+    return replace(drive.array, pressure=known.pressure)
+
+
+def _for(drive: Drive, array: TransducerArray) -> str:
+    said = f"{array.name}, {array.pressure:.3g} Pa m each"
+    if abs(drive.array.pressure / array.pressure - 1) < 1e-6:
+        return said
+    return f"{said}; the file says {drive.array.pressure:.3g} Pa m, which counts for nothing"
 
 
 def _columns(found: Exposure) -> dict[str, dict[str, tuple[float, str]]]:
@@ -98,6 +131,8 @@ def _plain(found: Exposure) -> dict[str, object]:
         "kept": found.excess <= 0,
         "excess_db": found.excess,
         "nonlinearity": found.nonlinearity,
+        "palm_pressure_pa": found.pressure,
+        "felt": not feeling(found),
         "duration_s": found.duration,
         "places": places,
         "evidence": found.profile.evidence,

@@ -15,7 +15,7 @@ from midair.cli.terminal.console import (
     say,
     stages,
 )
-from midair.cli.terminal.exposure_options import ExposureOptions
+from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long
 from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
 from midair.cli.terminal.keys import Keys, signals_noted
 from midair.cli.terminal.meter_screen import MeterScreen
@@ -71,6 +71,7 @@ __all__ = [
     "recording_rows",
     "same_part",
     "say",
+    "say_how_long",
     "say_air",
     "say_kept",
     "say_room",

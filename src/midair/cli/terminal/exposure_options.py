@@ -1,12 +1,16 @@
 """What may be exposed to what: options that every command has which can sound."""
 
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cyclopts import Parameter
+from rich.console import Console
 
-from midair.devices import ExposureChoices
+from midair.devices import ExposureChoices, measure
 from midair.files import DEFAULT_PROFILE, profile_named
+from midair.model import Drive
+from midair.physics import ExposureProfile
 
 
 @Parameter(name="*")
@@ -38,3 +42,27 @@ class ExposureOptions:
             attenuate=self.attenuate,
             override=self.override_exposure,
         )
+
+
+def say_how_long(drive: Drive, profile: ExposureProfile, *, few: float = 3.0, sample: int = 1024) -> None:
+    """Say on the error stream how long the exposure of a drive will take, where that is more than a few seconds.
+
+    Its first frames are timed, the second time, when what is worked out once an array is there already.
+
+    Parameters
+    ----------
+    few : float
+        Seconds about which nothing is said.
+    sample : int
+        Frames that are timed.
+    """
+    if drive.frames < 10 * sample:
+        return
+    level = drive.level[:sample]
+    first = replace(drive, phase=drive.phase[:sample], level=level)
+    measure(first, drive.array, profile)
+    began = time.perf_counter()
+    measure(first, drive.array, profile)
+    lasts = (time.perf_counter() - began) * drive.frames / sample
+    if lasts > few:
+        Console(stderr=True, highlight=False, soft_wrap=True).print(f"exposure of {drive.frames} frames: {lasts:.0f} s")

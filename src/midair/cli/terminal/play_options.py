@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from midair.cli.terminal.air_options import note_air
 from midair.cli.terminal.console import banner, print_rows, stages
-from midair.cli.terminal.exposure_options import ExposureOptions
+from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long
 from midair.cli.terminal.options import Time
 from midair.devices import Admission, ArrayDevice, PlayReport, SilencerChoice, admit
 from midair.files import load_placement, load_solution, load_target
@@ -40,6 +40,7 @@ class PlayOptions(ExposureOptions):
 
     def admit(self, drive: Drive, device: ArrayDevice) -> Admission:
         """The drive, once its exposure on this device is checked."""
+        say_how_long(drive, self.choices().profile)
         return admit(drive, device, self.choices(), repeats=self.repeats)
 
 
@@ -58,7 +59,7 @@ def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium 
         drive = load_solution(source).drive
         admission = options.admit(drive, array)
         say_room(drive, source, room)
-        print_rows([("exposure", f"{admission.outcome}: {admission.exposure.verdict()}")])
+        print_rows([("exposure", admission.verdict())])
         with stages() as stage, array:
             # Only now the units have said whether they are real.
             banner(array.simulated)

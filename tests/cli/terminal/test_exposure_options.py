@@ -1,0 +1,31 @@
+import numpy as np
+import pytest
+
+from midair.cli.terminal import ExposureOptions, say_how_long
+from midair.errors import InputError
+from midair.files import profile_named
+from midair.model import Drive, TransducerArray
+
+PROFILE = profile_named("occupational-110")
+ARRAY = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]]))
+
+
+def drive(frames):
+    return Drive(phase=np.zeros((frames, 1)), level=np.ones(frames), rate=1000.0, array=ARRAY)
+
+
+def test_a_long_drive_says_how_many_seconds_it_takes_and_a_short_one_nothing(capsys):
+    say_how_long(drive(100), PROFILE, few=0.0, sample=50)
+    assert capsys.readouterr().err == ""
+    say_how_long(drive(1000), PROFILE, few=0.0, sample=50)
+    assert capsys.readouterr().err.startswith("exposure of 1000 frames: ")
+    say_how_long(drive(1000), PROFILE, few=1e6, sample=50)
+    assert capsys.readouterr().err == ""
+
+
+def test_options_are_one_choice():
+    chosen = ExposureOptions(profile="public-100", attenuate=True).choices()
+    assert chosen.profile.name == "public-100"
+    assert chosen.attenuate
+    with pytest.raises(InputError, match="occupational-110"):
+        ExposureOptions(profile="none").choices()
