@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from midair.devices import OpenMpdArray, VirtualArray, VirtualSkin, autd3_array, autd3_firmware, pyautd3_array
+from midair.devices import (
+    OpenMpdArray,
+    VirtualArray,
+    VirtualSkin,
+    autd3_array,
+    autd3_firmware,
+    autd3_standing,
+    pyautd3_array,
+)
 from midair.errors import DeviceStateError, InputError, MismatchError
 from midair.model import Board, Drive, Placement, TransducerArray
 from midair.physics import focus_phase
@@ -23,6 +31,7 @@ ARRAYS = {
     "virtual on skin": lambda: VirtualArray(ARRAY, VirtualSkin(SensorModel())),
     "autd3:firmware": lambda: autd3_firmware(ONE),
     "autd3:emulator": lambda: autd3_array("emulator", ONE),
+    "autd3, a frame that stands": lambda: autd3_standing("emulator", ONE, failsafe=0.5),
     "pyautd3:audit": lambda: pyautd3_array("audit", ONE),
     "pyautd3:nop": lambda: pyautd3_array("nop", ONE),
     "openmpd": openmpd,

@@ -7,6 +7,7 @@ from midair.devices.arrays import (
     SilencerChoice,
     autd3_array,
     autd3_firmware,
+    autd3_standing,
     choose_silencer,
     pyautd3_array,
 )
@@ -56,6 +57,7 @@ __all__ = [
     "measure",
     "autd3_array",
     "autd3_firmware",
+    "autd3_standing",
     "choose_silencer",
     "gapless",
     "intensity_bytes",

@@ -105,6 +105,45 @@ def test_five_seconds_in_real_time_without_a_break(tap):
     check_what_is_sent(tap, 5000)
 
 
+def switched_to(tap, port):
+    """(instants, frames) that one unit was switched to, from its two memories as the wire filled them."""
+    memory, size, instants, frames = np.zeros((2, 1024, 249), np.uint8), [0, 0], [], []
+    for _, to, command, datagram in tap.frames():
+        if to != port or command not in (WRITE, CONFIG, SWITCH):
+            continue
+        bank = datagram[10]
+        if command == WRITE:
+            first, count = int.from_bytes(datagram[14:16], "little"), datagram[12]
+            memory[bank, first : first + count] = np.frombuffer(datagram[16:], np.uint8).reshape(count, 249)
+        elif command == CONFIG:
+            size[bank] = int.from_bytes(datagram[14:16], "little") - 1  # the last pattern is the silent one
+        elif (instant := int.from_bytes(datagram[12:20], "little")) not in instants:  # else it was sent again
+            instants.append(instant)
+            frames.append(memory[bank, : size[bank]].copy())
+    return instants, np.concatenate(frames)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tap", [4], indirect=True)
+def test_a_minute_of_60000_frames_on_four_units_bit_by_bit(tap):
+    placement = Placement.grid()
+    array, rng = placement.array(), np.random.default_rng(3)
+    drive = Drive(phase=rng.uniform(0, 6, (6000, array.count)), level=np.ones(6000), rate=1000.0, array=array)
+    with autd3_array(tap.address, placement) as device:
+        report = device.play(overridden(drive, device, repeats=10))
+        tap.states()
+        units = {port: answer[7] for port, answer in tap.answers.items()}
+    assert sorted(units.values()) == [0, 1, 2, 3]
+    assert (report.frames, report.repeated) == (60000, 0)
+    wanted = phase_bytes(drive, 4)
+    for port, unit in units.items():
+        instants, frames = switched_to(tap, port)
+        np.testing.assert_array_equal(frames, np.tile(wanted[:, unit], (10, 1)))
+        if not report.late:
+            assert set(np.diff(instants)) == {250_000_000}
+            assert instants[0] == report.start
+
+
 def test_heartbeats_while_nothing_plays_and_while_it_plays(tap):
     """The failsafe acts after 500 ms: the longest pause is far below it."""
     with autd3_array(tap.address, ONE) as device:

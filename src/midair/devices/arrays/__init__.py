@@ -1,6 +1,6 @@
 """Phased arrays: AUTD3 by both of its SDKs, OpenMPD's boards, and how frames reach them."""
 
-from midair.devices.arrays.autd3 import autd3_array, autd3_firmware, pyautd3_array
+from midair.devices.arrays.autd3 import autd3_array, autd3_firmware, autd3_standing, pyautd3_array
 from midair.devices.arrays.banked_array import BankedArray
 from midair.devices.arrays.openmpd import OpenMpdArray
 from midair.devices.arrays.silencer import Silencer, SilencerChoice, choose_silencer
@@ -12,6 +12,7 @@ __all__ = [
     "SilencerChoice",
     "autd3_array",
     "autd3_firmware",
+    "autd3_standing",
     "choose_silencer",
     "pyautd3_array",
 ]

@@ -7,6 +7,7 @@ from midair.devices.arrays.autd3_places import autd3_place
 from midair.devices.arrays.banked_array import BankedArray
 from midair.devices.arrays.banks import Banks
 from midair.devices.arrays.silencer import SilencerChoice
+from midair.devices.arrays.standing_array import StandingArray, StandingUnits
 from midair.errors import MissingExtraError
 from midair.model import Placement
 
@@ -45,6 +46,30 @@ def autd3_array(
         simulated=place.simulated,
         exclusive=place.exclusive,
     )
+
+
+def autd3_standing(where: str = "auto", placement: Placement | None = None, *, failsafe: float = 0.05) -> StandingArray:
+    """Units as `autd3_array` has them, for a frame that stands: silent soon after the player says nothing any more.
+
+    Parameters
+    ----------
+    where, placement
+        As for `autd3_array`; not a server, whose own word would keep the units sounding.
+    failsafe : float
+        After how long without a word of the player the units go silent, in s; the player says one every 10 ms.
+
+    Raises
+    ------
+    UnknownDeviceError
+        If an address or a port is none.
+    """
+    place = autd3_place(where)
+
+    def connect(placement: Placement) -> StandingUnits:
+        module = _module("midair.devices.arrays.autd3_udp", "autd3")
+        return module.Autd3Udp(placement, place, failsafe=failsafe, heartbeat=False)
+
+    return StandingArray(connect, placement or Placement.grid(), name=place.device, exclusive=place.exclusive)
 
 
 def autd3_firmware(placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:

@@ -66,6 +66,11 @@ def switch(bank: int, instant: int) -> ActivatePatternBank:
     return ActivatePatternBank(_BANKS[bank], TransitionMode.SysTime(SysTime.from_nanos(instant)))
 
 
+def stand(phases: Bytes, intensity: Bytes) -> Pattern:
+    """One pattern at once, which sounds until another comes."""
+    return Pattern(PhaseBuffer.from_array(phases), IntensityBuffer.from_array(intensity))
+
+
 def silence(units: int) -> Pattern:
     """One pattern of no sound at once. It also cancels every switch that is still to come."""
     return Pattern(PhaseBuffer.from_array(np.zeros((units, UNIT), np.uint8)), 0)

@@ -29,7 +29,7 @@ from midair.devices.arrays.autd3_places import Autd3Place
 from midair.devices.arrays.banks import TooLateError, UnitsState
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
-from midair.errors import DeviceError, DeviceStateError, LinkLostError
+from midair.errors import DeviceError, DeviceStateError, LinkLostError, UnknownDeviceError
 from midair.model import Placement
 
 T = TypeVar("T")
@@ -57,16 +57,6 @@ TELLING = (
 """Counters of a unit that stay at 0 while all goes well; the others count traffic, or what the SDK mends by itself."""
 
 
-def _loopback(interface: Interface) -> UdpOption:
-    """How to speak to units that are a program: there at once, but not within the 1 ms of real ones."""
-    return UdpOption(
-        iface=interface,
-        enumeration_timeout=Duration.from_secs(1),
-        sync_timeout=Duration.from_secs(5),
-        reply_timeout=Duration.from_secs_f64(ANSWER),
-    )
-
-
 class Autd3Udp:
     """Both pattern banks of all units over UDP.
 
@@ -76,6 +66,10 @@ class Autd3Udp:
         One entry a unit, in the order of the wiring.
     place : Autd3Place
         Where they are.
+    failsafe : float
+        After how long without a word from here they silence themselves, in s.
+    heartbeat : bool
+        Whether the SDK says a word every 10 ms by itself, also while Python hangs.
 
     Raises
     ------
@@ -87,10 +81,12 @@ class Autd3Udp:
     margin = 15_000_000
     """The firmware refuses switches less than 10 ms ahead."""
     patience = 75_000_000
-    failsafe = FAILSAFE
 
-    def __init__(self, placement: Placement, place: Autd3Place) -> None:
+    def __init__(
+        self, placement: Placement, place: Autd3Place, *, failsafe: float = FAILSAFE, heartbeat: bool = True
+    ) -> None:
         self._units, self._again = placement.units, 0
+        self.failsafe, self._heartbeat = failsafe, Duration.from_millis(10) if heartbeat else None
         self._emulator = UdpEmulator(placement.units) if place.kind == "emulator" else None
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="autd3", daemon=True)
@@ -99,7 +95,7 @@ class Autd3Udp:
             client: Client = self._do(lambda: self._connect(placement, self._link(place)), 60)
             self._client: Client | None = client
             self._state = client.state_checker()
-            config = CpuConfig(failsafe_timeout=Duration.from_secs_f64(FAILSAFE))
+            config = CpuConfig(failsafe_timeout=Duration.from_secs_f64(failsafe))
             self._sure(lambda: client.send(SetCpuConfig(config)), 5)
             self.silence()
             versions = self._sure(client.read_firmware_version, 5)
@@ -141,6 +137,10 @@ class Autd3Udp:
             # In short naps, so that a lost unit is noticed at once and not at the end.
             time.sleep(min(left * 1e-9, 0.02))
         self._check()
+
+    def stand(self, phases: Bytes, intensity: Bytes) -> None:
+        """Sound one pattern until another comes, shape (unit, transducer of the unit) each."""
+        self._sure(lambda: self._open.send(commands.stand(phases, intensity)), 2)
 
     def silence(self) -> None:
         """All transducers to intensity 0 at once."""
@@ -184,7 +184,7 @@ class Autd3Udp:
             "link": f"{bus.frames()} frames, worst answer {worst * 1e-6:.2f} ms, "
             f"{bus.missed_heartbeat_replies()} heartbeats missed",
             "buffers": f"2 x {self.frames_max} patterns",
-            "failsafe": f"after {FAILSAFE:g} s without traffic; "
+            "failsafe": f"after {self.failsafe:g} s without traffic; "
             f"it acted {max(one.failsafe for one in telemetry)} times since the link was opened",
             "temperature": "too hot" if any(one.is_thermal_asserted() for one in heat) else "fine",
         }
@@ -209,20 +209,34 @@ class Autd3Udp:
 
     def _link(self, place: Autd3Place) -> UdpOption | ServerLink:
         if self._emulator is not None:
-            return self._emulator.option()
+            return self._loopback(self._emulator.option().iface)
         match place.kind:
+            case "server" if self._heartbeat is None:
+                raise UnknownDeviceError(
+                    "autd3-server: expected units that hear this computer; a server's word keeps them on"
+                )
             case "server":
                 return ServerLink(place.port)
             case "simulator":
-                return _loopback(Interface.Simulator(place.port))
+                return self._loopback(Interface.Simulator(place.port))
             case "address" if place.simulated:
-                return _loopback(Interface.Addr(place.name))
+                return self._loopback(Interface.Addr(place.name))
             case "address":
-                return UdpOption(iface=Interface.Addr(place.name))
+                return UdpOption(iface=Interface.Addr(place.name), heartbeat=self._heartbeat)
             case "interface":
-                return UdpOption(iface=Interface.Name(place.name))
+                return UdpOption(iface=Interface.Name(place.name), heartbeat=self._heartbeat)
             case _:
-                return UdpOption()
+                return UdpOption(heartbeat=self._heartbeat)
+
+    def _loopback(self, interface: Interface) -> UdpOption:
+        """How to speak to units that are a program: there at once, but not within the 1 ms of real ones."""
+        return UdpOption(
+            iface=interface,
+            heartbeat=self._heartbeat,
+            enumeration_timeout=Duration.from_secs(1),
+            sync_timeout=Duration.from_secs(5),
+            reply_timeout=Duration.from_secs_f64(ANSWER),
+        )
 
     async def _connect(self, placement: Placement, link: UdpOption | ServerLink) -> Client:
         # A unit that was lost stays silent until someone opens it again: no recovery behind one's back.
@@ -242,7 +256,7 @@ class Autd3Udp:
             lost = [number for number, state in enumerate(status.devices) if str(state).endswith("Lost")]
             raise LinkLostError(
                 f"autd3: expected {self._units} units to answer, lost {lost or 'some'}; they silence themselves within "
-                f"{FAILSAFE:g} s; check cables and power (up to 50 W a unit), then play again"
+                f"{self.failsafe:g} s; check cables and power (up to 50 W a unit), then play again"
             )
 
     def _sure(self, begin: Callable[[], Awaitable[T]], timeout: float) -> T:
@@ -305,6 +319,6 @@ def _advice(wrong: Autd3Error) -> str:
         case Autd3Error.NETWORK | Autd3Error.TIMEOUT:
             return "check power, cables and the name of the interface, and that no other program holds the units"
         case Autd3Error.UNSUPPORTED_FIRMWARE:
-            return "play with pyautd3 for older firmware, or update the units"
+            return "firmware v10 to v12.1 plays with pyautd3; move the 0 series up to 0.12 with the makers' console"
         case _:
             return "midair doctor says what to look at"

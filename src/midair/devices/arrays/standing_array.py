@@ -1,0 +1,161 @@
+"""One frame that stands, for aiming and measuring, on units whose failsafe watches the player itself.
+
+Two memories that end in silence cannot hold a frame that stands without being written again and again. So it is written
+as a single pattern, which sounds until another comes. The SDK's heartbeat would keep it so while Python hangs, since
+it goes out from a thread of its own: here it is off, the failsafe waits less, and the player says a word every 10 ms.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from midair.devices.arrays.banks import UnitsState
+from midair.devices.frame_bytes import Bytes, divider, intensity_bytes, phase_bytes
+from midair.devices.interface import ArrayDevice, PlayReport
+from midair.errors import DeviceStateError, InputError, SilentFramesError
+from midair.model import Drive, Placement, Progress
+
+
+class StandingUnits(Protocol):
+    """Open units that hold a single pattern; as `Banks`, where they share a name."""
+
+    @property
+    def emulated(self) -> bool:
+        """Whether what answers is an emulator."""
+        ...
+
+    def stand(self, phases: Bytes, intensity: Bytes) -> None:
+        """Sound a pattern until another comes, shape (unit, transducer of the unit) each."""
+        ...
+
+    def state(self) -> UnitsState:
+        """What the units say of themselves now; asking is a word of the player, too."""
+        ...
+
+    def silence(self) -> None:
+        """All transducers to intensity 0 at once."""
+        ...
+
+    def release(self) -> None:
+        """Let units sound again that their failsafe has silenced."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the device."""
+        ...
+
+
+class StandingArray(ArrayDevice):
+    """Plays drives whose frames are all alike, as one pattern that stands.
+
+    Parameters
+    ----------
+    connect : callable
+        Opens the units, without a heartbeat and with a short failsafe.
+    placement : Placement
+        Placement of the units.
+    name : str
+        What it was opened by.
+    exclusive : str or None
+        As in `ArrayDevice`.
+    word : float
+        Time between two words to the units, in s; far below their failsafe.
+    """
+
+    def __init__(
+        self,
+        connect: Callable[[Placement], StandingUnits],
+        placement: Placement,
+        *,
+        name: str,
+        exclusive: str | None = None,
+        word: float = 0.01,
+    ) -> None:
+        self.name, self.placement, self.array, self.exclusive = name, placement, placement.array(), exclusive
+        self._connect, self._word = connect, word
+        self._units: StandingUnits | None = None
+        self._stands = False
+
+    @property
+    def emitting(self) -> bool:
+        """Whether a pattern stands."""
+        return self._units is not None and self._stands
+
+    def open(self) -> None:
+        """Take hold of the device; it is silent."""
+        if self._units is None:
+            self._units = self._connect(self.placement)
+            self.simulated = self._units.emulated
+
+    def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
+        """Let the frame stand for as long as the drive takes.
+
+        Raises
+        ------
+        InputError
+            If the frames differ.
+        SilentFramesError
+            If the failsafe of a unit has silenced it before the end.
+        """
+        if self._units is None:
+            raise DeviceStateError(f"{self.name}: expected open before play")
+        divider(drive.rate)
+        phases, intensity = phase_bytes(drive, self.placement.units), intensity_bytes(drive, self.placement.units)
+        if (phases != phases[0]).any() or (intensity != intensity[0]).any():
+            raise InputError(
+                f"{self.name}: expected frames that are all alike, got a drive that moves; play it on autd3"
+            )
+        units, total = self._units, drive.frames * repeats
+        units.silence()
+        # Without a heartbeat the failsafe has acted since the last order.
+        units.release()
+        self._wait(units, delay)
+        with self.sounding():
+            units.stand(phases[0], np.broadcast_to(intensity[0], phases[0].shape))
+            self._stands = True
+        begun = time.monotonic()
+        state = self._hold(units, begun, total, drive.rate, progress)
+        return PlayReport(frames=total, duration=total / drive.rate, units=str(state))
+
+    def silence(self) -> None:
+        """Stop all sound at once, from any thread."""
+        self._stands = False
+        if self._units is not None:
+            self._units.silence()
+
+    def close(self) -> None:
+        """Let go of the device."""
+        units, self._units = self._units, None
+        self._stands = False
+        if units is not None:
+            units.close()
+
+    def _wait(self, units: StandingUnits, delay: float) -> None:
+        end = time.monotonic() + delay
+        while (left := end - time.monotonic()) > 0:
+            units.state()
+            time.sleep(min(left, self._word))
+
+    def _hold(
+        self, units: StandingUnits, begun: float, total: int, rate: float, progress: Progress | None
+    ) -> UnitsState:
+        well = begun
+        while True:
+            asked = time.monotonic()
+            with self.sounding():
+                state = units.state()
+            if state.silenced:
+                first = min(total, int((well - begun) * rate))
+                raise SilentFramesError(
+                    f"{self.name}: expected a frame that stands, but the failsafe silenced units "
+                    f"{', '.join(map(str, state.silenced))}: frames {first} to {total - 1} of {total} "
+                    f"({first / rate:.3f} to {total / rate:.3f} s) may not have sounded"
+                )
+            well, done = asked, int((asked - begun) * rate)
+            if progress:
+                progress(min(done, total), total)
+            if done >= total:
+                return state
+            time.sleep(min(self._word, max(0.0, total / rate - (time.monotonic() - begun))))

@@ -1,0 +1,84 @@
+"""A frame that stands, on the emulator over loopback: what it sounds, and what silences it when Python hangs."""
+
+import time
+
+import numpy as np
+import pytest
+
+from midair.devices import autd3_standing
+from midair.devices.arrays.autd3_places import autd3_place
+from midair.devices.arrays.standing_array import StandingArray
+from midair.devices.frame_bytes import phase_bytes
+from midair.errors import InputError, SilentFramesError, UnknownDeviceError
+from midair.model import Drive, Placement
+from midair.testing import overridden
+
+pytest.importorskip("autd3")
+
+ONE = Placement.grid(columns=1, rows=1)
+SHOW, PATTERN, FAILSAFE = 0x16, 0x08, 0x80
+
+
+def stands(frames, rate=1000.0):
+    array = ONE.array()
+    phase = np.broadcast_to(np.random.default_rng(2).uniform(0, 6, array.count), (frames, array.count))
+    return Drive(phase=phase, level=np.ones(frames), rate=rate, array=array)
+
+
+def hangs_after(seconds, hang, tap):
+    """A progress that stands still once, as a Python that hangs, and then asks the units."""
+    begun, states = time.monotonic(), []
+
+    def progress(done, total):
+        if not states and time.monotonic() - begun > seconds:
+            time.sleep(hang)
+            states.extend(tap.states())
+
+    return progress, states
+
+
+def test_a_frame_stands_with_its_phases_until_it_is_silenced(tap):
+    drive = stands(300)
+    with autd3_standing(tap.address, ONE, failsafe=0.5) as device:
+        report = device.play(overridden(drive, device, repeats=2))
+    assert (report.frames, report.duration, report.late) == (600, 0.6, 0)
+    shown = [datagram for _, _, command, datagram in tap.frames() if command == SHOW]
+    loud = [datagram for datagram in shown if datagram[-1]]
+    assert len(loud) == 1
+    # Phase and intensity of each transducer; then only silence.
+    pairs = np.frombuffer(loud[0][-498:], np.uint8)
+    wanted = phase_bytes(drive, 1)[0, 0]
+    assert any(np.array_equal(part, wanted) for part in (pairs[:249], pairs[249:], pairs[::2], pairs[1::2]))
+    assert not shown[-1][-1]
+
+
+def test_a_python_that_hangs_is_silent_though_its_process_lives(tap):
+    with autd3_standing(tap.address, ONE) as device:
+        progress, states = hangs_after(0.2, 0.4, tap)
+        with pytest.raises(SilentFramesError, match=r"failsafe silenced units 0: frames \d+ to 1999 of 2000"):
+            device.play(overridden(stands(2000), device), progress=progress)
+        assert states == [PATTERN | FAILSAFE]
+        assert device.play(overridden(stands(20), device)).frames == 20
+
+
+def test_with_the_sdk_s_heartbeat_it_would_sound_on(tap):
+    """Why it is off: the same hang, longer than the failsafe, and nobody silences."""
+    from midair.devices.arrays.autd3_udp import Autd3Udp
+
+    place = autd3_place(tap.address)
+    with StandingArray(lambda placement: Autd3Udp(placement, place), ONE, name="with a heartbeat") as device:
+        progress, states = hangs_after(0.2, 0.8, tap)
+        device.play(overridden(stands(2000), device), progress=progress)
+    assert states == [PATTERN]
+
+
+def test_what_moves_does_not_stand():
+    array = ONE.array()
+    moving = Drive(phase=np.arange(2)[:, None] * np.ones(array.count), level=np.ones(2), rate=1000.0, array=array)
+    with autd3_standing("emulator", ONE) as device, pytest.raises(InputError, match="frames that are all alike"):
+        device.play(overridden(moving, device))
+
+
+def test_a_server_is_refused_since_its_word_keeps_units_sounding():
+    with pytest.raises(UnknownDeviceError, match="a server's word keeps them on"):
+        autd3_standing("server", ONE).open()
