@@ -45,9 +45,9 @@ def lsl_sender():
     pytest.importorskip("pylsl")
     with contextlib.ExitStack() as stack:
 
-        def start(*, rate=1000, seconds=3600, unit="-", hole=0):
+        def start(*, rate=1000, seconds=3600, unit="-", hole=0, once=0, base=0, how="cast"):
             name = f"midair {os.getpid()} {time.monotonic_ns()}"
-            arguments = (HERE / "lsl_sender.py", name, rate, seconds, unit, hole)
+            arguments = (HERE / "lsl_sender.py", name, rate, seconds, unit, hole, once, base, how)
             return name, stack.enter_context(_program(sys.executable, *arguments))
 
         yield start

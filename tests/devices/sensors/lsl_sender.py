@@ -1,6 +1,9 @@
 """A program that sends frames of 16 channels over LSL: channel c of frame i is (i mod 2048) * 16 + c. Run by tests.
 
-Arguments: name, rate in Hz, seconds, unit of the channels (or -), frames to leave out before every 200th.
+Arguments: name, rate in Hz, seconds, unit of the channels (or -), frames to leave out before every 200th; then, if they
+are given, the frame before which 100 are left out, where the counter in channel 16 begins, and whether that is rounded
+to float32 ("cast"), or counts in it ("sum", which stands still at 2^24), or each frame has the stamp of when it was due
+("stamped").
 """
 
 import sys
@@ -10,21 +13,26 @@ import numpy as np
 import pylsl
 
 name, rate, seconds, unit, hole = sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), sys.argv[4], int(sys.argv[5])
+once, base, how = (int(sys.argv[6]), int(sys.argv[7]), sys.argv[8]) if len(sys.argv) > 6 else (0, 0, "cast")
 info = pylsl.StreamInfo(name, "tactile", 17, rate, pylsl.cf_float32, f"midair test {name}")
 if unit != "-":
     info.set_channel_units([unit] * 17)
 outlet = pylsl.StreamOutlet(info)
 print("ready", flush=True)
 outlet.wait_for_consumers(30)
+first_stamp = pylsl.local_clock()
 begin, sent = time.monotonic(), 0
 while sent < seconds * rate:
     due = int((time.monotonic() - begin) * rate)
     frames = np.arange(sent, due)
     sent = max(sent, due)
-    frames = frames[frames % 200 >= hole]
+    frames = frames[(frames % 200 >= hole) & ~((frames >= once - 100) & (frames < once))]
     if len(frames):
         values = (frames[:, None] % 2048) * 16 + np.arange(17)
-        values[:, 16] = frames
-        outlet.push_chunk(np.ascontiguousarray(values, np.float32))
+        values[:, 16] = frames + base
+        if how == "sum":
+            values[:, 16] = np.minimum(values[:, 16], 2**24)
+        stamps = list(first_stamp + frames / rate) if how == "stamped" else 0.0
+        outlet.push_chunk(np.ascontiguousarray(values, np.float32), stamps)
     time.sleep(0.004)
 time.sleep(1.0)

@@ -102,3 +102,43 @@ def test_one_of_two_streams_of_a_name_is_chosen_by_its_source_id():
     source = LslSource("twins", source_id="b", search=2.0)
     assert source.open().channels == 4
     source.close()
+
+
+def numbered(sensor, seconds, *, cells=16):
+    """Numbers that midair gives the frames of so many seconds, and the sender's own (mod 2048)."""
+    sensor.start()
+    found, sent = [], []
+    while not found or found[-1][-1] < seconds * sensor.rate:
+        block = sensor.read(100)
+        found.append(block.first + np.arange(len(block.samples)))
+        sent.append(np.rint(block.samples.reshape(len(block.samples), -1)[:, 0]).astype(int) // cells)
+    return np.concatenate(found), np.concatenate(sent)
+
+
+@pytest.mark.parametrize("how", ["stamped", "cast"])
+def test_frames_that_were_left_out_are_found_from_stamps_where_nobody_counts(how, lsl_sender):
+    """100 frames that never came were 14,700 ppm of drift."""
+    name, _ = lsl_sender(once=2500, how=how)
+    with source_sensor(f"lsl:{name}?timeout=20") as sensor:
+        found, sent = numbered(sensor, 4)
+        lost = int(sensor.describe()["lost frames"])
+        assert sensor.describe()["gaps found by"] == "its stamps"
+    steps, true = np.diff(found), np.diff(sent) % 2048
+    assert true[true > 1].tolist() == [101]
+    if how == "stamped":
+        np.testing.assert_array_equal(steps, true)
+    # A busy machine keeps a sender from stamping evenly that only stamps what it pushes.
+    assert abs(lost - 100) <= 50
+    assert abs(int((steps > 1).argmax()) - int((true > 1).argmax())) <= 500
+
+
+@pytest.mark.parametrize("how", ["cast", "sum"])
+def test_a_float32_counter_goes_on_above_its_limit(how, lsl_sender):
+    """At 48 kHz it comes there after 5.8 minutes."""
+    name, _ = lsl_sender(base=2**24 - 700, how=how)
+    with source_sensor(f"lsl:{name}?counter=16&timeout=20") as sensor:
+        found, sent = numbered(sensor, 2.5)
+        by = sensor.describe()["gaps found by"]
+    assert ("stands still" in by) == (how == "sum")
+    np.testing.assert_array_equal(np.diff(sent) % 2048, 1)
+    np.testing.assert_array_equal(np.diff(found), 1)

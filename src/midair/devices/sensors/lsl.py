@@ -1,15 +1,15 @@
 """Streams of the Lab Streaming Layer. Imports the extra `lsl`.
 
 LSL sends over TCP: between sender and receiver nothing is lost without the link being lost, and that is an error here.
-What a sender itself left out can only be seen when it sends a channel that counts frames (option `counter`); without
-one it shows as drift of the sender's clock.
+What a sender itself left out is counted exactly when it sends a channel that counts frames (option `counter`); without
+one it is found from the stamps, to within how evenly the sender stamps.
 """
 
 import os
 import time
 from collections import deque
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import pylsl
 from numpy.typing import NDArray
 from pylsl.util import LostError, TimeoutError
 
+from midair.devices.sensors.frame_numbers import CountedFrames, Run, StampedFrames, runs
 from midair.devices.sensors.sources import Chunk, Samples, Stream
 from midair.errors import DeviceError, DeviceStateError, InputError, RateError
 from midair.model import Unit
@@ -59,7 +60,10 @@ class LslSource:
     ) -> None:
         self._name, self._source_id, self._counter, self._search = name, source_id, counter, search
         self._inlet: pylsl.StreamInlet | None = None
-        self._rate, self._frames, self._base = 1.0, 0, 0
+        self._rate, self._correction = 1.0, 0.0
+        self._counted: CountedFrames | None = None
+        self._full = False  # the counter can count no further
+        self._stamped = StampedFrames(1.0)
         self._waiting: deque[Chunk] = deque()
         self._host_name = ""
 
@@ -68,8 +72,9 @@ class LslSource:
         _keep_quiet()
         found = self._find()
         # Recovery would go on with another run of the sender as if nothing had happened.
+        # Stamps as they were sent: smoothed ones hide where frames were left out.
         self._inlet = pylsl.StreamInlet(
-            found, max_buflen=60, recover=False, processing_flags=pylsl.proc_ALL, as_numpy=True
+            found, max_buflen=60, recover=False, processing_flags=pylsl.proc_threadsafe, as_numpy=True
         )
         try:
             info = self._inlet.info(timeout=5.0)
@@ -81,23 +86,29 @@ class LslSource:
         """Subscribe, or throw away what has come since."""
         try:
             self._opened().open_stream(timeout=5.0)
+            self._correction = self._opened().time_correction(timeout=5.0)
         except (LostError, TimeoutError) as wrong:
             raise self._lost() from wrong
         self._opened().flush()
-        self._frames = 0
+        self._counted, self._full, self._stamped = None, False, StampedFrames(self._rate)
         self._waiting.clear()
 
     def pull(self, wait: float) -> Chunk | None:
-        """What has come; host times are the sender's stamps, put on this computer's clock and smoothed by liblsl."""
+        """What has come; host times are the sender's stamps, put on this computer's clock."""
         if self._waiting:
             return self._waiting.popleft()
         try:
             # Without `min_samples` a pull with a time limit would wait until 4096 had come.
             samples, stamps = self._opened().pull_chunk(timeout=wait, max_samples=4096, min_samples=1)
+            with suppress(TimeoutError):  # no newer one yet
+                self._correction = self._opened().time_correction(timeout=1e-3)
         except LostError as wrong:
-            raise self._lost() from wrong
-        if len(stamps):
-            self._waiting.extend(self._runs(np.array(samples), stamps))
+            self._keep(self._stamped.rest())
+            if not self._waiting:
+                raise self._lost() from wrong
+        else:
+            if len(stamps):
+                self._keep(self._runs(np.array(samples), np.asarray(stamps, np.float64)))
         return self._waiting.popleft() if self._waiting else None
 
     def stop(self) -> None:
@@ -110,8 +121,10 @@ class LslSource:
         self._inlet = None
 
     def describe(self) -> dict[str, str]:
-        """Who sends, and through which library."""
-        return {"sender": self._host_name, "liblsl": str(pylsl.library_version())}
+        """Who sends, through which library, and what tells of frames that were left out."""
+        by = "its stamps" if self._counter is None else "its counter"
+        by = "its counter, and since that stands still its stamps" if self._full else by
+        return {"sender": self._host_name, "liblsl": str(pylsl.library_version()), "gaps found by": by}
 
     def _find(self) -> pylsl.StreamInfo:
         found = pylsl.resolve_byprop("name", self._name, 1, self._search)
@@ -144,28 +157,41 @@ class LslSource:
         unit, scale = _unit(info.get_channel_units(), self._counter)
         return Stream(channels=channels, rate=self._rate, unit=unit, scale=scale)
 
-    def _runs(self, samples: Samples, stamps: NDArray[np.float64]) -> Iterator[Chunk]:
-        """The frames in runs without a gap, numbered from the first one since start."""
+    def _runs(self, samples: Samples, stamps: NDArray[np.float64]) -> Iterator[Run]:
+        """The frames whose numbers are known, in runs without a gap; the first one since start is 0."""
         if self._counter is None:
-            number = np.arange(self._frames, self._frames + len(samples))
-        else:
-            number = np.rint(samples[:, self._counter]).astype(np.int64)
-            samples = np.delete(samples, self._counter, axis=1)
-            self._base = int(number[0]) if self._frames == 0 else self._base
-            number -= self._base
-        if number[0] < self._frames or (np.diff(number) < 1).any():
-            raise DeviceError(f"lsl: expected a counter that grows from {self._name!r}; it went back: sender restarted")
-        self._frames = int(number[-1]) + 1
+            yield from self._stamped.add(samples, stamps)
+            return
+        counter, samples = samples[:, self._counter], np.delete(samples, self._counter, axis=1)
+        number = None if self._full else self._count(counter)
+        self._full = number is None
+        yield from self._stamped.add(samples, stamps) if number is None else runs(number, samples, stamps)
+
+    def _count(self, counter: Samples) -> NDArray[np.int64] | None:
+        """Numbers of frames by their counter; None when it stands still, and stamps must do from then on."""
+        if self._counted is None:
+            self._counted = CountedFrames(counter.dtype)
+        try:
+            number = self._counted.number(counter.astype(np.float64))
+        except ValueError as wrong:
+            raise DeviceError(
+                f"lsl: expected a counter that grows from {self._name!r}; it went back: sender restarted"
+            ) from wrong
+        if number is None:
+            self._stamped = StampedFrames(self._rate, first=self._counted.frames)
+        return number
+
+    def _keep(self, found: Iterable[Run]) -> None:
         # Both clocks are steady and run alike; they began at different times.
-        offset = time.monotonic() - pylsl.local_clock()
-        starts = [0, *(np.flatnonzero(np.diff(number) > 1) + 1), len(number)]
-        for begin, end in pairwise(starts):
-            first = int(number[begin])
-            yield Chunk(
-                samples=samples[begin:end],
-                first=first,
-                device_time=first / self._rate,
-                host_time=float(stamps[begin]) + offset,
+        offset = time.monotonic() - pylsl.local_clock() + self._correction
+        for run in found:
+            self._waiting.append(
+                Chunk(
+                    samples=run.samples,
+                    first=run.first,
+                    device_time=run.first / self._rate,
+                    host_time=run.stamp + offset,
+                )
             )
 
     def _opened(self) -> pylsl.StreamInlet:

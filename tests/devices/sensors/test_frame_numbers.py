@@ -1,0 +1,133 @@
+import numpy as np
+import pytest
+
+from midair.devices.sensors.frame_numbers import CountedFrames, StampedFrames
+
+
+def blocks(values, size):
+    return [values[at : at + size] for at in range(0, len(values), size)]
+
+
+@pytest.mark.parametrize("dtype", ["float32", "int8", "int16", "int32"])
+@pytest.mark.parametrize("start", [0, 1, 77])
+def test_a_counter_of_any_type_counts_on_when_it_is_full(dtype, start):
+    kind = np.dtype(dtype)
+    full = 2 ** (8 * kind.itemsize) if kind.kind == "i" else 2 ** (np.finfo(kind).nmant + 1)
+    # The sender's own count, which begins shortly before it is full, with 5 and 60 frames left out.
+    sent = np.concatenate([np.arange(400), np.arange(405, 900), np.arange(960, 1500)])
+    raw = [int(each) + full // (2 if kind.kind == "i" else 1) - 700 + start for each in sent]
+    wrapped = [(each + full // 2) % full - full // 2 if kind.kind == "i" else each % full for each in raw]
+    frames = CountedFrames(kind)
+    found = np.concatenate([frames.number(part) for part in blocks(np.array(wrapped, kind).astype(float), 64)])
+    np.testing.assert_array_equal(found, sent)
+    assert frames.frames == 1500
+
+
+def test_a_float32_that_goes_on_is_read_to_within_its_precision():
+    """A sender that casts its count: from 2^24 on only each second number is there, from 2^26 on each eighth."""
+    sent = np.concatenate([np.arange(3000), np.arange(3100, 6000)]) + 2**26 - 1500
+    frames = CountedFrames(np.dtype("float32"))
+    found = np.concatenate([frames.number(part) for part in blocks(sent.astype(np.float32).astype(float), 100)])
+    np.testing.assert_array_equal(np.flatnonzero(np.diff(found) != 1), [2999])
+    assert abs(found[3000] - found[2999] - 101) <= 8
+    assert np.abs(found - (sent - sent[0])).max() <= 8
+
+
+def test_a_float32_that_stands_still_says_that_it_says_nothing():
+    counter = np.cumsum(np.r_[2**24 - 150, np.ones(299)].astype(np.float32), dtype=np.float32).astype(float)
+    frames = CountedFrames(np.dtype("float32"))
+    assert counter[-1] == 2**24
+    assert len(frames.number(counter[:100])) == 100
+    assert frames.number(counter[100:]) is None
+    assert frames.frames == 100
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64", "int32"])
+def test_a_counter_that_goes_back_is_refused(dtype):
+    frames = CountedFrames(np.dtype(dtype))
+    frames.number(np.arange(5000.0, 5100))
+    with pytest.raises(ValueError, match="back"):
+        frames.number(np.arange(100.0))
+
+
+def stream(*, seconds, rate, push, jitter, ppm=0.0, lost=(), seed=0):
+    """What a receiver gets of a sender that pushes every `push` s, as liblsl stamps it: then, and back from there.
+
+    Blocks of the true numbers and their stamps; `lost` are (number, count).
+    """
+    rng = np.random.default_rng(seed)
+    true = np.arange(round(seconds * rate))
+    gone = np.zeros(len(true), bool)
+    for number, count in lost:
+        gone[number : number + count] = True
+    taken = true / rate / (1 + ppm * 1e-6)
+    now, sent = 0.0, 0
+    while sent < len(true):
+        now += push
+        ready = np.searchsorted(taken, now, side="right")
+        numbers = true[sent:ready][~gone[sent:ready]]
+        sent = ready
+        if len(numbers):
+            stamp = 1000 + now + rng.exponential(jitter)
+            yield numbers, stamp - np.arange(len(numbers))[::-1] / rate
+
+
+def numbered(rate, made, **how):
+    """Numbers that were found, and the true ones."""
+    frames = StampedFrames(rate, **how)
+    true, found = [], []
+    for numbers, stamps in made:
+        true.append(numbers)
+        found += list(frames.add(numbers[:, None], stamps))
+    found += list(frames.rest())
+    given = np.concatenate([run.samples[:, 0] for run in found])
+    np.testing.assert_array_equal(given, np.concatenate(true))
+    return np.concatenate([np.arange(run.first, run.first + len(run.samples)) for run in found]), given
+
+
+@pytest.mark.parametrize("ppm", [-200, 0, 200])
+@pytest.mark.parametrize(("rate", "push", "jitter"), [(1000, 4e-3, 2e-4), (1000, 20e-3, 1e-3), (48000, 10e-3, 2e-4)])
+@pytest.mark.parametrize("seed", range(5))
+def test_no_gap_is_found_where_there_is_none(ppm, rate, push, jitter, seed):
+    seconds = 60 if rate == 1000 else 10
+    found, true = numbered(rate, stream(seconds=seconds, rate=rate, push=push, jitter=jitter, ppm=ppm, seed=seed))
+    np.testing.assert_array_equal(found, true)
+
+
+@pytest.mark.parametrize("ppm", [-200, 0, 200])
+@pytest.mark.parametrize(
+    ("rate", "push", "jitter", "count"), [(1000, 4e-3, 2e-4, 100), (1000, 20e-3, 1e-3, 100), (48000, 10e-3, 2e-4, 960)]
+)
+@pytest.mark.parametrize("seed", range(5))
+def test_frames_that_never_came_are_found_where_they_were(ppm, rate, push, jitter, count, seed):
+    at = round(2.4 * rate)
+    made = stream(
+        seconds=6, rate=rate, push=push, jitter=jitter, ppm=ppm, lost=[(at, count), (2 * at, 3 * count)], seed=seed
+    )
+    found, true = numbered(rate, made)
+    steps = np.diff(found)
+    # To within a push, where; and to within the jitter of the earliest stamps, how many.
+    places = np.flatnonzero(steps > 1)
+    assert len(places) == 2
+    assert np.abs(true[places] - (at, 2 * at)).max() <= push * rate + 1
+    assert np.abs(steps[places] - 1 - (count, 3 * count)).max() <= max(2, 2 * jitter * rate + 2e-4 * rate)
+
+
+def test_a_push_that_comes_late_is_no_gap():
+    made = list(stream(seconds=6, rate=1000, push=4e-3, jitter=2e-4))
+    for late in (700, 1000, 1030):
+        numbers, stamps = made[late]
+        made[late] = numbers, stamps + 0.15
+    found, true = numbered(1000, made)
+    np.testing.assert_array_equal(found, true)
+
+
+def test_frames_wait_until_it_is_certain_and_no_longer():
+    frames = StampedFrames(1000)
+    for numbers, stamps in stream(seconds=3, rate=1000, push=4e-3, jitter=1e-4):
+        assert sum(len(run.samples) for run in frames.add(numbers[:, None], stamps)) == len(numbers)
+    after = 1003 + 0.5 + np.arange(200) / 1000
+    assert list(frames.add(np.zeros((200, 1)), after)) == []
+    given = list(frames.add(np.zeros((200, 1)), after + 0.2))
+    assert given[0].first == pytest.approx(3500, abs=3)
+    assert sum(len(run.samples) for run in given) == 400
