@@ -137,6 +137,17 @@ def test_exposure_prints_and_draws(capsys):
     assert "--force" in said(capsys)[0]
 
 
+def test_exposure_in_the_air_of_the_room(capsys):
+    """Cold dry air takes less from the sound, so that it is louder than in the paper's; warm damp air never quieter."""
+    make("a.drive.h5", level=0.003)
+    excess = {}
+    for name, words in {"own": "", "cold": "--temperature 0C --humidity 10%", "warm": "--temperature 35C"}.items():
+        assert run(["exposure", "a.drive.h5", "--json", *words.split()]) == 0
+        excess[name] = json.loads(capsys.readouterr().out)["excess_db"]
+    assert excess["cold"] > excess["own"] + 0.1
+    assert excess["warm"] >= excess["own"]
+
+
 def test_exposure_as_json(capsys):
     assert run(["exposure", make("a.drive.h5", level=0.003), "--json", "--profile", "public-100"]) == 0
     answer = json.loads(capsys.readouterr().out)

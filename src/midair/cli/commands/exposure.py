@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
-from midair.cli.terminal import Force, Json, may_write, print_figures, print_json, print_rows, say_how_long
+from midair.cli.terminal import AirOptions, Force, Json, may_write, print_figures, print_json, print_rows, say_how_long
 from midair.devices import feeling, measure
 from midair.figures import exposure_figure, png
 from midair.files import DEFAULT_PROFILE, load_placement, load_solution, profile_named, whole_file
@@ -23,6 +23,7 @@ def exposure_command(
     profiles: Path | None = None,
     repeats: int = 1,
     figure: Path | None = None,
+    air: AirOptions | None = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -47,18 +48,22 @@ def exposure_command(
         How often the drive would be played, for the dose.
     figure
         Where to draw the levels, NAME.png; NAME.exposure.png if not given.
+    air
+        Of the room; that which the drive was solved for if it is not stated. Of it and the paper's the louder counts.
     json
         Print JSON for a program, and draw only if a figure is named.
     """
     target = figure or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".exposure.png")
-    chosen = profile_named(profile, profiles)
+    chosen, room = profile_named(profile, profiles), (air or AirOptions()).medium()
     drawn = figure is not None or not json
     if drawn:
         may_write(target, force)
     drive = load_solution(source).drive
     array = _known(drive, device, placement)
     say_how_long(drive, chosen)
-    found = measure(drive, array, chosen, repeats=repeats)
+    # The gate's own measure: of the room's air and the paper's the louder one.
+    heard = drive if room is None else replace(drive, acoustics=replace(drive.acoustics, medium=room))
+    found = measure(heard, array, chosen, repeats=repeats)
     if drawn:
         with whole_file(target) as partial:
             partial.write_bytes(png(exposure_figure(found, simulated=drive.provenance.simulated)))

@@ -5,10 +5,23 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from midair.cli.terminal import Force, Json, banner, may_write, out, print_json, print_rows, quantity, stages
+from midair.cli.terminal import (
+    AirOptions,
+    Force,
+    Json,
+    banner,
+    may_write,
+    out,
+    print_json,
+    print_rows,
+    quantity,
+    say_air,
+    stages,
+)
+from midair.model import Acoustics
 from midair.paper import FidelityPlan, PaperResult, StimuliPlan, fidelity_table, figure_3, figure_4, figure_9
 from midair.rig import VirtualRig
-from midair.settings import Mode
+from midair.settings import Mode, paper_mode
 
 Number = Literal[3, 4, 9]
 
@@ -24,6 +37,7 @@ def paper_command(
     strength: float = 0.15,
     duration: Annotated[float, quantity("s")] = 0.12,
     iterate: int = 6,
+    air: AirOptions | None = None,
     seed: int = 0,
     force: Force = False,
     json: Json = False,
@@ -53,6 +67,8 @@ def paper_command(
         Of each signal of figure 4, where it is to be a multiple of 40 ms, and of the fidelity.
     iterate
         Passes at most of the iterative correction in the fidelity; the best mode of figure 4 makes one, if any.
+    air
+        Of figure 4 and of the fidelity, in both modes; the paper's 340 m/s if it is not stated.
     seed
         Of the virtual rig.
     json
@@ -60,8 +76,11 @@ def paper_command(
     """
     everything = not figure and not fidelity
     chosen = {3, 4, 9} if everything else set(figure)
-    rig = VirtualRig(seed=seed)
+    rig, medium = VirtualRig(seed=seed), (air or AirOptions()).medium()
+    paper = paper_mode() if medium is None else paper_mode().but(acoustics=Acoustics(medium=medium))
     banner(True)
+    if everything or fidelity or 4 in chosen:
+        say_air(paper.acoustics.medium, stated=medium is not None)
     results: list[PaperResult] = []
     with stages() as stage:
         if 3 in chosen:
@@ -73,11 +92,22 @@ def paper_command(
         if 4 in chosen:
             _check(folder, "figure4", force)
             results.append(
-                figure_4(StimuliPlan(duration=duration, iterate=min(iterate, 1), rig=rig, mode=mode), stage=stage)
+                figure_4(
+                    StimuliPlan(duration=duration, iterate=min(iterate, 1), rig=rig, mode=mode, paper=paper),
+                    stage=stage,
+                )
             )
         if fidelity or everything:
             _check(folder, "fidelity", force)
-            plan = FidelityPlan(things=things, strength=strength, duration=duration, passes=iterate, rig=rig, mode=mode)
+            plan = FidelityPlan(
+                things=things,
+                strength=strength,
+                duration=duration,
+                passes=iterate,
+                rig=rig,
+                mode=mode,
+                paper=paper,
+            )
             results.append(fidelity_table(plan, stage=stage))
     for result in results:
         written = result.write(folder)

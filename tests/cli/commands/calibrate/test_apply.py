@@ -177,6 +177,7 @@ WRONG = {
         1,
         "press on each",
     ),
+    "air that is none": (["beam", "--temperature", "60C"], 1, "0 to 50 degrees"),
     "too few levels": (["beam", "--levels", "3"], 1, "5 or more"),
     "an unknown array": (["beam", "--device", "autd9"], 2, "autd9"),
 }
@@ -192,8 +193,9 @@ def test_wrong_input_gives_one_line_a_status_and_leaves_nothing(case, bench, cap
 
 
 @pytest.mark.slow
-def test_a_beam_on_the_virtual_rig():
+def test_a_beam_on_the_virtual_rig(capsys):
     assert run(["calibrate", "beam", "--levels", "5", "--output", "a.calibration.h5", "--figure", "a.html"]) == 0
+    assert "air: 22 °C, 50 % humidity, taken since nobody stated" in capsys.readouterr().err
     found = load_calibration("a.calibration.h5")
     assert found.linearity.levels == 5
     assert "SIMULATED" in Path("a.html").read_text(encoding="utf-8")

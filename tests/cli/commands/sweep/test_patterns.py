@@ -6,11 +6,13 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from midair.cli import run
+from midair.model import Acoustics, Medium
 from midair.sweep.pattern_report import PatternResults
 from midair.sweep.store import load_sweep
 
@@ -50,6 +52,22 @@ def test_from_patterns_to_a_report(capsys):
     line = one_line_of(capsys)
     assert "seed" in line
     assert "2024" in line
+
+
+@pytest.mark.parametrize(
+    ("words", "medium"),
+    [
+        ("", Medium(attenuation=0.0)),
+        ("--attenuation 0.1", Medium(attenuation=0.1)),
+        ("--temperature 25C --humidity 30%", Medium.at(temperature=25.0, humidity=0.3)),
+        ("--temperature 25C --attenuation 0", replace(Medium.at(temperature=25.0), attenuation=0.0)),
+    ],
+)
+def test_the_air_of_patterns_is_the_paper_s_or_the_stated_one(words, medium):
+    small = ["--strength", "0.1", "--count", "2", "--curves", "0", "--method", "naive", "--workers", "1"]
+    assert run(["sweep", "patterns", "s.zarr", *small, *words.split()]) == 0
+    sweep = PatternResults.of(load_sweep(Path("s.zarr"))).sweep
+    assert sweep.acoustics == Acoustics(medium=medium, directivity="point")
 
 
 @pytest.mark.parametrize(

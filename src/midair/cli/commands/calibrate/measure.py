@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from midair.calibration import BeamPlan, BeamSetting, MeasureSettings, anchored, measure_calibration, measure_tone
 from midair.cli.terminal import (
+    AirOptions,
     ExposureOptions,
     Frequency,
     Length,
@@ -17,11 +18,13 @@ from midair.cli.terminal import (
     given_calibration,
     out,
     quantity,
+    say_air,
     stages,
     stated_sensitivity,
 )
 from midair.errors import InputError
 from midair.files import open_take
+from midair.model import Acoustics, Medium
 from midair.rig import (
     ReferenceChoice,
     VirtualRig,
@@ -161,6 +164,7 @@ def beam_command(
     aperture: Length = 8e-3,
     spread: Length = 1e-3,
     pressure_uncertainty: float = 0.3,
+    air: AirOptions | None = None,
     exposure: ExposureOptions | None = None,
     seed: int = 0,
     options: OutputOptions | None = None,
@@ -188,6 +192,8 @@ def beam_command(
         Standard deviation with which the gel spreads a point.
     pressure_uncertainty
         Of the array's radiation pressure, with k = 2, as a part of it.
+    air
+        Of the room, which decides where the beam is focused; 22C and 50% if it is not stated.
     exposure
         What the beam may expose people to; one that exceeds it is refused: lower --top.
     seed
@@ -195,7 +201,8 @@ def beam_command(
     options
         Where it goes.
     """
-    options = options or OutputOptions()
+    options, room = options or OutputOptions(), (air or AirOptions()).medium()
+    medium = room or Medium.at(temperature=22.0, humidity=0.5)
     rig = VirtualRig(seed=seed, height=height)
     skin = rig.skin() if device == "virtual" else None
     choices = (exposure or ExposureOptions()).choices()
@@ -204,6 +211,7 @@ def beam_command(
     )
     source = rig.sensor(rig.skin() if skin is None else skin) if sensor == "virtual" else sensor_named(sensor, rig)
     array = rig.array_device(skin) if device == "virtual" else array_named(device)
+    say_air(medium, stated=room is not None)
     with stages() as stage, array, source:
         options.path(source.grid)
         calibration = calibrate_by_beam(
@@ -211,6 +219,7 @@ def beam_command(
             source,
             BeamPlan(levels=levels, top=top),
             setting=setting,
+            acoustics=Acoustics(medium=medium),
             exposure=choices,
             date=options.day,
             version=options.version(source.grid),

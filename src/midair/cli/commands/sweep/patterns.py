@@ -1,12 +1,13 @@
 """Commands for sweeps: many patterns on many processes, and what came out."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
-from midair.cli.terminal import out, parse_quantity, show_patterns, spell, swept
+from midair.cli.terminal import AirOptions, out, parse_quantity, show_patterns, spell, swept
 from midair.model import Acoustics, Directivity, Medium
 from midair.sweep import PatternResults, PatternSweep, load_sweep, report_of
 
@@ -40,7 +41,8 @@ def patterns_command(
     method: str = "fast",
     iterations: int | None = None,
     directivity: Directivity = "point",
-    attenuation: float = 0.0,
+    attenuation: float | None = None,
+    air: AirOptions | None = None,
     bits: int = 8,
     chunk: int = 512,
     scheduler: str | None = None,
@@ -76,7 +78,9 @@ def patterns_command(
     directivity
         Of a transducer.
     attenuation
-        Of the air, in Np/m.
+        Of the air, in Np/m; none, or that of the stated air, if not given.
+    air
+        Stated by its temperature; the paper's 340 m/s if it is not.
     bits
         To which phases are rounded for the second E.
     chunk
@@ -86,6 +90,9 @@ def patterns_command(
     workers
         Processes on this machine; one a core if not given.
     """
+    medium = (air or AirOptions()).medium() or Medium(attenuation=0.0)
+    if attenuation is not None:
+        medium = replace(medium, attenuation=attenuation)
     sweep = PatternSweep(
         strengths=strength,
         heights=height,
@@ -96,7 +103,7 @@ def patterns_command(
         seed=seed,
         method=method,
         iterations=iterations,
-        acoustics=Acoustics(medium=Medium(attenuation=attenuation), directivity=directivity),
+        acoustics=Acoustics(medium=medium, directivity=directivity),
         bits=bits,
         chunk=chunk,
     )

@@ -1,0 +1,101 @@
+"""What the temperature of a room costs: `python -m benchmarks.air`.
+
+A stretch of a virtual towel stroke, at one strength, in both modes and at three heights, is solved for a laboratory of
+22 degrees Celsius, for the same with a range of two degrees to hold in (`--robust 2C`), and for the paper's 340 m/s.
+E is the mean over the frames when it is played in air of other temperatures (`midair.evaluate.error_in_air`), in %.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+import midair
+from midair.evaluate import error_in_air
+from midair.figures import png
+from midair.figures.style import Style, new_figure, plain
+from midair.flow import Reproduction, felt, reproduce, wanted
+from midair.model import Acoustics, Medium, TransducerArray
+from midair.physics import focus_amplitude
+from midair.settings import MODES, Settings
+
+ARRAY = TransducerArray.autd3()
+ROOM = Medium.at(temperature=22.0, humidity=0.5)
+SOLVED: Mapping[str, tuple[Medium, float]] = {
+    "22 °C": (ROOM, 0.0),
+    "22 °C, robust 2C": (ROOM, 2.0),
+    "340 m/s": (Medium(), 0.0),
+}
+COLUMNS = (14, 18, 20, 21, 22, 23, 24, 26, 30)
+SMOOTH = np.arange(14.0, 30.1, 0.5)
+
+
+def main() -> None:
+    ask = argparse.ArgumentParser(prog="python -m benchmarks.air", description=__doc__.splitlines()[0])
+    ask.add_argument("--figure", type=Path, help="PNG of the curves")
+    ask.add_argument("--heights", type=float, nargs="+", default=[0.15, 0.2, 0.25], help="in m (default .15 .2 .25)")
+    ask.add_argument("--duration", type=float, default=0.02, help="of the stretch, in s (default .02)")
+    ask.add_argument("--strength", type=float, default=0.1, help="of the targets over a full focus (default .1)")
+    said = ask.parse_args()
+    stroke = midair.record("virtual:towel", 1.0)
+    print(f"towel, {said.duration:g} s, strength {said.strength:g}; mean E in % at temperatures in °C")
+    print(f"{'mode':6} {'height':7} {'solved for':17}" + "".join(f"{each:6}" for each in COLUMNS) + "  CPU ms a frame")
+    curves: dict[tuple[str, float, str], np.ndarray] = {}
+    for mode in ("paper", "best"):
+        for height in said.heights:
+            for name, (medium, robust) in SOLVED.items():
+                settings = MODES[mode]().but(robust=robust, acoustics=Acoustics(medium=medium))
+                settings = settings.but(grid=type(settings.target.grid)(height=height))
+                made, cost = solved(stroke, settings, said.duration, said.strength)
+                row = "".join(f"{100 * error(made, each):6.1f}" for each in COLUMNS)
+                print(f"{mode:6} {1e3 * height:4.0f} mm {name:17}{row}{cost:8.0f}", flush=True)
+                curves[mode, height, name] = np.array([error(made, each) for each in SMOOTH])
+    if said.figure:
+        said.figure.write_bytes(drawn(curves, said.heights))
+
+
+def solved(
+    take: midair.files.OpenedTake, settings: Settings, duration: float, strength: float
+) -> tuple[Reproduction, float]:
+    """The reproduction at a strength, and its CPU time in ms a frame."""
+    pressure = felt(take.recording, take.calibration, settings).cut(0.45, duration)
+    focus = focus_amplitude(settings.target.grid, ARRAY, acoustics=settings.acoustics)
+    now = float(wanted(pressure, settings).amplitude.max() / focus)
+    start = time.process_time()
+    made = reproduce(pressure, ARRAY, settings.but(gain=(strength / now) ** 2))
+    return made, 1e3 * (time.process_time() - start) / pressure.frames
+
+
+def error(made: Reproduction, temperature: float) -> float:
+    """Mean E in air of this temperature."""
+    room = Medium.at(temperature=temperature, humidity=0.5)
+    return float(error_in_air(made.solution.drive, made.target, room).mean())
+
+
+def drawn(curves: Mapping[tuple[str, float, str], np.ndarray], heights: list[float]) -> bytes:
+    """The curves as a PNG: a column each mode, a row each height."""
+    style = Style()
+    figure = new_figure(7.0, 6.4, simulated=True)
+    grid = figure.subplots(len(heights), 2, sharex=True, sharey=True, squeeze=False)
+    colours = dict(zip(SOLVED, (style.before, style.reproduced, style.original), strict=True))
+    for (mode, height, name), curve in curves.items():
+        axes = plain(grid[heights.index(height), ("paper", "best").index(mode)], style)
+        axes.plot(SMOOTH, 100 * curve, color=colours[name], linewidth=1.2, label=f"solved for {name}")
+        axes.set_title(f"{mode} mode, {1e3 * height:.0f} mm", fontsize=9, loc="left")
+        axes.set_ylim(0, 60)
+        axes.set_xlim(SMOOTH[0], SMOOTH[-1])
+        axes.set_xticks(range(14, 31, 4))
+    for axes in grid[:, 0]:
+        axes.set_ylabel("mean E (%)", fontsize=8)
+    for axes in grid[-1]:
+        axes.set_xlabel("temperature of the room (°C)", fontsize=8)
+    grid[0, 1].legend(fontsize=8, frameon=False, loc="upper left")
+    return png(figure)
+
+
+if __name__ == "__main__":
+    main()
