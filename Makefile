@@ -47,6 +47,7 @@ bench: $(VENV)/dev
 	$(BIN)/python -m benchmarks
 	$(BIN)/python -m benchmarks.terms
 	$(BIN)/python -m benchmarks.playback
+	$(BIN)/python -m benchmarks.air
 
 format: $(VENV)/dev
 	$(BIN)/ruff check --fix

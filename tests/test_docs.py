@@ -60,6 +60,13 @@ def test_the_python_of_the_settings_page_runs(folder):
     exec(script, {})
 
 
+def test_the_python_of_the_page_on_air_runs(folder):
+    (script,) = blocks("docs/air.md", "python")
+    names = {}
+    exec(script, names)
+    assert 0 < names["worst"] < 0.05
+
+
 def test_the_toml_of_the_settings_page_is_one(folder):
     (text,) = blocks("docs/settings.md", "toml")
     (folder / "mine.toml").write_text(text, encoding="utf-8")
