@@ -45,6 +45,7 @@ docs: $(VENV)/dev
 
 bench: $(VENV)/dev
 	$(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks.recordings
 	$(BIN)/python -m benchmarks.terms
 	$(BIN)/python -m benchmarks.playback
 	$(BIN)/python -m benchmarks.air

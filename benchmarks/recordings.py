@@ -1,0 +1,269 @@
+"""Recordings as a whole: `python -m benchmarks.recordings`, on sequences that nothing was tuned on.
+
+Three sequences of this file, drawn with seeds, and the package's sample of denim, by midair's own way from pressure to
+targets. Paper's mode: 1 kHz, strength .1; the plain form of the paper's method gets the first frames only. Best mode:
+4 kHz, strength .15, guard. One run, one BLAS thread. `was` is the best mode of before: `fast`, 320 iterations,
+--smooth 0.2, a ceiling of .6.
+Times are CPU times of this process, set-up included, but for those that are called wall.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from threadpoolctl import threadpool_info
+
+from benchmarks.clock import fastest, frame_times, heading, line, load, timed
+from benchmarks.sequence import warm
+from benchmarks.targets import ARRAY, moving_blob, problem_of, towel
+from benchmarks.yardstick import plain
+from midair.datasets import sample, stroke
+from midair.dsp import resample
+from midair.flow import at_rate, felt, wanted
+from midair.model import Calibration, PressureFrames, Provenance, SensorGrid
+from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
+from midair.physics import focus_amplitude, transfer_matrix
+from midair.rig import BudgetPlan, error_budget, lead_of
+from midair.settings import Settings, best_mode, paper_mode
+from midair.solvers import Fast, Glide, Guard, Live, Problem, error_of, one_blas_thread, spreading_phase
+from midair.solvers.backend import backend
+from midair.solvers.moves import Machine
+from midair.solvers.terms.guard import GuardField
+
+RATE = 8000.0
+PARTS = ("paper", "best", "skin", "jobs", "live")
+
+
+def main() -> None:
+    ask = argparse.ArgumentParser(prog="python -m benchmarks.recordings", description=__doc__.splitlines()[0])
+    ask.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these parts (default all)")
+    ask.add_argument("--plain-frames", type=int, default=60, help="of a sequence for the plain form (default 60)")
+    said = ask.parse_args()
+    kernel = ", ".join(sorted({each["architecture"] for each in threadpool_info() if "numpy" in each["filepath"]}))
+    print(f"{load()}; kernel {kernel}")
+    with one_blas_thread():
+        for part in said.part:
+            {
+                "paper": lambda: paper(said.plain_frames),
+                "best": best,
+                "skin": skin,
+                "jobs": jobs,
+                "live": live,
+            }[part]()
+
+
+def sequences(settings: Settings, seconds: float) -> Iterator[tuple[str, PressureFrames]]:
+    """Pressure of the cells at the settings' rate, at rest at both ends."""
+    for name, samples in (("chirp that wanders", wander(seconds)), ("rain", rain(seconds)), ("cloth", cloth(seconds))):
+        yield name, at_rate(_pressure(samples), settings.target.rate)
+    recording = sample("denim")
+    change = float(np.abs(np.asarray(recording.samples) - np.median(recording.samples, axis=0)).max())
+    # As `midair import sample:denim --peak 30Pa` and `solve --band 0.5Hz 15Hz` would: its taxels give 36 frames/s.
+    flat = Calibration.flat(recording.sensor, sensitivity=change / 30.0, unit=recording.unit)
+    slow = felt(recording, flat, settings.but(band=(0.5, 15.0)))
+    yield "sample:denim", slow.cut(3.0, seconds)
+
+
+def wander(seconds: float, seed: int = 31) -> np.ndarray:
+    """A spot of 9 mm on a random path at .1 m/s, vibrating at a frequency that rises from 30 to 300 Hz."""
+    rng, time_ = np.random.default_rng(seed), _time(seconds)
+    x, y = (_slow(rng, len(time_), 2.0) * 12e-3 for _ in range(2))
+    X, Y = np.meshgrid(SensorGrid().x, SensorGrid().y)
+    spot = np.exp(-((X - x[:, None, None]) ** 2 + (Y - y[:, None, None]) ** 2) / (2 * 9e-3**2))
+    wave = np.sin(2 * np.pi * (30 * time_ + 135 * time_**2 / seconds))
+    return (spot * wave[:, None, None]).reshape(-1, 16)
+
+
+def rain(seconds: float, seed: int = 32) -> np.ndarray:
+    """Sixty drops a second on single cells, each a decaying wave of 80 to 250 Hz."""
+    rng, time_ = np.random.default_rng(seed), _time(seconds)
+    pressure = np.zeros((len(time_), 16))
+    for at in rng.uniform(0, seconds, round(60 * seconds)):
+        since = np.clip(time_ - at, 0, None)
+        drop = np.exp(-since / 15e-3) * np.sin(2 * np.pi * rng.uniform(80, 250) * since)
+        pressure[:, rng.integers(16)] += rng.uniform(0.3, 1.0) * drop
+    return pressure
+
+
+def cloth(seconds: float, seed: int = 33) -> np.ndarray:
+    """Noise of 40 to 200 Hz that neighbouring cells share."""
+    rng, time_ = np.random.default_rng(seed), _time(seconds)
+    frequency = np.fft.rfftfreq(len(time_), 1 / RATE)
+    spectrum = np.fft.rfft(rng.normal(size=(len(time_), 16)), axis=0)
+    noise = np.fft.irfft(spectrum * ((frequency > 40) & (frequency < 200))[:, None], len(time_), axis=0)
+    X, Y = (axis.reshape(-1) for axis in np.meshgrid(SensorGrid().x, SensorGrid().y))
+    alike = np.exp(-((X[:, None] - X) ** 2 + (Y[:, None] - Y) ** 2) / (2 * 12e-3**2))
+    return noise @ np.linalg.cholesky(alike + 1e-9 * np.eye(16)).T
+
+
+def problem(pressure: PressureFrames, settings: Settings, strength: float) -> Problem:
+    """The settings' problem with the peak of the target at a strength; frames that nobody feels are left out."""
+    grid, air = settings.target.grid, settings.acoustics
+    focus = focus_amplitude(grid, ARRAY, acoustics=air)
+    amplitude = np.asarray(wanted(pressure, settings).amplitude)
+    amplitude = amplitude[amplitude.max(axis=1) > 0.01 * amplitude.max()]
+    guard = settings.solver.guard
+    ring = None
+    if isinstance(guard, Guard):
+        G = transfer_matrix(guard.ring(grid), ARRAY, acoustics=air) / focus
+        ring = GuardField(G=G, ceiling=guard.ceiling, weight=guard.weight)
+    return Problem(
+        G=transfer_matrix(grid, ARRAY, acoustics=air) / focus,
+        amplitude=strength * amplitude / amplitude.max(),
+        psi=spreading_phase(grid, ARRAY, air.medium),
+        guard=ring,
+        position=ARRAY.position,
+    )
+
+
+def paper(plain_frames: int) -> None:
+    """Glide, fast and the plain form in the paper's mode."""
+    name, reference = plain(None)
+    settings = paper_mode()
+    for label, pressure in sequences(settings, 1.2):
+        asked = problem(pressure, settings, 0.1)
+        frames = len(asked.amplitude)
+        print(f"\npaper's mode, {label}, {frames} frames, strength .1; {load()}")
+        heading("E mean", "E worst", "ms", "ratio", "rad step")
+        few = replace(asked, amplitude=asked.amplitude[:plain_frames])
+        theta, cost = timed(lambda few=few: warm(few, reference))
+        base = cost / len(few.amplitude)
+        _row(f"{name}, {len(few.amplitude)} frames", few, theta, base, base)
+        for method in (Fast(), Glide()):
+            answer, cost = timed(lambda method=method, asked=asked: method.solve(asked))
+            _row(type(method).__name__.lower(), asked, answer.phase, cost / frames, base)
+
+
+def best() -> None:
+    """Glide and what the best mode was, at 4 kHz; and what bare products of the same shape take."""
+    settings = best_mode()
+    for label, pressure in sequences(settings, 0.5):
+        asked = problem(pressure, settings, 0.15)
+        frames = len(asked.amplitude)
+        print(f"\nbest mode, {label}, {frames} frames, strength .15; {load()}")
+        heading("E mean", "E worst", "ms", "ratio", "rad step")
+        before = replace(asked, guard=replace(asked.guard, ceiling=0.6), smooth=0.2)
+        short = replace(before, amplitude=before.amplitude[:512])
+        answer, cost = timed(lambda short=short: Fast().solve(short))
+        base = cost / len(short.amplitude)
+        _row(f"was, {len(short.amplitude)} frames", short, answer.phase, base, base)
+        method = settings.solver.method
+        answer, cost = timed(lambda method=method, asked=asked: method.solve(asked))
+        _row("glide", asked, answer.phase, cost / frames, base)
+        product = _product(asked, method)
+        shown = f"{product:10.4f} ms; glide is {cost / frames / product:.1f} of them"
+        print(f"{'one evaluation in bare products':36}{'':20}{shown}")
+
+
+def skin() -> None:
+    """Signal over distortion on the skin, by the error budget, for the signals of the fidelity table."""
+    plan = FidelityPlan()
+    before = best_mode().but(method="fast", smooth=0.2, guard=Guard(margin=25e-3, pitch=6e-3, ceiling=0.6))
+    print(f"\nbest mode, .12 s of each signal, strength .15, transducers of their own; {load()}")
+    heading("SDR dB, was", "now", "leak, was", "now", "images, was", "now")
+    for thing in plan.things:
+        made = []
+        for settings in (before, best_mode()):
+            original = original_of(thing, plan, settings)
+            alike = at_strength(original, settings, plan)
+            made.append(error_budget(original, BudgetPlan(settings=alike, rig=plan.rig, lead=lead_of(alike))))
+        ratios = [each.stage("silencer").so_far.distortion_ratio for each in made]
+        leaks = [each.stage("solver").leak.peak for each in made]
+        images = [each.stage("silencer").so_far.images for each in made]
+        line(thing, *ratios, *leaks, *images, digits="112200")
+
+
+def jobs() -> None:
+    """One second of a towel in the best mode by 1, 2 and 4 jobs: wall time, and whether the bits are the same."""
+    settings = best_mode()
+    asked = problem(at_rate(stroke("towel"), settings.target.rate).cut(0.2, 1.0), settings, 0.15)
+    print(
+        f"\nbest mode, {len(asked.amplitude)} frames of a towel: {len(asked.amplitude) / 4000:.2f} s of touch; {load()}"
+    )
+    heading("wall s", "CPU s")
+    first = None
+    for count in (1, 2, 4):
+        method = replace(settings.solver.method, jobs=count)
+        begin, cpu = time.perf_counter(), time.process_time()
+        phase = method.solve(asked).phase
+        line(f"{count} jobs", time.perf_counter() - begin, time.process_time() - cpu, digits="22")
+        first = phase if first is None else first
+        print(f"{'':36}same bits as one job: {'yes' if np.array_equal(phase, first) else 'NO'}")
+
+
+def live() -> None:
+    """The live solver on three sequences, and without what is new in a target being put in first."""
+    settings = paper_mode()
+    noise = problem(at_rate(_pressure(_noise(1.2)), settings.target.rate), settings, 0.1)
+    print(f"\nlive, 1 kHz, strength .1, E without the first ten frames; garbage collector off; {load()}")
+    heading("E mean", "E worst", "CPU p50", "CPU p99", "p50 ms", "p99 ms")
+    spots = (("spot", problem_of(moving_blob(1200), 0.1)), ("towel", towel(1200, 0.1)), ("noise", noise))
+    for label, asked in spots:
+        theta, wall, cpu = frame_times(Live(), asked)
+        error = error_of(asked, theta)[asked.amplitude.any(axis=1)][10:]
+        line(
+            label,
+            error.mean(),
+            error.max(),
+            *np.percentile(cpu, [50, 99]),
+            *np.percentile(wall, [50, 99]),
+            digits="442222",
+        )
+
+
+def _noise(seconds: float, seed: int = 34) -> np.ndarray:
+    """Independent noise of 25 to 460 Hz on every cell."""
+    rng, frames = np.random.default_rng(seed), round(seconds * RATE)
+    frequency = np.fft.rfftfreq(frames, 1 / RATE)
+    spectrum = np.fft.rfft(rng.normal(size=(frames, 16)), axis=0)
+    return np.fft.irfft(spectrum * ((frequency > 25) & (frequency < 460))[:, None], frames, axis=0)
+
+
+def _time(seconds: float) -> np.ndarray:
+    return np.arange(round(seconds * RATE)) / RATE
+
+
+def _slow(rng: np.random.Generator, frames: int, highest: float) -> np.ndarray:
+    """A random path below a frequency, between -1 and 1."""
+    path = resample(rng.normal(size=(max(round(2 * highest * frames / RATE), 4), 1)), 2 * highest, RATE)[:frames, 0]
+    path = np.pad(path, (0, frames - len(path)), mode="edge")
+    return path / np.abs(path).max()
+
+
+def _pressure(samples: np.ndarray) -> PressureFrames:
+    """20 Pa at most, faded in and out."""
+    time_ = np.arange(len(samples)) / RATE
+    fade = np.clip(np.minimum(time_, time_[-1] - time_) / 0.1, 0, 1)[:, None]
+    pressure = (20 * samples / np.abs(samples).max() * fade).reshape(-1, 4, 4)
+    origin = Provenance(source="virtual:benchmark", simulated=True)
+    return PressureFrames(pressure=pressure, rate=RATE, sensor=SensorGrid(), provenance=origin)
+
+
+def _product(asked: Problem, method: Glide) -> float:
+    """Milliseconds a frame of the four products of one cost and its gradient, in batches as glide has them."""
+    machine = Machine.of(
+        asked, backend("numpy"), tolerance=method.tolerance, memory=method.memory, outside=method.outside
+    )
+    rows = method.rows
+    q = np.ones((rows, machine.drive.shape[1]), np.complex64)
+    y = np.ones((rows, machine.field.shape[1]), np.complex64)
+
+    def once() -> None:
+        (q @ machine.drive_back) @ machine.field
+        (y @ machine.field_back) @ machine.drive
+
+    return fastest(once) / rows
+
+
+def _row(label: str, asked: Problem, theta: np.ndarray, cost: float, base: float) -> None:
+    error = error_of(asked, theta)
+    change = np.angle(np.exp(1j * np.diff(theta, axis=0)))
+    line(label, error.mean(), error.max(), cost, base / cost, float(np.sqrt((change**2).mean())), digits="44313")
+
+
+if __name__ == "__main__":
+    main()
