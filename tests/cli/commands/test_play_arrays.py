@@ -230,7 +230,7 @@ def test_what_cannot_be_stopped_does_not_play(capsys):
 
 
 def test_a_computer_that_stands_still_for_a_second_ends_the_play_with_status_1_and_the_silent_frames(tap):
-    make("six.drive.h5", frames=6000)
+    make("six.drive.h5", level=0.005, frames=6000)
     command = [sys.executable, "-c", "from midair.cli import main; main()", "play", "six.drive.h5"]
     with subprocess.Popen(
         [*command, "--device", f"autd3:{tap.address}"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

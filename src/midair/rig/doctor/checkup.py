@@ -16,6 +16,7 @@ from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, Record
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
 from midair.rig.doctor.array_checkup import array_findings
 from midair.rig.doctor.check import Check
+from midair.rig.doctor.machine_checkup import machine_findings
 from midair.rig.doctor.sensor_checkup import is_live_sensor, live_sensor_findings, sensor_findings
 from midair.solvers import solve
 
@@ -38,6 +39,7 @@ def check_up(device: str | None = None) -> list[Check]:
         _solver(),
         _threads(),
         _kernel(),
+        *machine_findings(),
         *sensor_findings(),
         *(live_sensor_findings(device) if device is not None and is_live_sensor(device) else []),
         *array_findings(None if device is not None and is_live_sensor(device) else device),

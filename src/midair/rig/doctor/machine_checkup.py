@@ -1,0 +1,188 @@
+"""What of this computer hinders units and sensors: IPv6, firewall, network card, priority, groups, room on the disk.
+
+Nothing here needs a right that a user lacks, and nothing is changed. Files are read below a root, so that another one
+can stand for a computer.
+"""
+
+import array
+import os
+import shutil
+import socket
+import struct
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from midair.devices import state_folder
+from midair.rig.doctor.check import Check
+
+PORT = 44336
+"""UDP port from which AUTD3 units of series 0.12 answer (the makers' page on networks)."""
+ROOM = 2e9
+"""Bytes on a disk below which it is said: 16 channels at 48 kHz in float64 fill 6 MB a second."""
+
+Moderation = Callable[[str], int | None]
+"""From a network card's name to the time that it collects packets before it interrupts, in µs; None if unknown."""
+
+
+def machine_findings(root: Path = Path("/"), *, moderation: Moderation | None = None) -> list[Check]:
+    """Everything about this computer that an array or a sensor needs, each with a line of advice.
+
+    Parameters
+    ----------
+    root : Path
+        Below which /proc, /sys, /etc and /run are read.
+    moderation : callable, optional
+        Asks a network card; the one that asks the system if None.
+    """
+    if sys.platform != "linux":
+        return [
+            Check(
+                subject="this computer",
+                state="ok",
+                found="IPv6, firewall, network card, priority and groups are looked at on Linux only",
+                advice=f"let inbound UDP from port {PORT} through, and turn interrupt moderation of the card off",
+            ),
+            _room(Path()),
+        ]
+    cards = _cards(root)
+    return [
+        _ipv6(root),
+        _firewall(root),
+        *(_moderation(card, (moderation or rx_delay)(card)) for card in cards),
+        _priority(root),
+        *(_group(root, name, use) for name, use in (("dialout", "serial sensors"), ("audio", "sound cards"))),
+        _room(Path()),
+    ]
+
+
+def rx_delay(card: str) -> int | None:
+    """How long a network card collects packets before it interrupts, in µs, as the kernel says; None if it does not."""
+    if sys.platform != "linux":
+        return None
+    import fcntl
+
+    # struct ethtool_coalesce of linux/ethtool.h: 23 numbers, of which the first is the command and the second rx_usecs.
+    asked = array.array("I", [0x0000000E, *[0] * 22])
+    # struct ifreq: the name, and a pointer to what is asked; 40 bytes on 64 bits.
+    request = struct.pack("16sP16x", card.encode()[:15], asked.buffer_info()[0])
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+            fcntl.ioctl(any_socket, 0x8946, request)  # SIOCETHTOOL
+    except OSError:
+        return None
+    return asked[1]
+
+
+def _text(path: Path) -> str | None:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return None
+
+
+def _cards(root: Path) -> list[str]:
+    """Network cards with hardware behind them."""
+    folder = root / "sys/class/net"
+    try:
+        return sorted(each.name for each in folder.iterdir() if (each / "device").exists())
+    except OSError:
+        return []
+
+
+def _ipv6(root: Path) -> Check:
+    """AUTD3 units speak IPv6 with addresses of the link, which a system gives itself."""
+    subject, found = "IPv6", _text(root / "proc/net/if_inet6")
+    if found is None or (_text(root / "proc/sys/net/ipv6/conf/all/disable_ipv6") or "0").strip() == "1":
+        advice = "units of series 0.12 need it: sudo sysctl net.ipv6.conf.all.disable_ipv6=0; no ipv6.disable=1 at boot"
+        return Check(subject=subject, state="missing", found="off", advice=advice)
+    # Columns: address, index, length, scope, flags, name; addresses of the link begin with fe80.
+    rows = [line.split() for line in found.splitlines() if line.strip()]
+    cards = sorted({row[-1] for row in rows if row[0].startswith("fe80")})
+    if not cards:
+        advice = "no card has an fe80 address: sudo ip link set eth0 up, or sysctl net.ipv6.conf.eth0.disable_ipv6=0"
+        return Check(subject=subject, state="missing", found="on, but no card has an address", advice=advice)
+    return Check(subject=subject, state="ok", found=f"addresses on {', '.join(cards)}")
+
+
+def _firewall(root: Path) -> Check:
+    """Rules need root to be read; what is switched on does not."""
+    rule = f"inbound UDP from port {PORT}"
+    running = []
+    if "enabled=yes" in (_text(root / "etc/ufw/ufw.conf") or "").lower():
+        running.append(("ufw", f"sudo ufw allow proto udp from any port {PORT}"))
+    if (root / "run/firewalld").is_dir() or (root / "run/firewalld.pid").exists():
+        running.append(("firewalld", f"sudo firewall-cmd --permanent --add-source-port={PORT}/udp, then --reload"))
+    modules = {line.split()[0] for line in (_text(root / "proc/modules") or "").splitlines() if line.strip()}
+    if not running and modules & {"nf_tables", "ip6table_filter"}:
+        allow = f"sudo nft add rule inet filter input udp sport {PORT} accept"
+        running.append(("the kernel's filter", f"if sudo nft list ruleset drops input: {allow}"))
+    if not running:
+        return Check(subject="firewall", state="ok", found="none seen", advice="")
+    names, advice = ", ".join(name for name, _ in running), "; ".join(how for _, how in running)
+    return Check(subject="firewall", state="ok", found=f"{names}; {rule} must get in", advice=advice)
+
+
+def _moderation(card: str, delay: int | None) -> Check:
+    subject = f"interrupts of {card}"
+    if delay is None:
+        advice = f"before the first play: sudo ethtool -C {card} rx-usecs 0"
+        return Check(subject=subject, state="ok", found="the card does not tell how long it waits", advice=advice)
+    if delay > 0:
+        advice = f"for units on it: sudo ethtool -C {card} adaptive-rx off rx-usecs 0"
+        return Check(subject=subject, state="ok", found=f"it waits {delay} us for more packets", advice=advice)
+    return Check(subject=subject, state="ok", found="not held back")
+
+
+def _priority(root: Path) -> Check:
+    """Whether this user may ask for real-time priority, of the process's limits."""
+    subject = "real-time priority"
+    advice = "a line '@audio - rtprio 20' in /etc/security/limits.d/midair.conf, be in that group, and log in again"
+    for line in (_text(root / "proc/self/limits") or "").splitlines():
+        if line.startswith("Max realtime priority"):
+            allowed = line.split()[3]
+            if allowed == "0" and not _is_root(root):
+                return Check(subject=subject, state="missing", found="not allowed", advice=advice)
+            return Check(subject=subject, state="ok", found="allowed" if allowed == "0" else f"up to {allowed}")
+    return Check(subject=subject, state="missing", found="the system does not tell", advice=advice)
+
+
+def _group(root: Path, name: str, use: str) -> Check:
+    """Whether this process is of a group that may use devices; one that was joined counts from the next login on."""
+    subject, entry = f"group {name}", None
+    for line in (_text(root / "etc/group") or "").splitlines():
+        fields = line.split(":")
+        if len(fields) >= 4 and fields[0] == name:
+            entry = fields
+    if entry is None:
+        return Check(subject=subject, state="ok", found=f"there is none here; {use} have another way")
+    status = _status(root)
+    if _is_root(root) or entry[2] in [*status.get("Groups", []), *status.get("Gid", [])]:
+        return Check(subject=subject, state="ok", found=f"may use {use}")
+    user = os.environ.get("USER", "")
+    if user and user in entry[3].split(","):
+        return Check(subject=subject, state="missing", found="joined, not yet in force", advice="log out and in again")
+    advice = f"for {use}: sudo usermod -aG {name} $USER, then log out and in again"
+    return Check(subject=subject, state="missing", found=f"not in it, which {use} may need", advice=advice)
+
+
+def _is_root(root: Path) -> bool:
+    return _status(root).get("Uid", ["", ""])[1:2] == ["0"]
+
+
+def _status(root: Path) -> dict[str, list[str]]:
+    """Lines of /proc/self/status by their name."""
+    lines = (line.partition(":") for line in (_text(root / "proc/self/status") or "").splitlines())
+    return {name: rest.split() for name, _, rest in lines}
+
+
+def _room(folder: Path) -> Check:
+    """Room for recordings here, and for the log."""
+    said, short = [], False
+    for name, place in (("here", folder), ("for the log", state_folder())):
+        near = next(each for each in (place.absolute(), *place.absolute().parents) if each.exists())
+        free = shutil.disk_usage(near).free
+        said.append(f"{free / 1e9:.1f} GB {name}")
+        short = short or free < ROOM
+    advice = "make room: 16 channels at 48 kHz fill 6 MB a second, at 1 kHz .13 MB" if short else ""
+    return Check(subject="room", state="missing" if short else "ok", found=", ".join(said), advice=advice)
