@@ -126,6 +126,17 @@ def test_a_drive_that_nobody_admitted_does_not_play(array):
     assert not array.emitting
 
 
+def test_there_is_no_way_round_play(array):
+    """What a driver does with a drive, `emit`, sounds for `play` alone."""
+    if not array.gated:
+        return
+    with array:
+        with pytest.raises(DeviceStateError, match="nothing sounds unchecked"):
+            array.emit(drive(array), None)
+        assert not array.emitting
+        assert array.play(overridden(drive(array), array)).frames == 5
+
+
 def test_what_was_admitted_where_nothing_sounds_does_not_play_where_it_does(array):
     if not array.gated:
         return

@@ -189,11 +189,12 @@ class ArrayDevice(ABC):
     exclusive: str | None = None
     _order: Order
     _entered: contextlib.ExitStack
+    _plays: bool
 
     def __new__(cls, *_: Any, **__: Any) -> Self:
         """Every array has its order from the beginning, whatever a driver's __init__ does."""
         made = super().__new__(cls)
-        made._order, made._entered = Order(), contextlib.ExitStack()
+        made._order, made._entered, made._plays = Order(), contextlib.ExitStack(), False
         return made
 
     @abstractmethod
@@ -273,10 +274,13 @@ class ArrayDevice(ABC):
 
         def emitted() -> PlayReport:
             try:
+                self._plays = True
                 report = self.emit(drive, progress, repeats=admission.repeats, delay=delay)
             except BaseException:
                 self._silence_after_an_error()
                 raise
+            finally:
+                self._plays = False
             self.silence()
             return report
 
@@ -325,7 +329,11 @@ class ArrayDevice(ABC):
         ------
         StoppedError
             If somebody asked for silence.
+        DeviceStateError
+            If this is not `play`, where it can be heard.
         """
+        if self.gated and not self._plays:
+            raise DeviceStateError(f"{self.name}: expected play() with an admission; nothing sounds unchecked")
         with self._order.sounding(self.name):
             yield
 

@@ -191,7 +191,7 @@ def test_a_spread_step_arrives_within_half_a_frame():
     phase = np.zeros((10, 249))
     phase[1::2] = np.pi * 0.9
     drive = Drive(phase=phase, level=np.ones(10), rate=1000.0, array=ONE.array())
-    report, out = played(drive, silencer="auto")
+    report, out = played(drive, silencer="half")
     assert report.silencer.startswith("phase 0.5 ms")
     held = of_frames(out.phase, out, report, 10)
     np.testing.assert_array_equal(held[:, 21:], np.broadcast_to(phase_bytes(drive, 1)[:, :1], (10, 19, 249)))

@@ -199,9 +199,13 @@ def test_silence_from_another_thread_ends_playing(tap):
 
     with autd3_array(tap.address, ONE) as device:
         timer = threading.Timer(0.3, device.silence)
-        timer.start()
+
+        def begin(done, total):
+            if done == 0:
+                timer.start()
+
         with pytest.raises(DeviceError, match="from elsewhere"):
-            device.play(overridden(noise(5000), device))
+            device.play(overridden(noise(5000), device), progress=begin)
         assert tap.states() == [PATTERN]
         assert_last_word_is_silence(tap)
 

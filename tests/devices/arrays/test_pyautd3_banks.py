@@ -92,6 +92,7 @@ def test_the_silencer_is_set():
     with pyautd3_array("audit", PAIR) as device:
         device.play(overridden(drive, device))
         assert not device.banks.link.silencer_fixed_completion_steps_mode(0)
+        device.silencer = "half"
         device.play(overridden(noise(20), device))
         assert device.banks.link.silencer_fixed_completion_steps_mode(0)
         assert device.banks.link.silencer_completion_steps_phase(0) == 20

@@ -75,6 +75,8 @@ class BankedArray(ArrayDevice):
 
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
         """Stream every frame through the two memories, and report how it went."""
+        # First of all: whoever silences while this prepares means it.
+        ordered = self._silenced
         banks, ticks = self.banks, divider(drive.rate)
         phases = phase_bytes(drive, self.placement.units)
         intensity = intensity_bytes(drive, self.placement.units)
@@ -83,7 +85,6 @@ class BankedArray(ArrayDevice):
         banks.silence()
         self._release(banks)
         banks.set_silencer(silencer)
-        ordered = self._silenced
 
         def switch(bank: int, instant: int) -> None:
             with self.sounding(), self._lock:
