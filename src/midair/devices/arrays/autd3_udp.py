@@ -40,8 +40,8 @@ FAILSAFE = 0.5
 ANSWER = 0.05
 """How long to wait for the units' answer to a datagram, in s; it is there within 1 ms as a rule."""
 
-ATTEMPTS = 3
-"""How often an order is sent before the link counts as lost: there is time for three in what a block leaves over."""
+ATTEMPTS = 5
+"""How often an order is sent before the link counts as lost: for a quarter of a second, as long as a block lasts."""
 
 TELLING = (
     "failsafe",
@@ -235,6 +235,8 @@ class Autd3Udp:
             heartbeat=self._heartbeat,
             enumeration_timeout=Duration.from_secs(1),
             sync_timeout=Duration.from_secs(5),
+            # A program waits for its turn on a busy computer; units do not.
+            lost_timeout=Duration.from_millis(400),
             reply_timeout=Duration.from_secs_f64(ANSWER),
         )
 
@@ -260,7 +262,7 @@ class Autd3Udp:
             )
 
     def _sure(self, begin: Callable[[], Awaitable[T]], timeout: float) -> T:
-        """Do what harms nothing when it is done again; up to twice more if no answer comes, as when a datagram is lost.
+        """Do what harms nothing when it is done again, and again if no answer comes, as when a datagram is lost.
 
         The SDK sends nothing again by itself, and makes units and computer agree on what comes next before it goes on.
         """
