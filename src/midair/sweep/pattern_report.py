@@ -14,6 +14,7 @@ from midair.figures import Curve, Example, curve_figure, examples_figure, histog
 from midair.files import csv_text, whole_file
 from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
 from midair.sweep.store import SweepResults
+from midair.sweep.stored_words import as_stored
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -68,6 +69,7 @@ class PatternResults:
     seconds: float
 
     @classmethod
+    @as_stored()
     def of(cls, results: SweepResults) -> "PatternResults":
         """Take the results from what is in a store.
 
@@ -97,6 +99,7 @@ class PatternResults:
         return sum(condition.count for condition in self.sweep.conditions())
 
 
+@as_stored()
 def report_of(results: PatternResults) -> PatternReport:
     """The figures of a sweep, as far as it is.
 

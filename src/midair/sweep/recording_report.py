@@ -10,6 +10,7 @@ from midair.errors import InputError
 from midair.figures import ErrorSpread, png, trials_figure
 from midair.files import csv_text, whole_file
 from midair.sweep.store import SweepResults
+from midair.sweep.stored_words import as_stored
 
 Row = dict[str, Any]
 
@@ -26,6 +27,7 @@ class TrialReport:
         return {"simulated": True, "trials": list(self.rows), "words": self.words}
 
 
+@as_stored()
 def trial_report(results: SweepResults) -> TrialReport:
     """The figures of a sweep over recordings, as far as it is; frames that ask for nothing do not count.
 

@@ -126,7 +126,7 @@ def test_what_other_programs_do_to_our_files_is_read(path, recording, alike):
 
 def test_deflate_may_not_expand_without_end(path):
     def bomb(file):
-        shape = (2**19 + 1, 8, 8)
+        shape = (2**18 + 1, 8, 8)
         replaced(file, "samples", shape=shape, chunks=(2**14, 8, 8), compression="gzip", fillvalue=0)
         file["samples"][...] = np.zeros(shape)
 

@@ -7,7 +7,6 @@ padded to 8 bytes; short ones keep their data in the tag. Compressed elements ar
 
 import math
 import struct
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
+from midair.files.expansion import inflated, room_of
 
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
@@ -46,10 +46,13 @@ def read_mat5(path: Path) -> dict[str, Any]:
     data = path.read_bytes()
     order = "<" if data[126:128] == b"IM" else ">"
     arrays: dict[str, Any] = {}
+    room = room_of(path)
     for element in _elements(data[128:], order, path):
         held = element
         if element.kind == _COMPRESSED:
-            held = next(_elements(zlib.decompress(element.data), order, path))
+            unpacked = inflated(path, element.data, room)
+            room -= len(unpacked)
+            held = next(_elements(unpacked, order, path))
         if held.kind == _MATRIX and held.data:
             name, array = _matrix(held.data, order, path)
             arrays[name] = array

@@ -4,6 +4,7 @@ Read are messages in JSON that hold one list of numbers (or numbers by name), an
 (std_msgs/msg/Float32MultiArray and its like, in CDR). A frame's time is its publish time.
 """
 
+import contextlib
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
 from midair.files.atomic import reason
+from midair.files.expansion import check_expansion
 from midair.files.opened_take import Foreign, Given, OpenedTake
 from midair.files.stamps import uniform
 from midair.files.texts import json_of
@@ -34,6 +36,9 @@ _ROS = {
         ("UInt64", "u8"),
     )
 }
+
+_CHUNK = 6
+_EXPANDED_ANYWAY = 2**24  # bytes: text of numbers takes its time
 
 Decoder = Callable[[bytes], dict[str, Any] | list[Any] | NDArray[Any]]
 
@@ -112,12 +117,39 @@ def _messages(path: Path) -> tuple[dict[str, _Topic], bool]:
     return topics, cut
 
 
+def _check_chunks(path: Path) -> None:
+    """Raise if what the chunks announce, or their zstd frames, is more than a file of this size may hold.
+
+    A record is an opcode, a length of 8 bytes, and content; that of a chunk begins with two times, its size when it is
+    expanded, a checksum, and the name of the compression (MCAP Format Specification, Chunk).
+    """
+    from zstandard import ZstdError, get_frame_parameters
+
+    place, size, expanded = 8, path.stat().st_size, 0
+    with path.open("rb") as file:
+        while place + 9 <= size:
+            file.seek(place)
+            opcode, length = struct.unpack("<BQ", file.read(9))
+            head = file.read(min(length, 128)) if opcode == _CHUNK else b""
+            place += 9 + length
+            if len(head) < 40:
+                continue
+            expanded += struct.unpack_from("<Q", head, 16)[0]
+            start = 40 + struct.unpack_from("<I", head, 28)[0]
+            with contextlib.suppress(ZstdError):
+                stated = get_frame_parameters(head[start:]).content_size if head[32:36] == b"zstd" else 0
+                # All bits of one are "not stated".
+                expanded += stated if stated < 2**64 - 1 else 0
+            check_expansion(path, expanded // 2 if head[32:36] == b"zstd" else expanded, anyway=_EXPANDED_ANYWAY)
+
+
 def _records(path: Path) -> Iterator[Any]:
     """The records of a file, to its end or to where it was cut."""
     from mcap.exceptions import EndOfFile, McapError
     from mcap.stream_reader import StreamReader
     from zstandard import ZstdError
 
+    _check_chunks(path)
     with path.open("rb") as file:
         try:
             yield from StreamReader(file, validate_crcs=True, record_size_limit=1 << 30).records

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from midair.files.atomic import check_room, whole_file
+from midair.files.expansion import check_expansion
 from midair.files.foreign.header import header_of
 from midair.files.foreign.named_arrays import from_arrays
 from midair.files.loss import Loss, calibration_lost
@@ -45,6 +46,9 @@ def read_npz(path: Path, given: Given) -> OpenedTake:
         Its leaf, if the file does not say enough or a number cannot be used.
     """
     arrays: dict[str, Any] = {}
+    with zipfile.ZipFile(path) as packed:
+        # What a member announces is also all that is read of it.
+        check_expansion(path, sum(member.file_size for member in packed.infolist()))
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         for name in archive.files:
             arrays[name] = archive[name]

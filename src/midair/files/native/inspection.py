@@ -23,6 +23,9 @@ REMEMBERED = 256
 SETTLED = 100_000_000
 """Nanoseconds after which a change of a file shows in its time stamp."""
 
+FATAL = "one that HDF5 does not survive or does not end with; it is damaged, or made to do harm"
+"""What is said of a file of which the inspector died; it is not shown to another one."""
+
 Look = tuple[int, int, int, int, int]
 
 
@@ -37,18 +40,24 @@ def inspect(path: Path) -> None:
     look = _look_of(path)
     if look in _PLAIN:
         return
-    refused = _INSPECTOR.ask(path)
+    refused = FATAL if look in _FATAL else _INSPECTOR.ask(path)
+    if refused == FATAL:
+        _remember(_FATAL, look)
     if refused is not None:
         raise BrokenFileError(f"{path}: expected a plain HDF5 file, got {refused}")
     if time.time_ns() - max(look[3:]) > SETTLED:  # noqa: TID251  # the clock by which files are stamped
-        _PLAIN[look] = None
-        while len(_PLAIN) > REMEMBERED:
-            _PLAIN.popitem(last=False)
+        _remember(_PLAIN, look)
+
+
+def _remember(looks: "OrderedDict[Look, None]", look: Look) -> None:
+    looks[look] = None
+    while len(looks) > REMEMBERED:
+        looks.popitem(last=False)
 
 
 def get_ready(path: Path) -> None:
     """Let the inspector begin, if it has to look at a file, while this process loads what it needs itself."""
-    if _look_of(path) not in _PLAIN:
+    if (look := _look_of(path)) not in _PLAIN and look not in _FATAL:
         _INSPECTOR.get_ready()
 
 
@@ -89,7 +98,7 @@ class _Inspector:
             late.cancel()
             if not line:
                 self._end()
-                return "one that HDF5 does not survive or does not end with; it is damaged, or made to do harm"
+                return FATAL
             return json.loads(line)
 
     def _running(self) -> "subprocess.Popen[str] | None":
@@ -137,5 +146,6 @@ def _begun() -> "subprocess.Popen[str] | None":
 
 
 _PLAIN: "OrderedDict[Look, None]" = OrderedDict()
+_FATAL: "OrderedDict[Look, None]" = OrderedDict()
 _INSPECTOR = _Inspector()
 atexit.register(_INSPECTOR.close)

@@ -23,8 +23,8 @@ from h5py import h5a, h5d, h5g, h5l, h5o, h5t  # pyright: ignore[reportAttribute
 MEMORY = 2**31
 """Bytes that the process may take."""
 
-SECONDS = 6
-"""Of processor time that one file may take."""
+SECONDS = 2
+"""Of processor time that one file may take: a sound one of a gigabyte takes a third."""
 
 EMPTY = 2**24
 """Bytes that a dataset may have beyond what is stored of it: a recorder that was killed leaves the last ones out."""
@@ -32,7 +32,7 @@ EMPTY = 2**24
 EXPANDED = 100
 """Times its size that a file may expand to, as deflate makes 1000 of 1 of what is always the same."""
 
-EXPANDED_ANYWAY = 2**28
+EXPANDED_ANYWAY = 2**27
 """Bytes that any file may expand to."""
 
 TEXT = 2**26

@@ -36,7 +36,7 @@ def load_placement(path: str | os.PathLike[str]) -> Placement:
     """
     content = read_toml(path, "a TOML file with the placement of the units")
     name, units = content.pop("name", Path(path).stem), content.pop("unit", None)
-    if content or not isinstance(units, list) or not units:
+    if content or not isinstance(units, list) or not units or not all(isinstance(unit, dict) for unit in units):
         raise BrokenFileError(
             f"{path}: expected name and one [[unit]] or more, got {', '.join(content) or 'no unit'}; "
             "write position_mm for each unit in the order of the wiring"

@@ -102,7 +102,7 @@ def remembered() -> Subject:
         stored = json.loads((state_folder() / "subject.json").read_text(encoding="utf-8"))
         return Subject(**{each.name: str(stored.get(each.name, "")) for each in fields(Subject)})
     # Only offered as an answer: what cannot be read is left out in silence.
-    except (OSError, ValueError, AttributeError):
+    except (OSError, ValueError, AttributeError, RecursionError):
         return Subject()
 
 

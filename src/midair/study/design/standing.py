@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from midair.errors import MismatchError
+from midair.errors import BrokenFileError, MidairError, MismatchError
 from midair.study.design.blocks import right_answer
 from midair.study.design.plan import Plan, Trial
 
@@ -102,7 +102,21 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
     ------
     MismatchError
         If the log follows another plan, or belongs to another participant.
+    BrokenFileError
+        If an event lacks something, or says what none can.
     """
+    try:
+        return _replayed(events, plan, participant)
+    except MidairError:
+        raise
+    except (AttributeError, LookupError, TypeError, ValueError) as wrong:
+        said = f"nothing of {wrong}" if isinstance(wrong, KeyError) else str(wrong)[:80]
+        raise BrokenFileError(
+            f"log: expected the events of participant {participant}, got a damaged one ({said}); restore a copy"
+        ) from wrong
+
+
+def _replayed(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) -> Standing:
     answers: dict[tuple[str, str], GivenAnswer] = {}
     chosen: dict[str, str] = {}
     interruptions = withdrawn = 0
@@ -122,18 +136,40 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
             answers = kept
             chosen = {code: name for code, name in chosen.items() if code not in again}
         elif event["event"] == "present" and "stimulus" in event:
-            chosen[event["trial"]] = event["stimulus"]
+            chosen[_told(event, "trial", str)] = _told(event, "stimulus", str)
         elif event["event"] == "answer":
-            key = (event["trial"], event["question"])
-            answers[key] = GivenAnswer(answer=event["answer"], reaction_s=event["reaction_s"], time=event["time"])
+            key = (_told(event, "trial", str), _told(event, "question", str))
+            answers[key] = GivenAnswer(
+                answer=_told(event, "answer", str),
+                reaction_s=_told(event, "reaction_s", int, float),
+                time=_told(event, "time", str),
+            )
+    trials = plan.of(participant)
+    _check_presented(trials, {code for code, _ in answers}, chosen, plan)
     return Standing(
-        trials=plan.of(participant),
+        trials=trials,
         answers=answers,
         chosen=chosen,
         interruptions=interruptions,
         withdrawn=withdrawn,
         simulated=simulated,
     )
+
+
+def _check_presented(trials: Sequence[Trial], answered: set[str], chosen: Mapping[str, str], plan: Plan) -> None:
+    """Raise if nothing says what was presented before an answer."""
+    known = {stimulus.name for stimulus in plan.design.stimuli}
+    for trial in trials:
+        if trial.code in answered and (trial.stimulus or chosen.get(trial.code)) not in known:
+            raise ValueError(f"trial {trial.code} was answered, and nothing says what was presented")
+
+
+def _told(event: Mapping[str, Any], name: str, *kinds: type) -> Any:
+    """What an event says; TypeError if it is of another kind."""
+    value = event[name]
+    if type(value) not in kinds:
+        raise TypeError(f"{name} is {str(value)[:40]!r}")
+    return value
 
 
 def answers_table(plan: Plan, sessions: Sequence[Standing]) -> DataFrame:

@@ -1,0 +1,186 @@
+"""Folders of which one file is damaged: studies, tables of other people, sweeps, what a running program leaves."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from midair.datasets import am_stimulus
+from midair.files import load_placement, load_profiles, load_sensor
+from midair.model import ControlGrid
+from midair.settings import Settings
+from midair.study import (
+    NoPresenter,
+    Session,
+    SimulatedParticipant,
+    SimulatedScreen,
+    StudyFolder,
+    analyse,
+    answers_table,
+    data_of_answers,
+    data_of_columns,
+    paper_design_text,
+    read_bids,
+    read_csv,
+    read_design,
+    run,
+    thresholds_of,
+    write_bids,
+    write_csv,
+)
+from midair.sweep import PatternResults, load_sweep, report_of, trial_report
+
+ADAPTIVE = """
+name = "hand"
+participants = 2
+seed = 1
+questions = [{ name = "felt", kind = "yes-no", text = "Felt?", truth = "there" },
+  { name = "rate", kind = "rating", text = "How?", low = 1, high = 7, low_label = "a", high_label = "b" }]
+stimuli = [
+  { name = "s1", kind = "object", source = "1", levels = { there = "yes", strength = "1" } },
+  { name = "s2", kind = "object", source = "2", levels = { there = "yes", strength = "2" } },
+  { name = "s3", kind = "object", source = "4", levels = { there = "yes", strength = "4" } },
+]
+[[blocks]]
+name = "steps"
+stimuli = ["s1", "s2", "s3"]
+questions = ["felt"]
+repetitions = 12
+adaptive = "quest+"
+strength = "strength"
+
+[[blocks]]
+name = "all"
+stimuli = ["s1", "s2", "s3"]
+questions = ["rate"]
+"""
+
+
+def make_folders(folder: Path) -> None:
+    """Write one of each kind into a folder."""
+    study = _study(folder / "study", paper_design_text().replace("repetitions = 4", "repetitions = 1"), "small")
+    plan = study.plan()
+    answers = answers_table(plan, study.sessions())
+    write_bids(answers, plan.design, folder / "bids")
+    write_csv(answers, folder / "answers.csv")
+    (folder / "design.toml").write_text(paper_design_text(), encoding="utf-8")
+    try:
+        _study(folder / "adaptive", ADAPTIVE, "adaptive")
+    except Exception as wrong:
+        raise RuntimeError("the specimen of an adaptive study no longer fits its design") from wrong
+    _sweeps(folder)
+    state = folder / "state"
+    state.mkdir()
+    (state / "subject.json").write_text('{"object": "towel", "surface": "wet", "subject": "1"}')
+    (state / "playing-1.json").write_text('{"process": 1, "device": "virtual", "port": 9, "secret": "00"}')
+
+
+def _study(path: Path, text: str, name: str) -> StudyFolder:
+    folder = StudyFolder.create(path, text, read_design(text, name=name, participants=2))
+    plan = folder.plan()
+    for number in (1, 2):
+        presenter = NoPresenter()
+        with Session(plan, number, folder.log(number), presenter, simulated=True) as session:
+            screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter)
+            run(session, screen)
+    return folder
+
+
+def _sweeps(folder: Path) -> None:
+    from midair.sweep.pattern_sweep import PatternSweep
+    from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
+    from midair.sweep.run import do
+    from midair.sweep.store import open_sweep
+
+    coarse = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="naive")
+    pressure = am_stimulus("i", peak=30.0, duration=0.006, rate=1000.0)
+    trial = SweepTrial(recording="a", variant="method=naive", pressure=pressure, settings=coarse)
+    sweeps = {
+        "recordings.zarr": RecordingSweep(trials=(trial,), columns=1, rows=1),
+        "patterns.zarr": PatternSweep(count=8, curve_count=0, chunk=8, method="naive", strengths=(0.1,)),
+    }
+    for name, sweep in sweeps.items():
+        with open_sweep(folder / name, sweep) as store:
+            for task in store.missing():
+                store.write(do(sweep.job(task), task))
+
+
+def study(path: Path) -> None:
+    """Read a study as `midair study analyse` does; analyse one in eight."""
+    folder = StudyFolder(path.parent if path.name == "plan.json" else path.parents[1])
+    plan = folder.plan()
+    sessions = folder.sessions()
+    table, thresholds = answers_table(plan, sessions), thresholds_of(plan, sessions)
+    data = data_of_answers(table, plan.design.analysis, thresholds=thresholds)
+    if len(path.read_bytes()) % 8 == 0:
+        analyse(data, draws=10)
+
+
+def design(path: Path) -> None:
+    """A study's TOML."""
+    from midair.files import read_text
+
+    read_design(read_text(path, "the TOML of a study"))
+
+
+def bids(path: Path) -> None:
+    """A table of other people's answers among others."""
+    root = next(parent for parent in path.parents if parent.name == "bids")
+    _columns(read_bids(root), path)
+
+
+def answers(path: Path) -> None:
+    """A table of other people's answers."""
+    _columns(read_csv(path), path)
+
+
+def _columns(table: object, path: Path) -> None:
+    data = data_of_columns(
+        table, participant="participant", presented="stimulus", answered="answer", rating="right", within=("group",)
+    )
+    if len(path.read_bytes()) % 8 == 0:
+        analyse(data, draws=10)
+
+
+def sweep(path: Path) -> None:
+    """What `midair sweep report` says of a sweep."""
+    results = load_sweep(next(parent for parent in path.parents if parent.suffix == ".zarr"))
+    if results.kind == "recordings":
+        trial_report(results).plain()
+    else:
+        report_of(PatternResults.of(results)).plain()
+
+
+def state(path: Path) -> None:
+    """What a program that runs, or ran, has left for the next one."""
+    from midair.devices import stop_playing
+    from midair.rig.takes.take_names import remembered
+
+    os.environ["MIDAIR_STATE"] = str(path.parent)
+    content = path.read_bytes()
+    stop_playing(timeout=0.05)
+    remembered()
+    path.write_bytes(content)
+
+
+FOLDER_TARGETS: dict[str, Callable[[Path], object]] = {
+    "study/plan.json": study,
+    "study/sessions/sub-01.jsonl": study,
+    "adaptive/plan.json": study,
+    "adaptive/sessions/sub-02.jsonl": study,
+    "design.toml": design,
+    "bids/sub-01/beh/sub-01_task-small_beh.tsv": bids,
+    "answers.csv": answers,
+    "patterns.zarr/zarr.json": sweep,
+    "patterns.zarr/error/zarr.json": sweep,
+    "patterns.zarr/error/c/0/0": sweep,
+    "recordings.zarr/zarr.json": sweep,
+    "recordings.zarr/done/zarr.json": sweep,
+    "recordings.zarr/done/c/0/0": sweep,
+    "state/subject.json": state,
+    "state/playing-1.json": state,
+    "sensor.toml": load_sensor,
+    "placement.toml": load_placement,
+    "exposure.toml": load_profiles,
+    "settings.toml": Settings.load,
+}
+"""What reads the folder, by the name of the file in it that is damaged."""

@@ -1,0 +1,186 @@
+"""Sound files of every kind that midair reads, small, to be damaged."""
+
+import json
+import struct
+from io import BytesIO
+from pathlib import Path
+
+import h5py
+import numpy as np
+import soundfile
+from scipy.io import savemat
+
+from midair.datasets import sample_path
+from midair.files import RecordingWriter, save, save_calibration, save_pressure, save_sensor, save_solution
+from midair.model import (
+    Calibration,
+    Drive,
+    PressureFrames,
+    Provenance,
+    Recording,
+    SensorGrid,
+    SensorWiring,
+    Solution,
+    TransducerArray,
+)
+from midair.settings import best_mode
+
+GRID = SensorGrid(rows=2, columns=3, pitch=7e-3, name="palm µ")
+RNG = np.random.default_rng(5)
+
+
+def make_all(folder: Path) -> None:
+    """Write one of each kind into a folder."""
+    _own(folder)
+    _sounds_and_tables(folder)
+    _robots_and_laboratories(folder)
+    _written_by_hand(folder)
+    _of_matlab(folder)
+
+
+def recording() -> Recording:
+    life = Provenance(source="virtual:towel é", simulated=True, notes={"object": 'towel, "wet"\nµ'})
+    life = life.then("record", {"band": (20.0, 470.0), "n": 3, "on": True, "none": None, "deep": ("a", (1, 2.5))})
+    return Recording(samples=RNG.normal(size=(40, 2, 3)), rate=1000 / 3, sensor=GRID, unit="V", provenance=life)
+
+
+def calibration() -> Calibration:
+    return Calibration(
+        sensor=GRID,
+        frequency=np.array([0.0, 20.0, 470.0]),
+        response=RNG.normal(size=(3, 2, 3)) + 1j * RNG.normal(size=(3, 2, 3)),
+        noise=RNG.random((2, 3)),
+        unit="V",
+        date="2026-11-20",
+        provenance=Provenance(source="bench"),
+    )
+
+
+def _own(folder: Path) -> None:
+    take, known = recording(), calibration()
+    for ending in (".h5", ".nc", ".csv", ".wav", ".npz", ".mat"):
+        save(take, folder / f"own{ending}", calibration=known if ending in (".h5", ".nc") else None)
+    save_pressure(PressureFrames(pressure=take.samples, rate=take.rate, sensor=GRID), folder / "own.h5")
+    save_calibration(known, folder / "own.calibration.h5")
+    array = TransducerArray.autd3(columns=1, rows=1)
+    phase = RNG.uniform(-np.pi, np.pi, (4, array.count))
+    drive = Drive(phase=phase, level=RNG.random(4), rate=1000, array=array, provenance=Provenance(source="solve"))
+    status = ("converged", "iterations", "stalled", "silent")
+    solved = Solution(drive=drive, error=RNG.random(4), iterations=np.array([50, 20, 20, 0]), status=status)
+    save_solution(solved, folder / "own.drive.h5")
+    # What a killed recorder leaves: the bytes while it still runs.
+    with RecordingWriter(
+        folder / "made.h5", rate=1000, sensor=GRID, unit="V", provenance=take.provenance, interval=1e-6
+    ) as writer:
+        writer.append(take.samples)
+        (folder / "killed.h5").write_bytes((folder / "made.h5").read_bytes())
+    (folder / "made.h5").unlink()
+
+
+def _sounds_and_tables(folder: Path) -> None:
+    samples = recording().samples.reshape(40, 6)
+    for name, form, subtype in (
+        ("w64", "W64", "DOUBLE"),
+        ("rf64", "RF64", "PCM_24"),
+        ("wav", "WAV", "PCM_16"),
+        ("ulaw.wav", "WAV", "ULAW"),
+        ("float.wav", "WAVEX", "FLOAT"),
+    ):
+        soundfile.write(folder / f"foreign.{name}", np.clip(samples / 8, -1, 1), 1000, subtype=subtype, format=form)
+    (folder / "denim.csv").write_bytes(b"\n".join(sample_path("denim").read_bytes().split(b"\n")[:30]))
+    rows = "\n".join(f"{i / 100},{i % 7},{i % 5}" for i in range(40))
+    (folder / "stamped.csv").write_text(f"time [s],a [V],b [V]\n{rows}\n")
+    np.savez_compressed(folder / "foreign.npz", x=samples, y=np.arange(3), name=np.array("skin"))
+
+
+def _of_matlab(folder: Path) -> None:
+    samples = recording().samples.reshape(40, 6)
+    savemat(folder / "foreign.mat", {"x": samples, "name": "skin", "cell": np.array([{}], object)})
+    savemat(folder / "packed.mat", {"x": samples.astype("f4"), "i": np.arange(6, dtype="i2")}, do_compression=True)
+    savemat(folder / "four.mat", {"x": samples, "name": "skin"}, format="4")
+    with h5py.File(folder / "seven.mat", "w", userblock_size=512, libver="earliest") as file:
+        for name, data in {"x": samples.T, "long": np.arange(4.0)}.items():
+            file.create_dataset(name, data=data, chunks=data.shape, compression="gzip").attrs["MATLAB_class"] = (
+                b"double"
+            )
+    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
+    with (folder / "seven.mat").open("rb+") as file:
+        file.write(header)
+
+
+def _robots_and_laboratories(folder: Path) -> None:
+    samples = recording().samples.reshape(40, 6)
+    (folder / "a.xdf").write_bytes(_xdf(samples))
+    (folder / "a.tdms").write_bytes(_tdms(samples, interleaved=False) + _tdms(samples, interleaved=True))
+    try:
+        from mcap.writer import CompressionType, Writer
+    except ImportError:
+        return
+    cdr = [b"\0\1\0\0" + struct.pack("<III4x6d", 0, 0, 6, *row) for row in samples]
+    for name, encoding, schema, messages, packed in (
+        ("json", "json", "frame", [json.dumps(row.tolist()).encode() for row in samples], CompressionType.ZSTD),
+        ("ros", "cdr", "std_msgs/msg/Float64MultiArray", cdr, CompressionType.NONE),
+    ):
+        stream = BytesIO()
+        out = Writer(stream, compression=packed, chunk_size=1500)
+        out.start()
+        number = out.register_schema(name=schema, encoding="jsonschema", data=b"{}")
+        channel = out.register_channel(topic="/skin", message_encoding=encoding, schema_id=number)
+        for i, message in enumerate(messages):
+            time = 1_700_000_000_000_000_000 + i * 1_000_000
+            out.add_message(channel, log_time=time, data=message, publish_time=time)
+        out.finish()
+        (folder / f"{name}.mcap").write_bytes(stream.getvalue())
+
+
+def _written_by_hand(folder: Path) -> None:
+    wiring = SensorWiring(grid=GRID, order=(5, 4, 3, 2, 1, 0), unit="V", full_scale=1.25, sensitivity=0.02)
+    save_sensor(wiring, folder / "sensor.toml")
+    units = "".join(f"[[unit]]\nposition_mm = [{x}, 0, 0]\nrotation_deg = [0, 0, {x}]\n" for x in (0, 200))
+    (folder / "placement.toml").write_text(f'name = "two"\n{units}')
+    place = (
+        '[[profile.place]]\nname = "ear"\nposition_mm = [0, 0, 500]\nreach_mm = 10\nlimit_db = 110\nenforced = true\n'
+    )
+    words = 'name = "mine"\ntitle = "t"\nsource = "s"\nevidence = "e"\n'
+    (folder / "exposure.toml").write_text(f"[[profile]]\n{words}{place}{place}")
+    best_mode().save(folder / "settings.toml")
+
+
+def _chunk(tag: int, content: bytes) -> bytes:
+    return b"\x04" + struct.pack("<IH", len(content) + 2, tag) + content
+
+
+def _xdf(samples: np.ndarray) -> bytes:
+    channels = "".join(f"<channel><label>c{i}</label><unit>volts</unit></channel>" for i in range(samples.shape[1]))
+    head = (
+        "<?xml version='1.0'?><info><name>skin</name><type>touch</type><channel_count>6</channel_count>"
+        "<nominal_srate>1000</nominal_srate><channel_format>float32</channel_format><source_id>bench</source_id>"
+        f"<desc><channels>{channels}</channels></desc></info>"
+    )
+    stream = struct.pack("<I", 1)
+    rows = b"".join(
+        b"\x08" + struct.pack("<d", 100 + i / 1000) + row.astype("<f4").tobytes() for i, row in enumerate(samples)
+    )
+    clock = b"".join(_chunk(4, stream + struct.pack("<dd", 100.0 + i, 0.0)) for i in range(3))
+    return (
+        b"XDF:"
+        + _chunk(1, b"<?xml version='1.0'?><info><version>1.0</version></info>")
+        + _chunk(2, stream + head.encode())
+        + _chunk(3, stream + b"\x04" + struct.pack("<I", len(samples)) + rows)
+        + clock
+        + _chunk(6, stream + b"<info><sample_count>40</sample_count></info>")
+    )
+
+
+def _tdms(samples: np.ndarray, *, interleaved: bool) -> bytes:
+    def text(value: str) -> bytes:
+        return struct.pack("<I", len(value.encode())) + value.encode()
+
+    head = struct.pack("<I", samples.shape[1] + 1) + text("/'skin'") + struct.pack("<II", 0xFFFFFFFF, 0)
+    for i in range(samples.shape[1]):
+        head += text(f"/'skin'/'mic {i}'") + struct.pack("<IIIQ", 20, 10, 1, len(samples)) + struct.pack("<I", 2)
+        head += text("wf_increment") + struct.pack("<Id", 10, 1e-3)
+        head += text("unit_string") + struct.pack("<I", 0x20) + text("V")
+    raw = (samples if interleaved else samples.T).astype("<f8").tobytes()
+    body = head + raw
+    return b"TDSm" + struct.pack("<IIQQ", 14 | 32 * interleaved, 4713, len(body), len(head)) + body
