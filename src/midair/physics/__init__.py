@@ -5,6 +5,7 @@ from midair.physics.directivity import off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
 from midair.physics.exposure_level import Exposure, exposure, greatest_exposure, sound_level
 from midair.physics.exposure_places import ExposureProfile, Place
+from midair.physics.exposure_search import cone_points
 from midair.physics.field_error import printed_error, relative_error
 from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_a_frame
 from midair.physics.propagation import (
@@ -33,6 +34,7 @@ __all__ = [
     "cell_weights",
     "channel_response",
     "check_frame_rate",
+    "cone_points",
     "envelope",
     "exposure",
     "greatest_exposure",

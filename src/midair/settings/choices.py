@@ -150,6 +150,11 @@ CHOICES: tuple[Choice, ...] = (
         help="Phases that hold in air as much colder and warmer than --temperature.",
     ),
     Choice(
+        name="quiet-ears",
+        path="solver.quiet_ears",
+        help="Weight of the sound at the ears of a person in front of the array: 3 is some, 30 much.",
+    ),
+    Choice(
         name="backend",
         path="solver.backend",
         help="What does the arithmetic of fast and glide: numpy, torch, torch:cuda or cupy.",

@@ -46,10 +46,10 @@ METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
 
 TAKES: Mapping[str, frozenset[Term]] = MappingProxyType(
     {
-        "lm": frozenset({"guard", "amplitudes", "robust"}),
+        "lm": frozenset({"guard", "quiet-ears", "amplitudes", "robust"}),
         "exact": frozenset({"amplitudes", "robust"}),
-        "fast": frozenset({"guard", "cells", "smooth", "amplitudes", "robust"}),
-        "glide": frozenset({"guard", "cells", "amplitudes", "robust"}),
+        "fast": frozenset({"guard", "quiet-ears", "cells", "smooth", "amplitudes", "robust"}),
+        "glide": frozenset({"guard", "quiet-ears", "cells", "amplitudes", "robust"}),
         "live": frozenset({"amplitudes", "robust"}),
         "naive": frozenset(),
         "gs": frozenset(),

@@ -76,6 +76,8 @@ class Machine:
         The drive that all frames start from.
     weights : array, shape (point, cell), or None
         Weights of the cells.
+    ceiling : array, shape (1, guard point), or None
+        Of the guard.
     memory : int
         Pairs that L-BFGS keeps.
     """
@@ -91,6 +93,7 @@ class Machine:
     psi: Numbers
     lens: Rows
     weights: Rows
+    ceiling: Rows
     memory: int
 
     @classmethod
@@ -122,6 +125,7 @@ class Machine:
             psi=backend.put(psi),
             lens=backend.put(rippled(lens)[None, :]),
             weights=None if problem.cells is None else backend.put(problem.cells.weights.T),
+            ceiling=None if problem.guard is None else backend.put(problem.guard.ceilings[None, :]),
             memory=memory,
         )
 
@@ -300,7 +304,7 @@ class Machine:
             cost, slope = cell_misfit(xp, square, self.weights, batch.cells, batch.cell_scale)
         if guard is None:
             return cost, slope
-        extra, outside = excess(xp, y[:, points:], guard.ceiling * batch.peak, guard.weight)
+        extra, outside = excess(xp, y[:, points:], self.ceiling * batch.peak, guard.weight)
         return cost + extra, xp.concat([slope, outside], axis=1)
 
 

@@ -14,7 +14,7 @@ from midair.solvers.lens import spreading_phase
 from midair.solvers.methods import Method, check_terms, name_of
 from midair.solvers.methods import solver as solver_of
 from midair.solvers.problem import Answer, Problem, Start, Term, error_of
-from midair.solvers.terms import Cells, Guard, GuardField, airs_around, automatic_level, psi_in_each
+from midair.solvers.terms import Cells, Guard, GuardField, QuietEars, airs_around, automatic_level, psi_in_each
 from midair.solvers.threads import one_blas_thread
 
 Array = NDArray[np.float64]
@@ -36,6 +36,7 @@ def solve(
     fit: Fit = "points",
     smooth: float = 0.0,
     robust: float = 0.0,
+    quiet_ears: float = 0.0,
     bits: int | None = None,
     backend: str | None = None,
     jobs: int | None = None,
@@ -81,6 +82,9 @@ def solve(
         Degrees Celsius, 0 to 10, by which the air may be colder or warmer than that of `acoustics`: the root mean
         square of E over that range is made small, see `terms.temperatures`. The error that is told is that of
         `acoustics`; `evaluate.error_in_air` tells the others. 0 for that air alone.
+    quiet_ears : float
+        Weight of the sound at the ears of a person in front of the array, see `terms.quiet_ears`: 3 is some, 30 much.
+        0 for none.
     bits : int, optional
         Round phases to 2 pi / 2^bits, as firmware does (8 bits: AUTD3); the error is that of the rounded phases.
         Not rounded if None. Amplitudes are not rounded.
@@ -104,15 +108,17 @@ def solve(
         If a backend, or Numba for "live", is not installed.
     """
     solver = solver_of(method, iterations=iterations, start=start, backend=backend, jobs=jobs)
-    _check(level, bits, amplitudes, fit, smooth, robust)
+    _check(level, bits, amplitudes, fit, smooth, robust, quiet_ears)
     acoustics = acoustics or Acoustics()
     ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
     asked: set[Term] = {"amplitudes"} if amplitudes == "bounded" else set()
     asked |= {"robust"} if robust > 0 else set()
+    asked |= {"quiet-ears"} if quiet_ears > 0 else set()
+    ears = QuietEars(weight=quiet_ears) if quiet_ears > 0 else None
     cells = Cells() if fit == "cells" else None if fit == "points" else fit
-    own = _Scene.of(target, array, (acoustics,)).problem(level, ring, cells, smooth)
+    own = _Scene.of(target, array, (acoustics,)).problem(level, ring, cells, smooth, ears)
     airs = airs_around(acoustics, robust)
-    problem = own if len(airs) == 1 else _Scene.of(target, array, airs).problem(level, ring, cells, smooth)
+    problem = own if len(airs) == 1 else _Scene.of(target, array, airs).problem(level, ring, cells, smooth, ears)
     check_terms(method, asked | problem.terms)
     with one_blas_thread():
         if amplitudes == "bounded":
@@ -133,6 +139,7 @@ def solve(
         "fit": "points" if problem.cells is None else "cells",
         "smooth": smooth,
         "robust_c": robust,
+        "quiet_ears": quiet_ears,
         "bits": bits,
         "directivity": acoustics.directivity,
         "speed_m_s": acoustics.medium.speed,
@@ -170,7 +177,12 @@ class _Scene:
         return cls(target=target, array=array, airs=airs, G=[each / focus for each in G], focus=focus)
 
     def problem(
-        self, level: float | Literal["auto"], guard: Guard | None, cells: Cells | None, smooth: float
+        self,
+        level: float | Literal["auto"],
+        guard: Guard | None,
+        cells: Cells | None,
+        smooth: float,
+        ears: QuietEars | None,
     ) -> Problem:
         amplitude, grid, medium = self.target.amplitude / self.focus, self.target.grid, self.airs[0].medium
         unit = float(radiation_pressure(np.array(self.focus), medium))
@@ -180,10 +192,21 @@ class _Scene:
             amplitude=np.tile(amplitude, (1, times)),
             level=automatic_level(amplitude) if level == "auto" else level,
             psi=psi_in_each(self.G, spreading_phase(grid, self.array, medium)),
-            guard=None if guard is None else self._guarded(guard),
+            guard=self._quiet(guard, ears),
             cells=None if cells is None else cells.target(amplitude, grid, unit).repeated(times),
             smooth=smooth,
         )
+
+    def _quiet(self, guard: Guard | None, ears: QuietEars | None) -> GuardField | None:
+        """Where the field is to be quiet: on the ring, and at the ears."""
+        field = None if guard is None else self._guarded(guard)
+        if ears is None:
+            return field
+        rows = np.concatenate([ears.rows(self.array, each) for each in self.airs]) / self.focus
+        # A mean over the ears counts as much as a mean over the control points, whose squares the error adds up.
+        rows *= np.sqrt(len(self.G[0]))
+        none = GuardField(G=np.zeros((0, self.array.count), complex), ceiling=0.0, weight=1.0)
+        return (field or none).and_quiet(rows, ears.weight)
 
     def _guarded(self, guard: Guard) -> GuardField:
         ring = guard.ring(self.target.grid)
@@ -191,7 +214,9 @@ class _Scene:
         return GuardField(G=G / self.focus, ceiling=guard.ceiling, weight=guard.weight)
 
 
-def _check(level: object, bits: int | None, amplitudes: str, fit: object, smooth: float, robust: float) -> None:
+def _check(
+    level: object, bits: int | None, amplitudes: str, fit: object, smooth: float, robust: float, quiet_ears: float
+) -> None:
     if level != "auto" and not (isinstance(level, int | float) and 0 < level <= 1):
         shown = f"{level:g}" if isinstance(level, int | float) else repr(level)
         raise InputError(f"level: expected above 0 and at most 1 of full drive, or auto, got {shown}")
@@ -205,6 +230,8 @@ def _check(level: object, bits: int | None, amplitudes: str, fit: object, smooth
         raise InputError(f"smooth: expected 0 or more, got {smooth:g}")
     if not 0 <= robust <= 10:
         raise InputError(f"robust: expected 0 to 10 degrees Celsius, got {robust:g}")
+    if not 0 <= quiet_ears < np.inf:
+        raise InputError(f"quiet_ears: expected 0 or more, got {quiet_ears:g}")
 
 
 def _bounded(answer: Answer) -> tuple[Answer, Array]:

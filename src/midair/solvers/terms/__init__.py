@@ -8,6 +8,7 @@ from midair.solvers.terms.cells import Cells, CellTarget, cell_misfit
 from midair.solvers.terms.guard import Guard, GuardField, excess, excess_rows
 from midair.solvers.terms.level import automatic_level
 from midair.solvers.terms.points import misfit
+from midair.solvers.terms.quiet_ears import QuietEars
 from midair.solvers.terms.smooth import change
 from midair.solvers.terms.temperatures import airs_around, psi_in_each
 
@@ -16,6 +17,7 @@ __all__ = [
     "Cells",
     "Guard",
     "GuardField",
+    "QuietEars",
     "airs_around",
     "automatic_level",
     "cell_misfit",

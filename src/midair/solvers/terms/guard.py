@@ -84,13 +84,27 @@ class GuardField:
     ----------
     G : ndarray of complex, shape (guard point, transducer)
         In the unit of the problem's G.
-    ceiling, weight : float
+    ceiling : float or ndarray, shape (guard point,)
+        As in `Guard`; 0 for rows that are to be as quiet as can be, see `terms.quiet_ears`.
+    weight : float
         As in `Guard`.
     """
 
     G: NDArray[np.complex128]
-    ceiling: float
+    ceiling: float | NDArray[np.float64]
     weight: float
+
+    @property
+    def ceilings(self) -> NDArray[np.float64]:
+        """Of each point, shape (guard point,)."""
+        return np.array(np.broadcast_to(self.ceiling, len(self.G)), np.float64)
+
+    def and_quiet(self, rows: NDArray[np.complex128], weight: float) -> "GuardField":
+        """The same with rows that are to be as quiet as can be, with a weight of their own."""
+        ceiling = np.concatenate([self.ceilings, np.zeros(len(rows))])
+        # Above a ceiling of 0 is everything: what is left of the term is its square, which takes the weight in.
+        G = np.concatenate([self.G, np.sqrt(weight / self.weight) * rows])
+        return GuardField(G=G, ceiling=ceiling, weight=self.weight)
 
 
 def excess(xp: Any, y: Rows, ceiling: Rows, weight: float) -> tuple[Numbers, Rows]:

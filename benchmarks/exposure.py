@@ -1,0 +1,174 @@
+"""What the exposure gate misses, what it says too much, and how long it takes: `python -m benchmarks.exposure`.
+
+Foci anywhere in the cubes of the head, a third of them on a surface; an adversary that changes the phases of a focus, step
+by step, until it is loud at one point and quiet at every point that the gate looks at; drives of recordings against the
+field at all points a tenth of a wavelength apart; and a drive of 5 s beside the gate of 27 points that there was before.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.clock import load
+from midair.datasets import brush_stroke, sponge_stroke, towel_stroke
+from midair.files import profile_named
+from midair.flow import reproduce
+from midair.model import Acoustics, Drive, TransducerArray
+from midair.physics import ExposureProfile, Place, cone_points, exposure, focus_phase, sound_level, transfer_matrix
+from midair.settings import paper_mode
+
+ARRAY = TransducerArray.autd3()
+PROFILE = profile_named("occupational-110")
+PARTS = ("foci", "adversary", "natural", "time")
+
+
+def main() -> None:
+    ask = argparse.ArgumentParser(prog="python -m benchmarks.exposure", description=__doc__.splitlines()[0])
+    ask.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these parts (default all)")
+    ask.add_argument("--foci", type=int, default=10_000, help="random foci (default 10000)")
+    ask.add_argument("--attacks", type=int, default=96, help="points that the adversary tries at each ear (default 96)")
+    ask.add_argument("--steps", type=int, default=200, help="of each attack (default 200)")
+    ask.add_argument("--frames", type=int, default=5000, help="of the drive that is timed (default 5000)")
+    said = ask.parse_args()
+    print(load())
+    rng = np.random.default_rng(2026)
+    if "foci" in said.part:
+        foci(said.foci, rng)
+    if "adversary" in said.part:
+        for place in PROFILE.places[:2]:
+            adversary(place, said.attacks, said.steps, rng)
+    if "natural" in said.part:
+        natural()
+    if "time" in said.part:
+        timed(said.frames, rng)
+
+
+def foci(count: int, rng: np.random.Generator) -> None:
+    for place in PROFILE.places[:3]:
+        over = []
+        for _ in range(0, count // 3, 512):
+            points = somewhere(place, 512, rng)
+            drive = told(np.stack([focus_phase(ARRAY, point) for point in points]))
+            true = sound_level(np.abs((drive.q * transfer_matrix(points, ARRAY)).sum(axis=1)))
+            over.append(exposure(drive, alone(place)).level[:, 0] - true)
+        over = np.concatenate(over)
+        print(f"{len(over)} foci at the {place.name}: said minus true {over.min():+.2f} to {over.max():+.2f} dB")
+
+
+def adversary(place: Place, attacks: int, steps: int, rng: np.random.Generator, *, batch: int = 24) -> None:
+    looked_at = transfer_matrix(cone_points(place, ARRAY, Acoustics()), ARRAY).astype(np.complex64)
+    missed = []
+    for first in range(0, attacks, batch):
+        wanted = transfer_matrix(somewhere(place, batch, rng), ARRAY).astype(np.complex64)
+        # Half begin as a focus on the point, half anywhere.
+        start = -np.angle(wanted) if first // batch % 2 == 0 else rng.uniform(0, 2 * np.pi, wanted.shape)
+        phase = attack(start, wanted, looked_at, steps)
+        drive = told(phase)
+        true = sound_level(np.abs((drive.q * wanted).sum(axis=1)))
+        missed.append(true - exposure(drive, alone(place)).level[:, 0])
+    missed = np.concatenate(missed)
+    print(
+        f"adversary, {len(missed)} attacks at the {place.name}: true minus said, worst {missed.max():+.2f} dB", end=""
+    )
+    print(f", mean {missed.mean():+.2f} dB")
+
+
+def attack(
+    phase: NDArray[np.float64], wanted: NDArray[np.complex64], looked_at: NDArray[np.complex64], steps: int
+) -> NDArray[np.float64]:
+    """Phases that are loud at the points wanted, one a row, and quiet where the gate looks; by Adam."""
+    pace, size = np.zeros_like(phase), np.zeros_like(phase)
+    back = np.ascontiguousarray(looked_at.T)
+    for step in range(steps):
+        q = np.exp(1j * phase).astype(np.complex64)
+        seen, there = q @ back, (q * wanted).sum(axis=1, keepdims=True)
+        power = np.abs(seen) ** 2
+        weight = (power / power.max(axis=1, keepdims=True)) ** (4 + 28 * min(1.0, step / (0.7 * steps)))
+        weight /= weight.sum(axis=1, keepdims=True)
+        uphill = wanted / there - (weight / power * seen.conj()) @ looked_at
+        slope = -(uphill * q).imag
+        pace, size = 0.9 * pace + 0.1 * slope, 0.99 * size + 0.01 * slope**2
+        rate = 0.15 * (1 - 0.9 * step / steps)
+        phase = phase + rate * pace / (1 - 0.9 ** (step + 1)) / (np.sqrt(size / (1 - 0.99 ** (step + 1))) + 1e-8)
+    return np.asarray(phase, np.float64)
+
+
+def natural() -> None:
+    """The loudest frames of drives of recordings, by the gate, on a grid of a tenth of a wavelength."""
+    for name, stroke in (("towel", towel_stroke), ("brush", brush_stroke), ("sponge", sponge_stroke)):
+        for height, gain in ((0.15, 1.0), (0.2, 0.3), (0.25, 1.0)):
+            settings = paper_mode()
+            grid = replace(settings.target.grid, height=height)
+            settings = settings.but(grid=grid, rate=1000.0, method="fast", gain=gain, level="auto")
+            drive = reproduce(pressure_of(stroke), ARRAY, settings).solution.drive
+            said = exposure(drive, PROFILE)
+            over = []
+            for number, place in enumerate(PROFILE.places[:2]):
+                loud = np.argsort(said.level[:, number])[-40:]
+                over.append(said.peak[number] - finest(drive, place, loud))
+            print(f"{name} at {1e3 * height:.0f} mm, gain {gain:g}: said minus true {over[0]:+.2f}, {over[1]:+.2f} dB")
+
+
+def pressure_of(stroke: object) -> object:
+    raise NotImplementedError
+
+
+def finest(drive: Drive, place: Place, frames: NDArray[np.int64]) -> float:
+    """Level of the loudest of some frames on a grid of a tenth of a wavelength over the cube, in dB."""
+    steps = np.linspace(-place.reach, place.reach, int(np.ceil(2 * place.reach / 0.85e-3)) + 1)
+    q = drive.q[frames].T.astype(np.complex64)
+    loudest = 0.0
+    y, z = (each.ravel() for each in np.meshgrid(steps, steps, indexing="ij"))
+    for x in steps:
+        points = np.stack([np.full(y.size, x), y, z], axis=1) + place.position
+        loudest = max(loudest, float(np.abs(transfer_matrix(points, ARRAY).astype(np.complex64) @ q).max()))
+    return float(sound_level(np.array(loudest)))
+
+
+def timed(frames: int, rng: np.random.Generator) -> None:
+    drive = told(rng.uniform(0, 2 * np.pi, (frames, ARRAY.count)))
+    for _ in range(3):
+        began = time.perf_counter()
+        corners(drive)
+        before = time.perf_counter() - began
+        began = time.perf_counter()
+        exposure(drive, PROFILE)
+        print(f"{frames} frames: 27 points {before:.2f} s, bound {time.perf_counter() - began:.2f} s")
+
+
+def corners(drive: Drive) -> NDArray[np.float64]:
+    """The gate of before: the loudest of 27 points of each place, in double precision."""
+    points = np.concatenate([place.points for place in PROFILE.places])
+    matrix = transfer_matrix(points, drive.array, acoustics=drive.acoustics).T
+    level = np.empty((drive.frames, len(PROFILE.places)))
+    for first in range(0, drive.frames, 256):
+        part = slice(first, first + 256)
+        q = drive.level[part, None] * np.exp(1j * drive.phase[part])
+        level[part] = sound_level(np.abs(q @ matrix).reshape(-1, len(PROFILE.places), 27).max(axis=2))
+    return level
+
+
+def somewhere(place: Place, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Points of a place's cube: two in three inside, the third on a face, an edge or a corner."""
+    share = rng.uniform(-1, 1, (count, 3))
+    for number in range(0, count, 3):
+        sides = rng.permutation(3)[: 1 + number // 3 % 3]
+        share[number, sides] = rng.choice([-1, 1], len(sides))
+    return np.array(place.position) + place.reach * share
+
+
+def alone(place: Place) -> ExposureProfile:
+    return ExposureProfile(name="one", title="", source="", evidence="", places=(place,))
+
+
+def told(phase: NDArray[np.float64]) -> Drive:
+    return Drive(phase=phase, level=np.ones(len(phase)), rate=1000.0, array=ARRAY)
+
+
+if __name__ == "__main__":
+    main()
