@@ -1,26 +1,34 @@
 """What the exposure gate misses, what it says too much, and how long it takes: `python -m benchmarks.exposure`.
 
-Foci anywhere in the cubes of the head, a third of them on a surface; an adversary that changes the phases of a focus, step
-by step, until it is loud at one point and quiet at every point that the gate looks at; drives of recordings against the
-field at all points a tenth of a wavelength apart; and a drive of 5 s beside the gate of 27 points that there was before.
+Foci anywhere in the cubes of the head, a third of them on a surface; an adversary that changes phases, step by step,
+until they are loud at one point and quiet at every point that the gate looks at; drives of strokes against the field at
+all points a tenth of a wavelength apart; and a drive of 5 s beside the gate of 27 points that there was before.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.clock import load
-from midair.datasets import brush_stroke, sponge_stroke, towel_stroke
+from midair.datasets import stroke
 from midair.files import profile_named
-from midair.flow import reproduce
-from midair.model import Acoustics, Drive, TransducerArray
-from midair.physics import ExposureProfile, Place, cone_points, exposure, focus_phase, sound_level, transfer_matrix
-from midair.settings import paper_mode
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, TransducerArray
+from midair.physics import (
+    ExposureProfile,
+    Place,
+    cone_points,
+    exposure,
+    focus_amplitude,
+    focus_phase,
+    sound_level,
+    transfer_matrix,
+)
+from midair.solvers import solve
+from midair.targets import prepare
 
 ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")
@@ -34,6 +42,7 @@ def main() -> None:
     ask.add_argument("--attacks", type=int, default=96, help="points that the adversary tries at each ear (default 96)")
     ask.add_argument("--steps", type=int, default=200, help="of each attack (default 200)")
     ask.add_argument("--frames", type=int, default=5000, help="of the drive that is timed (default 5000)")
+    ask.add_argument("--apart", type=float, default=0.1, help="points of the finest grid, in wavelengths (default .1)")
     said = ask.parse_args()
     print(load())
     rng = np.random.default_rng(2026)
@@ -43,7 +52,7 @@ def main() -> None:
         for place in PROFILE.places[:2]:
             adversary(place, said.attacks, said.steps, rng)
     if "natural" in said.part:
-        natural()
+        natural(said.apart)
     if "time" in said.part:
         timed(said.frames, rng)
 
@@ -98,29 +107,27 @@ def attack(
     return np.asarray(phase, np.float64)
 
 
-def natural() -> None:
-    """The loudest frames of drives of recordings, by the gate, on a grid of a tenth of a wavelength."""
-    for name, stroke in (("towel", towel_stroke), ("brush", brush_stroke), ("sponge", sponge_stroke)):
-        for height, gain in ((0.15, 1.0), (0.2, 0.3), (0.25, 1.0)):
-            settings = paper_mode()
-            grid = replace(settings.target.grid, height=height)
-            settings = settings.but(grid=grid, rate=1000.0, method="fast", gain=gain, level="auto")
-            drive = reproduce(pressure_of(stroke), ARRAY, settings).solution.drive
-            said = exposure(drive, PROFILE)
-            over = []
+def natural(apart: float, *, frames: int = 300, loudest: int = 30) -> None:
+    """Drives of strokes: the peak that is said, and that of the loudest frames on the finest grid."""
+    for name in ("towel", "brush", "sponge"):
+        for height, strength in ((0.15, 0.05), (0.2, 0.15), (0.25, 0.3)):
+            grid = ControlGrid(height=height)
+            amplitude = prepare(stroke(name), grid=grid).amplitude
+            amplitude = amplitude[amplitude.max(axis=1) > 0.01 * amplitude.max()][:frames]
+            amplitude = strength * focus_amplitude(grid, ARRAY) * amplitude / amplitude.max()
+            target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid)
+            drive = solve(target, ARRAY, method="fast", level="auto").drive
+            said, over = exposure(drive, PROFILE), []
             for number, place in enumerate(PROFILE.places[:2]):
-                loud = np.argsort(said.level[:, number])[-40:]
-                over.append(said.peak[number] - finest(drive, place, loud))
-            print(f"{name} at {1e3 * height:.0f} mm, gain {gain:g}: said minus true {over[0]:+.2f}, {over[1]:+.2f} dB")
+                frames_there = np.argsort(said.level[:, number])[-loudest:]
+                over.append(said.peak[number] - finest(drive, place, frames_there, apart))
+            print(f"{name:6} {1e3 * height:.0f} mm, strength {strength:.2f}: said minus true", end=" ")
+            print(f"{over[0]:+.2f} and {over[1]:+.2f} dB", flush=True)
 
 
-def pressure_of(stroke: object) -> object:
-    raise NotImplementedError
-
-
-def finest(drive: Drive, place: Place, frames: NDArray[np.int64]) -> float:
-    """Level of the loudest of some frames on a grid of a tenth of a wavelength over the cube, in dB."""
-    steps = np.linspace(-place.reach, place.reach, int(np.ceil(2 * place.reach / 0.85e-3)) + 1)
+def finest(drive: Drive, place: Place, frames: NDArray[np.int64], apart: float) -> float:
+    """Level of the loudest of some frames on a grid over the cube, in dB."""
+    steps = np.linspace(-place.reach, place.reach, int(np.ceil(2 * place.reach / (8.5e-3 * apart))) + 1)
     q = drive.q[frames].T.astype(np.complex64)
     loudest = 0.0
     y, z = (each.ravel() for each in np.meshgrid(steps, steps, indexing="ij"))

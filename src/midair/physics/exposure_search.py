@@ -22,7 +22,7 @@ from midair.physics.propagation import transfer_matrix, wavenumber
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
-ALLOWANCE = 1.3
+ALLOWANCE = 1.2
 """Put on the loudest point of a cube, in dB: between the points it can be this much louder, and half a decibel more."""
 
 
@@ -172,8 +172,8 @@ def _search(field: NDArray[np.complexfloating], corners: Array, *, allowance: fl
     ceiling = corners.max(axis=0)
     # What modes leave out is 52 dB below all transducers in step.
     enough = 2.5e-3 * float(ceiling.sum())
-    tried = 160
-    while tried * sum(field.shape) < field.size:
+    tried = min(160, len(field) // 3)
+    while 0 < tried * sum(field.shape) < field.size:
         shapes, modes = _modes(field, tried, enough)
         left_out = float(np.abs(field - shapes @ modes).sum(axis=1).max())
         if left_out < enough:
