@@ -223,3 +223,26 @@ def read_frames(path):
         return open_take(path).recording.frames
     except BrokenFileError:
         return 0
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows limits the size of no file")
+def test_a_limit_of_the_size_of_files_ends_a_recording_in_one_line_that_is_true(tmp_path):
+    """As of a shell's `ulimit -f 512`; it was exit status 139 and a file that nothing opened."""
+    import resource
+
+    done = subprocess.run(
+        [*MIDAIR, "record", "virtual:towel", "n.h5", "--duration", "15s", "--quiet"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2**19, 2**19)),
+    )
+    assert done.returncode == 1
+    (line,) = [each for each in done.stderr.splitlines() if each.startswith("midair:")]
+    safe = re.fullmatch(r"midair: .*n\.h5: cannot be written: File too large; the (\d+) frames so far are safe", line)
+    assert safe is not None, line
+    take = open_take(tmp_path / "n.h5")
+    assert take.recording.frames == int(safe[1]) > 100
+    assert take.report == ()
+    assert "Traceback" not in done.stderr
