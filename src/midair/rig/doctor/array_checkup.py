@@ -11,7 +11,7 @@ from midair.rig.doctor.check import Check
 from midair.rig.names import array_named
 
 _ADVICE = {
-    "firmware": "update the units to series 0.12, or use pyautd3 for older ones",
+    "firmware": "update the units to series 0.12 by the makers' console; firmware v10 to v12.1 plays with pyautd3",
     "link": "a wired interface of its own, no switch with energy saving; most lost links are weak power supplies",
     "failsafe": "it acted because the computer went silent: look for a sleeping or overloaded computer",
     "temperature": "let the units cool, and lower the level",
