@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from midair.errors import NonFiniteError, ShapeError
+from midair.errors import InputError, NonFiniteError, ShapeError
 from midair.model import Recording, SensorGrid
-from midair.reel import BYTES, Moments, Reel, blocks, each_frame, made_of, moments, stretches
+from midair.reel import BYTES, Moments, Reel, blocks, each_frame, made_of, moments, stretches, told_in_order
 from midair.validation import check_finite, frozen_array
 
 X = np.random.default_rng(0).standard_normal((1000, 2, 3)).cumsum(axis=0) + 40
@@ -120,3 +120,17 @@ def test_nouns_hold_reels_and_look_at_their_shape():
 def test_a_number_that_is_none_is_named_by_its_place_in_the_whole():
     with pytest.raises(NonFiniteError, match=r"samples.*nan at \(102, 1\)"):
         check_finite(np.array([[0, 0], [0, 0], [0, np.nan]]), "samples", frame=100)
+
+
+def test_some_frames_are_read_one_by_one():
+    np.testing.assert_array_equal(reel_of(X)[np.array([5, 900, -1])], X[[5, 900, -1]])
+    chosen = X[:, 0, 0] > 40
+    np.testing.assert_array_equal(reel_of(X)[chosen], X[chosen])
+
+
+def test_parts_that_come_once_are_read_in_their_order():
+    reel = told_in_order(iter([X[:300], X[300:310], X[310:]]), X.shape)
+    np.testing.assert_array_equal(reel.read(0, 305), X[:305])
+    with pytest.raises(InputError, match="frame 305 to be read next, got frame 0"):
+        reel.read(0, 10)
+    np.testing.assert_array_equal(reel.read(305, 1000), X[305:])

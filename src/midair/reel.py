@@ -5,13 +5,16 @@ others. What goes through it in `blocks` needs the memory of a block; NumPy take
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from midair.errors import InputError
 
 Array = NDArray[np.float64]
 Stored = Literal["f4", "f8"]
@@ -69,7 +72,7 @@ class Reel:
         return self._read(first, last)
 
     def __getitem__(self, key: Any) -> Any:
-        """Frames from here to there as a reel, one frame as an array, and anything else of the whole array."""
+        """Frames from here to there as a reel, one frame or some as an array, and anything else of the whole array."""
         if isinstance(key, slice) and key.step in (None, 1):
             first, last, _ = key.indices(len(self))
             if (first, last) == (0, len(self)):
@@ -82,6 +85,9 @@ class Reel:
         if isinstance(key, int | np.integer):
             frame = range(len(self))[int(key)]
             return self._read(frame, frame + 1)[0]
+        if isinstance(key, np.ndarray) and key.ndim == 1:
+            rows = np.flatnonzero(key) if key.dtype == bool else key
+            return np.concatenate([self._read(int(row), int(row) + 1) for row in np.arange(len(self))[rows]])
         return np.asarray(self)[key]
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
@@ -97,7 +103,7 @@ class Reel:
         """The frames in order, `size` at a time; about eight megabytes if None."""
         yield from (self._read(first, last) for first, last in stretches(self.shape, size))
 
-    def mapped(self, function: Callable[[Array], Array], *, stored: Stored = "f8") -> "Reel":
+    def mapped(self, function: Callable[[Array], Any], *, stored: Stored = "f8") -> "Reel":
         """What `function` makes of every frame; it takes (frame, ...) and gives as many frames."""
         some = function(self._read(0, 1))
         return Reel(lambda a, b: function(self._read(a, b)), (len(self), *some.shape[1:]), stored=stored)
@@ -194,14 +200,19 @@ def stretches(shape: tuple[int, ...], size: int | None = None) -> Iterator[tuple
     yield from ((first, min(first + step, shape[0])) for first in range(0, shape[0], step))
 
 
-def blocks(x: "Array | Reel", size: int | None = None) -> Iterator[Array]:
+def blocks(x: "NDArray[Any] | Reel", size: int | None = None) -> Iterator[NDArray[Any]]:
     """The frames of an array or a reel in order, `size` at a time; about eight megabytes if None."""
     if isinstance(x, Reel):
         return x.blocks(size)
     return (x[first:last] for first, last in stretches(x.shape, size))
 
 
-def each_frame(x: Any, function: Callable[[Array], Array], *, exact: bool = False) -> Any:
+def taken(x: "NDArray[Any] | Reel", first: int, last: int) -> NDArray[Any]:
+    """Frames of an array or a reel from `first` up to `last`, in memory."""
+    return x.read(first, last) if isinstance(x, Reel) else x[first:last]
+
+
+def each_frame(x: Any, function: Callable[[Array], Any], *, exact: bool = False) -> Any:
     """What `function` makes of all frames: of an array at once, of a reel when they are read.
 
     Parameters
@@ -214,6 +225,31 @@ def each_frame(x: Any, function: Callable[[Array], Array], *, exact: bool = Fals
         Whether what fits into float32 still does after it.
     """
     return x.mapped(function, stored=x.stored if exact else "f8") if isinstance(x, Reel) else function(x)
+
+
+def told_in_order(parts: Iterable[Array], shape: tuple[int, ...]) -> Reel:
+    """A reel of parts that come once, one after another, and must be read in that order.
+
+    Parameters
+    ----------
+    parts : iterable of ndarray, shape (frame, ...)
+        As many frames together as `shape` says.
+    shape : tuple of int
+        Of the whole.
+    """
+    coming, waiting, given = iter(parts), [np.zeros((0, *shape[1:]))], 0
+
+    def read(first: int, last: int) -> Array:
+        nonlocal given
+        if first != given:
+            raise InputError(f"reel: expected frame {given} to be read next, got frame {first}")
+        while sum(map(len, waiting)) < last - first:
+            waiting.append(next(coming))
+        whole = np.concatenate(waiting)
+        waiting[:], given = [whole[last - first :]], last
+        return whole[: last - first]
+
+    return Reel(read, shape)
 
 
 def made_of(
@@ -237,14 +273,16 @@ def made_of(
         As in `Reel`.
     """
     held: OrderedDict[int, Array] = OrderedDict()
+    lock = Lock()
 
     def segment(number: int) -> Array:
-        if number not in held:
-            held[number] = make(number * size, min((number + 1) * size, shape[0]))
-            while len(held) > kept:
-                held.popitem(last=False)
-        held.move_to_end(number)
-        return held[number]
+        with lock:
+            if number not in held:
+                held[number] = make(number * size, min((number + 1) * size, shape[0]))
+                while len(held) > kept:
+                    held.popitem(last=False)
+            held.move_to_end(number)
+            return held[number]
 
     def read(first: int, last: int) -> Array:
         if last <= first:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -6,7 +8,8 @@ from midair.evaluate import error_in_air
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, TransducerArray
 from midair.physics import focus_amplitude, propagate, radiation_pressure
 from midair.physics.sensing import SensorModel, cell_weights
-from midair.solvers import TAKES, Cells, Guard, solve
+from midair.reel import Reel
+from midair.solvers import TAKES, Cells, Glide, Guard, solve, solve_parts
 
 SMALL = ControlGrid(rows=4, columns=4, pitch=11e-3, height=0.1)
 UNIT = TransducerArray.autd3(columns=1, rows=1)
@@ -212,3 +215,43 @@ def test_a_range_that_is_none_is_refused(robust):
 def test_published_methods_refuse_a_range():
     with pytest.raises(InputError, match=r"method gs: expected terms that it takes \(none\), got robust"):
         solve(target(wave()), UNIT, method="gs", robust=2.0)
+
+
+PARTS = {
+    "naive": {"method": "naive"},
+    "gs-pat": {"method": "gs-pat", "level": "auto"},
+    "exact": {"method": "exact", "iterations": 2},
+    "exact, on their own": {"method": "exact", "iterations": 2, "start": "zero"},
+    "lm": {"method": "lm", "iterations": 1},
+    "fast": {"method": "fast"},
+    "fast, smooth": {"method": "fast", "smooth": 0.01},
+    "fast, bounded": {"method": "fast", "amplitudes": "bounded"},
+    "fast, cells": {"method": "fast", "fit": "cells"},
+    "glide": {"method": Glide(block=128)},
+}
+
+
+@pytest.mark.parametrize("settings", PARTS.values(), ids=PARTS)
+def test_a_recording_in_parts_is_solved_as_a_whole(settings, monkeypatch):
+    monkeypatch.setattr("midair.solvers.solving._TOGETHER", 128)
+    frame = np.arange(300)[:, None]
+    place = 18 + 10 * np.sin(2 * np.pi * frame / 300)
+    amplitude = 2000 * np.abs(np.sin(frame / 50)) * np.exp(-(((np.arange(36) - place) / 5) ** 2))
+    # Silence at the beginning, across a joint, and at the end.
+    amplitude[:3] = amplitude[120:140] = amplitude[298:] = 0
+    grid, array = ControlGrid(rows=6, columns=6, pitch=10e-3), UNIT
+    whole = AmplitudeFrames(amplitude=amplitude, rate=1000, grid=grid)
+    reel = Reel(lambda first, last: amplitude[first:last], amplitude.shape)
+    made, calls = solve(whole, array, **settings), []
+    parts = list(
+        solve_parts(replace(whole, amplitude=reel), array, progress=lambda *told: calls.append(told), **settings)
+    )
+    assert len(parts) > 1
+    # Rounding: products of more or fewer frames at once end in another digit.
+    np.testing.assert_allclose(np.concatenate([part.drive.phase for part in parts]), made.drive.phase, atol=1e-9)
+    np.testing.assert_allclose(np.concatenate([part.drive.level for part in parts]), made.drive.level, rtol=1e-9)
+    np.testing.assert_allclose(np.concatenate([part.error for part in parts]), made.error, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(np.concatenate([part.iterations for part in parts]), made.iterations)
+    assert sum((part.status for part in parts), ()) == made.status
+    assert all(part.drive.provenance == made.drive.provenance for part in parts)
+    assert {total for _, total in calls} == {300}

@@ -18,6 +18,7 @@ from midair.files.native import (
     save_calibration,
     save_pressure,
     save_solution,
+    save_solutions,
     to_json,
 )
 from midair.files.opened_take import OpenedTake
@@ -73,6 +74,7 @@ __all__ = [
     "save_pressure",
     "save_sensor",
     "save_solution",
+    "save_solutions",
     "to_json",
     "to_plain",
     "toml_of",

@@ -9,7 +9,7 @@ from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Follower, Live
 from midair.solvers.methods import METHODS, TAKES, Method, name_of, solver
 from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
-from midair.solvers.solving import Fit, solve
+from midair.solvers.solving import Fit, solve, solve_parts
 from midair.solvers.terms import Cells, Guard
 from midair.solvers.threads import one_blas_thread
 
@@ -35,6 +35,7 @@ __all__ = [
     "one_blas_thread",
     "error_of",
     "solve",
+    "solve_parts",
     "solver",
     "spreading_phase",
 ]

@@ -23,7 +23,7 @@ from midair.model import Progress, Status
 from midair.solvers.backend import Rows, backend
 from midair.solvers.moves import Batch, Machine
 from midair.solvers.phases import hold
-from midair.solvers.problem import Answer, Problem
+from midair.solvers.problem import Answer, End, Problem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ class Fast:
     precision: Literal["single", "double"] = "single"
     backend: str = "numpy"
 
-    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame; silent ones keep those of the frame before them.
 
         The iterations that are reported are those of all three moves, without what the worst quarter gets on top.
@@ -96,17 +96,26 @@ class Fast:
         if len(audible):
             with there.at_work():
                 machine = Machine.of(problem, there, tolerance=self.tolerance, memory=self.memory)
-                self._fill(phase, machine, audible, progress)
+                self._fill(phase, machine, audible, after, progress)
             made[audible] = self._iterations(problem)
-        return Answer(phase=hold(phase, audible), iterations=made, status=_status(len(phase), audible))
+        end = End(theta=phase[audible[-1]]) if len(audible) else after
+        held = hold(phase, audible, None if after is None else after.theta)
+        return Answer(phase=held, iterations=made, status=_status(len(phase), audible), end=end)
 
     def _fill(
-        self, phase: NDArray[np.float64], machine: Machine, audible: NDArray[np.int64], progress: Progress | None
+        self,
+        phase: NDArray[np.float64],
+        machine: Machine,
+        audible: NDArray[np.int64],
+        after: End | None,
+        progress: Progress | None,
     ) -> None:
         """Phases of the audible frames, batch by batch."""
         there = machine.backend
         # Before the first frame nothing sounds: a drive of 0 pulls no phase.
         before = there.xp.zeros_like(machine.lens)
+        if after is not None:
+            before = there.phasor(there.put(after.theta[None]))
         for some in _batches(audible, self.batch or there.rows):
             theta = self._phases(machine, machine.batch(some, faintest=self.faintest), before)
             phase[some], before = there.get(theta), there.phasor(theta[-1:, :])

@@ -22,7 +22,7 @@ from midair.errors import MissingExtraError
 from midair.model import Progress, Status
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
-from midair.solvers.problem import Answer, Problem
+from midair.solvers.problem import Answer, End, Problem
 
 Array = NDArray[np.float64]
 
@@ -66,10 +66,10 @@ class Live:
     memory: int = 6
     faintest: float = 1e-12
 
-    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame, one after another."""
         frames = len(problem.amplitude)
-        follower = self.begin(problem)
+        follower = self.begin(problem) if after is None else after.known
         phase, made, status = np.zeros((frames, problem.transducers)), np.zeros(frames, np.int64), []
         for frame, p in enumerate(problem.amplitude):
             before = follower.iterations
@@ -79,7 +79,7 @@ class Live:
             if progress is not None:
                 progress(frame + 1, frames)
         ended: tuple[Status, ...] = tuple(status)
-        return Answer(phase=phase, iterations=made, status=ended)
+        return Answer(phase=phase, iterations=made, status=ended, end=End(theta=phase[-1], known=follower))
 
     def begin(self, problem: Problem) -> "Follower":
         """A follower for the G of the problem; compiles, so that its first frame is not late."""

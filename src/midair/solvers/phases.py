@@ -19,11 +19,13 @@ def rippled(q: Complex) -> Complex:
     return (unit(q) * np.exp(0.3j * np.sin(2.4 * np.arange(len(q))))).astype(q.dtype)
 
 
-def hold(phase: NDArray[np.float64], audible: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Phases of silent frames are those of the last audible frame before them; zero before the first."""
+def hold(
+    phase: NDArray[np.float64], audible: NDArray[np.int64], before: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Phases of silent frames are those of the last audible frame before them; `before`, or zero, before the first."""
     if len(audible) == len(phase):
         return phase
     last = np.full(len(phase), -1)
     last[audible] = audible
     last = np.maximum.accumulate(last)
-    return np.where(last[:, None] >= 0, phase[last], 0.0)
+    return np.where(last[:, None] >= 0, phase[last], 0.0 if before is None else before)

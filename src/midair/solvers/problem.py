@@ -7,7 +7,7 @@ G q - diag(p) u, paper eq. (5). It counts as 2M real numbers, real parts first.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,19 +111,38 @@ class Answer:
     level : ndarray, shape (frame,), or None
         Part of the problem's level that each frame is played at, for methods that know only the shape of a field;
         all of it if None.
+    end : End or None
+        What the next part of a recording goes on from; None while nothing has sounded.
     """
 
     phase: Array
     iterations: NDArray[np.int64]
     status: tuple[Status, ...]
     level: Array | None = None
+    end: "End | None" = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class End:
+    """What the frames after a part of a recording go on from; only the method that made it knows more of it.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (transducer,)
+        Phases of the last frame that sounds, in rad: what silent frames after it keep.
+    known : object
+        What else the method goes on from; None where nothing.
+    """
+
+    theta: Array
+    known: Any = None
 
 
 class Solver(Protocol):
     """Settings only; frozen. It never raises for not converging and never returns NaN."""
 
-    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
-        """Phases for each frame of the problem."""
+    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+        """Phases for each frame of the problem, which goes on from where the part before it ended."""
         ...
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from midair.model import Progress, Status
 from midair.solvers.phases import hold, unit
-from midair.solvers.problem import Answer, Problem
+from midair.solvers.problem import Answer, End, Problem
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
@@ -25,10 +25,10 @@ class Naive:
 
     iterations: int = 1
 
-    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame on its own."""
         return _shape_only(
-            problem, unit(problem.amplitude.astype(complex) @ problem.G.conj()), self.iterations, progress
+            problem, unit(problem.amplitude.astype(complex) @ problem.G.conj()), self.iterations, after, progress
         )
 
 
@@ -43,13 +43,13 @@ class GerchbergSaxton:
 
     iterations: int = 100
 
-    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame on its own."""
         p = problem.amplitude
         u = np.ones(p.shape, complex)
         for _ in range(self.iterations):
             u = unit(unit((p * u) @ problem.G.conj()) @ problem.G.T)
-        return _shape_only(problem, unit((p * u) @ problem.G.conj()), self.iterations, progress)
+        return _shape_only(problem, unit((p * u) @ problem.G.conj()), self.iterations, after, progress)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +62,7 @@ class WeightedGerchbergSaxton:
 
     iterations: int = 100
 
-    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame on its own."""
         p = problem.amplitude
         sounding = p > 0
@@ -74,7 +74,7 @@ class WeightedGerchbergSaxton:
             w = w * np.where(sounding, scale * p / np.maximum(size, 1e-300), 0.0)
             # Only their ratios matter, and unscaled they would run out of range.
             w /= np.maximum(w.max(axis=1, keepdims=True), 1e-300)
-        return _shape_only(problem, unit((w * u) @ problem.G.conj()), self.iterations, progress)
+        return _shape_only(problem, unit((w * u) @ problem.G.conj()), self.iterations, after, progress)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ class GSPAT:
 
     iterations: int = 100
 
-    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame on its own."""
         p = problem.amplitude
         power = (np.abs(problem.G) ** 2).sum(axis=1, keepdims=True)
@@ -99,7 +99,7 @@ class GSPAT:
         y = a @ R.T
         # The last pass makes up for magnitudes that the iteration, which turns phases only, has missed.
         last = p**2 * unit(y) / np.maximum(np.abs(y), 1e-300)
-        return _shape_only(problem, unit(last @ back.T), self.iterations, progress)
+        return _shape_only(problem, unit(last @ back.T), self.iterations, after, progress)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +123,7 @@ class Greedy:
     iterations: int = 1
     seed: int = 0
 
-    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame on its own."""
         choices = np.exp(2j * np.pi * np.arange(self.levels) / self.levels)
         p, G = problem.amplitude, problem.level * problem.G
@@ -138,7 +138,7 @@ class Greedy:
                 best = ((trial - p[:, None, :]) ** 2).sum(axis=2).argmin(axis=1)
                 q[:, n] = choices[best]
                 y += q[:, n, None] * G[:, n]
-        return _answer(problem, q, self.iterations, progress)
+        return _answer(problem, q, self.iterations, after, progress)
 
 
 def best_level(problem: Problem, theta: Array) -> Array:
@@ -150,12 +150,12 @@ def best_level(problem: Problem, theta: Array) -> Array:
     return np.clip(fit / np.where(power > 0, power, 1), 0, 1)
 
 
-def _shape_only(problem: Problem, q: Complex, iterations: int, progress: Progress | None) -> Answer:
-    answer = _answer(problem, q, iterations, progress)
+def _shape_only(problem: Problem, q: Complex, iterations: int, after: End | None, progress: Progress | None) -> Answer:
+    answer = _answer(problem, q, iterations, after, progress)
     return replace(answer, level=best_level(problem, answer.phase))
 
 
-def _answer(problem: Problem, q: Complex, iterations: int, progress: Progress | None) -> Answer:
+def _answer(problem: Problem, q: Complex, iterations: int, after: End | None, progress: Progress | None) -> Answer:
     """Phases of q; silent frames hold those of the frame before."""
     frames = len(q)
     audible = np.flatnonzero(problem.amplitude.any(axis=1))
@@ -166,4 +166,6 @@ def _answer(problem: Problem, q: Complex, iterations: int, progress: Progress | 
         status[frame] = "iterations"
     if progress is not None:
         progress(frames, frames)
-    return Answer(phase=hold(np.angle(q).astype(np.float64), audible), iterations=made, status=tuple(status))
+    phase = hold(np.angle(q).astype(np.float64), audible, None if after is None else after.theta)
+    end = End(theta=phase[-1]) if len(audible) else after
+    return Answer(phase=phase, iterations=made, status=tuple(status), end=end)

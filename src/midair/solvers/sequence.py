@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Progress, Status
-from midair.solvers.problem import Answer, Problem, Start
+from midair.solvers.problem import Answer, End, Problem, Start
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,7 @@ def solve_in_turn(
     iterations: tuple[int, int],
     start: Start,
     first: Array | None = None,
+    after: End | None = None,
     progress: Progress | None = None,
 ) -> Answer:
     """Solve each frame with `one`; a frame without any target is silent and hands the phases on as they are.
@@ -48,6 +49,8 @@ def solve_in_turn(
         Start of every frame after the first; with "zero" each is on its own.
     first : ndarray, shape (frame, transducer + point), optional
         x that a frame on its own starts from; zero if None.
+    after : End, optional
+        Where the frame before the first one ended.
     progress : callable, optional
         Called with (frames done, frames in all).
 
@@ -62,7 +65,9 @@ def solve_in_turn(
     phase = np.zeros((frames, problem.transducers))
     made = np.zeros(frames, np.int64)
     status: list[Status] = []
-    warm = False
+    if after is not None:
+        x = after.known
+    warm = after is not None
     for frame, p in enumerate(problem.amplitude):
         if p.any():
             fresh = start == "zero" or not warm
@@ -74,4 +79,5 @@ def solve_in_turn(
         phase[frame] = x[: problem.transducers]
         if progress is not None:
             progress(frame + 1, frames)
-    return Answer(phase=phase, iterations=made, status=tuple(status))
+    end = End(theta=x[: problem.transducers], known=x) if warm else None
+    return Answer(phase=phase, iterations=made, status=tuple(status), end=end)

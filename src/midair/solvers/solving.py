@@ -1,7 +1,9 @@
 """From the sound amplitude that is wanted to the drive that makes it: the stage of the pipeline."""
 
-from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from itertools import chain
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +11,14 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, Solution, TransducerArray
 from midair.physics import quantise_phase, radiation_pressure, transfer_matrix
+from midair.reel import blocks
 from midair.solvers.amplitudes import Amplitudes, doubled, halves
+from midair.solvers.fast import Fast
+from midair.solvers.glide import Glide
 from midair.solvers.lens import spreading_phase
 from midair.solvers.methods import Method, check_terms, name_of
 from midair.solvers.methods import solver as solver_of
-from midair.solvers.problem import Answer, Problem, Start, Term, error_of
+from midair.solvers.problem import Answer, End, Problem, Start, Term, error_of
 from midair.solvers.terms import Cells, Guard, GuardField, QuietEars, airs_around, automatic_level, psi_in_each
 from midair.solvers.threads import one_blas_thread
 
@@ -107,56 +112,241 @@ def solve(
     MissingExtraError
         If a backend, or Numba for "live", is not installed.
     """
-    solver = solver_of(method, iterations=iterations, start=start, backend=backend, jobs=jobs)
-    _check(level, bits, amplitudes, fit, smooth, robust, quiet_ears)
-    acoustics = acoustics or Acoustics()
-    ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
-    asked: set[Term] = {"amplitudes"} if amplitudes == "bounded" else set()
-    asked |= {"robust"} if robust > 0 else set()
-    asked |= {"quiet-ears"} if quiet_ears > 0 else set()
-    ears = QuietEars(weight=quiet_ears) if quiet_ears > 0 else None
-    cells = Cells() if fit == "cells" else None if fit == "points" else fit
-    own = _Scene.of(target, array, (acoustics,)).problem(level, ring, cells, smooth, ears)
-    airs = airs_around(acoustics, robust)
-    problem = own if len(airs) == 1 else _Scene.of(target, array, airs).problem(level, ring, cells, smooth, ears)
-    check_terms(method, asked | problem.terms)
-    with one_blas_thread():
-        if amplitudes == "bounded":
-            answer, part = _bounded(solver.solve(doubled(problem), progress=progress))
-        else:
-            answer = solver.solve(problem, progress=progress)
-            part = answer.level
-        # Rounded before the error is taken, so that it is the error of what will be played.
-        phase = np.mod(answer.phase, 2 * np.pi) if bits is None else quantise_phase(answer.phase, bits=bits)
-        error = error_of(own, phase, part)
-    audible = np.array([status != "silent" for status in answer.status], float)
-    # Transposed twice, so that (frame,) and (frame, transducer) are both multiplied frame by frame.
-    played = problem.level * (audible if part is None else (audible * part.T).T)
-    settings: dict[str, Setting] = {
-        "method": name_of(method),
-        "level": problem.level,
-        "amplitudes": amplitudes,
-        "fit": "points" if problem.cells is None else "cells",
-        "smooth": smooth,
-        "robust_c": robust,
-        "quiet_ears": quiet_ears,
-        "bits": bits,
-        "directivity": acoustics.directivity,
-        "speed_m_s": acoustics.medium.speed,
-        "temperature_c": acoustics.medium.temperature,
-        "humidity": acoustics.medium.humidity,
-    }
-    if ring is not None:
-        settings |= {f"guard_{name}": value for name, value in _settings(ring).items()}
-    drive = Drive(
-        phase=phase,
-        level=played,
-        rate=target.rate,
-        array=array,
+    order = _Order.of(
+        target,
+        array,
+        method=method,
         acoustics=acoustics,
-        provenance=target.provenance.then("solve", settings | {"array": array.name} | _settings(solver)),
+        iterations=iterations,
+        start=start,
+        level=level,
+        amplitudes=amplitudes,
+        guard=guard,
+        fit=fit,
+        smooth=smooth,
+        robust=robust,
+        quiet_ears=quiet_ears,
+        bits=bits,
+        backend=backend,
+        jobs=jobs,
     )
-    return Solution(drive=drive, error=error, iterations=answer.iterations, status=answer.status)
+    return order.solve(target, None, progress)[0]
+
+
+def solve_parts(
+    target: AmplitudeFrames, array: TransducerArray, *, progress: Progress | None = None, **settings: Any
+) -> Iterator[Solution]:
+    """The solution of `solve`, part by part: what is in memory does not grow with the recording.
+
+    Each part goes on from where the one before it ended, at a joint where the method would have ended a batch or a
+    block of frames anyway: all parts together are what `solve` gives, to rounding.
+
+    Parameters
+    ----------
+    target : AmplitudeFrames
+        Its amplitude may be a reel, which is read once, and once more for the level "auto".
+    array : TransducerArray
+        What is to make it.
+    progress : callable, optional
+        Called with (frames done, frames in all).
+    **settings
+        As in `solve`.
+
+    Yields
+    ------
+    Solution
+        Of the next frames.
+
+    Raises
+    ------
+    InputError, MissingExtraError
+        As in `solve`.
+    """
+    return _parts(_Order.of(target, array, **settings), target, progress)
+
+
+def _parts(order: "_Order", target: AmplitudeFrames, progress: Progress | None) -> Iterator[Solution]:
+    after: End | None = None
+    lead, rest, done = np.zeros((0, target.grid.count)), np.zeros((0, target.grid.count)), 0
+    for block in chain(blocks(target.amplitude, _READ), [None]):
+        rest = rest if block is None else np.concatenate([rest, block])
+        while cut := order.joint(rest, first=after is None) or (len(rest) if block is None else 0):
+            known = len(lead)
+            part = replace(target, amplitude=np.concatenate([lead, rest[:cut]]))
+            told = None if progress is None else _beyond(progress, done - known, target.frames)
+            solution, after = order.solve(part, after, told)
+            yield _without(solution, known)
+            sounding = np.flatnonzero(rest[:cut].any(axis=1))
+            if order.leads and len(sounding):
+                lead = rest[sounding[-1:]]
+            rest, done = rest[cut:], done + cut
+
+
+def _beyond(progress: Progress, before: int, frames: int) -> Progress:
+    return lambda done, _: progress(before + done, frames)
+
+
+def _without(solution: Solution, known: int) -> Solution:
+    """A solution less its first frames."""
+    if not known:
+        return solution
+    drive = replace(solution.drive, phase=solution.drive.phase[known:], level=solution.drive.level[known:])
+    return Solution(
+        drive=drive,
+        error=solution.error[known:],
+        iterations=solution.iterations[known:],
+        status=solution.status[known:],
+    )
+
+
+_READ = 256
+"""Frames of a target that are read at once."""
+
+_TOGETHER = 1024
+"""Frames that sound in a part, about."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Order:
+    """How a recording is to be solved, whole or part by part."""
+
+    method: str
+    solver: Method
+    own: "_Scene"
+    scene: "_Scene"
+    level: float
+    amplitudes: Amplitudes
+    ring: Guard | None
+    cells: Cells | None
+    smooth: float
+    robust: float
+    quiet_ears: float
+    bits: int | None
+
+    @classmethod
+    def of(
+        cls,
+        target: AmplitudeFrames,
+        array: TransducerArray,
+        *,
+        method: str | Method = "lm",
+        acoustics: Acoustics | None = None,
+        iterations: int | tuple[int, int] | None = None,
+        start: Start | None = None,
+        level: float | Literal["auto"] = 1.0,
+        amplitudes: Amplitudes = "equal",
+        guard: float | Guard | None = None,
+        fit: Fit = "points",
+        smooth: float = 0.0,
+        robust: float = 0.0,
+        quiet_ears: float = 0.0,
+        bits: int | None = None,
+        backend: str | None = None,
+        jobs: int | None = None,
+    ) -> "_Order":
+        solver = solver_of(method, iterations=iterations, start=start, backend=backend, jobs=jobs)
+        _check(level, bits, amplitudes, fit, smooth, robust, quiet_ears)
+        acoustics = acoustics or Acoustics()
+        airs = airs_around(acoustics, robust)
+        own = _Scene.of(target, array, (acoustics,))
+        ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
+        cells = Cells() if fit == "cells" else None if fit == "points" else fit
+        order = cls(
+            method=name_of(method),
+            solver=solver,
+            own=own,
+            scene=own if len(airs) == 1 else _Scene.of(target, array, airs),
+            level=automatic_level(np.array(target.amplitude.max() / own.focus)) if level == "auto" else level,
+            amplitudes=amplitudes,
+            ring=ring,
+            cells=cells,
+            smooth=smooth,
+            robust=robust,
+            quiet_ears=quiet_ears,
+            bits=bits,
+        )
+        asked: set[Term] = {"amplitudes"} if amplitudes == "bounded" else set()
+        asked |= {"robust"} if robust > 0 else set()
+        asked |= {"quiet-ears"} if quiet_ears > 0 else set()
+        terms: dict[Term, bool] = {"guard": ring is not None, "cells": cells is not None, "smooth": smooth > 0}
+        asked |= {term for term, there in terms.items() if there}
+        check_terms(method, asked)
+        return order
+
+    @property
+    def leads(self) -> bool:
+        """Whether a part begins with the last frame of the one before it."""
+        return isinstance(self.solver, Glide)
+
+    def joint(self, amplitude: Array, *, first: bool) -> int:
+        """How many of the next frames are a part that ends where the method can go on; 0 while there are too few."""
+        sounding = np.flatnonzero(amplitude.any(axis=1))
+        # The first part of a recording by bisection has the first mark besides.
+        wanted = self._together() + (self.leads and first)
+        return int(sounding[wanted - 1]) + 1 if len(sounding) >= wanted else 0
+
+    def _together(self) -> int:
+        """How many frames that sound a part has: whole batches, or whole blocks."""
+        if isinstance(self.solver, Glide):
+            whole = self.solver.coarse * max(-(-self.solver.block // self.solver.coarse), 1)
+            return whole * self.solver.jobs
+        if isinstance(self.solver, Fast):
+            whole = self.solver.batch or (128 if self.solver.backend == "numpy" else 4096)
+            return whole * max(1, _TOGETHER // whole)
+        return _TOGETHER
+
+    def _problem(self, scene: "_Scene", target: AmplitudeFrames) -> Problem:
+        ears = QuietEars(weight=self.quiet_ears) if self.quiet_ears > 0 else None
+        return replace(scene, target=target).problem(self.level, self.ring, self.cells, self.smooth, ears)
+
+    def solve(
+        self, target: AmplitudeFrames, after: End | None, progress: Progress | None
+    ) -> tuple[Solution, End | None]:
+        """A part, from where the one before it ended, and where it ends."""
+        own = self._problem(self.own, target)
+        problem = own if self.scene is self.own else self._problem(self.scene, target)
+        with one_blas_thread():
+            asked = doubled(problem) if self.amplitudes == "bounded" else problem
+            answer = self.solver.solve(asked, after=after, progress=progress)
+            end, part = answer.end, answer.level
+            if self.amplitudes == "bounded":
+                answer, part = _bounded(answer)
+            # Rounded before the error is taken, so that it is the error of what will be played.
+            turned = answer.phase
+            phase = np.mod(turned, 2 * np.pi) if self.bits is None else quantise_phase(turned, bits=self.bits)
+            error = error_of(own, phase, part)
+        audible = np.array([status != "silent" for status in answer.status], float)
+        # Transposed twice, so that (frame,) and (frame, transducer) are both multiplied frame by frame.
+        played = self.level * (audible if part is None else (audible * part.T).T)
+        drive = Drive(
+            phase=phase,
+            level=played,
+            rate=target.rate,
+            array=self.own.array,
+            acoustics=self.own.airs[0],
+            provenance=target.provenance.then("solve", self._settings()),
+        )
+        return Solution(drive=drive, error=error, iterations=answer.iterations, status=answer.status), end
+
+    def _settings(self) -> dict[str, Setting]:
+        acoustics = self.own.airs[0]
+        settings: dict[str, Setting] = {
+            "method": self.method,
+            "level": self.level,
+            "amplitudes": self.amplitudes,
+            "fit": "points" if self.cells is None else "cells",
+            "smooth": self.smooth,
+            "robust_c": self.robust,
+            "quiet_ears": self.quiet_ears,
+            "bits": self.bits,
+            "directivity": acoustics.directivity,
+            "speed_m_s": acoustics.medium.speed,
+            "temperature_c": acoustics.medium.temperature,
+            "humidity": acoustics.medium.humidity,
+        }
+        if self.ring is not None:
+            settings |= {f"guard_{name}": value for name, value in _settings(self.ring).items()}
+        return settings | {"array": self.own.array.name} | _settings(self.solver)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

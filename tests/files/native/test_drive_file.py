@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, MismatchError, MissingFileError, NonFiniteError, UnknownFormatError
-from midair.files import load_solution, load_target, save_solution
-from midair.model import Acoustics, AmplitudeFrames, Drive
+from midair.files import load_solution, load_target, save_solution, save_solutions
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Solution, TransducerArray
+from midair.reel import Reel
 
 
 @pytest.fixture
@@ -121,3 +122,45 @@ def test_half_an_air_is_a_damaged_file(path):
         del file.attrs["air_density_kg_m3"]
     with pytest.raises(BrokenFileError, match="expected air_density_kg_m3 beside the rest of the air"):
         load_solution(path)
+
+
+@pytest.mark.parametrize("own_levels", [False, True])
+def test_a_drive_in_parts_is_stored_as_a_whole_and_read_in_parts(tmp_path, own_levels):
+    rng, array = np.random.default_rng(0), TransducerArray.autd3(columns=1, rows=1)
+    shape = (2500, array.count) if own_levels else (2500,)
+    level = rng.uniform(0, 1, shape)
+    drive = Drive(phase=rng.uniform(0, 6, (2500, array.count)), level=level, rate=500, array=array)
+    status = ("converged", "silent", "stalled", "iterations", "converged") * 500
+    whole = Solution(drive=drive, error=rng.uniform(0, 1, 2500), iterations=np.arange(2500), status=status)
+    target = AmplitudeFrames(amplitude=rng.uniform(0, 1, (2500, 4)), rate=500, grid=ControlGrid(rows=2, columns=2))
+
+    def part(first, last):
+        some = replace(drive, phase=drive.phase[first:last], level=level[first:last])
+        told = {name: getattr(whole, name)[first:last] for name in ("error", "iterations", "status")}
+        return Solution(drive=some, **told)
+
+    parts = (part(first, min(first + 700, 2500)) for first in range(0, 2500, 700))
+    save_solutions(parts, tmp_path / "a.drive.h5", frames=2500, target=target)
+    for streamed in (False, True):
+        again = load_solution(tmp_path / "a.drive.h5", streamed=streamed)
+        assert isinstance(again.drive.phase, Reel) == streamed
+        np.testing.assert_array_equal(again.drive.phase, drive.phase)
+        np.testing.assert_array_equal(again.drive.level, level)
+        np.testing.assert_array_equal(again.error, whole.error)
+        np.testing.assert_array_equal(again.iterations, whole.iterations)
+        assert again.status == status
+        wanted = load_target(tmp_path / "a.drive.h5", streamed=streamed)
+        np.testing.assert_array_equal(wanted.amplitude, target.amplitude)
+
+
+def test_a_drive_whose_parts_end_in_an_error_leaves_nothing(tmp_path):
+    array = TransducerArray.autd3(columns=1, rows=1)
+
+    def parts():
+        drive = Drive(phase=np.zeros((5, array.count)), level=np.ones(5), rate=500, array=array)
+        yield Solution(drive=drive, error=np.zeros(5), iterations=np.zeros(5), status=("converged",) * 5)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        save_solutions(parts(), tmp_path / "a.drive.h5", frames=10)
+    assert list(tmp_path.iterdir()) == []

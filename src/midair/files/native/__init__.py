@@ -1,7 +1,7 @@
 """midair's own files: HDF5 by one table of names, and NetCDF."""
 
 from midair.files.native.calibration_file import CALIBRATION_SUFFIX, load_calibration, save_calibration
-from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution, load_target, save_solution
+from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution, load_target, save_solution, save_solutions
 from midair.files.native.hdf5 import check_kind, kind_of, open_file, open_plain, plain_text, stored_dataset
 from midair.files.native.netcdf_file import write_netcdf
 from midair.files.native.provenance_json import from_plain, to_json, to_plain
@@ -30,6 +30,7 @@ __all__ = [
     "save_calibration",
     "save_pressure",
     "save_solution",
+    "save_solutions",
     "stored_dataset",
     "to_json",
     "to_plain",

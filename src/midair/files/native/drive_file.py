@@ -5,15 +5,27 @@ wonder what was rounded.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files.native.axes import check_time, time_values
-from midair.files.native.hdf5 import fixed_text, new_file, open_file, plain_text, read_group, signature, write_group
+from midair.files.native.hdf5 import (
+    finite,
+    fixed_text,
+    new_file,
+    open_file,
+    plain_text,
+    read_group,
+    signature,
+    write_group,
+)
 from midair.files.native.provenance_json import from_json, to_json
 from midair.model import (
     Acoustics,
@@ -27,6 +39,8 @@ from midair.model import (
     Status,
     TransducerArray,
 )
+from midair.reel import Reel, each_frame, told_in_order
+from midair.spool import Spool
 
 DRIVE_SUFFIX = ".drive.h5"
 """Of a drive's file."""
@@ -53,26 +67,103 @@ def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: A
     FileError
         If the file cannot be written.
     """
-    if not os.fspath(path).lower().endswith(DRIVE_SUFFIX):
-        raise UnknownFormatError(f"{path}: expected a name that ends in {DRIVE_SUFFIX} for a drive")
+    _check_name(path)
     values = {**_drive_values(solution.drive), **_solution_values(solution)}
     if target is not None:
         _check_target(target, solution.drive)
         values |= _target_values(target)
-    with new_file(path) as file:
+    _write(values, path)
+
+
+def save_solutions(
+    parts: Iterable[Solution],
+    path: str | os.PathLike[str],
+    *,
+    frames: int,
+    target: AmplitudeFrames | None = None,
+) -> None:
+    """Write a drive that comes in parts, each as soon as it is there; the file gets its name with the last one.
+
+    Of parts that are written their level a frame, error, iterations and status stay in memory: 25 bytes a frame.
+
+    Parameters
+    ----------
+    parts : iterable of Solution
+        One after another, alike in all but their frames.
+    path : str or PathLike
+        As in `save_solution`.
+    frames : int
+        How many there are in all parts together.
+    target : AmplitudeFrames, optional
+        What was wanted, of all parts together.
+
+    Raises
+    ------
+    UnknownFormatError, MismatchError, FileError
+        As in `save_solution`.
+    """
+    _check_name(path)
+    coming = iter(parts)
+    first = next(coming)
+    if target is not None:
+        _check_target(target, replace(first.drive, phase=first.drive.phase[:1], level=first.drive.level[:1]), frames)
+    told = _Told()
+    with Spool(first.drive.array.count) as spool:
+        phases = told_in_order(told.listen(chain([first], coming), spool), (frames, first.drive.array.count))
+        values = {**_drive_values(first.drive), **_solution_values(first), **time_values(frames, first.drive.rate)}
+        # Phases stand first in the table: once they are written, all that is beside them is known.
+        values |= {"phase": phases, **told.later(frames, spool, own_level=first.drive.level.ndim == 2)}
+        if target is not None:
+            values |= _target_values(target)
+        points = 0 if target is None else target.grid.count
+        _write(values, path, room=8 * frames * (first.drive.array.count + points + 4))
+
+
+class _Told:
+    """What parts of a solution say beside their phases, frame by frame."""
+
+    def __init__(self) -> None:
+        self.parts: dict[str, list[np.ndarray]] = {name: [] for name in ("level", "error", "iterations", "status")}
+
+    def listen(self, parts: Iterable[Solution], spool: Spool) -> Iterator[np.ndarray]:
+        """The phases of each part; the rest is kept, levels of single transducers on the disk."""
+        for part in parts:
+            values = _solution_values(part)
+            for name in ("error", "iterations", "status"):
+                self.parts[name].append(values[name])
+            if part.drive.level.ndim == 2:
+                spool.append(part.drive.level)
+            else:
+                self.parts["level"].append(part.drive.level)
+            yield part.drive.phase
+
+    def later(self, frames: int, spool: Spool, *, own_level: bool) -> dict[str, Reel]:
+        """What was kept, read once it is all there."""
+
+        def of(name: str) -> Reel:
+            return Reel(lambda first, last: np.concatenate(self.parts[name])[first:last], (frames,))
+
+        level = {"transducer_level": spool.reel(frames)} if own_level else {"level": of("level")}
+        return level | {name: of(name) for name in ("error", "iterations", "status")}
+
+
+def _write(values: Mapping[str, Any], path: str | os.PathLike[str], *, room: int = 0) -> None:
+    with new_file(path, room=room) as file:
         write_group(file, "drive", values)
         # What the numbers mean, in the way of the CF conventions.
         file["status"].attrs["flag_values"] = np.arange(len(get_args(Status)), dtype="i1")
         file["status"].attrs["flag_meanings"] = fixed_text(" ".join(get_args(Status)))
 
 
-def load_solution(path: str | os.PathLike[str]) -> Solution:
+def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> Solution:
     """The drive of a file, with its errors.
 
     Parameters
     ----------
     path : str or PathLike
         A ``.drive.h5`` of midair.
+    streamed : bool
+        Whether its phases, and levels of single transducers, are reels: read when somebody asks for them.
 
     Returns
     -------
@@ -87,7 +178,7 @@ def load_solution(path: str | os.PathLike[str]) -> Solution:
         Its leaf that says what of the numbers cannot be used.
     """
     with open_file(path) as file:
-        values = read_group(file, "drive", Path(path))
+        values = read_group(file, "drive", Path(path), streamed=streamed)
         check_time(values, Path(path))
         return Solution(
             drive=_drive_from(values, Path(path)),
@@ -97,8 +188,8 @@ def load_solution(path: str | os.PathLike[str]) -> Solution:
         )
 
 
-def load_target(path: str | os.PathLike[str]) -> AmplitudeFrames | None:
-    """The target that a drive was solved for; None when its file has none.
+def load_target(path: str | os.PathLike[str], *, streamed: bool = False) -> AmplitudeFrames | None:
+    """The target that a drive was solved for, as a reel if `streamed`; None when its file has none.
 
     Raises
     ------
@@ -106,7 +197,7 @@ def load_target(path: str | os.PathLike[str]) -> AmplitudeFrames | None:
         If the file is not there, is damaged or of another kind, or is newer than this midair.
     """
     with open_file(path) as file:
-        values = read_group(file, "drive", Path(path))
+        values = read_group(file, "drive", Path(path), streamed=streamed)
         if "target" not in values:
             return None
         missing = [name for name in _TARGET if name not in values]
@@ -114,7 +205,7 @@ def load_target(path: str | os.PathLike[str]) -> AmplitudeFrames | None:
             raise BrokenFileError(f"{path}: expected {', '.join(missing)} beside the target; the file is damaged")
         check_time(values, Path(path))
         return AmplitudeFrames(
-            amplitude=values["target"],
+            amplitude=finite(values["target"], "target"),
             rate=values["rate_hz"],
             grid=_grid_from(values),
             provenance=from_json(values["target_provenance"]),
@@ -132,10 +223,16 @@ _TARGET = (
 )
 
 
-def _check_target(target: AmplitudeFrames, drive: Drive) -> None:
-    if target.frames != drive.frames or target.rate != drive.rate:
+def _check_name(path: str | os.PathLike[str]) -> None:
+    if not os.fspath(path).lower().endswith(DRIVE_SUFFIX):
+        raise UnknownFormatError(f"{path}: expected a name that ends in {DRIVE_SUFFIX} for a drive")
+
+
+def _check_target(target: AmplitudeFrames, drive: Drive, frames: int | None = None) -> None:
+    frames = drive.frames if frames is None else frames
+    if target.frames != frames or target.rate != drive.rate:
         raise MismatchError(
-            f"target: expected {drive.frames} frames at {drive.rate:g} Hz as in the drive, "
+            f"target: expected {frames} frames at {drive.rate:g} Hz as in the drive, "
             f"got {target.frames} at {target.rate:g} Hz; save the target that was solved"
         )
 
@@ -211,13 +308,26 @@ def _drive_from(values: Mapping[str, Any], path: Path) -> Drive:
     )
     provenance = from_json(values["provenance"])
     return Drive(
-        phase=values["phase"],
-        level=level,
+        phase=finite(values["phase"], "phase"),
+        level=_levels(level, path),
         rate=values["rate_hz"],
         array=array,
         acoustics=_acoustics_from(values, provenance, path),
         provenance=provenance,
     )
+
+
+def _levels(level: "np.ndarray | Reel", path: Path) -> NDArray[np.float64]:
+    """Levels that are checked when they are read, which the drive itself does of those in memory."""
+
+    def checked(block: np.ndarray) -> np.ndarray:
+        if not (block.min() >= 0 and block.max() <= 1):
+            raise BrokenFileError(
+                f"{path}: level: expected 0 to 1 of full drive, got {block.min():g} to {block.max():g}"
+            )
+        return block
+
+    return each_frame(level, checked) if isinstance(level, Reel) else level
 
 
 _AIR = ("directivity", "air_density_kg_m3", "air_speed_m_s", "air_attenuation_np_m", "air_alpha")

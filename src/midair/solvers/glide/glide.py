@@ -12,7 +12,7 @@ chosen, and what lost: docs/decisions/0024-glide.md.
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -26,7 +26,7 @@ from midair.solvers.glide.schedule import Indices, Span, blocks
 from midair.solvers.glide.stretch import Efforts, Known, Stretch, marks_of
 from midair.solvers.moves import Machine
 from midair.solvers.phases import hold
-from midair.solvers.problem import Answer, Problem
+from midair.solvers.problem import Answer, End, Problem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,8 +117,10 @@ class Glide:
     precision: Literal["single", "double"] = "single"
     backend: str = "numpy"
 
-    def solve(self, problem: Problem, *, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame; silent ones keep those of the frame before them.
+
+        After a part of a recording, the problem's first frame is the last of that part, a mark that is solved already.
 
         Raises
         ------
@@ -133,23 +135,30 @@ class Glide:
         audible = np.flatnonzero(problem.amplitude.any(axis=1))
         phase = np.zeros((len(problem.amplitude), problem.transducers))
         made = np.zeros(len(phase), np.int64)
-        if len(audible):
+        if after is not None:
+            phase[audible[:1]] = after.theta
+        if len(audible) > (after is not None):
             with there.at_work():
                 glider = self._glider(problem, there)
-                for frames, found in self._stretches(glider, audible):
+                last = None if after is None else after.known
+                for frames, found in self._stretches(glider, audible, last):
+                    last = found.last()
                     phase[frames], made[frames] = found.theta, found.iterations
                     if progress is not None:
                         progress(int(frames[-1]) + 1, len(phase))
-        return Answer(phase=hold(phase, audible), iterations=made, status=_status(len(phase), audible))
+            after = End(theta=phase[audible[-1]], known=last)
+        held = hold(phase, audible)
+        return Answer(phase=held, iterations=made, status=_status(len(phase), audible), end=after)
 
-    def _stretches(self, glider: Glider, audible: Indices) -> Iterator[tuple[Indices, Known]]:
-        """The blocks in order: which frames they are, and what was found."""
+    def _stretches(self, glider: Glider, audible: Indices, before: Known | None) -> Iterator[tuple[Indices, Known]]:
+        """The blocks in order: which frames they are, and what was found; `before` is known of the first frame."""
         efforts = self._efforts()
         every = list(blocks(len(audible), coarse=self.coarse, size=self.block))
+        if before is not None:
+            every[0] = replace(every[0], marks=every[0].marks[every[0].marks > 0])
         with ThreadPoolExecutor(self.jobs) as pool:
             marks = deque(pool.submit(_quietly, marks_of, glider, efforts, audible[block.marks]) for block in every)
             walks: deque[Future[Known]] = deque()
-            before: Known | None = None
             for block in every:
                 found = marks.popleft().result()
                 frames = audible[block.first : block.last + 1]
