@@ -1,5 +1,6 @@
 """The paper on one page: from what the sensor said to what the array is told."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from midair.model import (
 )
 from midair.physics import check_frame_rate, focus_amplitude
 from midair.settings import Settings
-from midair.solvers import solve
+from midair.solvers import solve, solve_parts
 from midair.targets import decouple, precompensate, precompensate_sound, prepare
 
 
@@ -107,6 +108,22 @@ def solved(
 ) -> Solution:
     """The drive for a target by the settings' solver, terms and air."""
     return solve(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
+
+
+def reproduce_parts(
+    pressure: PressureFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
+) -> tuple[AmplitudeFrames, Iterator[Solution]]:
+    """As `reproduce`, for a pressure of any length: the target, and its solution part by part.
+
+    Raises
+    ------
+    RateError
+        If the array cannot take frames at the pressure's rate.
+    """
+    check_frame_rate(pressure.rate, array.frequency)
+    target = wanted(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
+    parts = solve_parts(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
+    return target, parts
 
 
 def reproduce(

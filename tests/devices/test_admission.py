@@ -17,11 +17,12 @@ from midair.devices import (
     intensity_bytes,
     measure,
 )
-from midair.devices.admission import Admission
+from midair.devices.admission import Admission, sealed
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.files import profile_named
 from midair.model import Acoustics, Drive, Medium, Provenance, TransducerArray
 from midair.physics import exposure, focus_phase
+from midair.reel import Reel
 
 ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")
@@ -208,3 +209,27 @@ def test_measuring_in_parts_and_at_once_agree_on_what_is_felt():
     ]
     admission = admit_parts(parts, Loud(ARRAY), WEAKER)
     assert admission.exposure.pressure == pytest.approx(measure(whole, ARRAY, PROFILE).pressure)
+
+
+def test_what_is_read_again_is_what_was_measured():
+    frames = np.random.default_rng(0).uniform(0, 6, (2600, ARRAY.count))
+    reel = Reel(lambda first, last: frames[first:last].copy(), frames.shape)
+    drive = sealed(Drive(phase=reel, level=np.full(2600, 0.02), rate=1000.0, array=ARRAY))
+    np.testing.assert_array_equal(drive.phase, frames)
+    np.testing.assert_array_equal(drive.phase.read(100, 700), frames[100:700])
+    drive.phase.read(1100, 2600)  # the last three stretches are still in memory
+    frames[600] = 0
+    drive.phase.read(0, 512)
+    with pytest.raises(ExposureError, match="512 to 1023 as they were admitted, got others"):
+        drive.phase.read(500, 700)
+
+
+@pytest.mark.parametrize("choices", [CHOICES, WEAKER], ids=["as it is", "weaker"])
+def test_a_drive_on_disk_is_admitted_as_one_in_memory(choices):
+    whole = focus(level=0.01 if choices is CHOICES else 1.0, frames=300)
+    reel = Reel(lambda first, last: whole.phase[first:last], whole.phase.shape)
+    one, other = (admit(each, Loud(ARRAY), choices) for each in (whole, replace(whole, phase=reel)))
+    assert one.outcome == other.outcome
+    np.testing.assert_array_equal(one.exposure.level, other.exposure.level)
+    np.testing.assert_array_equal(one.drive.phase, other.drive.phase)
+    np.testing.assert_array_equal(one.drive.level, other.drive.level)

@@ -7,15 +7,19 @@ What it gives, an `Admission`, is the only thing that `ArrayDevice.play` accepts
 import hashlib
 from collections.abc import Iterable
 from dataclasses import InitVar, dataclass, field, replace
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair.devices.frame_bytes import amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.evaluate import SkinModel
 from midair.model import Acoustics, Drive, TransducerArray
 from midair.physics import Exposure, ExposureProfile, exposure, greatest_exposure
+from midair.reel import Reel, each_frame, made_of
+
+Array = NDArray[np.float64]
 
 Outcome = Literal["kept", "attenuated", "overridden", "exceeded"]
 """Within the limits; weakened until it was; a person answers for it; above them where no sound can come out."""
@@ -246,6 +250,7 @@ def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: 
         If there is less than one repeat.
     """
     _check_repeats(repeats)
+    drive = sealed(drive)
     found = measure(drive, device.array, choices.profile, repeats=repeats)
     own = replace(drive, array=device.array)
     outcome, factor = _decide(found, device, choices)
@@ -390,11 +395,45 @@ def _weakened(drive: Drive, factor: float, profile: str) -> Drive:
     """The drive at the strongest intensities that a firmware has and that keep the profile."""
     steps = np.arange(256, dtype=np.uint8)
     strength = np.maximum(steps / 255, amplitude_of(steps))
-    chosen = np.searchsorted(strength, drive.level * factor, side="right") - 1
+
+    def weakened(level: Array) -> Array:
+        return np.maximum(np.searchsorted(strength, level * factor, side="right") - 1, 0) / 255
+
     provenance = drive.provenance.then("attenuate", {"factor": factor, "profile": profile})
-    return replace(drive, level=np.maximum(chosen, 0) / 255, provenance=provenance)
+    return replace(drive, level=each_frame(drive.level, weakened), provenance=provenance)
 
 
 def _fingerprint(drive: Drive) -> bytes:
     """Of what sounds: phases and levels, to the last bit."""
     return hashlib.sha256(drive.phase.tobytes() + drive.level.tobytes()).digest()
+
+
+def sealed(drive: Drive) -> Drive:
+    """A drive whose reels give the same frames whenever they are read: what was measured is what is played.
+
+    A file may change between the two, by accident or not. What was read first is what counts.
+
+    Raises
+    ------
+    ExposureError
+        When frames are read that are others than they were before.
+    """
+    held = (drive.phase, drive.level)
+    phase, level = (_sealed(each) if isinstance(each, Reel) else each for each in held)
+    return replace(drive, phase=phase, level=level) if any(isinstance(each, Reel) for each in held) else drive
+
+
+def _sealed(reel: Reel) -> Array:
+    prints: dict[int, bytes] = {}
+
+    def make(first: int, last: int) -> Array:
+        frames = reel.read(first, last)
+        if prints.setdefault(first, digest := hashlib.sha256(frames.tobytes()).digest()) != digest:
+            raise ExposureError(
+                f"frames: expected {first} to {last - 1} as they were admitted, got others; the file was changed, "
+                "admit it again"
+            )
+        return frames
+
+    # To a type checker a reel is the array that it stands for.
+    return cast("Array", made_of(make, reel.shape, size=512))

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from midair.errors import RateError
 from midair.model import Drive
+from midair.reel import each_frame
 
+Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 TICK = 25_000
@@ -18,15 +20,23 @@ TICK = 25_000
 
 
 def phase_bytes(drive: Drive, units: int) -> Bytes:
-    """Phases in steps of 2 pi / 256, shape (frame, unit, transducer of the unit)."""
-    steps = np.mod(np.rint(drive.phase * (256 / (2 * np.pi))), 256)
-    return steps.astype(np.uint8).reshape(drive.frames, units, -1)
+    """Phases in steps of 2 pi / 256, shape (frame, unit, transducer of the unit); a reel of a drive that is one."""
+
+    def in_steps(phase: Array) -> Bytes:
+        steps = np.mod(np.rint(phase * (256 / (2 * np.pi))), 256)
+        return steps.astype(np.uint8).reshape(len(phase), units, -1)
+
+    return each_frame(drive.phase, in_steps)
 
 
 def intensity_bytes(drive: Drive, units: int) -> Bytes:
     """Intensities, shape (frame,) when all transducers share one, or (frame, unit, transducer of the unit)."""
-    levels = np.rint(drive.level * 255).astype(np.uint8)
-    return levels if levels.ndim == 1 else levels.reshape(drive.frames, units, -1)
+
+    def in_steps(level: Array) -> Bytes:
+        steps = np.rint(level * 255).astype(np.uint8)
+        return steps if steps.ndim == 1 else steps.reshape(len(steps), units, -1)
+
+    return each_frame(drive.level, in_steps)
 
 
 def amplitude_of(intensity: Bytes) -> NDArray[np.float64]:

@@ -180,6 +180,8 @@ class ArrayDevice(ABC):
         and no real device is spoken to. What plays on a gated array is logged, and `midair stop` reaches it.
     exclusive : str or None
         What no other program may have while this one is open, see `device_lock`; None where each program gets its own.
+    streams : bool
+        Whether it takes a drive whose frames are read while it plays; others get it in memory.
     """
 
     name: str
@@ -187,6 +189,7 @@ class ArrayDevice(ABC):
     simulated: bool = False
     gated: bool = True
     exclusive: str | None = None
+    streams: bool = False
     _order: Order
     _entered: contextlib.ExitStack
     _plays: bool

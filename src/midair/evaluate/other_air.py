@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from midair.errors import MismatchError
 from midair.model import AmplitudeFrames, Drive, Medium
 from midair.physics import propagate, radiation_pressure, relative_error
+from midair.reel import blocks
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ def error_in_air(drive: Drive, target: AmplitudeFrames, medium: Medium, *, frame
     """
     if target.frames != drive.frames:
         raise MismatchError(f"target: expected {drive.frames} frames as in the drive, got {target.frames}")
-    some = np.flatnonzero(target.amplitude.any(axis=1))
+    some = np.flatnonzero(np.concatenate([block.any(axis=1) for block in blocks(target.amplitude)]))
     if frames is not None and len(some) > frames:
         some = some[np.linspace(0, len(some) - 1, frames).round().astype(int)]
     if not len(some):

@@ -15,6 +15,7 @@ from midair.errors import InputError
 from midair.model import Drive
 from midair.physics.propagation import quantise_phase
 from midair.physics.transducers import Transducers
+from midair.reel import taken
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -109,11 +110,10 @@ def radiate(
     moment, block = start or Moment.silent(drive.array.count), max(1, together // steps)
     pull = _Pull.of(chain.transducers, 1 / (drive.rate * steps), drive.array.count)
     for first in range(0, drive.frames, block):
-        told = slice(first, first + block)
-        phase = (
-            drive.phase[told] if chain.phase_bits is None else quantise_phase(drive.phase[told], bits=chain.phase_bits)
-        )
-        level = np.broadcast_to(drive.level[told] if drive.level.ndim == 2 else drive.level[told, None], phase.shape)
+        last = min(first + block, drive.frames)
+        phase = taken(drive.phase, first, last)
+        phase = phase if chain.phase_bits is None else quantise_phase(phase, bits=chain.phase_bits)
+        level = np.broadcast_to(taken(drive.level, first, last).reshape(len(phase), -1), phase.shape)
         nodes, phase_now, level_now = _command(phase, level, chain, drive.rate, steps, moment, exact)
         q = pull.follow(nodes, moment.q)
         moment = Moment(phase=phase_now, level=level_now, q=np.asarray(q[-1], np.complex128))

@@ -275,12 +275,12 @@ def _loudest(drive: Drive, searches: list[CubeSearch], frames: slice) -> Array:
 
 def _parts(drive: Drive, frames: slice) -> tuple[NDArray[np.float32], Array]:
     """Real, then imaginary parts of some frames in single precision, and their level, shape (frame, transducer)."""
-    phase = drive.phase[frames]
+    phase = np.asarray(drive.phase[frames])
     # Single precision has no digits to spare for turns: a file may hold any number of them.
     if np.abs(phase).max(initial=0.0) > 64:
         phase = np.remainder(phase, 2 * np.pi)
     phase = phase.astype(np.float32)
-    level = drive.level[frames].reshape(len(phase), -1)
+    level = np.asarray(drive.level[frames]).reshape(len(phase), -1)
     parts = np.empty((len(phase), 2 * phase.shape[1]), np.float32)
     np.cos(phase, out=parts[:, : phase.shape[1]])
     np.sin(phase, out=parts[:, phase.shape[1] :])
@@ -290,5 +290,6 @@ def _parts(drive: Drive, frames: slice) -> tuple[NDArray[np.float32], Array]:
 
 
 def _drive(drive: Drive, frames: slice) -> NDArray[np.complex128]:
-    level = drive.level[frames] if drive.level.ndim == 2 else drive.level[frames, None]
-    return np.asarray(level * np.exp(1j * drive.phase[frames]), np.complex128)
+    phase = np.asarray(drive.phase[frames])
+    level = np.asarray(drive.level[frames]).reshape(len(phase), -1)
+    return np.asarray(level * np.exp(1j * phase), np.complex128)

@@ -58,7 +58,7 @@ def exposure_command(
     drawn = figure is not None or not json
     if drawn:
         may_write(target, force)
-    drive = load_solution(source).drive
+    drive = load_solution(source, streamed=True).drive
     array = _known(drive, device, placement)
     say_how_long(drive, chosen)
     # The gate's own measure: of the room's air and the paper's the louder one.

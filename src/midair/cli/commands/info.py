@@ -67,7 +67,7 @@ def _take_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
 
 
 def _drive_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
-    solution = load_solution(source)
+    solution = load_solution(source, streamed=True)
     drive = solution.drive
     plays = np.array([status != "silent" for status in solution.status])
     error = 100 * solution.error[plays]

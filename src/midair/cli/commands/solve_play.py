@@ -23,8 +23,8 @@ from midair.cli.terminal import (
 )
 from midair.errors import InputError
 from midair.evaluate import error_in_air
-from midair.files import load_placement, load_solution, save, save_solution
-from midair.flow import Reproduction, reproduce
+from midair.files import load_placement, load_solution, load_target, save, save_solutions
+from midair.flow import Reproduction, reproduce_parts
 from midair.model import Acoustics
 from midair.rig import ArrayKind, VirtualRig, array_of_kind, rerecord
 from midair.settings import Settings
@@ -68,13 +68,15 @@ def solve_command(
     transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force)
-    pressure = felt_part(source, settings, start_at, duration)
+    pressure = felt_part(source, settings, start_at, duration, streamed=True)
     banner(pressure.provenance.simulated)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
     with stages() as stage:
-        made = reproduce(pressure, transducers, settings, progress=stage("solve"))
-    save_solution(made.solution, target, target=made.target)
-    solution = made.solution
+        wanted, parts = reproduce_parts(pressure, transducers, settings, progress=stage("solve"))
+        save_solutions(parts, target, frames=wanted.frames, target=wanted)
+    # What was written: to look at the reels again would be to make them again.
+    solution = load_solution(target, streamed=True)
+    made = Reproduction(pressure=pressure, target=load_target(target, streamed=True) or wanted, solution=solution)
     plays = np.array([status != "silent" for status in solution.status])
     error = 100 * solution.error[plays] if plays.any() else np.zeros(1)
     print_rows(
@@ -139,7 +141,7 @@ def play_command(
         return play_on_array(source, device, options, room)
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
-    drive = load_solution(source).drive
+    drive = load_solution(source, streamed=True).drive
     rig = VirtualRig(array=drive.array, acoustics=None if room is None else Acoustics(medium=room), seed=seed)
     skin = rig.skin()
     banner(True)

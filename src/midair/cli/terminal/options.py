@@ -64,7 +64,7 @@ def _stored(path: Path) -> Settings:
     """The settings of a TOML file, or those by which a drive was made."""
     if not path.name.lower().endswith(".h5"):
         return Settings.load(path)
-    found = Settings.of(load_solution(path).drive.provenance)
+    found = Settings.of(load_solution(path, streamed=True).drive.provenance)
     if found is None:
         raise InputError(f"{path}: expected a drive that tells its settings, got one of an older midair")
     return found

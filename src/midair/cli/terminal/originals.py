@@ -9,9 +9,14 @@ from midair.model import PressureFrames, Provenance, Setting
 from midair.settings import Settings
 
 
-def felt_part(source: Path, settings: Settings, start: float = 0.0, duration: float | None = None) -> PressureFrames:
-    """What the sensor felt in a part of a recording; all of it is calibrated first: cuts leave no edge."""
-    take = open_take(source)
+def felt_part(
+    source: Path, settings: Settings, start: float = 0.0, duration: float | None = None, *, streamed: bool = False
+) -> PressureFrames:
+    """What the sensor felt in a part of a recording, as a reel if `streamed`.
+
+    It is the part of what all of it was calibrated to: cuts leave no edge.
+    """
+    take = open_take(source, streamed=streamed)
     pressure = felt(take.recording, take.calibration, settings)
     return pressure if start == 0 and duration is None else pressure.cut(start, duration)
 

@@ -46,7 +46,7 @@ class PlayOptions(ExposureOptions):
 
 def say_room(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
     """Say on the error stream what the air of the room does to the drive of a file."""
-    found = room_air(drive, room, lambda: load_target(source), simulated=simulated)
+    found = room_air(drive, room, lambda: load_target(source, streamed=True), simulated=simulated)
     note_air(found.said, warn=found.warns)
 
 
@@ -56,7 +56,7 @@ def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium 
     array = array_named(device, placement, silencer=options.silencer)
     # Reserved before a long drive is read and checked, so that this can be stopped too, and nobody else gets the units.
     with array.reserved():
-        drive = load_solution(source).drive
+        drive = load_solution(source, streamed=array.streams).drive
         admission = options.admit(drive, array)
         say_room(drive, source, room)
         print_rows([("exposure", admission.verdict())])

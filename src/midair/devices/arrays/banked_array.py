@@ -34,6 +34,8 @@ class BankedArray(ArrayDevice):
         What no other program may have while this one is open.
     """
 
+    streams = True
+
     def __init__(
         self,
         connect: Callable[[Placement], Banks],

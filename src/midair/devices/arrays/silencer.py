@@ -11,6 +11,7 @@ from midair.devices.frame_bytes import TICK
 from midair.errors import InputError
 from midair.model import Drive
 from midair.physics import PlaybackChain, TransducerDynamics, Transducers, simulate, transfer_matrix
+from midair.reel import blocks
 
 Array = NDArray[np.float64]
 SilencerChoice = Literal["auto", "off", "quarter", "half", "default"]
@@ -163,7 +164,8 @@ def _said(errors: Mapping[str, float]) -> str:
 
 def _pieces(drive: Drive, sampling: Sampling) -> list[tuple[Drive, int]]:
     """Parts of a drive that sound, evenly spread over it, each with the number of its first frame that is judged."""
-    sounds = np.flatnonzero(drive.level.reshape(drive.frames, -1).max(axis=1) > 0)
+    loud = [block.reshape(len(block), -1).max(axis=1) > 0 for block in blocks(drive.level)]
+    sounds = np.flatnonzero(np.concatenate(loud))
     if not sounds.size:
         return []
     middle = sounds[np.unique(np.linspace(0, sounds.size - 1, 2 * sampling.windows + 1)[1::2].astype(int))]

@@ -15,6 +15,7 @@ from midair.devices.frame_bytes import TICK, Bytes
 from midair.devices.interface import PlayReport
 from midair.errors import DeviceError, SilentFramesError, StoppedError
 from midair.model import Progress
+from midair.reel import taken
 
 MS = 1_000_000
 
@@ -28,8 +29,8 @@ class DriveStream:
 
     Attributes
     ----------
-    phases : ndarray of uint8, shape (frame, unit, transducer of the unit)
-    intensity : ndarray of uint8, shape (frame,) or (frame, unit, transducer of the unit)
+    phases : ndarray or Reel of uint8, shape (frame, unit, transducer of the unit)
+    intensity : ndarray or Reel of uint8, shape (frame,) or (frame, unit, transducer of the unit)
     divider : int
         Ultrasound periods in a frame.
     repeats : int
@@ -63,8 +64,14 @@ class DriveStream:
 
     def part(self, first: int, count: int) -> tuple[Bytes, Bytes]:
         """Phases and intensities of `count` frames from `first` on, repeats counted through."""
-        which = np.arange(first, min(first + count, self.total)) % len(self.phases)
-        return self.phases[which], self.intensity[which]
+        frames, end = len(self.phases), min(first + count, self.total)
+        parts: list[tuple[Bytes, Bytes]] = []
+        while first < end:
+            at = first % frames
+            till = min(frames, at + end - first)
+            parts.append((taken(self.phases, at, till), taken(self.intensity, at, till)))
+            first += till - at
+        return np.concatenate([phases for phases, _ in parts]), np.concatenate([levels for _, levels in parts])
 
 
 def play_stream(

@@ -18,6 +18,7 @@ from midair.devices.safety.state_folders import make_state_folder
 from midair.errors import FileError
 from midair.model import Drive
 from midair.physics import ExposureProfile
+from midair.reel import blocks
 from midair.version import __version__
 
 LOG = "played.jsonl"
@@ -121,7 +122,8 @@ def hash_of_drive(drive: Drive) -> str:
     """SHA-256, in hex, of all phases and then all levels, as the drive holds them in memory, row by row."""
     digest = hashlib.sha256()
     for part in (drive.phase, drive.level):
-        digest.update(np.ascontiguousarray(part).view(np.uint8).data)
+        for block in blocks(part):
+            digest.update(np.ascontiguousarray(block).view(np.uint8).data)
     return digest.hexdigest()
 
 

@@ -59,6 +59,7 @@ class VirtualArray(ArrayDevice):
 
     simulated = True
     gated = False
+    streams = True
 
     def __init__(
         self,

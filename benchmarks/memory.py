@@ -1,0 +1,141 @@
+"""Peak memory and time of each command on a long recording and a long drive, which are made here first.
+
+    python -m benchmarks.memory --seconds 600 --folder /somewhere/with/30/GB
+
+The recording has 16 channels of float32 at 48 kHz, as a WAV and as a recording of midair; the drive 996 transducers at
+1 kHz. Each command is a process of its own; its peak is the largest resident set that the system saw (ru_maxrss), the
+interpreter and all libraries included.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from midair.files import save, save_solutions
+from midair.model import Drive, Provenance, Recording, SensorGrid, Solution, TransducerArray
+from midair.reel import Reel
+
+RATE, FRAME_RATE = 48_000, 1000
+
+
+def main() -> None:
+    ask = argparse.ArgumentParser(prog="python -m benchmarks.memory", description=__doc__.splitlines()[0])
+    ask.add_argument("--seconds", type=float, default=600, help="length of the recording and the drive (default 600)")
+    ask.add_argument("--folder", type=Path, help="where the files are made for the time being (default: temporary)")
+    ask.add_argument("--only", nargs="*", help="names of rows to run (default all)")
+    said = ask.parse_args()
+    with tempfile.TemporaryDirectory(dir=said.folder) as folder:
+        os.chdir(folder)
+        os.environ["MIDAIR_STATE"] = str(Path("state").resolve())
+        make_recording(Path("long.h5"), said.seconds)
+        make_drive(Path("long.drive.h5"), said.seconds)
+        make_wav(Path("brought.wav"), said.seconds)
+        print(f"{said.seconds:g} s: recording of 16 channels at 48 kHz, drive of 996 transducers at 1 kHz")
+        print(f"{'command':60} {'peak MB':>8} {'s':>7}")
+        for name, words in commands(said.seconds):
+            if not said.only or name in said.only:
+                peak, lasted, status = weighed(["-m", "midair", *words])
+                said_of = "" if status == 0 else f"  status {status}"
+                print(f"{'midair ' + ' '.join(words):60} {peak:8.0f} {lasted:7.1f}{said_of}", flush=True)
+
+
+def commands(seconds: float) -> Iterator[tuple[str, list[str]]]:
+    """Name and words of each command, in an order in which each finds its files."""
+    middle = f"{seconds / 2:g}s"
+    yield "info", ["info", "long.h5"]
+    yield "cut", ["cut", "long.h5", "cut.h5", "--start", middle, "--end", f"{seconds / 2 + 1:g}s"]
+    yield "import", ["import", "brought.wav", "brought.h5", "--unit", "V", "--layout", "4x4:11mm"]
+    yield "export", ["export", "long.h5", "long.wav"]
+    yield "calibrate", ["calibrate", "long.h5", "--sensitivity", "20mV/Pa"]
+    yield "info, calibrated", ["info", "long.h5"]
+    yield "compare", ["compare", "long.h5", "long.h5"]
+    yield "solve a part", ["solve", "long.h5", "part.drive.h5", "--start-at", middle, "--duration", "0.05s"]
+    yield "solve", ["solve", "long.h5", "solved.drive.h5", "--method", "naive"]
+    yield "info, drive", ["info", "long.drive.h5"]
+    yield "play", ["play", "long.drive.h5"]
+    yield "repair", ["repair", "killed.h5"]
+
+
+def weighed(words: list[str]) -> tuple[float, float, int]:
+    """Peak in MB (10^6 bytes), seconds and exit status of a Python of its own."""
+    start = time.monotonic()
+    child = os.posix_spawn(
+        sys.executable,
+        [sys.executable, *words],
+        os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        file_actions=[(os.POSIX_SPAWN_OPEN, 1, "said.txt", os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)],
+    )
+    _, status, used = os.wait4(child, 0)
+    return used.ru_maxrss * 1024 / 1e6, time.monotonic() - start, os.waitstatus_to_exitcode(status)
+
+
+def noise(first: int, last: int, rate: int) -> np.ndarray:
+    """Noise under a slow swell, of float32, shape (frame, 4, 4), in V; the same whatever stretch is asked for."""
+    pattern = np.random.default_rng(0).standard_normal((rate, 4, 4))
+    at = np.arange(first, last)
+    swell = 0.1 + 0.05 * np.sin(2 * np.pi * 0.3 * at / rate)
+    return (swell[:, None, None] * pattern[at % rate]).astype(np.float32).astype(np.float64)
+
+
+def make_recording(path: Path, seconds: float) -> None:
+    """A recording, and the same as a killed writer would leave it."""
+    from midair.files import RecordingWriter
+
+    frames = round(seconds * RATE)
+    reel: Any = Reel(lambda a, b: noise(a, b, RATE), (frames, 4, 4), stored="f4")
+    life = Provenance(source="noise", simulated=True)
+    save(Recording(samples=reel, rate=RATE, provenance=life), path)
+    child = os.fork()
+    if child == 0:
+        with RecordingWriter("killed.h5", rate=RATE, sensor=SensorGrid(), unit="V", provenance=life) as writer:
+            for block in reel.blocks(12_000):
+                writer.append(block)
+            os._exit(0)
+    os.waitpid(child, 0)
+
+
+def make_wav(path: Path, seconds: float) -> None:
+    """The recording as a program that records sound would store it."""
+    import soundfile
+
+    frames = round(seconds * RATE)
+    with soundfile.SoundFile(path, "w", RATE, 16, subtype="FLOAT", format="WAV") as file:
+        for first in range(0, frames, RATE):
+            block = noise(first, min(first + RATE, frames), RATE)
+            file.write(block.reshape(len(block), 16).astype(np.float32))
+
+
+def make_drive(path: Path, seconds: float) -> None:
+    """Drives of two foci in turn, weak enough for any profile."""
+    array = TransducerArray.autd3()
+    frames = round(seconds * FRAME_RATE)
+    rng = np.random.default_rng(1)
+    phases = rng.uniform(0, 2 * np.pi, (64, array.count))
+
+    def parts() -> Iterator[Solution]:
+        for first in range(0, frames, 1000):
+            count = min(1000, frames - first)
+            drive = Drive(
+                phase=phases[np.arange(first, first + count) % 64],
+                level=np.full(count, 0.02),
+                rate=FRAME_RATE,
+                array=array,
+                provenance=Provenance(source="random phases", simulated=True),
+            )
+            status = ("converged",) * count
+            yield Solution(drive=drive, error=np.full(count, 0.1), iterations=np.ones(count), status=status)
+
+    save_solutions(parts(), path, frames=frames)
+
+
+if __name__ == "__main__":
+    main()
