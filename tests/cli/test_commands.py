@@ -13,7 +13,7 @@ from midair.datasets import sample_path
 from midair.files import load, load_calibration, load_solution, save, save_calibration
 from midair.model import Recording, SensorGrid
 
-QUICK = ["--points", "6", "--pitch", "11mm", "--iterations", "2", "1"]
+QUICK = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--iterations", "2", "1"]
 
 
 @pytest.fixture(autouse=True)

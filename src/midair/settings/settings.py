@@ -133,7 +133,7 @@ class SolverSettings:
     @property
     def name(self) -> str:
         """Of the method."""
-        return self.method if isinstance(self.method, str) else type(self.method).__name__
+        return name_of(self.method)
 
     def arguments(self) -> dict[str, Any]:
         """As keyword arguments of `midair.solve`."""

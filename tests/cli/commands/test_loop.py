@@ -7,7 +7,20 @@ import pytest
 
 from midair.cli import run
 
-QUICK = ["--points", "6", "--pitch", "11mm", "--method", "fast", "--start-at", "0.1s", "--duration", "0.08s"]
+QUICK = [
+    "--mode",
+    "paper",
+    "--points",
+    "6",
+    "--pitch",
+    "11mm",
+    "--method",
+    "fast",
+    "--start-at",
+    "0.1s",
+    "--duration",
+    "0.08s",
+]
 
 
 @pytest.fixture(scope="module")

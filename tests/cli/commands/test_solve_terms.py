@@ -9,7 +9,7 @@ from midair.files import load_solution, load_target
 from midair.model import Medium
 from midair.solvers import Guard
 
-SMALL = ["--points", "6", "--pitch", "11mm", "--start-at", "20ms", "--duration", "10ms"]
+SMALL = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--start-at", "20ms", "--duration", "10ms"]
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,7 @@ def stroke(tmp_path_factory):
 
 
 def test_a_margin_makes_a_guard():
-    assert SolveOptions(guard=0.02).settings().solver.guard == Guard(margin=0.02)
+    assert SolveOptions(mode="paper", guard=0.02).settings().solver.guard == Guard(margin=0.02)
 
 
 def test_the_terms_reach_the_drive_that_is_written(stroke, tmp_path):

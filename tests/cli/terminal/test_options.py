@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.cli.terminal.options import SolveOptions
+from midair.cli.terminal.options import BandOptions, SolveOptions
 from midair.errors import InputError
 from midair.files import load_solution
 from midair.model import Acoustics, ControlGrid, Medium
@@ -17,8 +17,12 @@ def stages(path):
     return {step.stage: step.settings for step in load_solution(path).drive.provenance.steps}
 
 
-def test_the_options_that_nobody_gave_are_the_paper_s():
-    assert SolveOptions().settings() == Settings()
+def test_the_options_that_nobody_gave_are_those_of_the_best_mode():
+    assert SolveOptions().settings() == best_mode()
+
+
+def test_a_band_that_nobody_gave_is_the_paper_s():
+    assert BandOptions().settings() == Settings()
 
 
 @pytest.fixture
@@ -63,7 +67,7 @@ def test_a_mode_by_name_and_single_options_on_top(mode):
 
 
 def test_terms_are_switched_on_off_and_changed():
-    assert SolveOptions(guard=0.02).settings().solver.guard == Guard(margin=0.02)
+    assert SolveOptions(mode="paper", guard=0.02).settings().solver.guard == Guard(margin=0.02)
     best = best_mode().solver.guard
     assert SolveOptions(mode="best", guard=0.03).settings().solver.guard == replace(best, margin=0.03)
     assert SolveOptions(mode="best", guard=0.0, decouple=False).settings() == best_mode().but(
@@ -74,7 +78,8 @@ def test_terms_are_switched_on_off_and_changed():
     with pytest.raises(InputError, match="--circle-rate: expected --circle beside it"):
         SolveOptions(circle_rate=4.0).settings()
     assert SolveOptions(points=8).settings().target.grid == ControlGrid(rows=8, columns=8)
-    assert SolveOptions(directivity="point").settings().acoustics == Acoustics(directivity="point")
+    point = SolveOptions(mode="paper", directivity="point").settings()
+    assert point.acoustics == Acoustics(directivity="point")
 
 
 def test_mode_and_file_together_are_refused(tmp_path):
@@ -113,6 +118,6 @@ def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_pa
     assert run(["solve", str(stroke), str(drive), "--mode", "quick", *small.split(), "--force"]) == 0
     assert load_solution(drive).drive.acoustics.medium == Medium.at(temperature=22.0, humidity=0.5)
     assert "air: 22 °C, 50 % humidity, taken since nobody stated the room's" in capsys.readouterr().err
-    assert run(["solve", str(stroke), str(drive), *small.split(), "--force"]) == 0
+    assert run(["solve", str(stroke), str(drive), "--mode", "paper", *small.split(), "--force"]) == 0
     assert load_solution(drive).drive.acoustics.medium == Medium()
     assert "air: 340 m/s (14 °C), taken since nobody stated" in capsys.readouterr().err

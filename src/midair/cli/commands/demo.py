@@ -68,7 +68,7 @@ def demo_command(
         [
             (
                 "solver",
-                f"{settings.solver.method}, at most {warm} iterations a frame, {last.target.frames} frames",
+                f"{settings.solver.name}, at most {warm} iterations a frame, {last.target.frames} frames",
             ),
             (
                 "E",

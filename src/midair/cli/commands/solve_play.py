@@ -86,7 +86,7 @@ def solve_command(
             ("strength", f"{made.strength():.3f} of a single full focus"),
             ("E", f"mean {error.mean():.1f} %, worst {error.max():.1f} %"),
             *_over_the_range(made, settings),
-            ("solver", f"{settings.solver.method}, {solution.iterations[plays].mean():.1f} iterations a frame"),
+            ("solver", f"{settings.solver.name}, {solution.iterations[plays].mean():.1f} iterations a frame"),
         ]
     )
 

@@ -7,14 +7,14 @@ from functools import reduce
 from operator import or_
 from pathlib import Path
 from types import UnionType
-from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
 from cyclopts import Parameter
 
 from midair.cli.terminal.quantities import quantity
 from midair.errors import InputError
 from midair.files import load_solution
-from midair.settings import CHOICES, MODES, Choice, Mode, Settings, paper_mode, spelt
+from midair.settings import CHOICES, MODES, Choice, Mode, Settings, spelt
 
 Length = Annotated[float, quantity("m")]
 Frequency = Annotated[float, quantity("Hz")]
@@ -26,6 +26,9 @@ Quiet = Annotated[bool, Parameter(help="Show nothing while it runs.")]
 
 class _Chosen:
     """What a person chose, on top of a mode or of a file of settings; None is what nobody chose."""
+
+    otherwise: ClassVar[Mode] = "paper"
+    """The mode if nobody chose one."""
 
     def settings(self) -> Settings:
         """The settings that these options mean.
@@ -40,7 +43,7 @@ class _Chosen:
         mode, path = getattr(self, "mode", None), getattr(self, "settings_file", None)
         if mode is not None and path is not None:
             raise InputError(f"expected --mode or --settings, got --mode {mode} and --settings {path}")
-        made = MODES[mode]() if mode else paper_mode() if path is None else _stored(path)
+        made = MODES[mode or self.otherwise]() if path is None else _stored(path)
         for choice in CHOICES:
             value = getattr(self, choice.name.replace("-", "_"), None)
             if value is not None:
@@ -70,12 +73,14 @@ def _stored(path: Path) -> Settings:
     return found
 
 
-def _parameter(choice: Choice) -> Any:
-    """The option of a choice: optional, with the paper's value shown and the best mode's where it is another."""
+def _parameter(choice: Choice, otherwise: Literal["paper", "best"]) -> Any:
+    """The option of a choice: optional, with its default shown, and where that is the best mode's, the paper's too."""
     kind = _kind(choice)
 
     shown = {name: spelt(choice.of(MODES[name]()), choice.unit) for name in ("paper", "best")}
-    default = shown["paper"] + (f"; best: {shown['best']}" if shown["best"] != shown["paper"] else "")
+    default = shown[otherwise]
+    if otherwise == "best" and shown["best"] != shown["paper"]:
+        default += f"; paper: {shown['paper']}"
 
     negative = f"--no-{choice.name}" if kind is bool else ()
     said = Parameter(name=f"--{choice.name}", help=choice.help, show_default=_fixed(default), negative=negative)
@@ -118,7 +123,7 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
     if modes:
         mode = Parameter(
             help="paper, best, or quick (the best with fewer iterations); single options go on top.",
-            show_default=_fixed("paper"),
+            show_default=_fixed("best"),
         )
         path = Parameter(
             name="--settings", help="TOML of settings, or a drive, that it is to be made like.", show_default=False
@@ -127,8 +132,9 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
             ("mode", Annotated[Mode | None, mode], field(default=None)),
             ("settings_file", Annotated[Path | None, path], field(default=None)),
         ]
-    rest = [(choice.name.replace("-", "_"), _parameter(choice), field(default=None)) for choice in chosen]
-    space = {"__doc__": doc, "__module__": __name__}
+    otherwise: Literal["paper", "best"] = "best" if modes else "paper"
+    rest = [(choice.name.replace("-", "_"), _parameter(choice, otherwise), field(default=None)) for choice in chosen]
+    space = {"__doc__": doc, "__module__": __name__, "otherwise": otherwise}
     made = make_dataclass(name, [*first, *rest], bases=(_Chosen,), frozen=True, kw_only=True, namespace=space)
     return Parameter(name="*")(made)
 

@@ -152,7 +152,7 @@ def _chains(drive: Drive, plan: BudgetPlan) -> Generator[tuple[str, str, Playbac
     settings = plan.settings
     louder = settings.compensation.precompensate and settings.compensation.compensate == "sound"
     compensated = ", with sound made louder beforehand that hold and transducers make quieter" if louder else ""
-    yield "solver", f"finds phases: {settings.solver.method}{compensated}", ideal
+    yield "solver", f"finds phases: {settings.solver.name}{compensated}", ideal
     bits = full.phase_bits
     yield "quantisation", f"phases of {bits} bits" if bits else "none", replace(ideal, phase_bits=bits)
     held = PlaybackChain(phase_bits=bits)

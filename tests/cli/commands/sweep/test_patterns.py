@@ -116,7 +116,7 @@ def test_ctrl_c_is_one_line_and_what_was_solved_is_kept():
     assert 0 < load_sweep(Path("s.zarr")).known < 2000
 
 
-COARSE = ["--points", "6", "--pitch", "11mm", "--workers", "1"]
+COARSE = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--workers", "1"]
 
 
 @pytest.fixture
