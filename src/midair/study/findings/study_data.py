@@ -142,7 +142,30 @@ def _choices(
         return None
     names = {"participant": participant, "presented": presented, "answered": answered}
     found = DataFrame({name: column(rows, given) for name, given in names.items()})
+    _check_labels(found, presented, answered)
     return found.assign(condition=column(rows, condition) if condition else "all")
+
+
+def _check_labels(found: DataFrame, presented: str, answered: str) -> None:
+    """Raise if one column of labels is numbers and the other is not: such labels are never the same."""
+    kinds = {name: found[name].map(lambda label: isinstance(label, str)) for name in ("presented", "answered")}
+    if kinds["presented"].all() == kinds["answered"].all() and not (kinds["presented"] ^ kinds["answered"]).any():
+        return
+    name, given = (answered, "answered") if kinds["answered"].any() else (presented, "presented")
+    words = found[given][kinds[given]]
+    odd = next((word for word in words if not _is_number(word)), words.iloc[0])
+    raise InputError(
+        f"column {name!r}: expected labels of one kind in {presented!r} and {answered!r}, got {odd!r} where the other "
+        "has numbers; leave out or name what has no answer"
+    )
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _named(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
