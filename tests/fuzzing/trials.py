@@ -119,7 +119,7 @@ TARGETS: dict[str, tuple[Callable[[Path], object], ...]] = {
 """By the name of a specimen."""
 
 
-def try_many(count: int, seed: int, keep: Path, *, only: str = "") -> Findings:
+def try_many(count: int, seed: int, keep: Path, *, only: str = "", first: int = 0) -> Findings:
     """Damage and read so many files; those that end badly are kept in a folder."""
     found = Findings()
     with tempfile.TemporaryDirectory(prefix="midair-fuzz-") as folder:
@@ -132,9 +132,9 @@ def try_many(count: int, seed: int, keep: Path, *, only: str = "") -> Findings:
         contents = {name: (originals / name).read_bytes() for name in names}
         for name, content in contents.items():
             damaged(name, content, np.random.default_rng(0))  # what is looked up once is looked up before the copies
-        number = 0
-        while number < count:
-            tried = _batch(range(number, min(count, number + BATCH)), seed, contents, Path(folder), keep, found)
+        number = first
+        while number < first + count:
+            tried = _batch(range(number, min(first + count, number + BATCH)), seed, contents, Path(folder), keep, found)
             if not tried:
                 raise RuntimeError(f"file {number} could not be damaged: a process for trials ended before it began")
             number += tried
@@ -270,11 +270,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.fuzzing", description=__doc__)
     parser.add_argument("--count", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, help="number of the first, to go on with a seed")
     parser.add_argument("--only", default="", help="names of specimens that hold this")
     parser.add_argument("--keep", type=Path, default=Path(tempfile.gettempdir()) / "midair-fuzz-kept")
     given = parser.parse_args(arguments)
     begun = time.monotonic()
-    found = try_many(given.count, given.seed, given.keep, only=given.only)
+    found = try_many(given.count, given.seed, given.keep, only=given.only, first=given.first)
     for line in told(found, time.monotonic() - begun):
         print(line)
     return int(bool(found.bad))

@@ -148,12 +148,13 @@ def _choices(
 
 def _check_labels(found: DataFrame, presented: str, answered: str) -> None:
     """Raise if one column of labels is numbers and the other is not: such labels are never the same."""
-    kinds = {name: found[name].map(lambda label: isinstance(label, str)) for name in ("presented", "answered")}
-    if kinds["presented"].all() == kinds["answered"].all() and not (kinds["presented"] ^ kinds["answered"]).any():
+    given = {presented: found["presented"].tolist(), answered: found["answered"].tolist()}
+    words = {name: [label for label in labels if isinstance(label, str)] for name, labels in given.items()}
+    mixed = [name for name in given if words[name]]
+    if not mixed or all(len(words[name]) == len(given[name]) for name in given):
         return
-    name, given = (answered, "answered") if kinds["answered"].any() else (presented, "presented")
-    words = found[given][kinds[given]]
-    odd = next((word for word in words if not _is_number(word)), words.iloc[0])
+    name = mixed[-1]
+    odd = next((word for word in words[name] if not _is_number(word)), words[name][0])
     raise InputError(
         f"column {name!r}: expected labels of one kind in {presented!r} and {answered!r}, got {odd!r} where the other "
         "has numbers; leave out or name what has no answer"
