@@ -101,6 +101,8 @@ def test_centred_places_mirror(count, pitch):
     [
         (SensorGrid, {"rows": 0}, ShapeError),
         (SensorGrid, {"columns": 1.5}, ShapeError),
+        (SensorGrid, {"rows": float("nan")}, ShapeError),
+        (SensorGrid, {"columns": float("inf")}, ShapeError),
         (SensorGrid, {"pitch": 0.0}, InputError),
         (ControlGrid, {"rows": -1}, ShapeError),
         (ControlGrid, {"pitch": float("nan")}, InputError),

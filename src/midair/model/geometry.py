@@ -128,7 +128,8 @@ class Grid:
     pitch: float
 
     def __post_init__(self) -> None:
-        if self.rows < 1 or self.columns < 1 or self.rows != int(self.rows) or self.columns != int(self.columns):
+        # NaN and infinity are no whole numbers either.
+        if not all(length >= 1 and length % 1 == 0 for length in (self.rows, self.columns)):
             raise ShapeError(f"grid: expected at least 1 row and 1 column, got {self.rows} x {self.columns}")
         positive(self.pitch, "pitch of the grid", "m")
 
