@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,6 +48,11 @@ def test_holds_what_a_reader_looks_for(loop, page):
     ):
         assert words in page
     assert f"{100 * loop.passes[-1].reproduction.solution.error.mean():.3g}" in page
+
+
+def test_only_a_rectified_original_is_said_to_lose_its_negative_half(loop, page):
+    assert "negative half cannot be played" in page
+    assert "negative half" not in render(replace(loop, settings=loop.settings.but(mapping="slow-bias")))
 
 
 def test_every_setting_is_told():

@@ -75,6 +75,7 @@ def render(loop: Loop, *, commands: tuple[str, ...] = ()) -> str:
         figures=_figures(loop),
         card=() if card is None else card.figures,
         passes=[f"pass {number + 1}" for number in range(len(loop.passes))],
+        rectified=loop.settings.target.mapping == "half-wave",
         settings=settings_rows(loop.settings),
         steps=[(step.stage, _words(step.settings)) for step in last.felt.provenance.steps],
         versions=versions(),
