@@ -13,6 +13,7 @@ from midair.model.placement import UNIT, Placement
 from midair.model.progress import Progress
 from midair.model.provenance import Provenance, Setting, Step
 from midair.model.recording import Recording, Unit
+from midair.model.stage import Heading, Place, StageSetup, StageStamp, speed_of
 from midair.model.wiring import SensorWiring
 
 __all__ = [
@@ -26,12 +27,14 @@ __all__ = [
     "Drive",
     "Event",
     "EventKind",
+    "Heading",
     "Linearity",
     "Measurement",
     "Medium",
     "PressureFrames",
     "UNIT",
     "Placement",
+    "Place",
     "Progress",
     "Provenance",
     "Recording",
@@ -39,9 +42,12 @@ __all__ = [
     "SensorWiring",
     "Setting",
     "Solution",
+    "StageSetup",
+    "StageStamp",
     "Status",
     "Step",
     "TransducerArray",
     "Unit",
     "array_of_boards",
+    "speed_of",
 ]

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 from typing import Literal
 
-EventKind = Literal["lost", "clipped", "dead", "stuck", "rate", "clock", "trigger"]
+EventKind = Literal["lost", "clipped", "dead", "stuck", "rate", "clock", "trigger", "stroke"]
 """lost: frames that never came, held at the last good one. clipped, dead, stuck: of a channel. rate: frames counted
-against this computer's clock. clock: the device's clock against this computer's. trigger: the frame that started it."""
+against this computer's clock. clock: the device's clock against this computer's. trigger: the frame that started it.
+stroke: frames of a stroke that a stage drew."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -14,7 +15,7 @@ class Event:
 
     Attributes
     ----------
-    kind : {"lost", "clipped", "dead", "stuck", "rate", "clock", "trigger"}
+    kind : {"lost", "clipped", "dead", "stuck", "rate", "clock", "trigger", "stroke"}
         What.
     frame : int
         First frame of the recording that it concerns, from 0.

@@ -34,7 +34,7 @@ def test_files_hold_exactly_what_the_table_says(recording, calibration, solution
     save_calibration(calibration, tmp_path / "a.calibration.h5")
     save_solution(solution, tmp_path / "a.drive.h5", target=target)
     with h5py.File(tmp_path / "a.h5") as file:
-        journal = {entry.name for entry in TABLE["recording"] if entry.name.startswith("event")}
+        journal = {entry.name for entry in TABLE["recording"] if entry.name.startswith(("event", "stage"))}
         check(file, "recording", extra={"calibration", "pressure"}, without=journal)
         check(file["calibration"], "calibration")
         check(file["pressure"], "pressure")

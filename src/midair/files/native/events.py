@@ -78,4 +78,6 @@ def _settings(events: tuple[Event, ...], frames: int) -> dict[str, Setting]:
             settings[f"{kind}_ppm"] = of[kind][-1].ppm
     if of["trigger"]:
         settings["trigger"] = of["trigger"][0].frame
+    if of["stroke"]:
+        settings["strokes"] = tuple((row.frame, min(row.frames, frames - row.frame)) for row in of["stroke"][:LISTED])
     return settings

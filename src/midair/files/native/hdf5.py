@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 LAYOUT = ("v110", "v110")
 """Oldest and newest version of HDF5 whose layout is used."""
 
-GROWING = ("time", "event")
+GROWING = ("time", "event", "stage")
 """Axes along which a recording grows while it runs."""
 
 
@@ -130,8 +130,8 @@ def signature(kind: Kind, provenance: "Provenance") -> dict[str, Any]:
 def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, live: bool = False) -> None:
     """Write what the table lists for `kind`; coordinates first, since the others refer to them.
 
-    With `live`, the axes time and event can grow, unwritten numbers are NaN, and there are no checksums of numbers: a
-    writer that is killed in the middle of a block would leave one that refuses the whole block.
+    With `live`, the axes time, event and stage can grow, unwritten numbers are NaN, and there are no checksums of
+    numbers: a writer that is killed in the middle of a block would leave one that refuses the whole block.
     """
     entries = [entry for entry in TABLE[kind] if entry.name in values]
     unit = str(values.get("unit", ""))
@@ -148,8 +148,8 @@ def read_group(
 ) -> dict[str, Any]:
     """What the table lists for `kind`, each checked for type, axes, unit and lengths that agree.
 
-    With `live`, what lies along time, or event, is cut to the shortest: a writer may be between two datasets. With
-    `streamed`, times and all that is more than a number a frame are reels: read when somebody asks for them.
+    With `live`, what lies along time, event or stage is cut to the shortest: a writer may be between two datasets.
+    With `streamed`, times and all that is more than a number a frame are reels: read when somebody asks for them.
 
     Raises
     ------

@@ -24,6 +24,7 @@ from midair.files.native.hdf5 import (
     write_group,
 )
 from midair.files.native.provenance_json import from_json
+from midair.files.native.stage_stamps import stamps_from, with_stage
 from midair.files.native.unclosed import is_unclosed
 from midair.files.opened_take import Given, OpenedTake
 from midair.model import Calibration, PressureFrames, Recording
@@ -90,13 +91,14 @@ def _read_once(path: Path, given: Given) -> OpenedTake:
         if live:
             values, report = _whole_frames(values, path)
         check_time(values, path)
-        journal = events_from(values)
+        journal, stamps = events_from(values), stamps_from(values)
+        life = with_events(from_json(values["provenance"]), journal, len(values["time"]))
         recording = Recording(
             samples=finite(values["samples"], "samples"),
             rate=values["rate_hz"],
             sensor=sensor_from(values),
             unit=values["unit"],
-            provenance=with_events(from_json(values["provenance"]), journal, len(values["time"])),
+            provenance=with_stage(life, stamps, journal, values["rate_hz"]),
         )
         given.check(recording, path)
         calibration = read_calibration(stored_group(file, "calibration"), path) if "calibration" in file else None

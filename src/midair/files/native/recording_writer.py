@@ -21,7 +21,8 @@ from midair.files.native.calibration_file import write_calibration
 from midair.files.native.events import KINDS, event_values
 from midair.files.native.hdf5 import LAYOUT, fixed_text, signature, stored_dataset, write_group
 from midair.files.native.live_file import LiveFile
-from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Unit
+from midair.files.native.stage_stamps import stage_values
+from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, StageStamp, Unit
 from midair.validation import frozen_array, positive
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ class RecordingWriter:
         Bytes that stay free on the disk: a recording ends in order before the disk is full.
     expected : int
         Frames that will come, where that is known: without room for them no file is made.
+    staged : bool
+        Whether a stage moves meanwhile, whose places are kept too.
 
     Examples
     --------
@@ -75,6 +78,7 @@ class RecordingWriter:
         interval: float = 0.25,
         reserve: int = 2**24,
         expected: int = 0,
+        staged: bool = False,
     ) -> None:
         self.path = writable_path(path)
         self.rate = positive(rate, "rate", "Hz")
@@ -83,8 +87,11 @@ class RecordingWriter:
         self.provenance = provenance
         self.calibration = calibration
         self.interval = positive(interval, "interval", "s")
-        self.reserve, self.expected = reserve, expected
-        self._frames = self._events = self._safe = self._told = 0
+        self.reserve, self.expected, self.staged = reserve, expected, staged
+        self._frames = self._safe = 0
+        # Rows of what happened and of where the stage was, now and as they were flushed.
+        self._rows = {"event": 0, "stage": 0}
+        self._told = dict(self._rows)
         self._live: LiveFile | None = None
         self._lock = threading.RLock()
         self._timer: threading.Timer | None = None
@@ -155,14 +162,29 @@ class RecordingWriter:
         FileError
             If the file is closed or cannot be written.
         """
-        rows = tuple(events)
+        self._add("event", event_values(tuple(events)))
+
+    def stamp(self, stamps: Iterable[StageStamp]) -> None:
+        """Write down where the stage was, its times from frame 0 on; flushed as `note` is.
+
+        Raises
+        ------
+        FileError
+            If the file is closed or cannot be written, or is of a recording without a stage.
+        """
+        if not self.staged:
+            raise FileError(f"{self.path}: the recording is one without a stage; make it with staged=True")
+        self._add("stage", stage_values(tuple(stamps)))
+
+    def _add(self, axis: str, values: dict[str, Any]) -> None:
+        """Rows along an axis of their own, after those that are there."""
         with self._lock:
             file = self._opened()
-            values = event_values(rows) | {"event": np.arange(self._events, self._events + len(rows))}
+            first, rows = self._rows[axis], len(values[axis])
             with self._failing():
-                for name in values if rows else ():
-                    self._extend(stored_dataset(file, name), self._events, values[name])
-                self._events += len(rows)
+                for name, column in (values | {axis: np.arange(first, first + rows)}).items() if rows else ():
+                    self._extend(stored_dataset(file, name), first, column)
+                self._rows[axis] += rows
 
     def close(self) -> None:
         """Write what is left, mark the recording as finished, and close it; once is enough, twice does no harm.
@@ -199,6 +221,7 @@ class RecordingWriter:
             "samples": np.zeros((0, *self.sensor.shape)),
             "finished": 0,
             **event_values(()),
+            **(stage_values(()) if self.staged else {}),
         }
 
     def _image(self) -> bytes:
@@ -243,7 +266,7 @@ class RecordingWriter:
             raise self._refusal() from wrong
 
     def _give_up(self, wrong: Exception) -> None:
-        self._failure, self._frames, self._events = wrong, self._safe, self._told
+        self._failure, self._frames, self._rows = wrong, self._safe, dict(self._told)
 
     def _refusal(self) -> FileError:
         why = "" if self._failure is None else reason(self._failure)
@@ -255,7 +278,9 @@ class RecordingWriter:
 
     def _cut(self, file: "h5py.File") -> None:
         """Drop what an interrupted append or note left behind, so that all that lies along an axis is equally long."""
-        lengths = dict.fromkeys(("time", "samples"), self._frames) | dict.fromkeys(event_values(()), self._events)
+        lengths = dict.fromkeys(("time", "samples"), self._frames)
+        lengths |= dict.fromkeys(event_values(()), self._rows["event"])
+        lengths |= dict.fromkeys(stage_values(()) if self.staged else (), self._rows["stage"])
         for name, length in lengths.items():
             if len(stored_dataset(file, name)) != length:
                 stored_dataset(file, name).resize(length, axis=0)
@@ -287,4 +312,4 @@ class RecordingWriter:
         self._flushed = time.monotonic()
         if self._live is not None and self._failure is None:
             self._live.commit()
-            self._safe, self._told = self._frames, self._events
+            self._safe, self._told = self._frames, dict(self._rows)

@@ -95,6 +95,14 @@ _EVENTS = (
     indices("event_channel", "event", "of the sensor, or -1 for all", required=False),
     numbers("event_ppm", "event", "1e-6", "how much faster than the computer's clock, for rate, clock", required=False),
 )
+_STAGE = (
+    indices("stage", "stage", "of a place where the stage was, from 0", required=False),
+    numbers("stage_time", "stage", "s", "when it was there, from frame 0 on", required=False),
+    numbers("stage_x", "stage", "m", "place in the machine's coordinates", required=False),
+    numbers("stage_y", "stage", "m", "place in the machine's coordinates", required=False),
+    numbers("stage_z", "stage", "m", "place in the machine's coordinates; grows away from the sensor", required=False),
+    numbers("stage_feed", "stage", "m/s", "speed as the machine said it", required=False),
+)
 _MEASUREMENT = (
     attribute("method", "text", "how a measured calibration was made, in words", required=False),
     attribute("reference", "text", "what the pressure was measured by", required=False),
@@ -144,6 +152,7 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         ),
         indices("finished", "", "1 when the recording was closed in order, 0 while it runs", dtype="i1"),
         *_EVENTS,
+        *_STAGE,
     ),
     "calibration": (
         *_SIGNED,

@@ -4,6 +4,7 @@ from midair.files.toml.exposure_profiles import DEFAULT_PROFILE, load_profiles, 
 from midair.files.toml.placements import load_placement
 from midair.files.toml.plain import from_plain, to_plain
 from midair.files.toml.sensors import load_sensor, save_sensor
+from midair.files.toml.stages import load_stage
 
 __all__ = [
     "from_plain",
@@ -12,6 +13,7 @@ __all__ = [
     "load_placement",
     "load_profiles",
     "load_sensor",
+    "load_stage",
     "profile_named",
     "save_sensor",
 ]

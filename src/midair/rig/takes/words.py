@@ -16,6 +16,7 @@ def told(event: Event, rate: float, grid: SensorGrid, drift: Drift | None = None
         "rate": f"frames come {_drift(event.ppm, drift)} than {rate:g} a second, by this computer's clock",
         "clock": f"the sensor's clock runs {_drift(event.ppm, drift)} than this computer's",
         "trigger": "touched",
+        "stroke": f"a stroke of {event.frames / rate:.3f} s",
     }
     return f"{event.frame / rate:.3f} s: {words[event.kind]}"
 

@@ -1,0 +1,68 @@
+"""A stage's places: what lies beyond its travel is refused, and its speed is that of the middle of its way."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.model import StageSetup, StageStamp, speed_of
+
+SETUP = StageSetup(
+    heading="+x",
+    start=(-0.18, -0.06),
+    contact=-0.0225,
+    clear=-0.02,
+    approach=0.005,
+    back=0.1,
+    travel=((-0.24, 0.0), (-0.12, 0.0), (-0.06, 0.0)),
+)
+
+
+def stamps(places, step=0.1):
+    return [StageStamp(time=i * step, position=(x, 0.0, 0.0), feed=0.0) for i, x in enumerate(places)]
+
+
+def test_a_stroke_within_the_travel_is_allowed_to_its_very_end():
+    SETUP.check(0.18)
+    assert SETUP.end(0.18) == (0.0, -0.06, -0.0225)
+
+
+@pytest.mark.parametrize(
+    ("change", "stroke", "words"),
+    [
+        ({}, 0.181, "a stroke of 181 mm reaches x 1 mm: expected -240 to 0 mm"),
+        ({"heading": "-x"}, 0.061, "reaches x -241 mm"),
+        ({"heading": "+y"}, 0.061, "reaches y 1 mm"),
+        ({"contact": -0.061}, 0.01, "contact reaches z -61 mm"),
+        ({"clear": 0.001}, 0.01, "the start reaches z 1 mm"),
+        ({}, 0.0, "stroke"),
+    ],
+)
+def test_what_lies_beyond_the_travel_is_refused(change, stroke, words):
+    with pytest.raises(InputError, match=words):
+        dataclasses.replace(SETUP, **change).check(stroke)
+
+
+@pytest.mark.parametrize(
+    "change", [{"clear": -0.0225}, {"approach": 0.0}, {"back": -1.0}, {"travel": ((0.0, 0.0), (0.0, 1.0), (0.0, 1.0))}]
+)
+def test_a_setup_that_cannot_be_is_refused(change):
+    with pytest.raises(InputError):
+        dataclasses.replace(SETUP, **change)
+
+
+def test_the_speed_is_that_of_the_middle_whatever_the_ends_do():
+    # 0 to 100 mm: slow at both ends, 20 mm in each tenth of a second between 25 and 75 mm.
+    assert speed_of(stamps([0, 0.001, 0.005, 0.03, 0.05, 0.07, 0.098, 0.1])) == pytest.approx(0.2)
+
+
+def test_one_late_stamp_does_not_change_the_speed():
+    even = stamps(np.linspace(0, 0.12, 25))
+    late = [dataclasses.replace(even[12], time=even[12].time + 0.05), *even[13:]]
+    assert speed_of([*even[:12], *late]) == pytest.approx(0.05, rel=0.005)
+
+
+@pytest.mark.parametrize("places", [[], [0.0], [0.0, 0.1], [0.0, 0.0, 0.0, 0.0]])
+def test_of_too_few_places_nobody_knows_the_speed(places):
+    assert speed_of(stamps(places)) is None
