@@ -25,6 +25,7 @@ from midair.devices.safety import (
     stop_playing,
 )
 from midair.devices.sensors import Decimated, PacedSensor, ReplaySensor, Rewired, Source, Stream, StreamedSensor
+from midair.devices.stages import StageDevice
 from midair.devices.virtual import VirtualArray, VirtualSensor, VirtualSkin
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "SensorDevice",
     "SilencerChoice",
     "Source",
+    "StageDevice",
     "Stream",
     "Stopped",
     "StreamedSensor",

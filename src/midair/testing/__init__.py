@@ -1,7 +1,8 @@
 """For tests of programs that use midair: fakes and builders, as midair's own tests use them."""
 
+from midair.testing.grbl_stand_in import GrblStandIn, PlannedMove
 from midair.testing.openmpd_stand_in import OpenMpdStandIn, PinFrame, measured_board
 from midair.testing.overriding import overridden
 from midair.testing.udp_tap import UdpTap
 
-__all__ = ["OpenMpdStandIn", "PinFrame", "UdpTap", "measured_board", "overridden"]
+__all__ = ["GrblStandIn", "OpenMpdStandIn", "PinFrame", "PlannedMove", "UdpTap", "measured_board", "overridden"]

@@ -1,0 +1,441 @@
+"""A machine behind Grbl 1.1 on a pty: its answers, its receive buffer, its planner and the time that moving takes.
+
+Written from the makers' description alone (gnea/grbl, doc/markdown: interface.md, commands.md, jogging.md), with no
+line of the driver. Left out: junctions (each line ends at rest), arcs, probing, overrides, jogging. POSIX only.
+"""
+
+import contextlib
+import os
+import re
+import select
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+USUAL = {
+    **{10: 1.0, 13: 0.0, 20: 0.0, 21: 1.0, 22: 1.0, 27: 1.0},
+    **dict.fromkeys((110, 111, 112), 12000.0),
+    **dict.fromkeys((120, 121, 122), 500.0),
+    **dict.fromkeys((130, 131, 132), 250.0),
+}
+"""Settings: status mask, inches, soft and hard limits, homing, pull-off (mm); mm/min, mm/s2 and mm of each axis."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlannedMove:
+    """A straight line that speeds up, goes on evenly, and slows down to rest; in mm and s."""
+
+    start: Vector
+    end: Vector
+    speed: float
+    growth: float
+    begun: float = 0.0
+    stopped: float | None = None
+
+    @property
+    def length(self) -> float:
+        """Of the line."""
+        return float(np.linalg.norm(self.end - self.start))
+
+    @property
+    def top(self) -> float:
+        """The speed that is reached."""
+        return min(self.speed, float(np.sqrt(self.growth * self.length)))
+
+    @property
+    def duration(self) -> float:
+        """From rest to rest, unless it is held."""
+        return self.length / self.top + self.top / self.growth if self.length else 0.0
+
+    def _free(self, after: float) -> tuple[float, float]:
+        """Way and speed so long after the beginning, if it is not held."""
+        up, whole = self.top / self.growth, self.duration
+        if after <= 0 or not self.length:
+            return 0.0, 0.0
+        if after >= whole:
+            return self.length, 0.0
+        if after < up:
+            return self.growth * after**2 / 2, self.growth * after
+        if after > whole - up:
+            left = whole - after
+            return self.length - self.growth * left**2 / 2, self.growth * left
+        return self.top * (after - up / 2), self.top
+
+    def at(self, now: float) -> tuple[Vector, float]:
+        """Place and speed."""
+        way, speed = self._free((now if self.stopped is None else min(now, self.stopped)) - self.begun)
+        if self.stopped is not None and now > self.stopped:
+            slowing = min(now - self.stopped, speed / self.growth)
+            way, speed = way + speed * slowing - self.growth * slowing**2 / 2, speed - self.growth * slowing
+        whole = self.length
+        return self.start + (self.end - self.start) * (way / whole if whole else 1.0), speed
+
+    def over(self, now: float) -> bool:
+        """Whether it has come to its end, held or not."""
+        speed = self.at(now)[1]
+        return speed <= 1e-9 and now > self.begun and (self.stopped is not None or now >= self.begun + self.duration)
+
+
+@dataclass(slots=True)
+class ParserState:
+    """What stays from line to line."""
+
+    motion: int = 0
+    inches: bool = False
+    relative: bool = False
+    feed: float = 0.0
+    target: Vector = field(default_factory=lambda: np.zeros(3))
+
+
+class GrblStandIn:
+    """One machine. `port` is what a driver opens; leave it by `close`.
+
+    Parameters
+    ----------
+    homed : bool
+        Whether it has found its switches; if not, and it has any, it is locked.
+    settings : mapping of int to float, optional
+        Those that differ from the usual ones.
+    baud : int
+        Bits per second: a byte takes ten of them, both ways.
+
+    Attributes
+    ----------
+    port : str
+        Name of the pty.
+    lines : list of str
+        That it was sent, in order.
+    moves : list of PlannedMove
+        That it has begun, with when.
+    lost : int
+        Bytes that its receive buffer had no room for.
+    switch : tuple of int and float or None
+        Axis and place (mm) at which a limit switch is hit.
+    mute : bool
+        Set it to have the machine say nothing any more.
+    """
+
+    RECEIVES = 128
+    PLANS = 15
+
+    def __init__(self, *, homed: bool = True, settings: Mapping[int, float] | None = None, baud: int = 115_200) -> None:
+        import tty  # not on Windows
+
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self._slave)
+        self.settings = {**USUAL, **(settings or {})}
+        self.lines: list[str] = []
+        self.moves: list[PlannedMove] = []
+        self.lost = 0
+        self.switch: tuple[int, float] | None = None
+        self.mute = False
+        self._rate = baud / 10
+        self._place = np.full(3, -self.settings[27]) if homed else np.zeros(3)
+        self._locked = bool(self.settings[22]) and not homed
+        self._critical = False
+        self._parser = ParserState(target=self._place.copy())
+        self._received, self._line, self._leaving = bytearray(), bytearray(), bytearray()
+        self._plan: deque[PlannedMove] = deque()
+        self._now: PlannedMove | None = None
+        self._held = self._reset = False
+        self._asked: float | None = None
+        self._dwell: float | None = None
+        self._waiting: tuple[str, float] | None = None
+        self._homing: float | None = None
+        self._reports = 0
+        self._clock = time.monotonic()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="Grbl stand-in", daemon=True)
+        self._thread.start()
+
+    @property
+    def place(self) -> Vector:
+        """Where it is, in mm."""
+        return self._place.copy()
+
+    @property
+    def state(self) -> str:
+        """As a report says it."""
+        if self._locked:
+            return "Alarm"
+        if self._homing is not None:
+            return "Home"
+        if self._held:
+            return "Hold:0" if self._now is None or self._now.over(time.monotonic()) else "Hold:1"
+        return "Run" if self._now is not None or self._plan else "Idle"
+
+    def close(self) -> None:
+        """Switch it off."""
+        self._over.set()
+        self._thread.join()
+        for end in (self._master, self._slave):
+            if end >= 0:
+                os.close(end)
+
+    def unplug(self) -> None:
+        """Pull the cable."""
+        self._over.set()
+        self._thread.join()
+        os.close(self._master)
+        self._master = -1
+
+    def _run(self) -> None:
+        self._greet()
+        while not self._over.is_set():
+            now = time.monotonic()
+            self._transfer(now)
+            self._move(now)
+            if self._reset:
+                self._restart(now)
+            elif not self._critical:
+                self._work(now)
+                self._answer(now)
+            time.sleep(0.001)
+
+    # The line: bytes at their rate, both ways; single characters are picked out before the buffer.
+
+    def _transfer(self, now: float) -> None:
+        room = int((now - self._clock) * self._rate)
+        if room < 1:
+            return
+        self._clock += room / self._rate
+        if select.select([self._master], [], [], 0)[0]:
+            for byte in os.read(self._master, min(room, 4096)):
+                self._receive(byte, now)
+        if self._leaving:
+            with contextlib.suppress(BlockingIOError):
+                del self._leaving[: os.write(self._master, self._leaving[:room])]
+
+    def _receive(self, byte: int, now: float) -> None:
+        if byte == 0x18:
+            self._reset = True
+        elif byte == ord("?"):
+            # A question before the first one was answered is ignored.
+            self._asked = now if self._asked is None else self._asked
+        elif byte == ord("!"):
+            self._hold(now)
+        elif byte == ord("~"):
+            self._resume()
+        elif len(self._received) < self.RECEIVES - 1:
+            self._received.append(byte)
+        else:
+            self.lost += 1
+
+    def _say(self, line: str) -> None:
+        if not self.mute:
+            self._leaving += f"{line}\r\n".encode()
+
+    def _greet(self) -> None:
+        self._say("")
+        self._say("Grbl 1.1h ['$' for help]")
+        if self._locked:
+            self._say("[MSG:'$H'|'$X' to unlock]")
+
+    def _answer(self, now: float) -> None:
+        """A report, some milliseconds after it was asked for."""
+        if self._asked is None or now - self._asked < 0.008 or self._homing is not None:
+            return
+        self._asked = None
+        speed = 0.0 if self._now is None else self._now.at(now)[1]
+        scale = 25.4 if self.settings[13] else 1.0
+        x, y, z = self._place / scale
+        offset = "|WCO:0.000,0.000,0.000" if self._reports % 10 == 0 else ""
+        name = "MPos" if int(self.settings[10]) & 1 else "WPos"
+        self._reports += 1
+        self._say(f"<{self.state}|{name}:{x:.3f},{y:.3f},{z:.3f}|FS:{speed * 60 / scale:.0f},0{offset}>")
+
+    # Motion.
+
+    def _move(self, now: float) -> None:
+        if self._now is None and self._plan and not self._held:
+            begun = self._plan.popleft()
+            self._now = PlannedMove(
+                start=self._place.copy(), end=begun.end, speed=begun.speed, growth=begun.growth, begun=now
+            )
+            self.moves.append(self._now)
+        if self._now is None:
+            return
+        before, (self._place, _) = self._place, self._now.at(now)
+        if self.switch is not None:
+            axis, at = self.switch
+            if (before[axis] - at) * (self._place[axis] - at) < 0:
+                self._alarm(1, now)
+                return
+        if self._now.stopped is None and self._now.over(now):
+            self._place, self._now = self._now.end.copy(), None
+
+    def _hold(self, now: float) -> None:
+        if self._critical or self._locked or self._homing is not None:
+            return
+        self._held = True
+        if self._now is not None and self._now.stopped is None:
+            self._now = self._moves_now(stopped=now)
+
+    def _resume(self) -> None:
+        if not self._held:
+            return
+        self._held = False
+        if self._now is not None:
+            self._plan.appendleft(self._now)
+            self._now = None
+
+    def _moves_now(self, *, stopped: float) -> PlannedMove:
+        """The move that is under way, held from now on."""
+        move = self.moves[-1]
+        held = PlannedMove(
+            start=move.start, end=move.end, speed=move.speed, growth=move.growth, begun=move.begun, stopped=stopped
+        )
+        self.moves[-1] = held
+        return held
+
+    def _alarm(self, number: int, now: float) -> None:
+        if self._now is not None:
+            self._moves_now(stopped=now)
+        self._now = None
+        self._plan.clear()
+        self._locked = self._critical = True
+        self._say(f"ALARM:{number}")
+        self._say("[MSG:Reset to continue]")
+
+    def _restart(self, now: float) -> None:
+        """Ctrl-X: everything is forgotten; its place, too, if it moved."""
+        self._reset = False
+        moving = self._now is not None and not self._now.over(now)
+        if moving or self._homing is not None:
+            self._locked = True
+            self._say("ALARM:3" if moving else "ALARM:6")
+        self._plan.clear()
+        self._now = self._dwell = self._waiting = self._homing = self._asked = None
+        self._held = self._critical = False
+        self._received.clear()
+        self._line.clear()
+        self._parser = ParserState(target=self._place.copy())
+        self._greet()
+
+    # Lines: taken from the buffer one by one, answered in turn.
+
+    def _work(self, now: float) -> None:
+        if self._homing is not None:
+            if now >= self._homing:
+                self._homing, self._locked = None, False
+                self._place = np.full(3, -self.settings[27])
+                self._parser.target = self._place.copy()
+                self._say("ok")
+            return
+        if self._dwell is not None:
+            self._wait_out(now)
+            return
+        if len(self._plan) >= self.PLANS or b"\n" not in self._received.replace(b"\r", b"\n"):
+            return
+        text = bytes(self._received.replace(b"\r", b"\n")).split(b"\n", 1)[0]
+        del self._received[: len(text) + 1]
+        line = text.decode("latin-1").replace(" ", "").upper()
+        self.lines.append(line)
+        answer = self._system(line, now) if line.startswith("$") else self._block(line, now)
+        if answer:
+            self._say(answer)
+
+    def _wait_out(self, now: float) -> None:
+        """A dwell: first everything that was planned, then its own time."""
+        if self._dwell is None or self._now is not None or self._plan or self._held:
+            return
+        if self._waiting is None:
+            self._waiting = ("dwell", now + self._dwell)
+        elif now >= self._waiting[1]:
+            self._dwell = self._waiting = None
+            self._say("ok")
+
+    def _system(self, line: str, now: float) -> str:
+        if line in ("$$", "$I", "$H") and self.state not in ("Idle", "Alarm"):
+            return "error:8"
+        if line == "$$":
+            for number, value in sorted(self.settings.items()):
+                self._say(
+                    f"${number}={value:.3f}" if number >= 20 and number not in (20, 21, 22) else f"${number}={value:g}"
+                )
+        elif line == "$I":
+            self._say("[VER:1.1h.20190825:]")
+            self._say("[OPT:V,15,128]")
+        elif line == "$X":
+            self._locked = False
+            self._say("[MSG:Caution: Unlocked]")
+        elif line == "$H":
+            if not self.settings[22]:
+                return "error:5"
+            self._homing = now + 0.3
+            return ""
+        else:
+            return "error:3"
+        return "ok"
+
+    def _block(self, line: str, now: float) -> str:
+        if self._locked:
+            return "error:9"
+        if len(line) > 80:
+            return "error:11"
+        words = re.findall(r"([A-Z])([-+]?\d*\.?\d+)", line)
+        if "".join(letter + number for letter, number in words) != line:
+            return "error:1"
+        return self._obey([(letter, float(number)) for letter, number in words], now)
+
+    def _obey(self, words: list[tuple[str, float]], now: float) -> str:
+        parser, axes, machine, dwell = self._parser, dict[int, float](), False, None
+        for letter, number in words:
+            match letter, number:
+                case "G", 0 | 1:
+                    parser.motion = int(number)
+                case "G", 20 | 21:
+                    parser.inches = number == 20
+                case "G", 90 | 91:
+                    parser.relative = number == 91
+                case "G", 53:
+                    machine = True
+                case "G", 4:
+                    dwell = dict(words).get("P")
+                    if dwell is None:
+                        return "error:28"
+                case "G", 94 | 54 | 17:
+                    pass
+                case "F", _:
+                    parser.feed = number * (25.4 if parser.inches else 1.0)
+                case "X" | "Y" | "Z", _:
+                    axes["XYZ".index(letter)] = number
+                case "P", _:
+                    pass
+                case _:
+                    return "error:20"
+        if dwell is not None:
+            self._dwell = dwell
+            return ""
+        return self._plan_line(axes, machine=machine, now=now) if axes else "ok"
+
+    def _plan_line(self, axes: Mapping[int, float], *, machine: bool, now: float) -> str:
+        parser, target = self._parser, self._parser.target.copy()
+        if parser.motion == 1 and not parser.feed:
+            return "error:22"
+        scale = 25.4 if parser.inches else 1.0
+        for axis, number in axes.items():
+            target[axis] = number * scale + (target[axis] if parser.relative and not machine else 0.0)
+        travel = np.array([self.settings[130 + axis] for axis in range(3)])
+        if self.settings[20] and ((target > 0) | (target < -travel)).any():
+            self._alarm(2, now)
+            return ""
+        step = target - parser.target
+        length = float(np.linalg.norm(step))
+        if length:
+            share = np.maximum(np.abs(step) / length, 1e-12)
+            fastest = min(self.settings[110 + axis] / 60 / share[axis] for axis in range(3))
+            growth = min(self.settings[120 + axis] / share[axis] for axis in range(3))
+            speed = fastest if parser.motion == 0 else min(fastest, parser.feed / 60)
+            self._plan.append(PlannedMove(start=parser.target.copy(), end=target, speed=speed, growth=growth))
+        parser.target = target
+        return "ok"
