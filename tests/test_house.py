@@ -62,6 +62,7 @@ UNTESTED_BY_NAME = {
     "cli/terminal/calibration_output.py": "cli/commands/calibrate/test_apply.py",
     "cli/terminal/originals.py": "cli/test_commands.py",
     "cli/terminal/play_options.py": "cli/commands/test_play_arrays.py",
+    "cli/terminal/take_output.py": "cli/terminal/test_stage_options.py",
     "cli/terminal/sweep_output.py": "cli/commands/sweep/test_patterns.py",
     "devices/arrays/autd3_commands.py": "devices/arrays/test_autd3_emulator.py",
     "devices/arrays/banked_array.py": "devices/arrays/test_autd3_emulator.py",

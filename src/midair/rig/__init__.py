@@ -32,18 +32,21 @@ from midair.rig.looping import (
     run_loop,
     write_report,
 )
-from midair.rig.names import ArrayKind, VirtualRig, array_named, array_of_kind, sensor_named
+from midair.rig.names import ArrayKind, VirtualRig, array_named, array_of_kind, sensor_named, stage_named
 from midair.rig.playing import play_admitted, rerecord, room_air, stop_playing, usual_exposure
 from midair.rig.recorder import OpenRig, Played, loop, open_rig, play, record
 from midair.rig.signals import ENDING, handled
 from midair.rig.takes import (
+    Companion,
     Drift,
     Levels,
+    Stroking,
     Subject,
     Take,
     TakeOrder,
     TakePlan,
     View,
+    bring_to_start,
     capture_recording,
     problems,
     record_take,
@@ -64,6 +67,7 @@ __all__ = [
     "play",
     "record",
     "BudgetPlan",
+    "Companion",
     "Drift",
     "Identity",
     "Levels",
@@ -71,6 +75,7 @@ __all__ = [
     "Picture",
     "ReferenceChoice",
     "Stage",
+    "Stroking",
     "Subject",
     "Take",
     "TakeOrder",
@@ -80,6 +85,7 @@ __all__ = [
     "VirtualRig",
     "array_named",
     "array_of_kind",
+    "bring_to_start",
     "calibrate_by_beam",
     "calibration_rows",
     "card_of_loop",
@@ -106,6 +112,7 @@ __all__ = [
     "room_air",
     "run_loop",
     "sensor_named",
+    "stage_named",
     "stop_playing",
     "take_path",
     "told",

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.cli.terminal import Json, banner, calibrated_by, print_json, print_rows, recording_rows
+from midair.cli.terminal import Json, banner, calibrated_by, print_json, print_rows, recording_rows, stroke_rows
 from midair.files import contents, load_calibration, load_pressure, load_solution, open_take
 from midair.model import Provenance, Setting
 from midair.reel import moments
@@ -62,6 +62,7 @@ def _take_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
         rows.append(("uncertainty", uncertainty_of(calibration)))
     if pressure is not None:
         rows.append(("largest pressure", f"{moments(pressure.pressure).largest:.3g} Pa"))
+    rows += stroke_rows(recording.provenance, recording.rate)
     rows += [(f"note: {name}", text) for name, text in recording.provenance.notes.items()]
     return rows, recording.provenance
 
@@ -87,4 +88,8 @@ def _drive_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
 
 
 def _settings(settings: Mapping[str, Setting]) -> str:
-    return ", ".join(f"{name} {value}" for name, value in settings.items())
+    # Places of a stage, ten a second, are for programs (--json).
+    return ", ".join(
+        f"{len(value)} {name}" if name == "stamps" and isinstance(value, tuple) else f"{name} {value}"
+        for name, value in settings.items()
+    )

@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Generator
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,19 +11,23 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from midair.cli.terminal import (
+    Drawing,
     Json,
     Keys,
     MeterScreen,
     PlainConsole,
     Quiet,
+    Signals,
+    StageOptions,
     banner,
     err,
     parse_quantity,
+    plain_take,
     print_json,
     print_rows,
     quantity,
     signals_noted,
-    spell,
+    take_rows,
 )
 from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError
@@ -32,7 +37,6 @@ from midair.rig import (
     Take,
     TakePlan,
     VirtualRig,
-    problems,
     record_take,
     remember,
     remembered,
@@ -110,6 +114,7 @@ def record_command(
     *,
     subject: SubjectOptions | None = None,
     options: TakeOptions | None = None,
+    staging: StageOptions | None = None,
     sensor_file: Annotated[Path | None, Parameter(name="--sensor")] = None,
     real_time: bool = False,
     quiet: Quiet = False,
@@ -129,8 +134,8 @@ def record_command(
     output
         The recording, NAME.h5, or a folder; names are OBJECT-SURFACE-01.h5 and so on if it is not given. Nothing is
         written over.
-    subject, options
-        What is recorded, and when.
+    subject, options, staging
+        What is recorded, when, and what draws it over the sensor.
     sensor_file
         NAME.toml, which says what channel is which cell, and what the numbers mean.
     real_time
@@ -143,29 +148,39 @@ def record_command(
     options = options or TakeOptions()
     if options.repeats < 1:
         raise InputError(f"--repeats: expected 1 or more, got {options.repeats}")
+    subject = subject or SubjectOptions()
+    drawing = (staging or StageOptions()).drawing(subject.speed)
+    if drawing is not None and (options.duration is not None or options.trigger is not None):
+        raise InputError("--stage: expected neither --duration nor --trigger; a take begins and ends with the stroke")
     wiring = None if sensor_file is None else load_sensor(sensor_file)
-    device = sensor_named(sensor, VirtualRig(seed=seed), duration=options.duration, wiring=wiring)
+    touches = options.duration if drawing is None else drawing.seconds
+    device = sensor_named(sensor, VirtualRig(seed=seed), duration=touches, wiring=wiring)
+    real_time = real_time or drawing is not None
     ask = not (quiet or json) and (real_time or not device.on_demand)
-    about = _about(sensor, (subject or SubjectOptions()).subject, ask=ask)
+    about = _about(sensor, subject.subject, ask=ask)
     take_path(output, about, repeats=options.repeats)
-    if sensor.startswith("virtual:") and options.duration is None:
+    if drawing is None and sensor.startswith("virtual:") and options.duration is None:
         options = replace(options, duration=0.5 if "am-" in sensor else 1.28)
     ends = options.duration is not None or device.on_demand
     device = PacedSensor(device) if real_time and device.on_demand else device
     banner(device.simulated)
     console = err()
-    with signals_noted() as signals, Keys() as keys, device:
-        screen = MeterScreen(device, console, keys, signals, quiet=quiet)
+    with ExitStack() as held, signals_noted() as signals, Keys() as keys:
         takes: list[Take] = []
+        screen = MeterScreen(held.enter_context(device), console, keys, signals, quiet=quiet)
+        start = "at once" if drawing else _start(options, keys, ends=ends)
+        many = _takes(device, screen, start, options, output, about)
+        if drawing is not None:
+            many = _strokes(held.enter_context(drawing), device, screen, signals, options, output, about)
         try:
-            for take in _takes(device, screen, _start(options, keys, ends=ends), options, output, about):
+            for take in many:
                 takes.append(take)
                 if take.frames and not json:
-                    print_rows(_rows(take, device))
+                    print_rows(take_rows(take, device))
         finally:
             if json:
-                print_json([_plain(take, device) for take in takes if take.frames])
-    return _status(takes, device)
+                print_json([plain_take(take, device) for take in takes if take.frames])
+        return _status(takes, device)
 
 
 def _start(options: TakeOptions, keys: Keys, *, ends: bool) -> Literal["at once", "key", "touch"]:
@@ -207,9 +222,41 @@ def _takes(
             return
 
 
-def _paused(options: TakeOptions, device: SensorDevice, screen: MeterScreen) -> bool:
+def _strokes(
+    drawing: Drawing,
+    device: SensorDevice,
+    screen: MeterScreen,
+    signals: Signals,
+    options: TakeOptions,
+    output: Path | None,
+    about: Subject,
+) -> Generator[Take]:
+    """The takes of a stage, a stroke each, every one from the same place; it is there again at the end."""
+    drawing.prepare(options.repeats, lambda: bool(signals.came))
+    if not screen.asks("space or Enter: go"):
+        raise DeviceError("nothing has moved and nothing was recorded: it was ended before the first stroke")
+    drawing.to_start(screen.ends)
+    for number in range(1, options.repeats + 1):
+        path = take_path(output, about, repeats=options.repeats)
+        plan = TakePlan(
+            path=path, notes=about.notes, settings=drawing.settings | {"take": number, "takes": options.repeats}
+        )
+        with screen.take(f"{path.name}, stroke {number} of {options.repeats}"):
+            # Keys are read beside the frames; a signal need not wait for any.
+            take = record_take(device, plan, screen, drawing.companion(lambda: bool(signals.came)))
+        yield take
+        if take.end != "companion":
+            if take.end != "failure":
+                err().print(drawing.stands)
+            return
+        drawing.to_start(screen.ends)
+        if number < options.repeats and not _paused(options, device, screen, staged=True):
+            return
+
+
+def _paused(options: TakeOptions, device: SensorDevice, screen: MeterScreen, *, staged: bool = False) -> bool:
     """Let the pause pass; False when somebody ended it all."""
-    pause = options.pause if options.pause is not None else 0.0 if device.on_demand else 2.0
+    pause = options.pause if options.pause is not None else 0.0 if device.on_demand or staged else 2.0
     end = time.monotonic() + pause
     while (left := end - time.monotonic()) > 0:
         if screen.order() in ("quit", "kill"):
@@ -253,7 +300,7 @@ def _status(takes: list[Take], device: SensorDevice) -> int:
     last = takes[-1]
     if last.end == "kill":
         kept = f"{last.frames} frames are in {last.path}" if last.frames else "nothing of this take was recorded"
-        err().print(f"midair: stopped; {kept}")
+        err().print(f"midair: stopped; {kept}{last.problem and f'; {last.problem}'}")
         return 130
     if last.end == "failure":
         kept = f"the {last.frames} frames so far are safe"
@@ -261,31 +308,3 @@ def _status(takes: list[Take], device: SensorDevice) -> int:
     if not any(take.frames for take in takes):
         raise DeviceError(f"{device.name}: nothing was recorded, it ended before a take began")
     return 0
-
-
-def _rows(take: Take, device: SensorDevice) -> list[tuple[str, str]]:
-    rows, columns = device.grid.shape
-    return [
-        ("recording", str(take.path)),
-        ("frames", f"{take.frames} at {device.rate:.6g} Hz, {take.frames / device.rate:.3f} s"),
-        ("sensor", f"{device.grid.name}, {rows} x {columns}, pitch {spell(device.grid.pitch, 'm')}"),
-        ("range", f"{take.lowest:.4g} to {take.highest:.4g} {device.unit}"),
-        *problems(take, device.rate),
-    ]
-
-
-def _plain(take: Take, device: SensorDevice) -> dict[str, object]:
-    levels = take.levels
-    return {
-        "recording": str(take.path),
-        "frames": take.frames,
-        "rate_hz": device.rate,
-        "lost_frames": take.lost,
-        "end": take.end,
-        "range": [take.lowest, take.highest],
-        "clipped_channels": levels.clipped.nonzero()[0].tolist(),
-        "dead_channels": levels.dead.nonzero()[0].tolist(),
-        "stuck_channels": levels.stuck.nonzero()[0].tolist(),
-        "rate_ppm": None if take.rate is None else take.rate.ppm,
-        "clock_ppm": None if take.clock is None else take.clock.ppm,
-    }

@@ -17,7 +17,7 @@ from midair.cli.terminal.console import (
 )
 from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long
 from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
-from midair.cli.terminal.keys import Keys, signals_noted
+from midair.cli.terminal.keys import Keys, Signals, signals_noted
 from midair.cli.terminal.meter_screen import MeterScreen
 from midair.cli.terminal.nominal import nominal_calibration, stated_sensitivity
 from midair.cli.terminal.options import BandOptions, Force, Frequency, Json, Length, Quiet, SolveOptions, Time
@@ -25,11 +25,14 @@ from midair.cli.terminal.originals import felt_part, made_with, same_part
 from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
 from midair.cli.terminal.rows import calibrated_by, recording_rows
+from midair.cli.terminal.stage_options import Drawing, StageOptions, stroke_rows
 from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
+from midair.cli.terminal.take_output import plain_take, take_rows
 
 __all__ = [
     "AirOptions",
     "BandOptions",
+    "Drawing",
     "ExposureOptions",
     "FileOptions",
     "Force",
@@ -42,7 +45,9 @@ __all__ = [
     "PlainConsole",
     "PlayOptions",
     "Quiet",
+    "Signals",
     "SolveOptions",
+    "StageOptions",
     "Time",
     "as_recording",
     "banner",
@@ -61,6 +66,7 @@ __all__ = [
     "parse_quantity",
     "parsed",
     "plain",
+    "plain_take",
     "play_on_array",
     "prepare_page",
     "print_card",
@@ -81,6 +87,8 @@ __all__ = [
     "spell",
     "stages",
     "stated_sensitivity",
+    "stroke_rows",
     "swept",
+    "take_rows",
     "tell",
 ]

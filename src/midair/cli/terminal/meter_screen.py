@@ -84,6 +84,19 @@ class MeterScreen:
             return "quit"
         return "toggle" if set(keys) & {" ", "\n", "\r"} else None
 
+    def ends(self) -> bool:
+        """Whether a key or a signal asks for the end of it all."""
+        return self.order() in ("quit", "kill")
+
+    def asks(self, question: str) -> bool:
+        """Wait for a key to go on, where somebody can press one; False when a key or a signal asks for the end."""
+        if self._keys.active:
+            self._say(f"{question}, q: end")
+            while (order := self.order()) is None:
+                time.sleep(0.05)
+            return order == "toggle"
+        return not self.ends()
+
     def show(self, view: View) -> None:
         """Draw the meters, ten times a second at most; or say a line now and then."""
         now = time.monotonic()

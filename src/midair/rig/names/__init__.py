@@ -3,6 +3,7 @@
 from midair.rig.names.array_names import ArrayKind, array_named, array_of_kind
 from midair.rig.names.sensor_names import sensor_named
 from midair.rig.names.source_names import KINDS, source_module, source_sensor
+from midair.rig.names.stage_names import stage_named
 from midair.rig.names.virtual_rig import VirtualRig
 
 __all__ = [
@@ -14,4 +15,5 @@ __all__ = [
     "sensor_named",
     "source_module",
     "source_sensor",
+    "stage_named",
 ]

@@ -19,7 +19,7 @@ from midair.files import RecordingWriter
 from midair.model import Event, EventKind, Provenance, Setting
 from midair.rig.takes.clocks import ClockWatch, Drift
 from midair.rig.takes.meters import Meters
-from midair.rig.takes.take_plan import End, Take, TakeOrder, TakePlan, View, Watcher
+from midair.rig.takes.take_plan import Companion, End, Take, TakeOrder, TakePlan, View, Watcher
 from midair.rig.takes.trigger import PreRoll, Trigger
 
 Array = NDArray[np.float64]
@@ -27,8 +27,11 @@ DRIFT_TOLD = 200.0
 """Quartz clocks are about 100 ppm apart at most; a drift of this many ppm is told."""
 
 
-def record_take(sensor: SensorDevice, plan: TakePlan, watcher: Watcher) -> Take:
+def record_take(sensor: SensorDevice, plan: TakePlan, watcher: Watcher, companion: Companion | None = None) -> Take:
     """Make one take with an open sensor, which is started and stopped here.
+
+    A companion begins with the first frame; when it is over, so is the take, and when that ends before, it comes to
+    rest.
 
     Raises
     ------
@@ -46,16 +49,26 @@ def record_take(sensor: SensorDevice, plan: TakePlan, watcher: Watcher) -> Take:
     sensor.start()
     try:
         with ExitStack() as stack:
-            return _Taking(sensor, plan, watcher, stack).run()
+            return _Taking(sensor, plan, watcher, stack, companion).run()
     finally:
+        if companion is not None:
+            companion.end()
         sensor.stop()
 
 
 class _Taking:
     """The state of a take that runs."""
 
-    def __init__(self, sensor: SensorDevice, plan: TakePlan, watcher: Watcher, stack: ExitStack) -> None:
+    def __init__(
+        self,
+        sensor: SensorDevice,
+        plan: TakePlan,
+        watcher: Watcher,
+        stack: ExitStack,
+        companion: Companion | None = None,
+    ) -> None:
         self._sensor, self._plan, self._watcher, self._stack = sensor, plan, watcher, stack
+        self._companion = companion
         self._seam = Seam(sensor.name, sensor.rate)
         self._meters = Meters(sensor.grid.count, sensor.rate, full_scale=sensor.full_scale)
         self._rate, self._clock = ClockWatch(), ClockWatch()
@@ -66,6 +79,9 @@ class _Taking:
         self._early: deque[Event] = deque(maxlen=1000)
         self._told: set[EventKind] = set()
         self._origin = self._lost = self._held = 0
+        # When frame 0 of the sensor was taken, by this computer's clock: blocks come late, never early.
+        self._zero = np.inf
+        self._latest = -np.inf
         self._wanted: int | None = None
         self._quiet = 0
         self._range = np.inf, -np.inf
@@ -83,7 +99,7 @@ class _Taking:
                 end, problem = "failure", str(wrong)
         if end == "source" and self._frames == 0 and self._seam.frames == 0:
             raise DeviceError(f"{self._sensor.name}: expected frames, got none; is it connected and switched on?")
-        return self._close(end, problem)
+        return self._close(end, problem or self._settle())
 
     @property
     def _frames(self) -> int:
@@ -100,11 +116,42 @@ class _Taking:
             return None
         block = self._sensor.read(max(1, round(self._plan.block * self._sensor.rate)))
         if not len(block.samples):
+            if self._companion is not None:
+                raise DeviceError(f"{self._sensor.name}: expected frames to the end of the stroke, it ended before")
             return "source"
         samples = self._receive(block)
+        self._zero = min(self._zero, block.host_time - block.first / self._sensor.rate)
         end = self._keep(samples, order) if self._writer is not None else self._wait(samples, order)
         self._show()
-        return end
+        return end or self._accompany()
+
+    def _accompany(self) -> End | None:
+        """Write down what the companion did; the end, when it is over."""
+        if self._companion is None or self._writer is None:
+            return None
+        news = self._companion.news()
+        begin = self._zero + self._origin / self._sensor.rate
+        self._writer.stamp([replace(stamp, time=stamp.time - begin) for stamp in news.stamps])
+        for first, last in news.strokes:
+            frames = round((last - first) * self._sensor.rate)
+            frame = max(0, round((first - self._zero) * self._sensor.rate))
+            self._tell([Event(kind="stroke", frame=frame, frames=frames)])
+        if news.problem:
+            raise DeviceError(news.problem)
+        self._latest = max([self._latest, *(stamp.time - begin for stamp in news.stamps)])
+        # Frames come later than they were taken: those of its last moment still belong to it.
+        return "companion" if news.over and self._frames >= self._latest * self._sensor.rate else None
+
+    def _settle(self) -> str:
+        """Let the companion come to rest after any other end, and write down the rest; what was in the way of that."""
+        if self._companion is None:
+            return ""
+        self._companion.end()
+        try:
+            self._accompany()
+        except (DeviceError, FileError) as wrong:
+            return str(wrong)
+        return ""
 
     def _receive(self, block: FrameBlock) -> Array:
         """A block without its gap; what is to be told about it is told."""
@@ -159,9 +206,12 @@ class _Taking:
             calibration=sensor.calibration,
             interval=plan.interval,
             expected=0 if self._wanted is None else self._wanted,
+            staged=self._companion is not None,
         )
         self._stack.enter_context(self._writer)
         self._origin = origin
+        if self._companion is not None:
+            self._companion.begin()
         self._note_early()
         if plan.start == "touch":
             self._tell([Event(kind="trigger", frame=origin + kept)])

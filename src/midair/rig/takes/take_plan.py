@@ -6,15 +6,16 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from midair.errors import InputError
-from midair.model import Event, Setting
+from midair.model import Event, Setting, StageStamp
 from midair.rig.takes.clocks import Drift
 from midair.rig.takes.meters import Levels
 from midair.validation import positive
 
 TakeOrder = Literal["toggle", "quit", "kill"]
 """What a person can say: start or stop this take; stop, and no more takes; stop, for a signal came."""
-End = Literal["duration", "source", "toggle", "quiet", "quit", "kill", "failure"]
-"""Why a take ended: its time was over, the source ended, a key, silence, or what was in its way."""
+End = Literal["duration", "source", "toggle", "quiet", "quit", "kill", "companion", "failure"]
+"""Why a take ended: its time was over, the source ended, a key, silence, the end of
+what went on beside it, or what was in its way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,4 +143,42 @@ class Watcher(Protocol):
 
     def tell(self, event: Event, drift: Drift | None = None) -> None:
         """Something happened; its frame is counted from the sensor's start."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class News:
+    """What a companion of a take has to say since the last time; times by this computer's steady clock.
+
+    Attributes
+    ----------
+    stamps : tuple of StageStamp
+        Where the stage was.
+    strokes : tuple of pairs of float
+        When strokes began and ended, whether whole or cut short.
+    over : bool
+        Whether it has come to its end, and the take with it.
+    problem : str
+        What was in its way, if anything.
+    """
+
+    stamps: tuple[StageStamp, ...] = ()
+    strokes: tuple[tuple[float, float], ...] = ()
+    over: bool = False
+    problem: str = ""
+
+
+class Companion(Protocol):
+    """What goes on beside a take from its first frame on, such as a stage that moves."""
+
+    def begin(self) -> None:
+        """The first frame is in the file."""
+        ...
+
+    def news(self) -> News:
+        """What happened; never waits."""
+        ...
+
+    def end(self) -> None:
+        """The take is over: come to rest. Harmless at any time, and a second time."""
         ...

@@ -1,0 +1,188 @@
+"""A stage that draws the object: options of `record`, what it will do in words before it moves, and what it did."""
+
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Annotated, Any, Self
+
+from cyclopts import Parameter
+
+from midair.cli.terminal.console import err
+from midair.cli.terminal.quantities import quantity
+from midair.devices import StageDevice
+from midair.errors import InputError
+from midair.files import load_stage
+from midair.model import Provenance, Setting, StageSetup
+from midair.rig import Stroking, bring_to_start, stage_named
+
+Stopped = Callable[[], bool]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StageOptions:
+    """A stage that draws the object over the sensor.
+
+    Parameters
+    ----------
+    stage
+        grbl:PORT, a machine behind Grbl 1.1: each take is one stroke of it, at --speed. It says what it will do first.
+    stroke
+        Length of a stroke.
+    stage_file
+        Where strokes begin, contact height, approach and return, travel.
+    home
+        Let the stage find its switches first. It moves.
+    """
+
+    stage: str | None = None
+    stroke: Annotated[float | None, quantity("m")] = None
+    stage_file: Path = Path("stage.toml")
+    home: bool = False
+
+    def drawing(self, speed: float | None) -> "Drawing | None":
+        """What was asked of the stage, checked before anything is opened; None without one.
+
+        Raises
+        ------
+        InputError
+            If it is not said how far or how fast, or a stroke goes beyond the travel.
+        FileError
+            If the stage's file cannot be read.
+        """
+        if self.stage is None:
+            if self.stroke is not None or self.home:
+                raise InputError("--stroke and --home: expected --stage beside them, such as --stage grbl:PORT")
+            return None
+        if self.stroke is None or speed is None or speed <= 0:
+            raise InputError("--stage: expected --stroke and --speed, such as --stroke 120mm --speed 50mm/s")
+        setup = load_stage(self.stage_file)
+        setup.check(self.stroke)
+        return Drawing(stage_named(self.stage), setup, stroke=self.stroke, speed=speed, home=self.home)
+
+
+class Drawing(AbstractContextManager["Drawing"]):
+    """Strokes of a stage, which is open inside the block.
+
+    Parameters
+    ----------
+    stage : StageDevice
+        The machine.
+    setup : StageSetup
+        Where strokes begin, and how the object gets there.
+    stroke : float
+        Length, in m.
+    speed : float
+        In m/s.
+    home : bool
+        Whether it looks for its switches first.
+    """
+
+    def __init__(self, stage: StageDevice, setup: StageSetup, *, stroke: float, speed: float, home: bool) -> None:
+        self._stage, self._setup, self._stroke, self._speed, self._home = stage, setup, stroke, speed, home
+
+    def __enter__(self) -> Self:
+        self._stage.open()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, wrong: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stage.close()
+
+    @property
+    def seconds(self) -> float:
+        """About how long a stroke with its way down and up takes, with a second for speeding up and slowing down."""
+        down = self._setup.clear - self._setup.contact
+        return down / self._setup.approach + self._stroke / self._speed + down / self._setup.back + 1.0
+
+    @property
+    def settings(self) -> dict[str, Setting]:
+        """What was asked, for the provenance."""
+        return {
+            "stage": self._stage.name,
+            "firmware": self._stage.describe().get("firmware", ""),
+            "stroke_m": self._stroke,
+            "speed_m_s": self._speed,
+            "heading": self._setup.heading,
+            "start_m": self._setup.start,
+            "contact_m": self._setup.contact,
+            "clear_m": self._setup.clear,
+            "approach_m_s": self._setup.approach,
+            "return_m_s": self._setup.back,
+        }
+
+    @property
+    def stands(self) -> str:
+        """Where it stands, in words."""
+        return f"the stage stands at {self._stage.describe().get('stands', 'nobody knows where')}"
+
+    def prepare(self, repeats: int, stopped: Stopped) -> None:
+        """Find out where it is and say what it will do; nothing moves but what --home asks for.
+
+        Raises
+        ------
+        DeviceError, InputError
+            If it does not know where it is, or cannot go so fast.
+        """
+        if self._home:
+            err().print(f"{self._stage.name}: it looks for its switches now, and moves")
+            self._stage.home(stopped)
+        self._stage.ready(homing=self._setup.homing == "switches")
+        self._stage.check_speed(self._speed, self._stroke, "xyz".index(self._setup.heading[1]))
+        known = "its switches" if self._setup.homing == "switches" else "where it was set by hand"
+        x, y, clear = (f"{1e3 * part:g}" for part in self._setup.above)
+        said = self._stage.describe()
+        err().print(f"stage {self._stage.name}, {said['firmware']}, at {said['stands']} by {known}")
+        err().print(
+            f"it will move: over x {x}, y {y} mm at z {clear} mm; then {repeats} x down to z "
+            f"{1e3 * self._setup.contact:g} mm at {_mm_s(self._setup.approach)}, {1e3 * self._stroke:g} mm along "
+            f"{self._setup.heading} at {_mm_s(self._speed)}, up and back at {_mm_s(self._setup.back)}; "
+            "Ctrl-C holds it"
+        )
+
+    def to_start(self, stopped: Stopped) -> None:
+        """Over the beginning of a stroke.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If it was stopped on the way; it stands.
+        """
+        here = self._stage.ready(homing=self._setup.homing == "switches").position
+        if not bring_to_start(self._stage, self._setup, here, stopped):
+            err().print(self.stands)
+            raise KeyboardInterrupt
+
+    def companion(self, stopped: Stopped) -> Stroking:
+        """What goes on beside a take."""
+        return Stroking(self._stage, self._setup, stroke=self._stroke, speed=self._speed, stopped=stopped)
+
+
+def strokes_of(provenance: Provenance, rate: float) -> list[dict[str, Any]]:
+    """First frame, frames and speed (m/s, or None where nobody can say) of each stroke of a recording."""
+    steps: dict[str, Mapping[str, Setting]] = {step.stage: step.settings for step in provenance.steps}
+    frames: Any = steps.get("events", {}).get("strokes", ())
+    speeds: Any = steps.get("stage", {}).get("speed_m_s", ())
+    return [
+        {"first_frame": first, "frames": count, "seconds": count / rate, "speed_m_s": speed}
+        for (first, count), speed in zip(frames, speeds, strict=False)
+    ]
+
+
+def stroke_rows(provenance: Provenance, rate: float) -> list[tuple[str, str]]:
+    """Each stroke of a recording in words; none without a stage."""
+    return [
+        (
+            "stroke",
+            f"frames {row['first_frame']} to {row['first_frame'] + row['frames']}, {row['seconds']:.3f} s, "
+            + ("speed not known" if row["speed_m_s"] is None else f"{1e3 * row['speed_m_s']:.2f} mm/s in its middle"),
+        )
+        for row in strokes_of(provenance, rate)
+    ]
+
+
+def _mm_s(speed: float) -> str:
+    return f"{1e3 * speed:g} mm/s"

@@ -1,0 +1,49 @@
+"""What a take gave, in words and for programs."""
+
+from midair.cli.terminal.quantities import spell
+from midair.cli.terminal.stage_options import stroke_rows, strokes_of
+from midair.devices import SensorDevice
+from midair.files import open_take
+from midair.model import Provenance
+from midair.rig import Take, problems
+
+
+def take_rows(take: Take, device: SensorDevice) -> list[tuple[str, str]]:
+    """A take in words, with what was wrong with it."""
+    rows, columns = device.grid.shape
+    return [
+        ("recording", str(take.path)),
+        ("frames", f"{take.frames} at {device.rate:.6g} Hz, {take.frames / device.rate:.3f} s"),
+        ("sensor", f"{device.grid.name}, {rows} x {columns}, pitch {spell(device.grid.pitch, 'm')}"),
+        ("range", f"{take.lowest:.4g} to {take.highest:.4g} {device.unit}"),
+        *(
+            []
+            if take.path is None
+            else stroke_rows(open_take(take.path, streamed=True).recording.provenance, device.rate)
+        ),
+        *problems(take, device.rate),
+    ]
+
+
+def plain_take(take: Take, device: SensorDevice) -> dict[str, object]:
+    """A take for a program."""
+    levels = take.levels
+    return {
+        "recording": str(take.path),
+        "frames": take.frames,
+        "rate_hz": device.rate,
+        "lost_frames": take.lost,
+        "end": take.end,
+        "range": [take.lowest, take.highest],
+        "clipped_channels": levels.clipped.nonzero()[0].tolist(),
+        "dead_channels": levels.dead.nonzero()[0].tolist(),
+        "stuck_channels": levels.stuck.nonzero()[0].tolist(),
+        "rate_ppm": None if take.rate is None else take.rate.ppm,
+        "clock_ppm": None if take.clock is None else take.clock.ppm,
+        **({"strokes": strokes} if (strokes := strokes_of(_life(take), device.rate)) else {}),
+    }
+
+
+def _life(take: Take) -> Provenance:
+    """With what happened while it was recorded, as the file tells it."""
+    return Provenance() if take.path is None else open_take(take.path, streamed=True).recording.provenance

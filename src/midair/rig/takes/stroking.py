@@ -1,0 +1,100 @@
+"""A stroke of a stage beside a take: down to the sensor, along it, up again, in a thread of its own."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from midair.devices import StageDevice
+from midair.errors import MidairError
+from midair.model import Place, StageSetup, StageStamp
+from midair.rig.takes.take_plan import News
+
+
+class Stroking:
+    """The companion of a take that draws an object over the sensor once.
+
+    Parameters
+    ----------
+    stage : StageDevice
+        Open, at rest above the beginning of the stroke.
+    setup : StageSetup
+        Where it touches and where it does not.
+    stroke : float
+        Length, in m.
+    speed : float
+        In m/s.
+    stopped : callable
+        Whether somebody wants it to stop, asked all the time.
+    """
+
+    def __init__(
+        self, stage: StageDevice, setup: StageSetup, *, stroke: float, speed: float, stopped: Callable[[], bool]
+    ) -> None:
+        self._stage, self._setup, self._stroke, self._speed = stage, setup, stroke, speed
+        self._asked_to_stop = stopped
+        self._lock, self._enough = threading.Lock(), threading.Event()
+        self._stamps: list[StageStamp] = []
+        self._strokes: list[tuple[float, float]] = []
+        self._over, self._problem = False, ""
+        self._thread: threading.Thread | None = None
+
+    def begin(self) -> None:
+        """Go."""
+        self._thread = threading.Thread(target=self._run, name="stroke", daemon=True)
+        self._thread.start()
+
+    def news(self) -> News:
+        """What it did since the last time."""
+        with self._lock:
+            stamps, self._stamps = tuple(self._stamps), []
+            strokes, self._strokes = tuple(self._strokes), []
+            return News(stamps=stamps, strokes=strokes, over=self._over, problem=self._problem)
+
+    def end(self) -> None:
+        """Hold the stage if it moves, and wait until it stands."""
+        self._enough.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        problem = ""
+        try:
+            self._draw()
+        except MidairError as wrong:
+            problem = str(wrong)
+        with self._lock:
+            self._over, self._problem = True, problem
+
+    def _draw(self) -> None:
+        x, y = self._setup.start
+        end = self._setup.end(self._stroke)
+        if self._go((x, y, self._setup.contact), self._setup.approach) is None:
+            return
+        begun = time.monotonic()
+        times = None
+        try:
+            times = self._go(end, self._speed)
+        finally:
+            with self._lock:
+                self._strokes.append(times or (begun, time.monotonic()))
+        if times is not None:
+            self._go((end[0], end[1], self._setup.clear), self._setup.back)
+
+    def _go(self, target: Place, speed: float) -> tuple[float, float] | None:
+        return self._stage.move(target, speed, stamp=self._keep, stopped=self._stop)
+
+    def _keep(self, stamp: StageStamp) -> None:
+        with self._lock:
+            self._stamps.append(stamp)
+
+    def _stop(self) -> bool:
+        return self._enough.is_set() or self._asked_to_stop()
+
+
+def bring_to_start(stage: StageDevice, setup: StageSetup, here: Place, stopped: Callable[[], bool]) -> bool:
+    """Up to where nothing is touched, then over the beginning of a stroke; False when it was stopped on the way."""
+    height = max(here[2], setup.clear)
+    for target in ((here[0], here[1], height), (*setup.start, height), setup.above):
+        if stage.move(target, setup.back, stamp=lambda _: None, stopped=stopped) is None:
+            return False
+    return True

@@ -1,0 +1,156 @@
+"""`midair record --stage`: the whole command against a stand-in machine, and what is left when it goes wrong."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from midair.cli import run
+from midair.files import load
+from midair.testing import GrblStandIn
+
+EXAMPLE = Path(__file__).parents[3] / "docs" / "data" / "stage.toml"
+PROGRAM = "import sys; from midair.cli import run; sys.exit(run(sys.argv[1:]))"
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    Path("stage.toml").write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
+
+
+@pytest.fixture
+def machine():
+    made = GrblStandIn()
+    yield made
+    made.close()
+
+
+def command(machine, *more, stroke="30mm", speed="50mm/s"):
+    where = ["--stage", f"grbl:{machine.port}", "--stroke", stroke, "--speed", speed]
+    return ["record", "virtual:towel", "out.h5", *where, *more]
+
+
+def steps(path):
+    return {step.stage: step.settings for step in load(path).provenance.steps}
+
+
+def test_a_stroke_ends_where_it_began_and_its_speed_is_in_the_file(machine, capsys):
+    assert run(command(machine, stroke="60mm")) == 0
+    said = capsys.readouterr()
+    assert "it will move: over x -180, y -60 mm at z -20 mm; then 1 x down to z -22.5 mm at 5 mm/s, 60 mm" in said.err
+    assert "mm/s in its middle" in said.out
+    assert machine.place == pytest.approx([-180, -60, -20])
+    assert machine.lost == 0
+    found = steps("out.h5")
+    assert found["stage"]["speed_m_s"][0] == pytest.approx(0.05, rel=0.02)
+    assert found["record"]["stroke_m"] == pytest.approx(0.06)
+    assert run(["info", "out.h5"]) == 0
+    shown = capsys.readouterr().out
+    assert "stroke " in shown
+    assert " stamps" in shown
+    assert run(["info", "out.h5", "--json"]) == 0
+    stage = next(step for step in json.loads(capsys.readouterr().out)["steps"] if step["stage"] == "stage")
+    assert stage["columns"] == ["time_s", "x_m", "y_m", "z_m", "feed_m_s"]
+
+
+@pytest.mark.slow
+def test_five_strokes_of_the_paper_in_one_command(machine, capsys):
+    assert run(command(machine, "--repeats", "5", "--json", stroke="120mm")) == 0
+    takes = json.loads(capsys.readouterr().out)
+    assert len(takes) == 5
+    for take in takes:
+        (stroke,) = take["strokes"]
+        assert stroke["speed_m_s"] == pytest.approx(0.05, rel=0.02)
+        # 120 mm at 50 mm/s, and a tenth of a second for speeding up and slowing down.
+        assert stroke["seconds"] == pytest.approx(2.5, rel=0.1)
+        assert stroke["first_frame"] + stroke["frames"] <= take["frames"]
+    along = [move for move in machine.moves if move.length == pytest.approx(120) and move.speed == pytest.approx(50)]
+    assert len(along) == 5
+
+
+def test_an_alarm_in_the_middle_leaves_what_came_before(machine, capsys):
+    class Trap(list):
+        """Puts a switch in the way once the stroke has begun: the way to its start crosses that place, too."""
+
+        def append(self, move):
+            super().append(move)
+            if move.speed == pytest.approx(50):
+                machine.switch = (0, -150.0)
+
+    machine.moves = Trap()
+    assert run(command(machine, "--repeats", "3", stroke="60mm")) == 1
+    said = capsys.readouterr().err
+    assert "ALARM:1, a limit switch was hit" in said
+    assert "frames so far are safe, in out-01.h5" in said
+    assert sorted(path.name for path in Path().glob("*.h5")) == ["out-01.h5"]
+    found = steps("out-01.h5")
+    assert len(found["events"]["strokes"]) == 1
+    assert max(row[1] for row in found["stage"]["stamps"]) == pytest.approx(-0.15, abs=0.01)
+    assert load("out-01.h5").frames > 500
+
+
+def test_control_c_holds_the_stage_and_ends_with_130(machine):
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *command(machine, stroke="150mm", speed="20mm/s")],
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    end = time.monotonic() + 120
+    while not any(move.speed == pytest.approx(20) for move in machine.moves):
+        assert time.monotonic() < end
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.01)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == 130, said
+    assert "midair: stopped;" in said
+    assert "the stage stands at x -1" in said
+    assert machine.state == "Idle"
+    assert -180 < machine.place[0] < -40
+    assert len(steps("out.h5")["events"]["strokes"]) == 1
+
+
+def test_a_locked_machine_is_not_moved_but_by_home(capsys):
+    machine = GrblStandIn(homed=False)
+    try:
+        assert run(command(machine)) == 1
+        assert "does not know where it is" in capsys.readouterr().err
+        assert machine.moves == []
+        assert run(command(machine, "--home")) == 0
+        assert "looks for its switches now, and moves" in capsys.readouterr().err
+    finally:
+        machine.close()
+
+
+@pytest.mark.parametrize(
+    ("more", "stroke", "speed", "words"),
+    [
+        ([], "181mm", "50mm/s", "reaches x 1 mm: expected -240 to 0 mm"),
+        ([], "120mm", "300mm/s", "up to 200 mm/s"),
+        (["--duration", "1s"], "30mm", "50mm/s", "neither --duration nor --trigger"),
+        (["--trigger", "50mV"], "30mm", "50mm/s", "neither --duration nor --trigger"),
+        (["--stage-file", "other.toml"], "30mm", "50mm/s", "where the stage goes"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_moves(machine, capsys, more, stroke, speed, words):
+    assert run(command(machine, *more, stroke=stroke, speed=speed)) in (1, 2)
+    assert words in capsys.readouterr().err
+    assert machine.moves == []
+    assert list(Path().glob("*.h5")) == []
+
+
+@pytest.mark.parametrize("more", [["--stroke", "3mm"], ["--home"], ["--stage", "grbl:x"]])
+def test_half_of_a_stage_is_refused(capsys, more):
+    assert run(["record", "virtual:towel", "out.h5", *more]) in (1, 2)
+    assert "--stage" in capsys.readouterr().err

@@ -1,0 +1,172 @@
+"""A stroke beside a take: what the stage did is in the file at the time it did it, and it never outlives the take."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from midair.devices import PacedSensor, ReplaySensor, StageDevice
+from midair.errors import DeviceError
+from midair.files import open_take
+from midair.model import Recording, StageSetup, StageStamp
+from midair.rig.takes.stroking import Stroking, bring_to_start
+from midair.rig.takes.take import record_take
+from midair.rig.takes.take_plan import TakePlan
+
+SETUP = StageSetup(
+    heading="+x",
+    start=(0.01, 0.02),
+    contact=0.0,
+    clear=0.01,
+    approach=0.05,
+    back=0.1,
+    travel=((0.0, 0.2), (0.0, 0.1), (0.0, 0.05)),
+)
+
+
+class Ghost(StageDevice):
+    """A stage without inertia, whose place is a formula of time."""
+
+    name = "ghost"
+
+    def __init__(self, fails_at=None):
+        self.at, self.went, self.moving, self.fails_at = (0.0, 0.0, 0.0), [], False, fails_at
+
+    def open(self):
+        pass
+
+    def ready(self, *, homing):
+        return StageStamp(time=time.monotonic(), position=self.at, feed=0.0)
+
+    def home(self, stopped):
+        pass
+
+    def check_speed(self, speed, way, axis):
+        pass
+
+    def move(self, target, speed, *, stamp, stopped):
+        begin, start = time.monotonic(), np.array(self.at)
+        way = np.array(target) - start
+        lasts = float(np.linalg.norm(way)) / speed
+        self.went.append(target)
+        self.moving = True
+        try:
+            while (part := (time.monotonic() - begin) / lasts if lasts else 1.0) < 1:
+                self.at = tuple((start + part * way).tolist())
+                stamp(StageStamp(time=begin + part * lasts, position=self.at, feed=speed))
+                if stopped():
+                    return None
+                if self.fails_at is not None and self.at[0] > self.fails_at:
+                    raise DeviceError("ghost: an alarm")
+                time.sleep(0.02)
+            self.at = target
+        finally:
+            self.moving = False
+        return begin, time.monotonic()
+
+    def close(self):
+        pass
+
+
+class Watcher:
+    def __init__(self, kill_after=np.inf):
+        self.events, self.end = [], time.monotonic() + kill_after
+
+    def order(self):
+        return "kill" if time.monotonic() > self.end else None
+
+    def show(self, view):
+        pass
+
+    def tell(self, event, drift=None):
+        self.events.append(event)
+
+
+def sensor(seconds=20.0):
+    samples = np.random.default_rng(0).normal(size=(round(1000 * seconds), 4, 4))
+    return PacedSensor(ReplaySensor(Recording(samples=samples, rate=1000.0)))
+
+
+def drawn(path, stage, watcher=None, seconds=20.0, stopped=lambda: False):
+    stage.at = SETUP.above
+    with sensor(seconds) as opened:
+        stroking = Stroking(stage, SETUP, stroke=0.05, speed=0.05, stopped=stopped)
+        take = record_take(opened, TakePlan(path=path), watcher or Watcher(), stroking)
+    return take, {step.stage: step.settings for step in open_take(path).recording.provenance.steps}
+
+
+def test_the_stroke_is_in_the_file_when_it_was(tmp_path):
+    watcher = Watcher()
+    take, steps = drawn(tmp_path / "a.h5", Ghost(), watcher)
+    assert take.end == "companion"
+    ((first, frames),) = steps["events"]["strokes"]
+    assert [event.kind for event in watcher.events if event.kind == "stroke"] == ["stroke"]
+    assert steps["stage"]["speed_m_s"][0] == pytest.approx(0.05, rel=0.02)
+    table = np.array(steps["stage"]["stamps"])
+    during = table[(table[:, 0] * 1000 >= first) & (table[:, 0] * 1000 <= first + frames)]
+    # On the stroke, the place along x is a line through its beginning, at 50 mm/s.
+    assert during[:, 1] == pytest.approx(0.01 + 0.05 * (during[:, 0] - first / 1000), abs=0.003)
+    assert during[:, 3] == pytest.approx(0.0, abs=1e-3)
+    # What the stage did last is within the recording.
+    assert take.frames >= 1000 * table[-1, 0]
+
+
+def test_an_alarm_keeps_what_there_was(tmp_path):
+    take, steps = drawn(tmp_path / "a.h5", Ghost(fails_at=0.03))
+    assert (take.end, take.problem) == ("failure", "ghost: an alarm")
+    assert take.frames > 300
+    assert len(steps["events"]["strokes"]) == 1
+    assert np.array(steps["stage"]["stamps"])[:, 1].max() == pytest.approx(0.03, abs=0.005)
+
+
+def test_a_take_that_ends_before_holds_the_stage(tmp_path):
+    stage = Ghost()
+    take, steps = drawn(tmp_path / "a.h5", stage, Watcher(kill_after=0.6))
+    assert take.end == "kill"
+    assert not stage.moving
+    assert stage.at[0] < 0.06
+    assert len(steps["stage"]["stamps"]) > 3
+
+
+def test_a_sensor_that_ends_before_the_stroke_is_a_failure(tmp_path):
+    stage = Ghost()
+    take, _ = drawn(tmp_path / "a.h5", stage, seconds=0.6)
+    assert (take.end, take.frames) == ("failure", 600)
+    assert "before" in take.problem
+    assert not stage.moving
+
+
+def test_a_request_to_stop_needs_no_frame(tmp_path):
+    """The sensor may be waiting for one for seconds."""
+    stage, stop = Ghost(), threading.Event()
+    stage.at = SETUP.above
+    stroking = Stroking(stage, SETUP, stroke=0.05, speed=0.05, stopped=stop.is_set)
+    stroking.begin()
+    time.sleep(0.3)
+    stop.set()
+    end = time.monotonic() + 10
+    while stage.moving:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    assert stage.went == [(0.01, 0.02, 0.0)] or len(stage.went) == 2
+    stroking.end()
+    assert stroking.news().over
+
+
+@pytest.mark.parametrize(
+    ("here", "first"),
+    [((0.1, 0.05, 0.0), (0.1, 0.05, 0.01)), ((0.1, 0.05, 0.04), (0.1, 0.05, 0.04))],
+    ids=["from the sensor", "from above"],
+)
+def test_the_way_to_the_start_goes_up_first_and_down_last(here, first):
+    stage = Ghost()
+    stage.at = here
+    assert bring_to_start(stage, SETUP, here, lambda: False)
+    assert stage.went == [first, (0.01, 0.02, first[2]), (0.01, 0.02, 0.01)]
+
+
+def test_a_way_to_the_start_that_was_stopped_says_so():
+    stage = Ghost()
+    stage.at = (0.1, 0.05, 0.04)
+    assert not bring_to_start(stage, SETUP, stage.at, lambda: True)
