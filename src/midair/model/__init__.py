@@ -13,7 +13,7 @@ from midair.model.placement import UNIT, Placement
 from midair.model.progress import Progress
 from midair.model.provenance import Provenance, Setting, Step
 from midair.model.recording import Recording, Unit
-from midair.model.stage import Heading, Place, StageSetup, StageStamp, speed_of
+from midair.model.stage import Heading, Place, StageSetup, StageStamp, check_reached, speed_of
 from midair.model.wiring import SensorWiring
 
 __all__ = [
@@ -49,5 +49,6 @@ __all__ = [
     "TransducerArray",
     "Unit",
     "array_of_boards",
+    "check_reached",
     "speed_of",
 ]

@@ -109,6 +109,36 @@ class StageSetup:
                 )
 
 
+def check_reached(speed: float, way: float, *, largest: float, growth: float) -> None:
+    """Raise unless a machine reaches a speed and keeps it over at least half of a way.
+
+    Parameters
+    ----------
+    speed, largest : float
+        That is asked for, and the largest one of the machine along that way, in m/s.
+    way : float
+        In m.
+    growth : float
+        Acceleration of the machine, in m/s2; speeding up and slowing down take speed**2 / growth together.
+
+    Raises
+    ------
+    InputError
+        If it does not.
+    """
+    if speed > largest:
+        raise InputError(
+            f"--speed: expected up to {1e3 * largest:g} mm/s, the machine's own limit along the stroke, got "
+            f"{1e3 * speed:g} mm/s; it would go slower without a word"
+        )
+    if speed**2 / growth > way / 2:
+        raise InputError(
+            f"--speed: {1e3 * speed:g} mm/s is reached over less than half of {1e3 * way:g} mm: speeding up at "
+            f"{1e3 * growth:g} mm/s2 and slowing down take {1e3 * speed**2 / growth:.4g} mm; make the stroke longer or "
+            "slower"
+        )
+
+
 def speed_of(stamps: Sequence[StageStamp]) -> float | None:
     """Speed over the middle half of a way, in m/s; None of fewer than three places in it.
 

@@ -170,7 +170,7 @@ def test_a_machine_that_somebody_holds_is_refused(machine):
 
 @pytest.mark.parametrize(
     ("speed", "way", "words"),
-    [(0.21, 0.12, r"up to 200 mm/s.*\$110"), (0.2, 0.12, r"less than half of 120 mm.*\$120"), (0.05, 0.12, None)],
+    [(0.21, 0.12, r"up to 200 mm/s"), (0.2, 0.12, r"less than half of 120 mm"), (0.05, 0.12, None)],
 )
 def test_a_speed_it_does_not_reach_is_refused(machine, speed, way, words):
     with GrblStage(machine.port) as stage:

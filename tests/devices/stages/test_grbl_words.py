@@ -2,7 +2,7 @@
 
 import pytest
 
-from midair.devices.stages.grbl_words import Outbox, alarm_in_words, refusal_in_words, status_of
+from midair.devices.stages.grbl_words import Outbox, in_words, status_of
 from midair.errors import DeviceError
 
 
@@ -27,9 +27,9 @@ def test_what_is_no_report_is_none(line):
 
 
 def test_alarms_and_refusals_say_what_they_mean():
-    assert alarm_in_words("ALARM:1") == "ALARM:1, a limit switch was hit, its place is probably lost"
-    assert refusal_in_words("error:15") == "error:15, that is beyond its own travel"
-    assert alarm_in_words("ALARM:77") == "ALARM:77"
+    assert in_words("ALARM:1") == "ALARM:1, a limit switch was hit, its place is probably lost"
+    assert in_words("error:15") == "error:15, that is beyond its own travel"
+    assert in_words("ALARM:77") == "ALARM:77"
 
 
 def test_never_more_is_on_its_way_than_the_buffer_holds():

@@ -13,10 +13,10 @@ from typing import Any
 import serial
 
 from midair.devices.safety import device_lock
-from midair.devices.stages.grbl_words import STATES, Outbox, StatusReport, alarm_in_words, refusal_in_words, status_of
+from midair.devices.stages.grbl_words import STATES, Outbox, StatusReport, in_words, status_of
 from midair.devices.stages.stage_device import StageDevice
-from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError
-from midair.model import Place, StageStamp
+from midair.errors import DeviceError, DeviceStateError, LinkLostError
+from midair.model import Place, StageStamp, check_reached
 
 EVERY = 0.1
 """Seconds between two questions where it is: Grbl's makers advise against more than ten a second."""
@@ -119,18 +119,7 @@ class GrblStage(StageDevice):
     def check_speed(self, speed: float, way: float, axis: int) -> None:
         """By its own settings of speed ($110 to $112) and acceleration ($120 to $122)."""
         largest, growth = self._setting(110 + axis) / 60e3, self._setting(120 + axis) / 1e3
-        letter = "xyz"[axis]
-        if speed > largest:
-            raise InputError(
-                f"--speed: expected up to {1e3 * largest:g} mm/s, the machine's own limit along {letter} "
-                f"(${110 + axis}), got {1e3 * speed:g} mm/s; it would go slower without a word"
-            )
-        if speed**2 / growth > way / 2:
-            raise InputError(
-                f"--speed: {1e3 * speed:g} mm/s is reached over less than half of {1e3 * way:g} mm: speeding up at "
-                f"{1e3 * growth:g} mm/s2 (${120 + axis}) and slowing down take {1e3 * speed**2 / growth:.4g} mm; make "
-                "the stroke longer or slower"
-            )
+        check_reached(speed, way, largest=largest, growth=growth)
 
     def move(
         self, target: Place, speed: float, *, stamp: Callable[[StageStamp], object], stopped: Callable[[], bool]
@@ -267,10 +256,10 @@ class GrblStage(StageDevice):
             # In a hold, answers may still come to what was given up.
             _ = None if self._flushing else self._outbox.answered()
         elif line.startswith("error:"):
-            raise DeviceError(f"{self.name}: it refused {self._outbox.answered()}: {refusal_in_words(line)}")
+            raise DeviceError(f"{self.name}: it refused {self._outbox.answered()}: {in_words(line)}")
         elif line.startswith("ALARM:"):
             self._locked = True
-            raise DeviceError(f"{self.name}: {alarm_in_words(line)}; reset it, look at it, and home it again")
+            raise DeviceError(f"{self.name}: {in_words(line)}; reset it, look at it, and home it again")
         elif line.startswith("Grbl "):
             self._greeted = True
             self._outbox.forget()

@@ -12,23 +12,21 @@ from midair.model import Place
 RECEIVES = 128
 """Bytes of Grbl's receive buffer; what does not fit is lost without a word."""
 
-ALARMS = {
-    1: "a limit switch was hit, its place is probably lost",
-    2: "it was to go beyond its own travel, its place is kept",
-    3: "it was reset while it moved, its place is probably lost",
-    6: "it was reset while it looked for its switches",
-    7: "its door was opened while it looked for its switches",
-    8: "it did not get off a limit switch",
-    9: "it found no limit switch",
-}
-REFUSALS = {
-    5: "it has no limit switches to find ($22=0)",
-    8: "it is busy",
-    9: "it is locked",
-    11: "the line is too long for it",
-    15: "that is beyond its own travel",
-    20: "it does not know that command",
-    22: "it knows no speed",
+MEANINGS = {
+    "ALARM:1": "a limit switch was hit, its place is probably lost",
+    "ALARM:2": "it was to go beyond its own travel, its place is kept",
+    "ALARM:3": "it was reset while it moved, its place is probably lost",
+    "ALARM:6": "it was reset while it looked for its switches",
+    "ALARM:7": "its door was opened while it looked for its switches",
+    "ALARM:8": "it did not get off a limit switch",
+    "ALARM:9": "it found no limit switch",
+    "error:5": "it has no limit switches to find ($22=0)",
+    "error:8": "it is busy",
+    "error:9": "it is locked",
+    "error:11": "the line is too long for it",
+    "error:15": "that is beyond its own travel",
+    "error:20": "it does not know that command",
+    "error:22": "it knows no speed",
 }
 STATES = {
     "Run": "it moves already",
@@ -90,14 +88,9 @@ def status_of(line: str) -> StatusReport | None:
         return None
 
 
-def alarm_in_words(line: str) -> str:
-    """An alarm with what it means, such as "ALARM:1, a limit switch was hit"."""
-    return _with_words(line, ALARMS)
-
-
-def refusal_in_words(line: str) -> str:
-    """A refusal with what it means, such as "error:9, it is locked"."""
-    return _with_words(line, REFUSALS)
+def in_words(line: str) -> str:
+    """An alarm or a refusal with what it means, such as "ALARM:1, a limit switch was hit"."""
+    return f"{line}, {MEANINGS[line]}" if line in MEANINGS else line
 
 
 class Outbox:
@@ -148,9 +141,3 @@ class Outbox:
 def _three(text: str) -> Place:
     x, y, z = (float(part) for part in text.split(",")[:3])
     return x, y, z
-
-
-def _with_words(line: str, known: dict[int, str]) -> str:
-    number = line.partition(":")[2]
-    words = known.get(int(number)) if number.isdecimal() else None
-    return f"{line}, {words}" if words else line
