@@ -70,3 +70,11 @@ def test_the_checksum_of_a_compressed_array_is_verified(tmp_path):
     path.write_bytes(data)
     with pytest.raises(BrokenFileError, match="incorrect data check"):
         load(path, rate=1, unit="V")
+
+
+def test_elements_without_end_take_no_time(tmp_path):
+    """32 MB of zeros are four million empty elements: 14 s."""
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"MATLAB 5.0".ljust(124) + b"\x00\x01IM" + bytes(2**25))
+    with pytest.raises(BrokenFileError, match="at most 10000 arrays"):
+        read_mat5(path)

@@ -9,6 +9,7 @@ import math
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from midair.files.expansion import inflated, room_of
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 _TEXT = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
+_MOST = 10_000
 _MATRIX, _COMPRESSED, _CHAR, _COMPLEX = 14, 15, 4, 0x08
 
 
@@ -47,7 +49,9 @@ def read_mat5(path: Path) -> dict[str, Any]:
     order = "<" if data[126:128] == b"IM" else ">"
     arrays: dict[str, Any] = {}
     room = room_of(path)
-    for element in _elements(data[128:], order, path):
+    for number, element in enumerate(_elements(data[128:], order, path)):
+        if number == _MOST:
+            raise BrokenFileError(f"{path}: expected at most {_MOST} arrays, got more; the file is damaged")
         held = element
         if element.kind == _COMPRESSED:
             unpacked = inflated(path, element.data, room)
@@ -80,7 +84,8 @@ def _elements(data: bytes, order: str, path: Path) -> Iterator[_Element]:
 
 
 def _matrix(data: bytes, order: str, path: Path) -> tuple[str, Any]:
-    parts = list(_elements(data, order, path))
+    # Flags, dimensions, name, real and imaginary part; what comes after belongs to structures, and may have no end.
+    parts = list(islice(_elements(data, order, path), 5))
     if len(parts) < 3 or len(parts[0].data) != 8:
         raise BrokenFileError(f"{path}: expected flags, dimensions and a name of an array, got {len(parts)} parts")
     word = struct.unpack(order + "II", parts[0].data)[0]
