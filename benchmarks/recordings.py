@@ -248,7 +248,7 @@ def _product(asked: Problem, method: Glide) -> float:
     machine = Machine.of(
         asked, backend("numpy"), tolerance=method.tolerance, memory=method.memory, outside=method.outside
     )
-    rows = method.rows
+    rows = method.rows or machine.backend.rows
     q = np.ones((rows, machine.drive.shape[1]), np.complex64)
     y = np.ones((rows, machine.field.shape[1]), np.complex64)
 

@@ -134,7 +134,7 @@ def test_the_same_error_as_numpy_in_single_precision(name):
 
 def test_a_gpu_gets_more_frames_at_once():
     assert backend("numpy").rows == 128
-    assert Backend(xp=np, device="cuda:1").rows == 4096
+    assert Backend(xp=np, device="cuda:1").rows == 32768
 
 
 def test_torch_gets_its_threads_back():

@@ -33,6 +33,12 @@ EXTRAS = {"torch": "gpu-torch", "cupy": "gpu-cupy", "strict": "test"}
 """What to install for each."""
 
 
+def squares(xp: Any, a: Rows) -> Numbers:
+    """The sum of the squares of each row of a real array, shape (row,)."""
+    # A batched product of single rows, as others than NumPy make it, keeps a GPU waiting; a norm is one pass.
+    return xp.vecdot(a, a) if xp is np else xp.linalg.vector_norm(a, axis=1) ** 2
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Backend:
     """An array library, a device, and the precision of what is put there.
@@ -52,9 +58,14 @@ class Backend:
     single: bool = True
 
     @property
+    def on_gpu(self) -> bool:
+        """Whether the arrays are on a GPU."""
+        return "cuda" in str(self.device) or "cupy" in self.xp.__name__
+
+    @property
     def rows(self) -> int:
-        """Frames at once that suit it: as many as a CPU's cache holds, or enough to fill a GPU."""
-        return 4096 if "cuda" in str(self.device) or "cupy" in self.xp.__name__ else 128
+        """Frames at once that suit it: as many as a CPU's cache holds, or so many that launches do not count."""
+        return 32768 if self.on_gpu else 128
 
     def put(self, array: NDArray[Any]) -> Rows:
         """A copy of a NumPy array there, in this precision; integers stay what they are."""
@@ -90,10 +101,15 @@ class Backend:
             np.cos(theta, out=q.real)
             np.sin(theta, out=q.imag)
             return q
+        if hasattr(self.xp, "polar"):
+            return self.xp.polar(self.xp.ones((), dtype=theta.dtype, device=theta.device), theta)
         return self.complex(self.xp.cos(theta), self.xp.sin(theta))
 
     def unit(self, q: Rows) -> Rows:
         """The numbers q / |q|; 1 where q is 0."""
+        if hasattr(self.xp, "sgn"):
+            # One pass of PyTorch; what is added is lost beside any q but 0.
+            return self.xp.sgn(q + self.xp.finfo(q.dtype).smallest_normal)
         size = self.xp.abs(q)
         heard = size > 0
         one = self.xp.ones_like(q)
@@ -103,12 +119,16 @@ class Backend:
         """Complex rows as real ones of twice the length; `as_complex` undoes it."""
         if self.xp is np:
             return z.view(np.float32 if self.single else np.float64)
+        if hasattr(self.xp, "view_as_real"):
+            return self.xp.reshape(self.xp.view_as_real(z), (z.shape[0], -1))
         return self.xp.concat([self.xp.real(z), self.xp.imag(z)], axis=1)
 
     def as_complex(self, x: Rows) -> Rows:
         """Complex rows of what `as_real` made of them."""
         if self.xp is np:
             return x.view(np.complex64 if self.single else np.complex128)
+        if hasattr(self.xp, "view_as_complex"):
+            return self.xp.view_as_complex(self.xp.reshape(x, (x.shape[0], -1, 2)))
         half = x.shape[1] // 2
         return self.complex(x[:, :half], x[:, half:])
 

@@ -33,6 +33,8 @@ class RowsState:
         The last steps and changes of slope.
     iterations : int
         Evaluations after the first.
+    ring : Ring or None
+        What `device.RingLBFGS` has in place of pairs.
     """
 
     x: Rows
@@ -42,6 +44,7 @@ class RowsState:
     length: Numbers
     pairs: list[tuple[Rows, Rows, Numbers]]
     iterations: int = 0
+    ring: Any = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,8 +89,8 @@ class LBFGS:
         self._remember(state, s, gradient - state.gradient)
         # Up to the full step, which is the method's own; longer ones have no reason.
         state.length = xp.where(better, xp.clip(self.grow * state.length, None, 1), self.shrink * state.length)
-        # Nearly always all rows are better, and the choice would cost three copies.
-        if not bool(xp.all(better)):
+        # Nearly always all rows are better, and the choice would cost three copies; elsewhere the question is a wait.
+        if xp is not np or not better.all():
             kept = better[:, None]
             x, cost = xp.where(kept, x, state.x), xp.where(better, cost, state.cost)
             gradient = xp.where(kept, gradient, state.gradient)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.solvers.backend import Backend, Numbers, Rows
+from midair.solvers.backend import Backend, Numbers, Rows, squares
+from midair.solvers.device import RingLBFGS
 from midair.solvers.lbfgs import LBFGS, Function, RowsState
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
@@ -163,6 +164,12 @@ class Machine:
             pseudo=self.root / (self.root**4 + (floor * self.strongest) ** 2),
         )
 
+    @property
+    def descent(self) -> LBFGS:
+        """The method that suits the backend: NumPy's pairs in the order of a cache, or a ring."""
+        method = LBFGS if self.backend.xp is np else RingLBFGS
+        return method(memory=self.memory, xp=self.backend.xp)
+
     def lift(self, a: Rows, iterations: int, *, relaxation: float) -> Rows:
         """Phases of equally loud drives with V^H q close to a, (row, transducer), in rad.
 
@@ -226,7 +233,7 @@ class Machine:
 
     def polish(self, theta: Rows, batch: Batch, iterations: int, *, more: int) -> Rows:
         """Least cost from theta on, (row, transducer), with `more` iterations for the worst quarter."""
-        xp, method = self.backend.xp, LBFGS(memory=self.memory, xp=self.backend.xp)
+        xp, method = self.backend.xp, self.descent
         step = 1 / (self.strongest * batch.gain[:, 0]) ** 2
         state = method.run(self.phase_function(batch), theta, step, iterations)
         if not more:
@@ -274,7 +281,7 @@ class Machine:
 
         step = xp.reshape(1 / (self.strongest * least) ** 2, (1,))
         start = xp.reshape(theta / part, (1, -1))
-        x = LBFGS(memory=self.memory, xp=xp).run(function, start, step, iterations).x
+        x = self.descent.run(function, start, step, iterations).x
         return part * xp.reshape(x, shape)
 
     def phase_function(self, batch: Batch) -> Function:
@@ -288,6 +295,8 @@ class Machine:
             q = self.backend.phasor(theta)
             cost, slope = self.heard(batch, (gain * (q @ self.drive_back)) @ self.field)
             back = (gain * (slope @ self.field_back)) @ self.drive
+            if xp is not np:
+                return cost, xp.real(q) * xp.imag(back) - xp.imag(q) * xp.real(back)
             back *= xp.conj(q)
             # NumPy's imaginary part is a view with gaps that would keep the whole product in memory.
             return cost, xp.asarray(xp.imag(back), copy=True)
@@ -351,8 +360,7 @@ class FieldMove:
 
     def run(self, batch: Batch, z: Rows, scale: Numbers, iterations: int) -> RowsState:
         """L-BFGS from z on; `scale` (row,) is one over the curvature, 1 / s of the strongest mode if none is known."""
-        method = LBFGS(memory=self.machine.memory, xp=self.machine.backend.xp)
-        return method.run(self._function(batch), self.machine.backend.as_real(z), scale, iterations)
+        return self.machine.descent.run(self._function(batch), self.machine.backend.as_real(z), scale, iterations)
 
     def coordinates(self, batch: Batch, state: RowsState) -> Rows:
         """V^H q of where the descent stands, (row, mode)."""
@@ -361,13 +369,14 @@ class FieldMove:
     def _function(self, batch: Batch) -> Function:
         there, inverse = self.machine.backend, 1 / batch.gain
         xp, weight = there.xp, self.loudness
+        heavy = weight * inverse
 
         def function(x: Rows) -> tuple[Numbers, Rows]:
             z = there.as_complex(x)
             cost, slope = self.machine.heard(batch, z @ self.out)
             q = inverse * (z @ self.loud)
             above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
-            gradient = slope @ self.out_back + (weight * inverse) * ((above * q) @ self.loud_back)
-            return cost + 0.25 * weight * xp.vecdot(above, above), there.as_real(gradient)
+            gradient = slope @ self.out_back + heavy * ((above * q) @ self.loud_back)
+            return cost + 0.25 * weight * squares(xp, above), there.as_real(gradient)
 
         return function

@@ -167,6 +167,11 @@ def error_of(problem: Problem, theta: Array, level: Array | None = None) -> Arra
         field = np.abs((problem.level * level * np.exp(1j * theta)) @ problem.G.T)
     else:
         field = level[:, None] * np.abs(problem.field(theta))
+    return error_of_field(problem, field)
+
+
+def error_of_field(problem: Problem, field: Array) -> Array:
+    """The error of `error_of` for the magnitude of the field at the control points, shape (frame, point)."""
     if problem.cells is not None:
         # What the cells of a silent frame were to read does not count: it is played as silence.
         return problem.cells.error(field) * problem.amplitude.any(axis=1)

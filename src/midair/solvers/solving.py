@@ -13,6 +13,8 @@ from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, S
 from midair.physics import quantise_phase, radiation_pressure, transfer_matrix
 from midair.reel import blocks
 from midair.solvers.amplitudes import Amplitudes, doubled, halves
+from midair.solvers.backend import backend as backend_of
+from midair.solvers.device import settled
 from midair.solvers.fast import Fast
 from midair.solvers.glide import Glide
 from midair.solvers.lens import spreading_phase
@@ -288,10 +290,10 @@ class _Order:
     def _together(self) -> int:
         """How many frames that sound a part has: whole batches, or whole blocks."""
         if isinstance(self.solver, Glide):
-            whole = self.solver.coarse * max(-(-self.solver.block // self.solver.coarse), 1)
+            whole = self.solver.coarse * max(-(-self.solver.block_on() // self.solver.coarse), 1)
             return whole * self.solver.jobs
         if isinstance(self.solver, Fast):
-            whole = self.solver.batch or (128 if self.solver.backend == "numpy" else 4096)
+            whole = self.solver.batch or backend_of(self.solver.backend).rows
             return whole * max(1, _TOGETHER // whole)
         return _TOGETHER
 
@@ -312,9 +314,7 @@ class _Order:
             if self.amplitudes == "bounded":
                 answer, part = _bounded(answer)
             # Rounded before the error is taken, so that it is the error of what will be played.
-            turned = answer.phase
-            phase = np.mod(turned, 2 * np.pi) if self.bits is None else quantise_phase(turned, bits=self.bits)
-            error = error_of(own, phase, part)
+            phase, error = self._told(own, answer.phase, part)
         audible = np.array([status != "silent" for status in answer.status], float)
         # Transposed twice, so that (frame,) and (frame, transducer) are both multiplied frame by frame.
         played = self.level * (audible if part is None else (audible * part.T).T)
@@ -327,6 +327,15 @@ class _Order:
             provenance=target.provenance.then("solve", self._settings()),
         )
         return Solution(drive=drive, error=error, iterations=answer.iterations, status=answer.status), end
+
+    def _told(self, own: Problem, turned: Array, part: Array | None) -> tuple[Array, Array]:
+        """Phases as they will be played, and their errors, worked out where the phases were."""
+        name = getattr(self.solver, "backend", "numpy")
+        # Metal has no double precision.
+        if name == "numpy" or name.startswith("torch:mps"):
+            phase = np.mod(turned, 2 * np.pi) if self.bits is None else quantise_phase(turned, bits=self.bits)
+            return phase, error_of(own, phase, part)
+        return settled(backend_of(name, precision="double"), own, turned, part, self.bits)
 
     def _settings(self) -> dict[str, Setting]:
         acoustics = self.own.airs[0]

@@ -71,10 +71,11 @@ class Glide:
         Over-relaxation of the projections, 1 to 2.
     memory : int
         Pairs that L-BFGS keeps.
-    rows : int
-        Known of a batch.
-    block : int
-        Known that are solved one after the other by one job; others know them by a mark only.
+    rows : int, optional
+        Known of a batch. What suits the backend if None.
+    block : int, optional
+        Known that are solved one after the other by one job; others know them by a mark only. What suits the backend
+        if None: `block_on`.
     jobs : int
         Blocks at once. The phases are the same, to the last bit, for any number.
     faintest : float
@@ -110,8 +111,8 @@ class Glide:
     momentum: float = 0.3
     relaxation: float = 1.5
     memory: int = 4
-    rows: int = 128
-    block: int = 1024
+    rows: int | None = None
+    block: int | None = None
     jobs: int = field(default=1, compare=False)
     faintest: float = 1e-12
     precision: Literal["single", "double"] = "single"
@@ -153,7 +154,7 @@ class Glide:
     def _stretches(self, glider: Glider, audible: Indices, before: Known | None) -> Iterator[tuple[Indices, Known]]:
         """The blocks in order: which frames they are, and what was found; `before` is known of the first frame."""
         efforts = self._efforts()
-        every = list(blocks(len(audible), coarse=self.coarse, size=self.block))
+        every = list(blocks(len(audible), coarse=self.coarse, size=self.block_on()))
         if before is not None:
             every[0] = replace(every[0], marks=every[0].marks[every[0].marks > 0])
         with ThreadPoolExecutor(self.jobs) as pool:
@@ -167,8 +168,13 @@ class Glide:
             for block in every:
                 yield audible[block.first : block.last + 1], walks.popleft().result()
 
+    def block_on(self) -> int:
+        """Frames of a block: 1024 on a CPU; on a GPU so many that the marks of one block are a batch worth a launch."""
+        return self.block or (32 * 1024 if backend(self.backend).on_gpu else 1024)
+
     def _efforts(self) -> Efforts:
-        return Efforts(**{one.name: getattr(self, one.name) for one in fields(Efforts)})
+        own = {one.name: getattr(self, one.name) for one in fields(Efforts)}
+        return Efforts(**own | {"rows": self.rows or backend(self.backend).rows})
 
     def _glider(self, problem: Problem, there: Backend) -> Glider:
         machine = Machine.of(problem, there, tolerance=self.tolerance, memory=self.memory, outside=self.outside)

@@ -150,7 +150,7 @@ class Glider:
         return self._solved(batch, polished, there.as_complex(state.x), state.scale)
 
     def _method(self) -> LBFGS:
-        return LBFGS(memory=self.machine.memory, xp=self.machine.backend.xp)
+        return self.machine.descent
 
     def _angle(self, q: Rows) -> Rows:
         xp = self.machine.backend.xp

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from midair.model import ControlGrid, PressureFrames
 from midair.physics import SensorModel, cell_weights
-from midair.solvers.backend import Numbers, Rows
+from midair.solvers.backend import Numbers, Rows, squares
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
@@ -106,4 +106,4 @@ def cell_misfit(xp: Any, y: Rows, weights: Rows, wanted: Rows, scale: Numbers) -
     """
     size = xp.abs(y)
     missed = (size * size) @ weights - wanted
-    return 0.5 * scale * xp.vecdot(missed, missed), y * ((2 * scale[:, None] * missed) @ weights.T)
+    return 0.5 * scale * squares(xp, missed), y * ((2 * scale[:, None] * missed) @ weights.T)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.model import ControlGrid
-from midair.solvers.backend import Numbers, Rows
+from midair.solvers.backend import Numbers, Rows, squares
 from midair.validation import positive
 
 
@@ -130,7 +130,7 @@ def excess(xp: Any, y: Rows, ceiling: Rows, weight: float) -> tuple[Numbers, Row
     size = xp.abs(y)
     above = xp.clip(size - ceiling, 0, None)
     # The smallest number keeps the slope at a silent point 0 instead of 0 / 0.
-    return 0.5 * weight * xp.vecdot(above, above), y * (weight * above / (size + xp.finfo(size.dtype).smallest_normal))
+    return 0.5 * weight * squares(xp, above), y * (weight * above / (size + xp.finfo(size.dtype).smallest_normal))
 
 
 def excess_rows(

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from midair.solvers.backend import Numbers, Rows
+from midair.solvers.backend import Numbers, Rows, squares
 
 
 def misfit(xp: Any, y: Rows, p: Rows) -> tuple[Numbers, Rows]:
@@ -29,4 +29,4 @@ def misfit(xp: Any, y: Rows, p: Rows) -> tuple[Numbers, Rows]:
     missed = size - p
     # A point that is exactly silent has no direction; any will do, none is taken.
     y *= missed / (size + xp.finfo(size.dtype).smallest_normal)
-    return 0.5 * xp.vecdot(missed, missed), y
+    return 0.5 * squares(xp, missed), y

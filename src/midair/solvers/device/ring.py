@@ -1,0 +1,132 @@
+"""L-BFGS for a GPU: the same steps as `lbfgs`, in few launches and without a wait.
+
+All pairs of a row and its gradient are one array, a ring that is written in place. One batched product gives all inner
+products of a row; what remains of the two loops is algebra on some numbers a row, and a second batched product makes
+the step. With P the columns [S Y g], R the part of S^T Y on and above the diagonal, D its diagonal and h the scale
+(Byrd, Nocedal & Schnabel, "Representations of quasi-Newton matrices", Math. Programming 63 (1994), eq. 3.1),
+
+    a = R^-1 S^T g,  c = R^-T (h (Y^T g - Y^T Y a) - D a),  step = S c + h (Y a - g).
+
+R^-1 needs no solving: a new pair adds a column, and without the oldest pair its row and column are left out. Rows of R
+are in the order of the slots, so that it is triangular but for that order.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from midair.solvers.backend import Numbers, Rows
+from midair.solvers.lbfgs import LBFGS, RowsState
+
+Function = Callable[[Rows], tuple[Numbers, Rows]]
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Ring:
+    """The pairs of all rows; `turn` overwrites the oldest.
+
+    Attributes
+    ----------
+    vectors : array, shape (row, 2 memory + 1, unknown)
+        S, Y and the gradient.
+    gram : array, shape (row, 2 memory + 1, 2 memory + 1)
+        Their inner products.
+    inverse : array, shape (row, memory, memory)
+        R^-1; 0 in the rows and columns of pairs that count as none.
+    minus : array, shape (row, 1)
+        -1.
+    nothing : array, shape ()
+        Infinity, whose inverse is none.
+    memory, slot : int
+        Pairs that there is room for; where the next goes.
+    """
+
+    vectors: Rows
+    gram: Rows
+    inverse: Rows
+    minus: Numbers
+    nothing: Numbers
+    memory: int
+    slot: int = 0
+
+    @classmethod
+    def of(cls, xp: Any, gradient: Rows, memory: int) -> "Ring":
+        """A ring without pairs."""
+        rows, unknowns = gradient.shape
+        alike = {"dtype": gradient.dtype, "device": gradient.device}
+        vectors = xp.zeros((rows, 2 * memory + 1, unknowns), **alike)
+        vectors[:, 2 * memory, :] = gradient
+        return cls(
+            vectors=vectors,
+            gram=_gram(xp, vectors),
+            inverse=xp.zeros((rows, memory, memory), **alike),
+            minus=-xp.ones((rows, 1), **alike),
+            nothing=xp.full((), xp.inf, **alike),
+            memory=memory,
+        )
+
+    @property
+    def gradient(self) -> Rows:
+        """Where the rows stand, (row, unknown): a view."""
+        return self.vectors[:, 2 * self.memory, :]
+
+    def direction(self, xp: Any, scale: Numbers) -> Rows:
+        """What the step is made of, in parts of scale times the vectors, shape (row, 2 memory + 1)."""
+        m, gram, turned = self.memory, self.gram, xp.matrix_transpose(self.inverse)
+        pull = gram[:, : 2 * m, 2 * m :]
+        a = self.inverse @ pull[:, :m, :]
+        curvature = xp.linalg.diagonal(gram[:, :m, m : 2 * m])[:, :, None]
+        left = pull[:, m:, :] - gram[:, m : 2 * m, m : 2 * m] @ a
+        c = turned @ (left - curvature * a / scale[:, None, None])
+        return xp.concat([c[:, :, 0], a[:, :, 0], self.minus], axis=1)
+
+    def turn(self, xp: Any, s: Rows, gradient: Rows, kept: Rows, scale: Numbers) -> Numbers:
+        """Keep a step and what it changed, and the gradient of the rows that are `kept`; gives the new scale."""
+        m, slot, vectors = self.memory, self.slot, self.vectors
+        vectors[:, slot, :] = s
+        vectors[:, m + slot, :] = gradient - self.gradient
+        vectors[:, 2 * m, :] = xp.where(kept, gradient, self.gradient)
+        gram = self.gram = _gram(xp, vectors)
+        sy, yy = gram[:, slot, m + slot], gram[:, m + slot, m + slot]
+        # As in `lbfgs`: a pair of no positive curvature would turn later directions uphill.
+        curved = (sy > 1e-10 * yy) & (yy > 0)
+        inverse = 1 / xp.where(curved, sy, self.nothing)
+        self.inverse[:, slot, :] = 0
+        self.inverse[:, :, slot] = 0
+        column = self.inverse[:, :, slot]
+        # In place, on a view, as all libraries here have it.
+        column -= inverse[:, None] * (self.inverse @ gram[:, :m, m + slot, None])[:, :, 0]
+        self.inverse[:, slot, slot] = inverse
+        self.slot = (slot + 1) % m
+        return xp.where(curved, sy / xp.where(curved, yy, self.nothing), scale)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RingLBFGS(LBFGS):
+    """`LBFGS` on a ring: the same steps but for rounding, on any library but NumPy."""
+
+    def step(self, function: Function, state: RowsState) -> None:
+        """One evaluation of all rows."""
+        xp = self.xp
+        ring = state.ring
+        if ring is None:
+            ring = state.ring = Ring.of(xp, state.gradient, self.memory)
+        made_of = (state.length * state.scale)[:, None] * ring.direction(xp, state.scale)
+        promised = xp.sum(made_of * ring.gram[:, 2 * self.memory, :], axis=1)
+        s = (made_of[:, None, :] @ ring.vectors)[:, 0, :]
+        x = state.x + s
+        cost, gradient = function(x)
+        # Rounding of the cost itself must not count as a rise.
+        better = cost <= (1 + 4 * xp.finfo(cost.dtype).eps) * state.cost + self.armijo * promised
+        kept = better[:, None]
+        # Whether all are better would be a question to the GPU, and the answer a wait for all that it has still to do.
+        state.scale = ring.turn(xp, s, gradient, kept, state.scale)
+        state.x, state.cost = xp.where(kept, x, state.x), xp.where(better, cost, state.cost)
+        grown = xp.clip(self.grow * state.length, None, 1)
+        state.length = xp.where(better, grown, self.shrink * state.length)
+        state.gradient = ring.gradient
+        state.iterations += 1
+
+
+def _gram(xp: Any, vectors: Rows) -> Rows:
+    return vectors @ xp.matrix_transpose(vectors)
