@@ -10,7 +10,7 @@ PARALLEL := --numprocesses 2 --dist worksteal
 # pyproject.toml. Without: counting lines takes a quarter to a third more processor time on Python 3.11.
 COVER := $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
 
-.PHONY: demo test coverage test-slow check bench docs format clean
+.PHONY: demo test coverage test-slow check bench bench-gpu docs format clean
 
 $(VENV)/run: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -50,9 +50,20 @@ bench: $(VENV)/dev
 	$(BIN)/python -m benchmarks.playback
 	$(BIN)/python -m benchmarks.air
 
+# On a machine with a GPU and a Python that has PyTorch, NumPy and SciPy, which GPU_PYTHON names. What else it needs lies in
+# .gpu, pure Python: made where there is a network, it goes along to a machine without.
+GPU_PYTHON ?= python3
+GPU ?=
+
+.gpu/array_api_compat:
+	$(PYTHON) -m pip install --quiet --disable-pip-version-check --no-deps --target .gpu array-api-compat threadpoolctl
+
+bench-gpu: .gpu/array_api_compat
+	PYTHONPATH=src:.gpu $(GPU_PYTHON) -m benchmarks.gpu $(GPU)
+
 format: $(VENV)/dev
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
 clean:
-	rm -rf $(VENV) demo docs/_build docs/gallery .coverage* .hypothesis .pytest_cache .ruff_cache
+	rm -rf $(VENV) .gpu demo docs/_build docs/gallery .coverage* .hypothesis .pytest_cache .ruff_cache

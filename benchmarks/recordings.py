@@ -59,7 +59,7 @@ def main() -> None:
 def sequences(settings: Settings, seconds: float) -> Iterator[tuple[str, PressureFrames]]:
     """Pressure of the cells at the settings' rate, at rest at both ends."""
     for name, samples in (("chirp that wanders", wander(seconds)), ("rain", rain(seconds)), ("cloth", cloth(seconds))):
-        yield name, at_rate(_pressure(samples), settings.target.rate)
+        yield name, at_rate(pressure_of(samples), settings.target.rate)
     recording = sample("denim")
     change = float(np.abs(np.asarray(recording.samples) - np.median(recording.samples, axis=0)).max())
     # As `midair import sample:denim --peak 30Pa` and `solve --band 0.5Hz 15Hz` would: its taxels give 36 frames/s.
@@ -198,7 +198,7 @@ def jobs() -> None:
 def live() -> None:
     """The live solver on three sequences, and without what is new in a target being put in first."""
     settings = paper_mode()
-    noise = problem(at_rate(_pressure(_noise(1.2)), settings.target.rate), settings, 0.1)
+    noise = problem(at_rate(pressure_of(_noise(1.2)), settings.target.rate), settings, 0.1)
     print(f"\nlive, 1 kHz, strength .1, E without the first ten frames; garbage collector off; {load()}")
     heading("E mean", "E worst", "CPU p50", "CPU p99", "p50 ms", "p99 ms")
     spots = (("spot", problem_of(moving_blob(1200), 0.1)), ("towel", towel(1200, 0.1)), ("noise", noise))
@@ -234,7 +234,7 @@ def _slow(rng: np.random.Generator, frames: int, highest: float) -> np.ndarray:
     return path / np.abs(path).max()
 
 
-def _pressure(samples: np.ndarray) -> PressureFrames:
+def pressure_of(samples: np.ndarray) -> PressureFrames:
     """20 Pa at most, faded in and out."""
     time_ = np.arange(len(samples)) / RATE
     fade = np.clip(np.minimum(time_, time_[-1] - time_) / 0.1, 0, 1)[:, None]

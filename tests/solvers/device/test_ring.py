@@ -1,13 +1,14 @@
 """The ring makes the steps of `lbfgs`, in the launches that are stated here, and asks the device nothing."""
 
 from collections import Counter
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
 import pytest
 
-from midair.model import ControlGrid
+from midair.model import ControlGrid, SensorGrid
 from midair.solvers import Fast, Glide, Problem, spreading_phase
 from midair.solvers.backend import Backend, backend
 from midair.solvers.device import RingLBFGS
@@ -129,7 +130,7 @@ def test_launches_waits_and_bytes_of_an_iteration(patterns):
     descent.step(function, state)
     with counted:
         descent.step(function, state)
-    assert counted.made.total() <= 66, counted.made
+    assert counted.made.total() <= 65, counted.made
     assert counted.waits == 0
     assert counted.moved / ROWS <= 0.30e6
     of_function = launches()
@@ -144,7 +145,7 @@ def test_launches_waits_and_bytes_of_an_iteration(patterns):
             one = there.xp.ones_like(batch.gain[:, 0]) / machine.strongest
             field.run(batch, field.first(batch.p * machine.psi), one, iterations)
         fields.append(of_field)
-    assert fields[1].made.total() - fields[0].made.total() <= 10 * 72
+    assert fields[1].made.total() - fields[0].made.total() <= 10 * 71
     assert fields[1].moved - fields[0].moved <= 10 * 0.12e6 * ROWS
     assert fields[1].waits == 0
 
@@ -157,12 +158,25 @@ def test_a_batch_of_patterns_waits_for_nothing(patterns):
     with counted:
         Fast()._phases(machine, batch, there.xp.zeros_like(machine.lens))
     assert counted.waits == 0
-    assert counted.made.total() <= 17_600
+    assert counted.made.total() <= 17_150
+
+
+class InThisThread(Executor):
+    """Launches are counted in one thread."""
+
+    def __init__(self, _jobs):
+        pass
+
+    def submit(self, work, /, *given):
+        done = Future()
+        done.set_result(work(*given))
+        return done
 
 
 def test_a_recording_asks_once_for_each_chunk_of_frames(patterns, monkeypatch):
-    """Which frames are smooth, or which fields are possible: one question a chunk, and one way home of what is found."""
+    """Which frames are smooth, or which fields are possible; besides, what is found comes home chunk by chunk."""
     pytest.importorskip("torch")
+    monkeypatch.setattr("midair.solvers.glide.glide.ThreadPoolExecutor", InThisThread)
     called = Counter()
 
     def spied(kind, name):
@@ -179,9 +193,8 @@ def test_a_recording_asks_once_for_each_chunk_of_frames(patterns, monkeypatch):
     blend = np.linspace(0, 1, 33)[:, None]
     strength = (1 - blend) * patterns.amplitude[6] + blend * patterns.amplitude[200]
     strength[20] = patterns.amplitude[300]
-    few = Glide(
-        backend="torch", cold=(8, 2, 8), smooth=3, smooth_wide=4, rough=(4, 2, 2), bent=(3, 2, 2), hard_polish=2
-    )
+    efforts = {"cold": (8, 2, 8), "bent": (3, 2, 2), "bent_wide": (3, 2, 2), "rough": (4, 2, 2)}
+    few = Glide(backend="torch", smooth=3, smooth_wide=4, hard_polish=2, **efforts)
     counted = launches()
     with counted:
         few.solve(replace(patterns, amplitude=strength))
@@ -189,3 +202,19 @@ def test_a_recording_asks_once_for_each_chunk_of_frames(patterns, monkeypatch):
     assert 0 < asked <= called["_batch"]
     # PyTorch itself waits for nothing else: what comes home comes by `host`.
     assert counted.waits == 0
+    assert counted.made["mm"] > 100
+
+
+def test_launches_of_a_recording(patterns, channels_to_points, monkeypatch):
+    """A spot of 129 frames that vibrates: 38,614 launches and 415 waits before the ring."""
+    monkeypatch.setattr("midair.solvers.glide.glide.ThreadPoolExecutor", InThisThread)
+    time = np.arange(129) / 1000
+    centre = -0.011 * np.cos(0.25 / 0.011 * time)[:, None, None]
+    X, Y = np.meshgrid(SensorGrid().x, SensorGrid().y)
+    spot = np.exp(-((X - centre) ** 2 + (Y - 0.3 * centre) ** 2) / (2 * 0.011**2)).reshape(129, 16)
+    spot *= (0.55 + 0.45 * np.sin(2 * np.pi * 100 * time + 0.3))[:, None]
+    counted = launches()
+    with counted:
+        Glide(backend="torch").solve(replace(patterns, amplitude=0.1 * channels_to_points(spot)))
+    assert counted.waits == 0
+    assert counted.made.total() <= 29_600, counted.made
