@@ -173,7 +173,7 @@ class Glide:
         return self.block or (32 * 1024 if backend(self.backend).on_gpu else 1024)
 
     def _efforts(self) -> Efforts:
-        own = {one.name: getattr(self, one.name) for one in fields(Efforts)}
+        own: dict[str, Any] = {one.name: getattr(self, one.name) for one in fields(Efforts)}
         return Efforts(**own | {"rows": self.rows or backend(self.backend).rows})
 
     def _glider(self, problem: Problem, there: Backend) -> Glider:
