@@ -174,7 +174,8 @@ class Glide:
 
     def _efforts(self) -> Efforts:
         own: dict[str, Any] = {one.name: getattr(self, one.name) for one in fields(Efforts)}
-        return Efforts(**own | {"rows": self.rows or backend(self.backend).rows})
+        own["rows"] = self.rows or backend(self.backend).rows
+        return Efforts(**own)
 
     def _glider(self, problem: Problem, there: Backend) -> Glider:
         machine = Machine.of(problem, there, tolerance=self.tolerance, memory=self.memory, outside=self.outside)
