@@ -1,10 +1,12 @@
 """The sweep on real Dask workers; what a kill costs, with a real kill."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import distributed
 import numpy as np
@@ -16,24 +18,16 @@ from midair.errors import MidairError
 from midair.sweep import run as module
 from midair.sweep.pattern_sweep import PatternSweep, solve_patterns
 from midair.sweep.run import cluster, run_sweep
-from midair.sweep.store import load_sweep
+from midair.sweep.store import SweepStore, load_sweep, open_sweep
 
 SWEEP = PatternSweep(count=10, curve_count=3, chunk=4, strengths=(0.1,), curve_heights=(0.3,), method="naive")
 
 
 @pytest.fixture(scope="module")
-def scheduler():
+def scheduler(threads):
     """A scheduler on this machine that clients reach over TCP, with one worker in a thread."""
-    with distributed.LocalCluster(
-        n_workers=1,
-        threads_per_worker=1,
-        processes=False,
-        protocol="tcp",
-        host="127.0.0.1",
-        dashboard_address="127.0.0.1:0",
-        silence_logs="CRITICAL",
-    ) as local:
-        yield local.scheduler_address
+    with threads() as address:
+        yield address
 
 
 def asked(sweep):
@@ -73,9 +67,12 @@ def test_stopped_and_started_again_it_does_only_what_is_missing(tmp_path, schedu
 
     with pytest.raises(KeyboardInterrupt):
         run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler, progress=stop)
-    before = load_sweep(tmp_path / "s.zarr").known
-    assert 0 < before < asked(SWEEP)
-    assert run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler) == asked(SWEEP) - before
+    before, done = _stored(tmp_path / "s.zarr")
+    known = load_sweep(tmp_path / "s.zarr").known
+    assert 0 < known < asked(SWEEP)
+    # A worker ends the task that it was at, and stores it.
+    assert 0 < run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler) <= asked(SWEEP) - known
+    np.testing.assert_array_equal(_stored(tmp_path / "s.zarr")[0][done], before[done])
     np.testing.assert_allclose(load_sweep(tmp_path / "s.zarr").error, expected(SWEEP), rtol=1e-9)
 
 
@@ -87,6 +84,30 @@ def test_a_task_that_fails_is_told_in_one_line_and_costs_nothing_else(tmp_path, 
     monkeypatch.undo()
     run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler)
     np.testing.assert_allclose(load_sweep(tmp_path / "s.zarr").error, expected(SWEEP), rtol=1e-9)
+
+
+def test_workers_write_their_results_themselves(tmp_path, scheduler, monkeypatch):
+    monkeypatch.setattr(SweepStore, "write", lambda store, result: written.append(result.found))
+    written = []
+    run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler)
+    assert written == [None] * len(SWEEP.tasks())
+    np.testing.assert_allclose(load_sweep(tmp_path / "s.zarr").error, expected(SWEEP), rtol=1e-9)
+
+
+def test_a_store_that_workers_do_not_see_is_written_by_the_command(tmp_path, scheduler, monkeypatch):
+    """As on machines without a common disk: there the folder has the same name, and is another or none."""
+    place = SweepStore.address.fget
+    elsewhere = tmp_path / "elsewhere.zarr"
+    other = property(lambda store: replace(place(store), place=str(elsewhere)))
+    monkeypatch.setattr(SweepStore, "address", other)
+    run_sweep(SWEEP, tmp_path / "none.zarr", scheduler=scheduler)
+    assert not elsewhere.exists()
+    with open_sweep(elsewhere, SWEEP):
+        pass
+    run_sweep(SWEEP, tmp_path / "other.zarr", scheduler=scheduler)
+    assert load_sweep(elsewhere).known == 0
+    for name in ("none.zarr", "other.zarr"):
+        np.testing.assert_allclose(load_sweep(tmp_path / name).error, expected(SWEEP), rtol=1e-9)
 
 
 def test_an_address_without_a_scheduler_is_told_in_one_line():
@@ -144,3 +165,35 @@ def _wait(true, limit=120):
     while not true():
         assert time.monotonic() < until
         time.sleep(0.02)
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_speaks_tls_is_reached_with_a_certificate_and_not_without(tmp_path, programs):
+    """As in docs/sweep.md: one certificate for all of a group, in Dask's own settings."""
+    if shutil.which("openssl") is None:
+        pytest.skip("no openssl to make a certificate with")
+    make = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "1", "-subj", "/CN=sweep"]
+    subprocess.run([*make, "-keyout", "key.pem", "-out", "cert.pem"], cwd=tmp_path, check=True, capture_output=True)
+    key, cert = str(tmp_path / "key.pem"), str(tmp_path / "cert.pem")
+    options = [f"--tls-ca-file={cert}", f"--tls-cert={cert}", f"--tls-key={key}"]
+    with programs(1, protocol="tls", options=options) as (address, _):
+        assert address.startswith("tls://")
+        ask = ["sweep", "patterns", "s.zarr", "--count", "8", "--curves", "0", "--chunk", "4", "--method", "naive"]
+        command = [sys.executable, "-m", "midair", *ask, "--scheduler"]
+
+        def run(address, **more):
+            environment = {**os.environ, **more}
+            return subprocess.run(
+                [*command, address], cwd=tmp_path, capture_output=True, text=True, check=False, env=environment
+            )
+
+        for refused in (run(address), run(address.replace("tls://", "tcp://"))):
+            assert refused.returncode == 1
+            assert "Traceback" not in refused.stderr
+            lines = [line for line in refused.stderr.splitlines() if line.startswith("midair: ")]
+            assert len(lines) == 1
+            assert "certificate" in lines[0]
+        tls = "DASK_DISTRIBUTED__COMM__TLS__"
+        allowed = run(address, **{f"{tls}CA_FILE": cert, f"{tls}CLIENT__CERT": cert, f"{tls}CLIENT__KEY": key})
+    assert allowed.returncode == 0, allowed.stderr
+    assert load_sweep(tmp_path / "s.zarr").known == 16

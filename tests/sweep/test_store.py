@@ -8,8 +8,8 @@ from midair.errors import BrokenFileError, DeviceStateError, MismatchError, Miss
 from midair.files.native.provenance_json import from_json
 from midair.sweep.pattern_report import PatternResults
 from midair.sweep.pattern_sweep import PatternSweep
-from midair.sweep.store import Result, load_sweep, open_sweep
-from midair.sweep.task import Found
+from midair.sweep.store import load_sweep, open_sweep
+from midair.sweep.task import Found, Result
 
 SWEEP = PatternSweep(count=10, curve_count=4, chunk=4, strengths=(0.1,), curve_heights=(0.3,), method="naive")
 
@@ -63,6 +63,38 @@ def test_a_store_of_other_settings_is_refused_and_left_alone(tmp_path, change):
     with pytest.raises(MismatchError, match=next(iter(change))), open_sweep(path, replace(SWEEP, **change)):
         pass
     assert load_sweep(path).known == SWEEP.tasks()[0].count
+
+
+def test_two_who_write_at_once_do_not_meet(tmp_path):
+    """No chunk of any array belongs to two tasks: whoever writes one rewrites nothing of another's."""
+    path = tmp_path / "s.zarr"
+    with open_sweep(path, SWEEP) as store:
+        written = set()
+        for task in store.missing():
+            before = {file: file.stat().st_mtime_ns for file in path.rglob("c/*/*") if file.is_file()}
+            store.write(found(task))
+            after = {file: file.stat().st_mtime_ns for file in path.rglob("c/*/*") if file.is_file()}
+            assert {file: after[file] for file in before} == before
+            written |= {file.relative_to(path).parts[0] for file in after.keys() - before.keys()}
+    assert written == {"error", "rounded_error", "target_strength", "seconds", "done"}
+
+
+def test_a_store_of_before_workers_wrote_is_gone_on_with_by_the_command(tmp_path):
+    """Flags of a row in one file: two writers would lose each other's."""
+    path = tmp_path / "s.zarr"
+    with open_sweep(path, SWEEP) as store:
+        for name in ("done", "seconds", "target_strength"):
+            array = zarr.open_group(path)[name]
+            layout = {"dtype": array.dtype, "fill_value": array.fill_value, "chunks": (1, array.shape[1])}
+            zarr.open_group(path).create_array(name, shape=array.shape, overwrite=True, **layout)
+        attributes = zarr.open_group(path).attrs
+        del attributes["token"]
+    with open_sweep(path, SWEEP) as store:
+        assert store.address is None
+        store.write(found(SWEEP.tasks()[1]))
+    with open_sweep(path, SWEEP) as store:
+        assert set(SWEEP.tasks()) - set(store.missing()) == {SWEEP.tasks()[1]}
+    assert load_sweep(path).known == SWEEP.tasks()[1].count
 
 
 def test_a_second_writer_is_refused_while_the_first_is_at_it(tmp_path):

@@ -176,7 +176,7 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
 
 
 @contextmanager
-def refusing(path: Path, expected: str) -> Generator[None]:
+def refusing(path: Path | str, expected: str) -> Generator[None]:
     """Turn what a parser says about damaged bytes into one line that names the file.
 
     Errors of midair (a NaN, a wrong shape) keep their type, get the file's name if they lack it, and lose what cannot

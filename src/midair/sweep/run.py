@@ -3,14 +3,17 @@
 import signal
 import time
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from midair.errors import ClusterError, MissingExtraError
 from midair.model import Progress
-from midair.sweep.store import Result, open_sweep
-from midair.sweep.task import Job, Sweep, Task
+from midair.sweep.region import SweepAddress
+from midair.sweep.store import open_sweep
+from midair.sweep.task import Job, Result, Sweep, Task
+from midair.sweep.watch import WorkersWatch
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
 
 def run_sweep(
     sweep: Sweep,
-    path: Path,
+    where: Path | str,
     *,
     scheduler: str | None = None,
     workers: int | None = None,
@@ -26,18 +29,19 @@ def run_sweep(
 ) -> int:
     """Solve whatever is missing of a sweep, and store it as it comes.
 
-    Only this process writes, so that a cluster needs no common disk. Killed at any moment, it can be started again:
-    what is stored stays, and what is not is done.
+    Each worker writes what it found where it sees the store: on a common disk, or in an object store. The results
+    of others come here, and this process writes them. Killed at any moment, it can be started again: what is stored
+    stays, and what is not is done.
 
     Parameters
     ----------
     sweep : Sweep
         What to solve.
-    path : Path
-        NAME.zarr, new or of the same sweep.
+    where : Path or str
+        NAME.zarr, new or of the same sweep: a folder, or an address that fsspec knows, such as s3://bucket/all.zarr.
     scheduler : str, optional
-        Address of a Dask scheduler, such as tcp://host:8786, whose workers have midair installed; a cluster on this
-        machine, reachable from nowhere else, if None.
+        Address of a Dask scheduler, such as tls://host:8786, whose workers have midair installed; a cluster on this
+        machine, reachable from nowhere else, if None. Certificates are those of Dask's configuration.
     workers : int, optional
         Processes on this machine; one a core if None.
     progress : callable, optional
@@ -53,10 +57,11 @@ def run_sweep(
     MismatchError
         If the store is of another sweep.
     ClusterError
-        If the cluster cannot be reached or a task fails; what was found so far is stored.
+        If the cluster cannot be reached, a task fails, or no worker is heard of for 20 s; what was found so far is
+        stored.
     """
     whole = sum(task.count for task in sweep.tasks())
-    with open_sweep(path, sweep) as store:
+    with open_sweep(where, sweep) as store:
         missing = store.missing()
         first = done = whole - sum(task.count for task in missing)
         if progress is not None:
@@ -64,7 +69,7 @@ def run_sweep(
         if not missing:
             return 0
         with cluster(scheduler, workers=workers) as client:
-            for result in _results(client, sweep, missing):
+            for result in _results(client, sweep, missing, store.address):
                 store.write(result)
                 done += result.task.count
                 if progress is not None:
@@ -119,12 +124,26 @@ def do(job: Job, task: Task) -> Result:
     return Result(task=task, found=found, seconds=time.process_time() - start)
 
 
+def done_and_stored(job: Job, task: Task, address: SweepAddress | None) -> Result:
+    """One task, on a worker that stores what it found where it sees the store."""
+    result = do(job, task)
+    return result if address is None else address.take(result)
+
+
 def _client_of(scheduler: str, patience: float) -> "Client":
     distributed = _distributed()
+    if scheduler.startswith("tls://") and not distributed.Security().get_connection_args("client").get("ssl_context"):
+        raise ClusterError(
+            f"scheduler: expected a certificate for {scheduler}, got none; "
+            "set distributed.comm.tls in Dask's configuration"
+        )
     try:
         client = distributed.Client(scheduler, timeout=patience, set_as_default=False)
     except (OSError, ValueError) as wrong:
-        raise ClusterError(f"scheduler: expected one at {scheduler}, got no answer; check the address") from wrong
+        raise ClusterError(
+            f"scheduler: expected one at {scheduler}, got no answer; check the address, and tls:// where it wants a "
+            "certificate"
+        ) from wrong
     try:
         client.wait_for_workers(1, timeout=patience)
     except TimeoutError as wrong:
@@ -138,20 +157,64 @@ def _leave_ctrl_c_to_the_client() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task]) -> Iterator[Result]:
-    """What each task found, as it comes."""
-    futures: list[Any] = [
+def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: SweepAddress | None) -> Iterator[Result]:
+    """What came of each task, as it comes."""
+    finished: SimpleQueue[Any] = SimpleQueue()
+    waiting: set[Any] = set()
+    for number, task in enumerate(tasks):
         # In the order of the tasks: whenever it is stopped, what is known is the beginning.
-        client.submit(do, sweep.job(task), task, pure=False, priority=-number)
-        for number, task in enumerate(tasks)
-    ]
-    for future in _distributed().as_completed(futures, loop=client.loop):
-        if future.status != "finished":
-            raise ClusterError(
-                f"sweep: expected an answer of every worker, got {future.exception()!r}; what was found so far is "
-                "stored, the same command goes on"
-            )
-        yield future.result()
+        future = client.submit(done_and_stored, sweep.job(task), task, address, pure=False, priority=-number)
+        waiting.add(future)
+        future.add_done_callback(finished.put)
+    watch = WorkersWatch(client)
+    while waiting:
+        ended = _next(finished)
+        try:
+            results = _gathered(client, [future for future in ended if future.status == "finished"])
+        except TimeoutError:  # who held them is gone or busy; if it is gone, they are done again
+            for future in ended:
+                finished.put(future)
+            watch.look()
+            continue
+        yield from results
+        _check(ended)
+        waiting.difference_update(ended)
+        if results:
+            watch.heard()
+        else:
+            watch.look()
+
+
+def _next(finished: "SimpleQueue[Any]", *, patience: float = 1.0, most: int = 256) -> list[Any]:
+    """Those that ended since the last call; waits a little for the first, and asks for few round trips."""
+    ended: list[Any] = []
+    with suppress(Empty):
+        ended.append(finished.get(timeout=patience))
+        while len(ended) < most:
+            ended.append(finished.get_nowait())
+    return ended
+
+
+def _gathered(client: "Client", futures: list[Any]) -> list[Result]:
+    if not futures:
+        return []
+
+    async def gathered() -> Any:
+        return await client.gather(futures, asynchronous=True)
+
+    results: Any = client.sync(gathered, callback_timeout=5)
+    return results
+
+
+def _check(ended: list[Any]) -> None:
+    """Say in one line that a task failed, or that the scheduler went away with it."""
+    wrong = next((future for future in ended if future.status not in ("finished", "pending")), None)
+    if wrong is not None:
+        said = repr(wrong.exception()) if wrong.status == "error" else "no more of the scheduler"
+        raise ClusterError(
+            f"sweep: expected an answer of every worker, got {said}; what was found so far is stored, the same command "
+            "goes on"
+        )
 
 
 def _distributed() -> Any:

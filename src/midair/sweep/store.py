@@ -1,11 +1,8 @@
-"""Results of a sweep in Zarr: written task by task, each flagged when it is whole, and never by two at once."""
+"""Results of a sweep in Zarr: a task has chunks of its own, so that whoever solved it can store it."""
 
-import os
 import secrets
-import shutil
-import sys
 from collections.abc import Generator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,21 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import BrokenFileError, MismatchError, MissingExtraError, MissingFileError
-from midair.files import hold, refusing, to_json, writable_path
-from midair.sweep.task import Found, Sweep, Task
+from midair.errors import MismatchError, MissingFileError
+from midair.files import refusing, to_json
+from midair.sweep.place import SweepPlace, place_of, zarr
+from midair.sweep.region import SweepAddress, write_region
+from midair.sweep.same_settings import check_settings
+from midair.sweep.task import Result, Sweep, Task
 from midair.version import __version__
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Result:
-    """What a task found, and the processor time it took, in s."""
-
-    task: Task
-    found: Found
-    seconds: float
+_BEGUN = {"midair": __version__}
+"""All that a group in an object store says until it is whole."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,60 +58,66 @@ class SweepResults:
 
 
 class SweepStore:
-    """A Zarr group that this process alone writes to. `open_sweep` gives one.
+    """A Zarr group that this command alone hands out work for. `open_sweep` gives one."""
 
-    A task's flag is written after its results; a program that is killed in between does this task again, and only
-    this one. Zarr puts each chunk into a file of its own and renames it when it is whole.
-    """
-
-    def __init__(self, group: Any, sweep: Sweep) -> None:
+    def __init__(self, place: SweepPlace, group: Any, sweep: Sweep) -> None:
+        self._place = place
         self._group = group
         self._sweep = sweep
 
+    @property
+    def address(self) -> SweepAddress | None:
+        """What workers need to store results themselves; None for a store of before they did."""
+        token = self._group.attrs.get("token")
+        return None if token is None else SweepAddress(place=self._place.name, token=str(token))
+
     def missing(self) -> tuple[Task, ...]:
         """The tasks that are not done, in order."""
-        done = self._group["done"][:]
-        return tuple(task for task in self._sweep.tasks() if not done[self._place(task)])
+        done, width = _done(self._place, self._group), self._sweep.chunk
+        return tuple(task for task in self._sweep.tasks() if not done[task.condition, task.first // width])
 
     def write(self, result: Result) -> None:
-        """Store what a task found; then its flag."""
-        task = result.task
-        self._group["error"][task.condition, task.first : task.last] = result.found.error
-        self._group["rounded_error"][task.condition, task.first : task.last] = result.found.rounded_error
-        self._group["target_strength"][self._place(task)] = result.found.strength
-        self._group["seconds"][self._place(task)] = result.seconds
-        self._group["done"][self._place(task)] = True
-
-    def _place(self, task: Task) -> tuple[int, int]:
-        return task.condition, task.first // self._sweep.chunk
+        """Store what a task found, unless its worker has; then its flag."""
+        if result.found is not None:
+            write_region(self._group, result.task, result.found, result.seconds)
 
 
 @contextmanager
-def open_sweep(path: Path, sweep: Sweep) -> Generator[SweepStore]:
+def open_sweep(where: Path | str, sweep: Sweep) -> Generator[SweepStore]:
     """A new store for a sweep, or the one that is there, to go on with.
+
+    Parameters
+    ----------
+    where : Path or str
+        A folder, or an address that fsspec knows.
+    sweep : Sweep
+        What is, or is to be, in it.
 
     Raises
     ------
     MismatchError
         If the store is of a sweep with other settings.
     DeviceStateError
-        If another program is writing to it.
+        If another program is writing to this folder.
     BrokenFileError
         If something else has this name.
+    FileError
+        If the object store cannot be reached.
     """
-    if not path.exists():
-        _create(writable_path(path), sweep)
-    with _alone(path):
-        group = _group(path, "r+")
-        _check_settings(path, group.attrs, sweep)
+    place = place_of(where)
+    if not place.exists() or dict(place.group("r").attrs) == _BEGUN:
+        place.create(lambda inside: _fill(inside, sweep))
+    with place.alone():
+        group = place.group("r+")
+        check_settings(place, group.attrs, sweep)
         for one in sweep.coordinates():
             if not np.array_equal(group[one.name][:], one.values):
-                raise MismatchError(f"{path}: expected the same {one.name} as before, got others; use a new name")
-        yield SweepStore(group, sweep)
+                raise MismatchError(f"{place}: expected the same {one.name} as before, got others; use a new name")
+        yield SweepStore(place, group, sweep)
 
 
-def load_sweep(path: Path) -> SweepResults:
-    """What is known so far; also while another program is writing.
+def load_sweep(where: Path | str) -> SweepResults:
+    """What is known so far; also while others are writing.
 
     Raises
     ------
@@ -126,122 +125,82 @@ def load_sweep(path: Path) -> SweepResults:
         If nothing has that name.
     BrokenFileError
         If it is no sweep.
+    FileError
+        If the object store cannot be reached.
     """
-    if not path.exists():
-        raise MissingFileError(f"{path}: expected a sweep, found none; make one with midair sweep patterns {path}")
-    group = _group(path, "r")
-    with refusing(path, "a sweep of midair"):
-        settings, done = dict(group.attrs["settings"]), group["done"][:]
-        # Results without their task's flag may be half written: they count as unknown.
-        known = np.repeat(done, group["error"].chunks[1], axis=1)[:, : group["error"].shape[1]]
+    place = place_of(where)
+    if not place.exists():
+        raise MissingFileError(f"{place}: expected a sweep, found none; make one with midair sweep patterns {place}")
+    group = place.group("r")
+    with refusing(str(place), "a sweep of midair"):
+        done = _done(place, group)
         return SweepResults(
             kind=str(group.attrs["kind"]),
-            settings=settings,
+            settings=dict(group.attrs["settings"]),
             coordinates={str(name): group[name][:] for name in group.attrs["coordinates"]},
-            error=np.where(known, group["error"][:], np.nan),
-            rounded_error=np.where(known, group["rounded_error"][:], np.nan),
-            strength=np.where(done, group["target_strength"][:], np.nan),
-            seconds=float(np.nansum(group["seconds"][:])),
+            error=_known(group["error"], done),
+            rounded_error=_known(group["rounded_error"], done),
+            strength=_known(group["target_strength"], done, width=1),
+            seconds=float(np.nansum(_known(group["seconds"], done, width=1))),
         )
 
 
-def _create(path: Path, sweep: Sweep) -> None:
-    """Make the store beside `path` and rename it when it is whole."""
-    partial = path.with_name(f".midair-{secrets.token_hex(4)}.part")
-    try:
-        _fill(partial, sweep)
-        with suppress(OSError):  # another program was first: its store is checked like any other
-            partial.rename(path)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+def _done(place: SweepPlace, group: Any) -> NDArray[np.bool_]:
+    """Which tasks are whole, shape (condition, task): those with a flag."""
+    flags = group["done"]
+    if flags.chunks != (1, 1):  # a store of before workers wrote: one file a row
+        return np.asarray(flags[:], dtype=bool)
+    rows, columns = flags.shape
+    done = np.zeros((rows, columns), dtype=bool)
+    for row, column in place.chunks("done"):
+        if row < rows and column < columns:
+            done[row, column] = True
+    return done
 
 
-def _fill(path: Path, sweep: Sweep) -> None:
-    group: Any = _zarr().create_group(path, zarr_format=3)
-    coordinates = sweep.coordinates()
-    group.attrs.put(
-        {
-            "midair": __version__,
-            "kind": sweep.kind,
-            "coordinates": [one.name for one in coordinates],
-            "settings": sweep.settings(),
-            "provenance": to_json(sweep.provenance()),
-        }
-    )
-    for one in coordinates:
-        group.create_array(one.name, data=one.values, dimension_names=(one.axis,)).attrs.put(dict(one.attributes))
+def _known(array: Any, done: NDArray[np.bool_], width: int = 0) -> Array:
+    """Numbers of the tasks that are done; NaN elsewhere: without their task's flag they may be half written.
+
+    Each row is read up to the last that is known: where most is missing, asking for every chunk takes minutes.
+    """
+    known = np.repeat(done, width or array.chunks[1], axis=1)[:, : array.shape[1]]
+    found = np.full(array.shape, np.nan)
+    for row in np.flatnonzero(known.any(axis=1)):
+        until = int(np.flatnonzero(known[row])[-1]) + 1
+        found[row, :until] = array[int(row), :until]
+    return np.where(known, found, np.nan)
+
+
+def _fill(inside: str, sweep: Sweep) -> None:
+    """Arrays first and settings last: with them the store is whole."""
+    # A copy: Zarr keeps the mapping, and changes it with the attributes.
+    begun = dict(_BEGUN)
+    group: Any = zarr().open_group(inside, mode="a", zarr_format=3, use_consolidated=False, attributes=begun)
+    for one in sweep.coordinates():
+        _array(group, one.name, shape=one.values.shape, dtype=one.values.dtype, dimension_names=(one.axis,))
+        group[one.name].attrs.put(dict(one.attributes))
+        group[one.name][...] = one.values
     shape, axes = sweep.shape, ("condition", sweep.item)
     for name in ("error", "rounded_error"):
-        group.create_array(
-            name, shape=shape, chunks=(1, sweep.chunk), dtype="float64", fill_value=np.nan, dimension_names=axes
-        )
+        chunks = (1, sweep.chunk)
+        _array(group, name, shape=shape, chunks=chunks, dtype="float64", fill_value=np.nan, dimension_names=axes)
     shape, axes = (shape[0], -(-shape[1] // sweep.chunk)), ("condition", "task")
-    for name, dtype, empty in (
-        ("target_strength", "float64", np.nan),
-        ("seconds", "float64", np.nan),
-        ("done", "bool", False),
-    ):
-        group.create_array(name, shape=shape, chunks=(1, shape[1]), dtype=dtype, fill_value=empty, dimension_names=axes)
+    for name in ("target_strength", "seconds"):
+        _array(group, name, shape=shape, chunks=(1, 1), dtype="float64", fill_value=np.nan, dimension_names=axes)
+    _array(group, "done", shape=shape, chunks=(1, 1), dtype="bool", fill_value=False, dimension_names=axes)
+    group.attrs.put(
+        _BEGUN
+        | {
+            "kind": sweep.kind,
+            "coordinates": [one.name for one in sweep.coordinates()],
+            "settings": sweep.settings(),
+            "provenance": to_json(sweep.provenance()),
+            "token": secrets.token_hex(8),
+        }
+    )
 
 
-def _check_settings(path: Path, attrs: Mapping[str, Any], sweep: Sweep) -> None:
-    with refusing(path, "a sweep of midair"):
-        stored = dict(attrs["settings"]) | {"kind": attrs["kind"]}
-        asked = sweep.settings() | {"kind": sweep.kind}
-    different = _difference(stored, asked)
-    if different is not None:
-        name, there, wanted = different
-        raise MismatchError(
-            f"{path}: expected {name} {wanted}, got a sweep with {there}; give its settings to go on with it, or use a "
-            "new name"
-        )
-
-
-def _difference(stored: Any, asked: Any, name: str = "") -> tuple[str, str, str] | None:
-    """Name and both values of the first setting that differs."""
-    if isinstance(stored, Mapping) and isinstance(asked, Mapping):
-        pairs = [(str(key), stored.get(key), asked.get(key)) for key in sorted({*stored, *asked})]
-    elif isinstance(stored, list) and isinstance(asked, list) and len(stored) == len(asked):
-        pairs = [(str(number), *pair) for number, pair in enumerate(zip(stored, asked, strict=True))]
-    elif stored == asked:
-        return None
-    else:
-        return name, _short(stored), _short(asked)
-    found = (_difference(there, wanted, f"{name} {key}".strip()) for key, there, wanted in pairs)
-    return next((one for one in found if one is not None), None)
-
-
-def _short(value: Any) -> str:
-    """Numbers and texts as they are; of what is longer, how long it is."""
-    return f"{len(value)} of them" if isinstance(value, list | Mapping) and len(str(value)) > 80 else str(value)
-
-
-def _group(path: Path, mode: str) -> Any:
-    if not path.is_dir():
-        raise BrokenFileError(f"{path}: expected a sweep, which is a folder, got a file; use another name")
-    with refusing(path, "a sweep of midair"):
-        return _zarr().open_group(path, mode=mode, zarr_format=3, use_consolidated=False)
-
-
-@contextmanager
-def _alone(path: Path) -> Generator[None]:
-    """Hold the folder where the system can; the lock goes with the process, however it dies."""
-    if sys.platform == "win32":  # which opens no folders
-        yield
-        return
-    held = os.open(path, os.O_RDONLY)
-    try:
-        hold(held, f"{path}: another program is writing to this sweep; wait for it")
-        yield
-    finally:
-        os.close(held)
-
-
-def _zarr() -> Any:
-    try:
-        import zarr
-    except ImportError as missing:
-        raise MissingExtraError(
-            "sweep: expected zarr, which is not installed; pip install 'midair[sweep]'"
-        ) from missing
-    return zarr
+def _array(group: Any, name: str, **layout: Any) -> None:
+    """Make an array that is not there yet."""
+    if name not in group:
+        group.create_array(name, **layout)

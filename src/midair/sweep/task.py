@@ -43,6 +43,25 @@ class Found:
     strength: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Result:
+    """What came of a task.
+
+    Attributes
+    ----------
+    task : Task
+        The task.
+    found : Found or None
+        None where the worker has stored it.
+    seconds : float
+        Processor time that it took, in s.
+    """
+
+    task: Task
+    found: Found | None
+    seconds: float
+
+
 class Job(Protocol):
     """A task with all that it needs; goes to a worker, and is called there."""
 

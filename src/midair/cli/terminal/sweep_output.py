@@ -2,7 +2,6 @@
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from pathlib import Path
 
 from rich.table import Table as Shown
 
@@ -11,11 +10,11 @@ from midair.model import Progress as Advance
 from midair.sweep import PatternReport, Sweep, TrialReport, run_sweep
 
 
-def swept(sweep: Sweep, path: Path, *, scheduler: str | None, workers: int | None) -> int:
+def swept(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | None) -> int:
     """Run a sweep with a progress bar; its exit status."""
     try:
         with sweep_bar(f"{sweep.item}s") as progress:
-            run_sweep(sweep, path, scheduler=scheduler, workers=workers, progress=progress)
+            run_sweep(sweep, where, scheduler=scheduler, workers=workers, progress=progress)
     except KeyboardInterrupt:
         _say("stopped; what was solved is stored, and the same command goes on")
         return 130

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
@@ -28,7 +27,7 @@ Lengths = Annotated[
 
 
 def patterns_command(
-    output: Path,
+    output: str,
     /,
     *,
     strength: Numbers = (0.1, 0.2),
@@ -56,7 +55,7 @@ def patterns_command(
     Parameters
     ----------
     output
-        NAME.zarr, new or of the same sweep.
+        NAME.zarr, new or of the same sweep; also an address that fsspec knows.
     strength
         Peak of the target over the focus of the whole array.
     height
@@ -86,7 +85,7 @@ def patterns_command(
     chunk
         Patterns a task: what a kill may cost each process.
     scheduler
-        Address of a Dask scheduler, such as tcp://host:8786; processes on this machine if not given.
+        Address of a Dask scheduler, such as tls://host:8786; processes on this machine if not given.
     workers
         Processes on this machine; one a core if not given.
     """

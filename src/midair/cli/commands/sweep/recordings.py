@@ -18,7 +18,7 @@ Choice = tuple[str, Any]
 
 
 def recordings_command(
-    output: Path,
+    output: str,
     /,
     *sources: Path,
     vary: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
@@ -37,7 +37,7 @@ def recordings_command(
     Parameters
     ----------
     output
-        NAME.zarr, new or of the same sweep.
+        NAME.zarr, new or of the same sweep; also an address that fsspec knows.
     sources
         Recordings with a calibration.
     vary
@@ -52,7 +52,7 @@ def recordings_command(
     bits
         To which phases are rounded for the second E.
     scheduler
-        Address of a Dask scheduler, such as tcp://host:8786; processes on this machine if not given.
+        Address of a Dask scheduler, such as tls://host:8786; processes on this machine if not given.
     workers
         Processes on this machine; one a core if not given.
     """

@@ -14,7 +14,7 @@ from midair.sweep import (
 )
 
 
-def report_command(source: Path, /, *, output: Path | None = None, json: Json = False) -> None:
+def report_command(source: str, /, *, output: Path | None = None, json: Json = False) -> None:
     """Tables (CSV) and figures (PNG) of a sweep, finished or not.
 
     Of patterns: histogram of E, examples, E over strength and height. Of recordings: how E is spread in each trial.
@@ -22,11 +22,12 @@ def report_command(source: Path, /, *, output: Path | None = None, json: Json = 
     Parameters
     ----------
     source
-        NAME.zarr.
+        NAME.zarr; also an address that fsspec knows.
     output
-        Folder for the files; NAME.report if not given.
+        Folder for the files; NAME.report if not given, here if the sweep is elsewhere.
     """
-    folder, results = output or source.with_suffix(".report"), load_sweep(source)
+    here = Path(source.rpartition("/")[2] if "://" in source else source)
+    folder, results = output or here.with_suffix(".report"), load_sweep(source)
     if results.kind == "recordings":
         report, files = trial_report(results), write_trial_report(results, folder)
     else:

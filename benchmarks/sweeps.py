@@ -1,0 +1,68 @@
+"""Print what a sweep costs beside solving, for numbers of workers and of patterns a task.
+
+Each line is a sweep of its own, on processes of this machine that are already running. `wall` is by the clock, and so is
+`efficiency`: patterns a second over those of as many lone workers. CPU times say what a busy machine hides: `solve` is
+that of the tasks, `workers` all that their processes took meanwhile, `command` that of scheduler and client together,
+also for each task.
+
+    python -m benchmarks.sweeps
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.clock import heading, line, load
+from midair.sweep import PatternSweep, load_sweep, run_sweep
+from midair.sweep.run import cluster
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cost:
+    """Times in s."""
+
+    wall: float
+    solve: float
+    workers: float
+    command: float
+
+
+def main() -> None:
+    ask = argparse.ArgumentParser(prog="python -m benchmarks.sweeps", description=__doc__.splitlines()[0])
+    ask.add_argument("--workers", type=int, nargs="*", default=[1, 2, 4], help="numbers of processes (default 1 2 4)")
+    ask.add_argument("--chunk", type=int, nargs="*", default=[16, 512], help="patterns a task (default 16 512)")
+    ask.add_argument("--count", type=int, default=2048, help="patterns a sweep (default 2048)")
+    said = ask.parse_args()
+    print(load())
+    heading("wall s", "patterns/s", "efficiency", "solve s", "workers s", "command s", "ms a task")
+    for chunk in said.chunk:
+        lone = 0.0
+        for workers in said.workers:
+            cost = _cost(workers, chunk, said.count)
+            rate = said.count / cost.wall
+            lone = lone or rate / workers
+            each = 1e3 * cost.command / -(-said.count // chunk)
+            cells = (cost.wall, rate, rate / workers / lone, cost.solve, cost.workers, cost.command, each)
+            line(f"{chunk} a task, {workers} workers", *cells, digits="1121121")
+    print(load())
+
+
+def _cost(workers: int, chunk: int, count: int) -> Cost:
+    sweep = PatternSweep(count=count, chunk=chunk, strengths=(0.1,), curve_count=0)
+    warm = PatternSweep(count=workers, chunk=1, strengths=(0.1,), curve_count=0)
+    with tempfile.TemporaryDirectory() as folder, cluster(workers=workers) as client:
+        address = client.scheduler.address
+        run_sweep(warm, Path(folder, "warm.zarr"), scheduler=address)
+        before = sum(client.run(time.process_time).values()), time.process_time(), time.monotonic()
+        run_sweep(sweep, Path(folder, "s.zarr"), scheduler=address)
+        wall, command = time.monotonic() - before[2], time.process_time() - before[1]
+        busy = sum(client.run(time.process_time).values()) - before[0]
+        return Cost(wall=wall, solve=load_sweep(Path(folder, "s.zarr")).seconds, workers=busy, command=command)
+
+
+if __name__ == "__main__":
+    main()

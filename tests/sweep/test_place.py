@@ -1,0 +1,101 @@
+"""Folders and object stores: the same sweep, whole or not there, and one line for what cannot be."""
+
+import sys
+from dataclasses import replace
+
+import fsspec
+import numpy as np
+import pytest
+import zarr
+
+from midair.errors import InputError, MismatchError, MissingExtraError, MissingFileError
+from midair.sweep.pattern_sweep import PatternSweep
+from midair.sweep.place import SweepFolder, place_of
+from midair.sweep.run import run_sweep
+from midair.sweep.store import load_sweep, open_sweep
+
+SWEEP = PatternSweep(count=10, curve_count=4, chunk=4, strengths=(0.1,), curve_heights=(0.3,), method="naive")
+
+
+@pytest.fixture
+def bucket():
+    """An address in an object store that lives in this process."""
+    yield "memory://bucket/all.zarr"
+    fsspec.filesystem("memory").rm("/bucket", recursive=True)
+
+
+def test_an_object_store_holds_what_a_folder_holds(bucket, tmp_path, finished, threads):
+    """Bit by bit, written by a worker, and gone on with."""
+
+    def stop(done, _):
+        if done:
+            raise KeyboardInterrupt
+
+    here = finished(tmp_path / "s.zarr", SWEEP)
+    with threads() as scheduler:
+        with pytest.raises(KeyboardInterrupt):
+            run_sweep(SWEEP, bucket, scheduler=scheduler, progress=stop)
+        before = load_sweep(bucket).known
+        assert before > 0
+        # A worker ends the task that it was at, and stores it.
+        assert 0 < run_sweep(SWEEP, bucket, scheduler=scheduler) <= here.known - before
+    there = load_sweep(bucket)
+    for name in ("error", "rounded_error", "strength"):
+        np.testing.assert_array_equal(getattr(there, name), getattr(here, name))
+    assert there.settings == here.settings
+    with pytest.raises(MismatchError, match="seed"), open_sweep(bucket, replace(SWEEP, seed=1)):
+        pass
+
+
+def test_a_beginning_that_was_interrupted_is_made_whole(bucket, monkeypatch, finished):
+    create = zarr.Group.create_array
+
+    def dies(group, name, **layout):
+        if name == "seconds":
+            raise KeyboardInterrupt
+        return create(group, name, **layout)
+
+    monkeypatch.setattr(zarr.Group, "create_array", dies)
+    with pytest.raises(KeyboardInterrupt), open_sweep(bucket, SWEEP):
+        pass
+    monkeypatch.undo()
+    assert finished(bucket, SWEEP).known == sum(task.count for task in SWEEP.tasks())
+
+
+def test_a_file_address_is_a_folder(tmp_path, finished):
+    finished(f"file://{tmp_path}/s.zarr", SWEEP)
+    assert place_of(f"file://{tmp_path}/s.zarr") == SweepFolder(path=tmp_path / "s.zarr")
+    assert load_sweep(tmp_path / "s.zarr").known
+
+
+@pytest.mark.parametrize("place", [SweepFolder(path=place_of("x").path), place_of("memory://bucket/n.zarr")], ids=str)
+def test_names_of_chunks_are_read_and_others_do_not_count(place, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    files, root = fsspec.url_to_fs(str(place))
+    assert place.chunks("done") == set()
+    for name in ("c/0/3", "c/12/0", "c/1/2.4711.partial", "c/x/y", "zarr.json"):
+        files.makedirs(f"{root}/done/{name}".rpartition("/")[0], exist_ok=True)
+        files.pipe_file(f"{root}/done/{name}", b"1")
+    try:
+        assert place.chunks("done") == {(0, 3), (12, 0)}
+    finally:
+        files.rm(root, recursive=True)
+
+
+@pytest.mark.parametrize(
+    ("where", "error", "words"),
+    [
+        ("memory://bucket/none.zarr", MissingFileError, "memory://bucket/none.zarr: expected a sweep"),
+        ("frob://bucket/s.zarr", InputError, "frob"),
+    ],
+)
+def test_what_is_not_there_is_one_line(where, error, words):
+    with pytest.raises(error, match=words) as told:
+        load_sweep(where)
+    assert "\n" not in str(told.value)
+
+
+def test_a_kind_of_store_whose_package_is_missing_is_one_line(monkeypatch):
+    monkeypatch.setitem(sys.modules, "s3fs", None)
+    with pytest.raises(MissingExtraError, match="s3fs"):
+        load_sweep("s3://bucket/s.zarr")

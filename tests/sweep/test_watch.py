@@ -1,0 +1,82 @@
+"""A cluster whose workers are gone: said within half a minute, with what was found in the store."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from midair.errors import ClusterError
+from midair.sweep.store import load_sweep
+from midair.sweep.watch import WorkersWatch
+
+
+class Told:
+    """A client whose scheduler says what it is told to."""
+
+    def __init__(self, *answers):
+        self.answers = list(answers)
+
+    def sync(self, _, callback_timeout):
+        answer = self.answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return {"workers": {str(number): {"last_seen": seen} for number, seen in enumerate(answer)}}
+
+
+def test_a_sign_of_any_worker_is_enough():
+    watch = WorkersWatch(Told([1.0, 5.0], [1.0, 6.0], [1.0, 7.0]), patience=0.0)
+    for _ in range(3):
+        watch.look()
+
+
+@pytest.mark.parametrize(
+    "silent", [[], [5.0], OSError("gone"), TimeoutError()], ids=["none", "stopped", "gone", "hangs"]
+)
+def test_no_new_sign_is_the_end(silent):
+    watch = WorkersWatch(Told([5.0], silent), patience=0.0)
+    watch.look()
+    time.sleep(0.01)
+    with pytest.raises(ClusterError, match="no sign of life"):
+        watch.look()
+
+
+def test_an_answer_counts_as_a_sign():
+    watch = WorkersWatch(Told([5.0], [], []), patience=60.0)
+    watch.look()
+    watch.heard()
+    watch.look()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
+def test_workers_all_gone_is_one_line_and_nothing_is_lost(how, tmp_path, programs):
+    """The workers of a real scheduler, as soon as something is stored; then others, who end the sweep."""
+    path = tmp_path / "s.zarr"
+    with programs(2) as (address, workers):
+        ask = ["sweep", "patterns", str(path), "--count", "400", "--curves", "0", "--chunk", "8", "--strength", ".1"]
+        command = [sys.executable, "-m", "midair", *ask]
+        running = subprocess.Popen(
+            [*command, "--scheduler", address], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        )
+        while not (path.exists() and load_sweep(path).known):
+            assert running.poll() is None
+            time.sleep(0.1)
+        for worker in workers:
+            worker.send_signal(how)
+        gone = time.monotonic()
+        said = running.communicate(timeout=120)[1]
+        print(f"said after {time.monotonic() - gone:.1f} s")
+    assert running.returncode == 1
+    lines = [line for line in said.splitlines() if line.startswith("midair: ")]
+    assert len(lines) == 1
+    assert "no sign of life" in said
+    assert "Traceback" not in said
+    before = load_sweep(path).error
+    assert 0 < np.isfinite(before).sum() < 400
+    assert subprocess.run([*command, "--workers", "2"], capture_output=True, check=False).returncode == 0
+    after = load_sweep(path).error
+    np.testing.assert_array_equal(after[np.isfinite(before)], before[np.isfinite(before)])
+    assert np.isfinite(after).all()
