@@ -1,9 +1,9 @@
 """Print what a sweep costs beside solving, for numbers of workers and of patterns a task.
 
-Each line is a sweep of its own, on processes of this machine that are already running. `wall` is by the clock, and so is
-`efficiency`: patterns a second over those of as many lone workers. CPU times say what a busy machine hides: `solve` is
-that of the tasks, `workers` all that their processes took meanwhile, `command` that of scheduler and client together,
-also for each task.
+Each line is a sweep of its own, on processes of this machine that are already running. `wall` is by the clock, and so
+is `efficiency`: patterns a second over those of as many lone workers. CPU times say what a busy machine hides: `solve`
+is that of the tasks, `workers` all that their processes took meanwhile, `command` that of scheduler and client
+together, also for each task.
 
     python -m benchmarks.sweeps
 """

@@ -200,7 +200,8 @@ def _gathered(client: "Client", futures: list[Any]) -> list[Result]:
         return []
 
     async def gathered() -> Any:
-        return await client.gather(futures, asynchronous=True)
+        coming: Any = client.gather(futures, asynchronous=True)
+        return await coming
 
     results: Any = client.sync(gathered, callback_timeout=5)
     return results
