@@ -116,7 +116,11 @@ class Exposure:
         """One line: how far the truth may be from these levels."""
         bounded = [place.name for place in self.profile.places if place.enforced and place.reach > 0]
         rough = [place.name for place in self.profile.places if not place.enforced and place.reach > 0]
-        said = [f"{', '.join(bounded)}: nowhere around more than 0.5 dB above this"] if bounded else []
+        said = (
+            [f"{', '.join(bounded)}: all around; the longest search for a gap hid 0.52 dB above this"]
+            if bounded
+            else []
+        )
         said += [f"{', '.join(rough)}: at 27 points, between which a focus falls"] if rough else []
         return "; ".join(said)
 

@@ -3,7 +3,7 @@
 Sound from an array comes to a cube from a narrow cone, so that its magnitude cannot change faster than the width of
 that cone lets it. The points follow the cone: close together across it, far apart along it. A finite number of points
 still misses something; `ALLOWANCE` is put on for that, and docs/decisions/0015-exposure-bound.md says what a search
-for gaps hides all the same: less than half a decibel.
+for gaps hides all the same: .52 dB at most so far.
 
 A field that comes from a cone has few degrees of freedom, about 130 in the cube around an ear instead of one for each
 of 996 transducers. The field is worked out in these modes, in single precision; what they leave out is added.
