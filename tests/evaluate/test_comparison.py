@@ -3,9 +3,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from midair.dsp import welch
 from midair.errors import MismatchError, RateError
-from midair.evaluate import advance, compare
+from midair.evaluate import advance, compare, dominant_frequency, find_delay, spectral_error
 from midair.model import PressureFrames, Provenance, SensorGrid
+from midair.reel import Reel
 
 
 def frames(scale=1.0, rate=1000.0, channel=5, frequency=100.0, simulated=False):
@@ -92,3 +94,43 @@ def test_other_cells_and_other_rates_are_refused():
     other = PressureFrames(pressure=np.ones((400, 2, 2)), rate=1000.0, sensor=SensorGrid(rows=2, columns=2))
     with pytest.raises(MismatchError, match="cells"):
         compare(frames(), other)
+
+
+def reeled(pressure):
+    x = pressure.pressure
+    return dataclasses.replace(pressure, pressure=Reel(lambda first, last: x[first:last], x.shape))
+
+
+def test_of_reels_all_figures_are_the_same():
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((20_000, 4, 4))
+    original = PressureFrames(pressure=x, rate=1000.0, band=(20, 470))
+    later = dataclasses.replace(original, pressure=advance(0.7 * x + rng.standard_normal(x.shape), -0.0034, 1000.0))
+    whole, read = compare(original, later), compare(reeled(original), reeled(later))
+    # To rounding: a product of vectors ends in another digit where they lie elsewhere in memory.
+    assert {name: value for name, (value, _) in read.figures().items()} == pytest.approx(
+        {name: value for name, (value, _) in whole.figures().items()}, rel=1e-12
+    )
+    np.testing.assert_allclose(read.channel_correlation, whole.channel_correlation, rtol=1e-12)
+
+
+def test_the_figures_are_what_their_definitions_say_of_the_whole():
+    """Sums over all cells at once by NumPy, where `compare` goes from cell to cell."""
+    rng = np.random.default_rng(1)
+    x = rng.standard_normal((4000, 4, 4)) * np.linspace(0.1, 3, 16).reshape(4, 4)
+    late = advance(0.7 * x * np.linspace(0.5, 2, 16).reshape(4, 4) + rng.standard_normal(x.shape), -0.0034, 1000.0)
+    said = compare(PressureFrames(pressure=x, rate=1000.0), PressureFrames(pressure=late, rate=1000.0))
+    y = advance(late, said.delay, 1000.0)
+    gain = (x * y).sum() / (x**2).sum()
+    assert said.delay == find_delay(x, late, 1000.0)
+    assert said.gain == pytest.approx(gain, rel=1e-12)
+    assert said.correlation == pytest.approx((x * y).sum() / np.sqrt((x**2).sum() * (y**2).sum()), rel=1e-12)
+    assert said.waveform_error == pytest.approx(np.linalg.norm(y - x) / np.linalg.norm(x), rel=1e-12)
+    assert said.distortion_ratio == pytest.approx(
+        10 * np.log10(gain**2 * (x**2).sum() / ((y - gain * x) ** 2).sum()), rel=1e-12
+    )
+    (f, before), (_, after) = welch(x, 1000.0), welch(y, 1000.0)
+    assert len(f) == len(before)
+    assert said.spectral_error == pytest.approx(spectral_error(before, after), rel=1e-12)
+    assert said.frequency == (dominant_frequency(x, 1000.0), dominant_frequency(y, 1000.0))
+    assert said.rms == pytest.approx([np.sqrt((each**2).mean(axis=0).max()) for each in (x, y)], rel=1e-12)

@@ -3,17 +3,20 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.channels import channels
+from midair.reel import Reel
+
 Array = NDArray[np.float64]
 
 
-def find_delay(original: Array, later: Array, rate: float, *, longest: float = 0.05) -> float:
+def find_delay(original: Array | Reel, later: Array | Reel, rate: float, *, longest: float = 0.05) -> float:
     """How much later `later` is, from the peak of the cross-correlation summed over the channels.
 
     A parabola through the peak and its neighbours gives the part of a frame.
 
     Parameters
     ----------
-    original, later : ndarray, shape (frame, ...)
+    original, later : ndarray or Reel, shape (frame, ...)
         The same channels at the same rate.
     rate : float
         In Hz.
@@ -28,9 +31,10 @@ def find_delay(original: Array, later: Array, rate: float, *, longest: float = 0
     frames = len(original)
     # With zeros after both, so that no delay that is looked at wraps round.
     length = frames + max(frames, len(later))
-    a = np.fft.rfft(original.reshape(frames, -1), length, axis=0)
-    b = np.fft.rfft(later.reshape(len(later), -1), length, axis=0)
-    correlation = np.fft.irfft((np.conj(a) * b).sum(axis=1), length)
+    both = np.zeros(length // 2 + 1, complex)
+    for a, b in zip(channels(original), channels(later), strict=True):
+        both += np.conj(np.fft.rfft(a, length)) * np.fft.rfft(b, length)
+    correlation = np.fft.irfft(both, length)
     reach = max(1, min(round(longest * rate), max(frames, len(later)) - 1))
     around = np.roll(correlation, reach)[: 2 * reach + 1]
     best = int(np.argmax(around))

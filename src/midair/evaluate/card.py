@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.channels import channels
 from midair.dsp import resample
 from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.comparison import check_alike
 from midair.evaluate.perception import RATE, SkinModel, pacinian_level, spqi, st_sim
 from midair.model import PressureFrames
+from midair.reel import Reel
 
 Array = NDArray[np.float64]
 
@@ -94,7 +96,8 @@ def perceptual_card(
     Parameters
     ----------
     original, reproduced : PressureFrames
-        Pressures of the same cells at the same rate, at least 64 ms of them.
+        Pressures of the same cells at the same rate, at least 64 ms of them. Of a reel a channel is in memory
+        at a time.
     skin : SkinModel, optional
         The defaults of `SkinModel` if None.
     weakest : float
@@ -111,15 +114,18 @@ def perceptual_card(
     skin, rate = skin or SkinModel(), original.rate
     frames = min(original.frames, reproduced.frames)
     x, y = original.pressure[:frames], reproduced.pressure[:frames]
-    y = advance(y, find_delay(x, y, rate, longest=min(0.05, (frames - 1) / rate)), rate)
-    power = (x**2).mean(axis=0)
+    delay = find_delay(x, y, rate, longest=min(0.05, (frames - 1) / rate))
+    cells = [
+        (each @ each / frames, pacinian_level(each, rate, skin), pacinian_level(advance(late, delay, rate), rate, skin))
+        for each, late in zip(channels(x), channels(y), strict=True)
+    ]
+    power, before, after = (np.array(each).reshape(original.sensor.shape) for each in zip(*cells, strict=True))
     compared = (power > 0) & (power >= power.max() * 10 ** (-weakest / 10))
-    before, after = pacinian_level(x, rate, skin), pacinian_level(y, rate, skin)
     apart = _difference(_total(after), _total(before))
     apart_by_cell = np.where(compared, _difference(after, before), np.nan)
     return PerceptualCard(
         figures=(
-            *_similarities(x, y, rate, skin, np.where(compared, power, 0.0)),
+            *_similarities(x, y, rate, delay, skin, np.where(compared, power, 0.0)),
             CardFigure(
                 name="Pacinian power, original",
                 unit="dB",
@@ -165,13 +171,15 @@ def perceptual_card(
     )
 
 
-def _similarities(x: Array, y: Array, rate: float, skin: SkinModel, weight: Array) -> tuple[CardFigure, CardFigure]:
+def _similarities(
+    x: Array | Reel, y: Array | Reel, rate: float, delay: float, skin: SkinModel, weight: Array
+) -> tuple[CardFigure, CardFigure]:
     """ST-SIM and SPQI of the cells that have a weight."""
-    fine = [skin.metric_scale() * resample(each, rate, RATE) for each in (x, y)]
     maps = np.full((2, *weight.shape), np.nan)
-    for row, column in np.argwhere(weight > 0):
-        pair = (fine[0][:, row, column], fine[1][:, row, column])
-        maps[:, row, column] = st_sim(*pair), spqi(*pair)
+    for cell, (each, late) in enumerate(zip(channels(x), channels(y), strict=True)):
+        if weight.flat[cell] > 0:
+            pair = [skin.metric_scale() * resample(one, rate, RATE) for one in (each, advance(late, delay, rate))]
+            maps[(slice(None), *np.unravel_index(cell, weight.shape))] = st_sim(*pair), spqi(*pair)
     means = np.nansum(maps * weight, axis=(1, 2)) / (weight.sum() or 1.0)
     return (
         CardFigure(

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.channels import channels
 from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.distortion import decibels
 from midair.evaluate.field import peak_position
-from midair.evaluate.spectrum import dominant_frequency, spectral_error
+from midair.evaluate.spectrum import power_spectrum, spectral_error, strongest
 from midair.model import PressureFrames, SensorGrid
+from midair.reel import Reel
 
 Array = NDArray[np.float64]
 
@@ -99,7 +101,8 @@ def compare(
     Parameters
     ----------
     original, reproduced : PressureFrames
-        Pressures of the same cells at the same rate; the shorter one decides how many frames are compared.
+        Pressures of the same cells at the same rate; the shorter one decides how many frames are compared. Of a reel a
+        channel is in memory at a time.
     longest_delay : float
         Largest delay that is looked for, in s.
     band : tuple of float, optional
@@ -114,26 +117,82 @@ def compare(
     """
     check_alike(original, reproduced)
     frames = min(original.frames, reproduced.frames)
-    x, y = original.pressure[:frames], reproduced.pressure[:frames]
+    x, y, shape = original.pressure[:frames], reproduced.pressure[:frames], original.sensor.shape
     delay = find_delay(x, y, original.rate, longest=min(longest_delay, (frames - 1) / original.rate))
-    # Before all figures: a wave that is half a period late is the opposite of itself.
-    y = advance(y, delay, original.rate)
-    gain = _gain(x, y, axis=None)
-    power_x, power_y = (x**2).mean(axis=0), (y**2).mean(axis=0)
+    sums = _Sums.of(x, y, original.rate, delay)
+    gain, own = _over(sums.xy.sum(), sums.xx.sum()), _over(sums.xy, sums.xx)
+    # What no gain of its own takes away of a channel, and what its own gain is beside the gain of all.
+    distortion = (sums.apart + (own - gain) ** 2 * sums.xx).sum()
     return Comparison(
         delay=delay,
-        correlation=float(_correlation(x, y, axis=None)),
+        correlation=float(_over(sums.xy.sum(), np.sqrt(sums.xx.sum() * sums.yy.sum()))),
         gain=float(gain),
-        waveform_error=_ratio(np.linalg.norm(y - x), np.linalg.norm(x)),
-        distortion_ratio=decibels(float(gain) ** 2 * (x**2).sum(), ((y - gain * x) ** 2).sum()),
-        spectral_error=_spectral_error(x, y, original.rate, band or original.band),
-        peak=_peaks(power_x, power_y, original.sensor),
-        frequency=(dominant_frequency(x, original.rate), dominant_frequency(y, original.rate)),
-        rms=(float(np.sqrt(power_x.max())), float(np.sqrt(power_y.max()))),
-        channel_correlation=_correlation(x, y, axis=0),
-        channel_gain=_gain(x, y, axis=0),
+        waveform_error=_ratio(np.sqrt(sums.error.sum()), np.sqrt(sums.xx.sum())),
+        distortion_ratio=decibels(float(gain) ** 2 * float(sums.xx.sum()), float(distortion)),
+        spectral_error=_spectral_error(sums, band or original.band),
+        peak=_peaks(sums.xx.reshape(shape) / frames, sums.yy.reshape(shape) / frames, original.sensor),
+        frequency=(
+            strongest(sums.spectra[0], frames, original.rate),
+            strongest(sums.spectra[1], frames, original.rate),
+        ),
+        rms=(float(np.sqrt(sums.xx.max() / frames)), float(np.sqrt(sums.yy.max() / frames))),
+        channel_correlation=_over(sums.xy, np.sqrt(sums.xx * sums.yy)).reshape(shape),
+        channel_gain=own.reshape(shape),
         simulated=original.provenance.simulated or reproduced.provenance.simulated,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Sums:
+    """What is added up of each channel of an original x and of its reproduction y, brought to the same time.
+
+    Attributes
+    ----------
+    xx, yy, xy, error, apart : ndarray, shape (channel,)
+        Sums of the squares, of the product, of the squares of y - x, and of y less its best multiple of x.
+    frequency : ndarray, shape (bin,)
+        Of the densities, in Hz.
+    densities : tuple of ndarray, shape (bin, channel)
+        By Welch's method.
+    spectra : tuple of ndarray, shape (bin of all frames,)
+        Power over all channels without their means.
+    """
+
+    xx: Array
+    yy: Array
+    xy: Array
+    error: Array
+    apart: Array
+    frequency: Array
+    densities: tuple[Array, Array]
+    spectra: tuple[Array, Array]
+
+    @classmethod
+    def of(cls, original: Array | Reel, reproduced: Array | Reel, rate: float, delay: float) -> "_Sums":
+        """Channel by channel: a spectrum of all of them at once would take many times their memory."""
+        rows, densities, frequency = list[list[float]](), (list[Array](), list[Array]()), np.zeros(0)
+        spectra = (np.zeros(len(original) // 2 + 1), np.zeros(len(original) // 2 + 1))
+        for x, late in zip(channels(original), channels(reproduced), strict=True):
+            # Before all figures: a wave that is half a period late is the opposite of itself.
+            y = advance(late, delay, rate)
+            xx, xy = float(x @ x), float(x @ y)
+            apart, error = y - _over(xy, xx) * x, y - x
+            rows.append([xx, float(y @ y), xy, float(error @ error), float(apart @ apart)])
+            for each, density, spectrum in zip((x, y), densities, spectra, strict=True):
+                frequency, found = welch(each, rate)
+                density.append(found)
+                spectrum += power_spectrum(each)
+        xx, yy, xy, error, apart = np.array(rows).T
+        return cls(
+            xx=xx,
+            yy=yy,
+            xy=xy,
+            error=error,
+            apart=apart,
+            frequency=frequency,
+            densities=(np.stack(densities[0], axis=1), np.stack(densities[1], axis=1)),
+            spectra=spectra,
+        )
 
 
 def _peaks(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -158,22 +217,16 @@ def check_alike(original: PressureFrames, reproduced: PressureFrames) -> None:
         )
 
 
-def _spectral_error(x: Array, y: Array, rate: float, band: tuple[float, float] | None) -> float:
-    frequency, before = welch(x, rate)
-    _, after = welch(y, rate)
-    low, high = band or (0.0, rate / 2)
-    inside = (frequency >= low) & (frequency <= high)
-    return spectral_error(before[inside], after[inside])
+def _spectral_error(sums: _Sums, band: tuple[float, float] | None) -> float:
+    low, high = band or (0.0, float("inf"))
+    inside = (sums.frequency >= low) & (sums.frequency <= high)
+    return spectral_error(sums.densities[0][inside], sums.densities[1][inside])
 
 
-def _gain(x: Array, y: Array, axis: int | None) -> Array:
-    power = (x**2).sum(axis=axis)
-    return np.divide((x * y).sum(axis=axis), power, out=np.zeros_like(power), where=power > 0)
-
-
-def _correlation(x: Array, y: Array, axis: int | None) -> Array:
-    norm = np.sqrt((x**2).sum(axis=axis) * (y**2).sum(axis=axis))
-    return np.divide((x * y).sum(axis=axis), norm, out=np.zeros_like(norm), where=norm > 0)
+def _over(part: Array | np.floating | float, whole: Array | np.floating | float) -> Array:
+    """A part over a whole; 0 where the whole is 0."""
+    some, all_of_it = np.asarray(part, float), np.asarray(whole, float)
+    return np.divide(some, all_of_it, out=np.zeros_like(all_of_it), where=all_of_it > 0)
 
 
 def _ratio(part: np.floating, whole: np.floating) -> float:

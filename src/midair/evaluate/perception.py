@@ -6,6 +6,7 @@ here in the reading of the latter's package, vibromaf 0.0.8: blocks of 512 sampl
 threshold curve T below. A test holds them to vibromaf's numbers.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,9 @@ Array = NDArray[np.float64]
 
 RATE = 8000.0
 """Samples per second that the published metrics are defined for, in Hz."""
+
+_STRETCH = 2**19
+"""Samples whose blocks are looked at together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,12 +169,16 @@ def st_sim(reference: Array, distorted: Array, *, eta: float = 2 / 3, block: int
     reference, distorted = _same_length(reference, distorted)
     if np.array_equal(reference, distorted):
         return 1.0
-    r, d = blocks(reference, block), blocks(distorted, block)
-    heard = r.std(axis=1) > 0
-    if not heard.any():
+    temporal, spectral, count = 0.0, 0.0, 0
+    for each, other in _stretches(reference, distorted, block):
+        r, d = blocks(each, block), blocks(other, block)
+        heard = r.std(axis=1) > 0
+        temporal += _alike(_standard(r[heard]), _standard(d[heard]))
+        spectral += _alike(*(ndtr(perceptual_spectrum(x, block=block)[heard] / 12) for x in (each, other)))
+        count += int(heard.sum())
+    if not count:
         return 0.0
-    temporal = _alike(_standard(r[heard]), _standard(d[heard]))
-    spectral = _alike(*(ndtr(perceptual_spectrum(x, block=block)[heard] / 12) for x in (reference, distorted)))
+    temporal, spectral = temporal / count, spectral / count
     return float(max(temporal, 0.0) ** eta * spectral ** (1 - eta))
 
 
@@ -194,14 +202,16 @@ def spqi(reference: Array, distorted: Array, *, eta: float = 0.3, threshold: flo
     reference, distorted = _same_length(reference, distorted)
     if np.array_equal(reference, distorted):
         return 1.0
-    r, d = (10 ** (perceptual_spectrum(x, block=block) / 10) for x in (reference, distorted))
-    total = r.sum(axis=1)
-    heard = total > 0
-    if not heard.any():
-        return 0.0
-    with np.errstate(divide="ignore"):
-        apart = 10 * np.log10(np.abs(r - d)[heard].sum(axis=1) / (total[heard] + np.finfo(float).eps))
-    return float(np.mean((1 - np.tanh(eta * apart - threshold)) / 2))
+    total, count = 0.0, 0
+    for each, other in _stretches(reference, distorted, block):
+        r, d = (10 ** (perceptual_spectrum(x, block=block) / 10) for x in (each, other))
+        power = r.sum(axis=1)
+        heard = power > 0
+        with np.errstate(divide="ignore"):
+            apart = 10 * np.log10(np.abs(r - d)[heard].sum(axis=1) / (power[heard] + np.finfo(float).eps))
+        total += float(np.sum((1 - np.tanh(eta * apart - threshold)) / 2))
+        count += int(heard.sum())
+    return total / count if count else 0.0
 
 
 def pacinian_level(pressure: Array, rate: float, skin: SkinModel | None = None) -> Array:
@@ -232,8 +242,9 @@ def pacinian_level(pressure: Array, rate: float, skin: SkinModel | None = None) 
 
 
 def _alike(reference: Array, distorted: Array) -> float:
+    """Sum over the blocks of how alike they are."""
     power = (reference**2).sum(axis=1) + np.finfo(float).eps
-    return float(np.mean((reference * distorted).sum(axis=1) / power))
+    return float(((reference * distorted).sum(axis=1) / power).sum())
 
 
 def _standard(rows: Array) -> Array:
@@ -243,3 +254,12 @@ def _standard(rows: Array) -> Array:
 def _same_length(reference: Array, distorted: Array) -> tuple[Array, Array]:
     length = min(len(reference), len(distorted))
     return np.asarray(reference[:length], float), np.asarray(distorted[:length], float)
+
+
+def _stretches(reference: Array, distorted: Array, block: int) -> Iterator[tuple[Array, Array]]:
+    """Two signals in stretches of whole blocks, four megabytes each; the first one holds the end of a short signal."""
+    whole = max(len(reference) // block, 1) * block
+    step = max(1, _STRETCH // block) * block
+    for first in range(0, whole, step):
+        last = min(first + step, whole)
+        yield reference[first:last], distorted[first:last]

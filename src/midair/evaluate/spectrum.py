@@ -30,9 +30,17 @@ def spectral_error(original: Array, later: Array) -> float:
     return float(np.sqrt((original * difference**2).sum() / total))
 
 
+def power_spectrum(samples: Array) -> Array:
+    """Power of the whole-length spectrum of samples (frame, ...) without their mean, shape (bin, ...)."""
+    return np.asarray(np.abs(np.fft.rfft(samples - samples.mean(axis=0), axis=0)) ** 2, np.float64)
+
+
+def strongest(power: Array, frames: int, rate: float) -> float:
+    """Frequency of the strongest bin, in Hz, of a power spectrum (bin,) of so many frames."""
+    return float(np.fft.rfftfreq(frames, 1 / rate)[int(np.argmax(power))])
+
+
 def dominant_frequency(samples: Array, rate: float) -> float:
     """Frequency of the strongest bin of the whole-length spectrum without its mean, summed over channels, in Hz."""
-    frames = len(samples)
-    spectrum = np.abs(np.fft.rfft(samples - samples.mean(axis=0), axis=0)) ** 2
-    power = spectrum.reshape(len(spectrum), -1).sum(axis=1)
-    return float(np.fft.rfftfreq(frames, 1 / rate)[int(np.argmax(power))])
+    power = power_spectrum(samples)
+    return strongest(power.reshape(len(power), -1).sum(axis=1), len(samples), rate)

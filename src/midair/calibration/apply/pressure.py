@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from midair.calibration.apply.inverse import check_reach, default_taps, inverse_fir, inverse_response
 from midair.calibration.apply.streaming_inverse import mixing
+from midair.channels import channels
 from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
 from midair.model import Calibration, PressureFrames, Recording, Setting
@@ -187,7 +188,9 @@ def _share_inside(recording: Recording, band: Band) -> float:
     variance = np.square(moments(recording.samples).spread)
     inside, share = np.zeros_like(variance), 0.0
     for block in blocks(recording.samples, _LONG if isinstance(recording.samples, Reel) else recording.frames):
-        inside = inside + _inside(block, recording.rate, band) * (len(block) / recording.frames)
+        # One channel after another: a spectrum takes several times the memory of what it is of.
+        found = np.reshape([_inside(one, recording.rate, band) for one in channels(block)], variance.shape)
+        inside = inside + found * (len(block) / recording.frames)
         share = float(np.divide(inside, variance, out=np.zeros_like(inside), where=variance > 0).max())
         if share >= LEAST:
             break
@@ -195,7 +198,7 @@ def _share_inside(recording: Recording, band: Band) -> float:
 
 
 def _inside(samples: NDArray[np.float64], rate: float, band: Band) -> NDArray[np.float64]:
-    """Mean square of what lies in the band, by the length of segment that finds most of it, shape (row, column)."""
+    """Mean square of what lies in the band, of (frame, ...), by the length of segment that finds most of it."""
     low, high = band
     inside, length = band_energy(samples, rate, band, resolution=rate / len(samples)), len(samples) // 4
     while length >= 16 and low + 4 * rate / length < high - 4 * rate / length:

@@ -1,5 +1,6 @@
 """The command `compare`: a re-recording against its original."""
 
+from contextlib import ExitStack
 from pathlib import Path
 
 from midair.cli.terminal import (
@@ -8,6 +9,7 @@ from midair.cli.terminal import (
     banner,
     card_of,
     felt_part,
+    kept_aside,
     made_with,
     plain,
     print_card,
@@ -40,11 +42,13 @@ def compare_command(
     options
         Of the band, where the re-recording does not say.
     """
-    again = open_take(reproduced).recording
+    again = open_take(reproduced, streamed=True).recording
     settings = made_with(again.provenance, (options or BandOptions()).settings())
-    before = same_part(felt_part(original, settings), again.provenance)
-    after = felt_part(reproduced, settings)
-    comparison, card = compare(before, after), card_of(before, after)
+    with ExitStack() as stack:
+        before = same_part(felt_part(original, settings, streamed=True), again.provenance)
+        before = stack.enter_context(kept_aside(before))
+        after = stack.enter_context(kept_aside(felt_part(reproduced, settings, streamed=True)))
+        comparison, card = compare(before, after), card_of(before, after)
     if json:
         return print_json(plain(comparison) | {"perception": None if card is None else card.plain()["figures"]})
     banner(comparison.simulated)

@@ -21,7 +21,7 @@ from midair.cli.terminal.keys import Keys, Signals, signals_noted
 from midair.cli.terminal.meter_screen import MeterScreen
 from midair.cli.terminal.nominal import nominal_calibration, stated_sensitivity
 from midair.cli.terminal.options import BandOptions, Force, Frequency, Json, Length, Quiet, SolveOptions, Time
-from midair.cli.terminal.originals import felt_part, made_with, same_part
+from midair.cli.terminal.originals import felt_part, kept_aside, made_with, same_part
 from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
 from midair.cli.terminal.rows import calibrated_by, recording_rows
@@ -56,6 +56,7 @@ __all__ = [
     "card_of",
     "err",
     "felt_part",
+    "kept_aside",
     "given_calibration",
     "keep",
     "made_with",

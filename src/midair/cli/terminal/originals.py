@@ -1,12 +1,17 @@
 """What commands that compare need to know of a recording's past: band, rate, and the part that was played."""
 
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 from midair.files import open_take
 from midair.flow import felt
 from midair.model import PressureFrames, Provenance, Setting
+from midair.reel import blocks
 from midair.settings import Settings
+from midair.spool import Spool
 
 
 def felt_part(
@@ -19,6 +24,16 @@ def felt_part(
     take = open_take(source, streamed=streamed)
     pressure = felt(take.recording, take.calibration, settings)
     return pressure if start == 0 and duration is None else pressure.cut(start, duration)
+
+
+@contextmanager
+def kept_aside(pressure: PressureFrames) -> Generator[PressureFrames]:
+    """The same pressure, worked out once and read from the disk from then on, while inside."""
+    with Spool(*pressure.sensor.shape) as spool:
+        for block in blocks(pressure.pressure):
+            spool.append(block)
+        # What takes a reel says so where it does; a noun's field is an array to everyone else.
+        yield replace(pressure, pressure=cast("Any", spool.reel()))
 
 
 def made_with(provenance: Provenance, settings: Settings) -> Settings:
