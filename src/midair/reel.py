@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Stored = Literal["f4", "f8"]
 """Of what precision the numbers are that a reel reads: what is read of float32 fits into float32."""
 
-BYTES = 2**23
+BYTES = 2**21
 """Of a block, about: large enough that what a block costs besides its numbers does not count."""
 
 
@@ -100,7 +100,7 @@ class Reel:
         return whole if dtype is None else whole.astype(dtype)
 
     def blocks(self, size: int | None = None) -> Iterator[Array]:
-        """The frames in order, `size` at a time; about eight megabytes if None."""
+        """The frames in order, `size` at a time; about two megabytes if None."""
         yield from (self._read(first, last) for first, last in stretches(self.shape, size))
 
     def mapped(self, function: Callable[[Array], Any], *, stored: Stored = "f8") -> "Reel":
@@ -194,14 +194,14 @@ def _steps(block: Array) -> Array:
 
 
 def stretches(shape: tuple[int, ...], size: int | None = None) -> Iterator[tuple[int, int]]:
-    """(first, last) of each block of `size` frames of an array of this shape; of about eight megabytes if None."""
+    """(first, last) of each block of `size` frames of an array of this shape; of about two megabytes if None."""
     row = 8 * int(np.prod(shape[1:], dtype=np.int64))
     step = size or max(1, BYTES // max(row, 1))
     yield from ((first, min(first + step, shape[0])) for first in range(0, shape[0], step))
 
 
 def blocks(x: "NDArray[Any] | Reel", size: int | None = None) -> Iterator[NDArray[Any]]:
-    """The frames of an array or a reel in order, `size` at a time; about eight megabytes if None."""
+    """The frames of an array or a reel in order, `size` at a time; about two megabytes if None."""
     if isinstance(x, Reel):
         return x.blocks(size)
     return (x[first:last] for first, last in stretches(x.shape, size))

@@ -51,10 +51,15 @@ def filtered(reel: Reel, rate: float, response: Callable[[Array], Complex | Arra
             known.clear()
             known[length] = response(np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
         wanted = known[length]
-        spectrum = rfft(around, length, axis=0, overwrite_x=True)
-        spectrum *= wanted
-        changing = irfft(spectrum, length, axis=0, overwrite_x=True)[margin : margin + last - first]
-        return np.asarray(changing + mean * wanted[0].real, np.float64)
+        inside = slice(margin, margin + last - first)
+        changing = np.empty((last - first, *reel.shape[1:]))
+        # One row of channels after another: spectra of all take several times the memory of the segment.
+        for row in range(reel.shape[1]):
+            factor = wanted[:, row if wanted.shape[1] > 1 else 0]
+            spectrum = rfft(around[:, row], length, axis=0)
+            changing[:, row] = irfft(spectrum * factor, length, axis=0, overwrite_x=True)[inside]
+        changing += mean * wanted[0].real
+        return changing
 
     return made_of(make, reel.shape, size=max(_usual(reel), 2 * margin), kept=2)
 

@@ -204,7 +204,7 @@ def _without(solution: Solution, known: int) -> Solution:
 _READ = 256
 """Frames of a target that are read at once."""
 
-_TOGETHER = 1024
+_TOGETHER = 256
 """Frames that sound in a part, about."""
 
 
