@@ -27,6 +27,8 @@ from midair.model import (
     SensorGrid,
     SensorWiring,
     Solution,
+    StageSetup,
+    StageStamp,
     Step,
     TransducerArray,
 )
@@ -94,6 +96,16 @@ ORDINARY = {
     "Recording": Recording(samples=RNG.standard_normal((1280, 4, 4)), rate=1000.0, sensor=SENSOR, provenance=TOWEL),
     "SensorGrid": SENSOR,
     "SensorWiring": SensorWiring(grid=SENSOR, unit="V", full_scale=10.0, sensitivity=0.02),
+    "StageSetup": StageSetup(
+        heading="+x",
+        start=(0.01, 0.05),
+        contact=-0.012,
+        clear=-0.004,
+        approach=5e-3,
+        back=0.1,
+        travel=((0.0, 0.2), (0.0, 0.2), (-0.06, 0.0)),
+    ),
+    "StageStamp": StageStamp(time=0.25, position=(0.02, 0.05, -0.012), feed=0.05),
     "Step": Step(stage="cut", settings={"start_s": 0.5}),
     "TransducerArray": FOUR,
 }
@@ -119,6 +131,8 @@ SAYS = {
     "SensorGrid": ["4 x 4 'virtual sensor 0', 11 mm apart"],
     "SensorWiring": ["16 channels in order", "in V", "full scale 10 V", "0.02 V/Pa"],
     "Solution": ["50 frames, E mean 7.05 %, worst 9.1 %, of <Drive 50 frames"],
+    "StageSetup": ["heading='+x'", "contact=-0.012", "homing='switches'"],
+    "StageStamp": ["time=0.25", "feed=0.05"],
     "Step": ["cut: start_s=0.5"],
     "TransducerArray": ["AUTD3 2 x 2, 996 transducers in 4 units, 365 x 283 mm, 40 kHz, 4.39 Pa m each"],
 }
