@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -141,3 +143,23 @@ def test_a_drive_is_heard_in_the_air_that_it_was_solved_for(array):
     drive = Drive(phase=np.zeros((1, array.count)), level=np.ones(1), rate=1000.0, array=array, acoustics=warm)
     np.testing.assert_array_equal(propagate(drive, FOCUS[None]), propagate(drive, FOCUS[None], acoustics=warm))
     assert np.abs(propagate(drive, FOCUS[None]) / propagate(drive, FOCUS[None], acoustics=Acoustics()) - 1).max() > 0.1
+
+
+@pytest.mark.parametrize("directivity", ["point", "piston", "t4010a1"])
+def test_a_row_is_the_same_to_the_last_bit_whatever_is_worked_out_beside_it(array, directivity):
+    acoustics = Acoustics(directivity=directivity)
+    places = ControlGrid(rows=13, columns=11).position
+    together = transfer_matrix(places, array, acoustics=acoustics)
+    alone = np.concatenate([transfer_matrix(place[None], array, acoustics=acoustics) for place in places])
+    np.testing.assert_array_equal(together, alone)
+
+
+def test_what_a_matrix_takes_beside_itself_does_not_grow_with_it(array):
+    sizes = []
+    for side in (16, 48):
+        places = ControlGrid(rows=side, columns=side).position
+        tracemalloc.start()
+        matrix = transfer_matrix(places, array)
+        sizes.append(tracemalloc.get_traced_memory()[1] - matrix.nbytes)
+        tracemalloc.stop()
+    assert sizes[1] < 1.1 * sizes[0] < 20e6

@@ -42,6 +42,20 @@ def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoust
     """
     acoustics = acoustics or Acoustics()
     places = _places(points)
+    matrix = np.empty((len(places), array.count), np.complex128)
+    # Slices that a cache holds: everything on the way is ten times as large as the matrix, and no bit depends on it.
+    step = max(_AT_ONCE // array.count, 1)
+    for first in range(0, len(places), step):
+        matrix[first : first + step] = _rows(places[first : first + step], array, acoustics)
+    return matrix
+
+
+_AT_ONCE = 2**16
+"""Elements of a transfer matrix that are worked out at once."""
+
+
+def _rows(places: NDArray[np.float64], array: TransducerArray, acoustics: Acoustics) -> Complex:
+    """The transfer matrix at some points."""
     away = places[:, None, :] - array.position[None, :, :]
     distance = np.sqrt(np.einsum("mnx,mnx->mn", away, away))
     if distance.min() <= 0:
