@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError, RateError
-from midair.flow import at_rate, felt, reproduce, wanted
+from midair.flow import at_rate, felt, reproduce, reproduce_parts, wanted
 from midair.model import ControlGrid, PressureFrames, Provenance, Recording, TransducerArray
 from midair.physics import focus_amplitude
 from midair.settings import Settings
@@ -101,3 +101,13 @@ def test_a_rate_that_no_array_takes_is_refused_before_anything_is_solved():
 def test_an_unknown_place_of_compensation_is_refused():
     with pytest.raises(InputError, match="compensate: expected sound or pressure"):
         wanted(PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0), Settings().but(compensate="field"))
+
+
+@pytest.mark.parametrize("way", [reproduce, reproduce_parts])
+def test_what_does_not_fit_into_memory_is_refused_before_it_is_made(monkeypatch, way):
+    monkeypatch.setattr("midair.ram.available", lambda: 50_000_000)
+    settings = Settings().but(grid=ControlGrid(rows=64, columns=64))
+    pressure = felt(recording(), None, settings).cut(0.1, 0.02)
+    monkeypatch.setattr("midair.solvers.solving.transfer_matrix", None)  # which would be called, and is nothing
+    with pytest.raises(InputError, match=r"0\.05 GB that are free, got 15936 transducers x 4096 points, .* GB; ask"):
+        way(pressure, TransducerArray.autd3(columns=8, rows=8), settings)

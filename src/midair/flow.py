@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from midair import ram
 from midair.calibration import calibrate
 from midair.dsp import resample
 from midair.errors import InputError
@@ -19,7 +20,7 @@ from midair.model import (
 )
 from midair.physics import check_frame_rate, focus_amplitude
 from midair.settings import Settings
-from midair.solvers import solve, solve_parts
+from midair.solvers import check_memory, memory_of, solve, solve_parts
 from midair.targets import decouple, precompensate, precompensate_sound, prepare
 
 
@@ -106,8 +107,20 @@ def wanted(pressure: PressureFrames, settings: Settings) -> AmplitudeFrames:
 def solved(
     target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
 ) -> Solution:
-    """The drive for a target by the settings' solver, terms and air."""
+    """The drive for a target by the settings' solver, terms and air.
+
+    Raises
+    ------
+    InputError
+        If it would not fit into memory.
+    """
+    _fits(target, array, settings, parts=False)
     return solve(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
+
+
+def _fits(target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, parts: bool) -> None:
+    needed = memory_of(target, array, acoustics=settings.acoustics, parts=parts, **settings.solver.arguments())
+    check_memory(needed, ram.available(), points=target.grid.count, transducers=array.count)
 
 
 def reproduce_parts(
@@ -122,6 +135,7 @@ def reproduce_parts(
     """
     check_frame_rate(pressure.rate, array.frequency)
     target = wanted(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
+    _fits(target, array, settings, parts=True)
     parts = solve_parts(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
     return target, parts
 

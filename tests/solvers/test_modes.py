@@ -3,6 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from midair.model import ControlGrid, TransducerArray
+from midair.physics import transfer_matrix
 from midair.solvers.modes import modes
 
 
@@ -49,3 +51,49 @@ def test_nothing_at_all_has_one_mode():
     kept = modes(np.zeros((3, 5), complex), tolerance=1e-2)
     assert kept.rank == 1
     np.testing.assert_array_equal(put_together(kept), np.zeros((3, 5)))
+
+
+@pytest.fixture(scope="module")
+def fine():
+    """1024 points within 55 mm above one unit: far closer than sound can tell apart."""
+    return transfer_matrix(ControlGrid(rows=32, columns=32, pitch=55e-3 / 31), TransducerArray.autd3(columns=1, rows=1))
+
+
+@pytest.mark.parametrize("tolerance", [1e-1, 5e-3, 2e-3, 1e-4])
+def test_a_sketch_has_the_modes_that_lapack_finds(fine, tolerance):
+    U, s, _ = np.linalg.svd(fine, full_matrices=False)
+    kept = modes(fine, tolerance=tolerance)
+    assert kept.rank == (s > tolerance * s[0]).sum() < 0.75 * len(s)
+    # No squared singular value is off by more than a hundredth of the squared tolerance.
+    np.testing.assert_allclose(kept.s**2, s[: kept.rank] ** 2, rtol=0, atol=1.01e-2 * (tolerance * s[0]) ** 2)
+    assert np.linalg.norm(put_together(kept) - fine, ord=2) <= tolerance * s[0]
+    for basis in (kept.U, kept.V):
+        np.testing.assert_allclose(basis.conj().T @ basis, np.eye(kept.rank), atol=1e-8)
+    strong = s[: kept.rank] > 10 * tolerance * s[0]
+    np.testing.assert_allclose(np.linalg.norm(U[:, : kept.rank].conj().T @ kept.U, axis=0)[strong], 1, atol=1e-6)
+
+
+def test_a_sketch_is_the_same_every_time(fine):
+    one, other = modes(fine, tolerance=5e-3), modes(fine.copy(), tolerance=5e-3)
+    np.testing.assert_array_equal(one.U * one.s, other.U * other.s)
+
+
+@pytest.mark.parametrize("points", [(1100, 60), (1100, 1200)])
+def test_many_points_without_few_modes_are_factored_as_exactly(points):
+    G = random_matrix(*points, 3)
+    kept = modes(G, tolerance=1e-3)
+    assert kept.rank == min(points)
+    np.testing.assert_allclose(put_together(kept), G, atol=1e-8)
+
+
+@pytest.mark.parametrize("side", [16, 31])
+def test_up_to_31_x_31_points_have_the_bits_of_the_eigenvectors(array, side):
+    G = transfer_matrix(ControlGrid(rows=side, columns=side), array)
+    power, U = np.linalg.eigh(G @ G.conj().T)
+    s = np.sqrt(np.maximum(power[::-1], 0))
+    s = s[s > 5e-3 * s[0]]
+    fields = U[:, ::-1][:, : len(s)]
+    kept = modes(G, tolerance=5e-3)
+    np.testing.assert_array_equal(kept.s, s)
+    np.testing.assert_array_equal(kept.U, fields)
+    np.testing.assert_array_equal(kept.V, (fields.conj().T @ G).conj().T / s)

@@ -4,12 +4,13 @@ from midair.solvers.amplitudes import Amplitudes
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.glide import Glide
+from midair.solvers.large import check_memory, memory_needed, placed, problem_at
 from midair.solvers.lens import spreading_phase
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Follower, Live
 from midair.solvers.methods import METHODS, TAKES, Method, name_of, solver
 from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
-from midair.solvers.solving import Fit, solve, solve_parts
+from midair.solvers.solving import Fit, memory_of, solve, solve_parts
 from midair.solvers.terms import Cells, Guard
 from midair.solvers.threads import one_blas_thread
 
@@ -31,9 +32,14 @@ __all__ = [
     "Solver",
     "Start",
     "TAKES",
+    "check_memory",
+    "memory_needed",
+    "memory_of",
     "name_of",
     "one_blas_thread",
     "error_of",
+    "placed",
+    "problem_at",
     "solve",
     "solve_parts",
     "solver",

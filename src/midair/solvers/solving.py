@@ -17,6 +17,7 @@ from midair.solvers.backend import backend as backend_of
 from midair.solvers.device import settled
 from midair.solvers.fast import Fast
 from midair.solvers.glide import Glide
+from midair.solvers.large import memory_needed
 from midair.solvers.lens import spreading_phase
 from midair.solvers.methods import Method, check_terms, name_of
 from midair.solvers.methods import solver as solver_of
@@ -135,6 +136,38 @@ def solve(
     return order.solve(target, None, progress)[0]
 
 
+def memory_of(
+    target: AmplitudeFrames,
+    array: TransducerArray,
+    *,
+    method: str | Method = "lm",
+    acoustics: Acoustics | None = None,
+    amplitudes: Amplitudes = "equal",
+    guard: float | Guard | None = None,
+    robust: float = 0.0,
+    parts: bool = False,
+    **_: Any,
+) -> int:
+    """Bytes that `solve` with these settings, or `solve_parts`, takes at most at once; see `large.memory_needed`.
+
+    Parameters
+    ----------
+    target, array, method, acoustics, amplitudes, guard, robust
+        As in `solve`; its other settings do not count.
+    parts : bool
+        Whether no more than a part is in memory.
+    """
+    ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
+    return memory_needed(
+        target.grid.count,
+        array.count * (2 if amplitudes == "bounded" else 1),
+        min(target.frames, _TOGETHER) if parts else target.frames,
+        method=name_of(method),
+        guard=0 if ring is None else len(ring.ring(target.grid)),
+        airs=len(airs_around(acoustics or Acoustics(), robust)),
+    )
+
+
 def solve_parts(
     target: AmplitudeFrames, array: TransducerArray, *, progress: Progress | None = None, **settings: Any
 ) -> Iterator[Solution]:
@@ -250,8 +283,8 @@ class _Order:
         _check(level, bits, amplitudes, fit, smooth, robust, quiet_ears)
         acoustics = acoustics or Acoustics()
         airs = airs_around(acoustics, robust)
-        own = _Scene.of(target, array, (acoustics,))
         ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
+        own = _Scene.of(target, array, (acoustics,))
         cells = Cells() if fit == "cells" else None if fit == "points" else fit
         order = cls(
             method=name_of(method),
@@ -373,7 +406,9 @@ class _Scene:
         G = [transfer_matrix(target.grid, array, acoustics=each) for each in airs]
         focus = float(np.abs(G[0]).sum(axis=1).max())
         # In units of the focus tolerances, weights and single precision fit any array.
-        return cls(target=target, array=array, airs=airs, G=[each / focus for each in G], focus=focus)
+        for each in G:
+            each /= focus
+        return cls(target=target, array=array, airs=airs, G=G, focus=focus)
 
     def problem(
         self,
@@ -387,7 +422,7 @@ class _Scene:
         unit = float(radiation_pressure(np.array(self.focus), medium))
         times = len(self.airs)
         return Problem(
-            G=np.concatenate(self.G),
+            G=self.G[0] if times == 1 else np.concatenate(self.G),
             amplitude=np.tile(amplitude, (1, times)),
             level=automatic_level(amplitude) if level == "auto" else level,
             psi=psi_in_each(self.G, spreading_phase(grid, self.array, medium)),

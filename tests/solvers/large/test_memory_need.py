@@ -1,0 +1,68 @@
+import subprocess
+import sys
+
+import pytest
+
+from midair.errors import InputError
+from midair.solvers import memory_needed
+from midair.solvers.large import check_memory
+
+GROWTH = r"""
+import re, sys
+from pathlib import Path
+import numpy as np
+from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
+from midair.solvers import solve
+
+units, side, frames, method = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]
+
+def solved(units, side, frames):
+    grid = ControlGrid(rows=side, columns=side)
+    amplitude = np.random.default_rng(0).uniform(100, 1500, (frames, grid.count))
+    array = TransducerArray.autd3(columns=units, rows=units)
+    solve(AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid), array, method=method, iterations=None)
+    # Not ru_maxrss, which begins with the peak of the program that started this one.
+    return 1024 * int(re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())[1])
+
+# What libraries take once for all is taken by a problem that is almost none.
+before = solved(1, 2, 1)
+print(solved(units, side, frames) - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux says VmHWM")
+@pytest.mark.parametrize(
+    ("units", "side", "frames", "method"),
+    [(2, 16, 800, "fast"), (2, 32, 4, "fast"), (4, 32, 1, "fast"), (2, 32, 1, "live"), (2, 32, 4, "glide")],
+)
+def test_what_is_told_is_what_the_system_sees(units, side, frames, method):
+    words = [sys.executable, "-c", GROWTH, str(units), str(side), str(frames), method]
+    seen = int(subprocess.run(words, check=True, capture_output=True, text=True, timeout=300).stdout)
+    told = memory_needed(side**2, 249 * units**2, frames, method=method)
+    # Small arrays come out of what the libraries had taken and given back before.
+    assert 0.75 * seen <= told <= 1.6 * seen + 20e6
+
+
+def test_what_does_not_fit_is_one_line():
+    with pytest.raises(
+        InputError, match=r"0\.05 GB that are free, got 15936 transducers x 4096 points, .* 0\.09 GB; ask"
+    ):
+        check_memory(90_000_000, 50_000_000, points=4096, transducers=15936)
+
+
+@pytest.mark.parametrize("available", [None, 1000])
+def test_what_fits_or_cannot_be_known_is_let_through(available):
+    check_memory(1000, available, points=1, transducers=1)
+
+
+def test_more_of_anything_takes_more():
+    least = memory_needed(256, 996, 100, method="fast")
+    more = [
+        memory_needed(1024, 996, 100, method="fast"),
+        memory_needed(256, 3984, 100, method="fast"),
+        memory_needed(256, 996, 10000, method="fast"),
+        memory_needed(256, 996, 100, method="fast", guard=420),
+        memory_needed(256, 996, 100, method="fast", guard=420, airs=3),
+    ]
+    assert min(more) > least
+    assert more[4] > more[3]

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from midair.errors import InputError, ShapeError
+from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
+from midair.physics import propagate, relative_error
+from midair.solvers import solver
+from midair.solvers.large import placed, problem_at
+from midair.solvers.large.planes import converging_phase
+from midair.solvers.lens import spreading_phase
+
+SMALL = ControlGrid(rows=6, columns=5)
+LEFT, RIGHT = (-0.05, 0.0, 0.15), (0.05, 0.0, 0.2)
+
+
+@pytest.fixture(scope="module")
+def hands():
+    return [placed(SMALL, centre=LEFT, normal=(0.34, 0.0, 0.94)), placed(SMALL, centre=RIGHT, normal=(-0.34, 0.1, 1.0))]
+
+
+def test_a_level_grid_is_where_it_is():
+    np.testing.assert_allclose(placed(SMALL, centre=(0, 0, 0.2), normal=(0, 0, 3.0)), SMALL.position, atol=1e-15)
+
+
+@pytest.mark.parametrize("normal", [(0.3, 0.0, 1.0), (0.0, -2.0, 0.1), (0.1, 0.2, -0.9)])
+def test_a_tilted_grid_is_flat_keeps_its_distances_and_looks_along_its_normal(normal):
+    points = placed(SMALL, centre=LEFT, normal=normal)
+    assert np.abs((points - LEFT) @ normal).max() < 1e-15
+    apart = [np.linalg.norm(p[:, None] - p[None], axis=2) for p in (points, SMALL.position)]
+    np.testing.assert_allclose(*apart, atol=1e-15)
+    along_row, along_column = points[1] - points[0], points[SMALL.columns] - points[0]
+    assert np.cross(along_row, along_column) @ normal > 0
+
+
+@pytest.mark.parametrize("normal", [(0, 0, -1), (0, 0, 0), (np.nan, 0, 1)])
+def test_a_direction_that_says_no_turn_is_refused(normal):
+    with pytest.raises(InputError, match="not straight down"):
+        placed(SMALL, centre=LEFT, normal=normal)
+
+
+def test_one_level_plane_has_the_phases_of_the_lens():
+    x, y = np.meshgrid(np.linspace(-0.05, 0.05, 12), np.linspace(-0.05, 0.05, 12))
+    square = np.stack([x.ravel(), y.ravel(), np.zeros(144)], axis=1)
+    array = TransducerArray(position=square, normal=np.broadcast_to([0.0, 0.0, 1.0], square.shape))
+    grid, air = ControlGrid(rows=7, columns=7, pitch=2e-3), Medium()
+    here, flat = converging_phase(grid.position, array, air), spreading_phase(grid, array, air)
+    # The lens is the first term of the same: this is what it leaves out where the array is narrow, in rad.
+    assert np.ptp(here - flat) < 0.05 < 0.5 < np.ptp(flat)
+
+
+def test_a_plane_wider_than_the_array_gets_a_plane_wave():
+    few = TransducerArray(position=np.eye(3) * [0.01, 0.01, 0], normal=np.broadcast_to([0.0, 0.0, 1.0], (3, 3)))
+    phase = converging_phase(ControlGrid(centre=(0.01 / 3, 0.01 / 3)).position, few, Medium())
+    assert np.ptp(phase) < 1e-9
+
+
+def test_two_hands_are_solved_as_one_and_heard_as_solved(array, hands):
+    acoustics = Acoustics(medium=Medium(attenuation=0), directivity="point")
+    rng = np.random.default_rng(5)
+    wanted = np.kron(rng.uniform(200, 1000, (4, 6)), np.ones(10))
+    problem = problem_at(hands, wanted, array, acoustics=acoustics)
+    theta = solver("fast").solve(problem).phase
+    drive = Drive(phase=theta, level=np.ones(4), rate=1000.0, array=array, acoustics=acoustics)
+    # By the field of the drive in Pa, plane by plane, which knows nothing of the problem.
+    heard = np.concatenate([np.abs(propagate(drive, plane)) for plane in hands], axis=1)
+    error = relative_error(heard, wanted)
+    asleep = relative_error(np.roll(heard, 1, axis=0), wanted)
+    assert error.max() < 0.15 < asleep.min()
+
+
+def test_amplitudes_must_be_as_many_as_points(array, hands):
+    with pytest.raises(ShapeError, match=r"\(frame, 60\), got \(2, 59\)"):
+        problem_at(hands, np.ones((2, 59)), array)

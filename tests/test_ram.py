@@ -1,0 +1,33 @@
+import sys
+
+import pytest
+
+from midair.ram import available
+
+
+@pytest.fixture
+def meminfo(tmp_path):
+    path = tmp_path / "meminfo"
+    path.write_text("MemTotal:       24684100 kB\nMemFree:          100000 kB\nMemAvailable:    2000000 kB\n")
+    return path
+
+
+def test_what_the_system_says(meminfo, tmp_path):
+    assert available(meminfo, tmp_path / "none") == 2000000 * 1024
+
+
+def test_where_nobody_says(tmp_path):
+    assert available(tmp_path / "none", tmp_path) is None
+
+
+@pytest.mark.parametrize(("limit", "left"), [("1000000000", 450_000_000), ("max", 2000000 * 1024)])
+def test_a_container_may_have_less(meminfo, tmp_path, limit, left):
+    (tmp_path / "memory.max").write_text(f"{limit}\n")
+    (tmp_path / "memory.current").write_text("600000000\n")
+    (tmp_path / "memory.stat").write_text("anon 550000000\ninactive_file 50000000\nactive_file 7\n")
+    assert available(meminfo, tmp_path) == left
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux says it")
+def test_this_system_says_something_possible():
+    assert 10e6 < (available() or 0) < 1e14
