@@ -255,3 +255,17 @@ def test_a_recording_in_parts_is_solved_as_a_whole(settings, monkeypatch):
     assert sum((part.status for part in parts), ()) == made.status
     assert all(part.drive.provenance == made.drive.provenance for part in parts)
     assert {total for _, total in calls} == {300}
+
+
+def test_a_method_knows_where_the_transducers_are(monkeypatch):
+    """Glide looks at an even part of them; without places it would take every fourth in their order."""
+    seen = []
+    solve_as_it_is = Glide.solve
+
+    def solve_and_look(self, problem, **rest):
+        seen.append(problem.position)
+        return solve_as_it_is(self, problem, **rest)
+
+    monkeypatch.setattr(Glide, "solve", solve_and_look)
+    solve(target(wave()), UNIT, method="glide")
+    np.testing.assert_array_equal(seen[0], UNIT.position)

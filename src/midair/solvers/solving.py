@@ -429,6 +429,7 @@ class _Scene:
             guard=self._quiet(guard, ears),
             cells=None if cells is None else cells.target(amplitude, grid, unit).repeated(times),
             smooth=smooth,
+            position=self.array.position,
         )
 
     def _quiet(self, guard: Guard | None, ears: QuietEars | None) -> GuardField | None:
