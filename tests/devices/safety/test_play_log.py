@@ -66,12 +66,13 @@ def test_an_order_says_how_loud_and_who_answers_for_it():
 
 def test_an_order_can_be_audited(tmp_path, monkeypatch):
     monkeypatch.setenv("LOGNAME", "somebody")
+    monkeypatch.setattr("sys.argv", ["/usr/bin/midair", "play", "x.drive.h5"])
     path, admission = tmp_path / "x.drive.h5", admitted(0.01)
     path.write_bytes(b"what the file holds")
     log_order(path, "autd3:eth0", admission, simulated=True)
     (entry,) = entries()
     assert (entry["version"], entry["user"], entry["process"]) == (__version__, "somebody", os.getpid())
-    assert "pytest" in entry["command"]
+    assert entry["command"] == "midair play x.drive.h5"
     assert (entry["device"], entry["simulated"], entry["frames"], entry["rate_hz"]) == ("autd3:eth0", True, 3, 1000.0)
     assert entry["file_sha256"] == hashlib.sha256(b"what the file holds").hexdigest()
     drive = admission.drive

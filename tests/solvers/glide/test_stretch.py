@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.solvers import Glide, error_of
+from midair.solvers import Glide
 from midair.solvers.backend import backend
 from midair.solvers.glide.stretch import Stretch, marks_of
 
@@ -48,8 +48,9 @@ def test_where_no_start_is_near_and_everything_is_far_all_get_the_effort_of_roug
     assert (known.iterations[between] == 3 + 2 + 1 + glider.split).all()
 
 
-def test_frames_one_by_one_are_as_true_as_in_batches(glider):
-    problem = glider.machine.problem
-    together, alone = (error_of(problem, walked(glider, rows=rows).theta) for rows in (128, 1))
-    # Products of another shape round differently and a descent carries that on: not into what the phases are worth.
-    assert alone.mean() == pytest.approx(together.mean(), rel=0.05)
+def test_frames_one_by_one_are_what_they_are_in_batches(problem_of, moving_spot):
+    glider = Glide()._glider(problem_of(moving_spot(33)), backend("numpy", precision="double"))
+    few = {"cold": (8, 2, 4), "near": 9.0, "smooth": 3, "smooth_wide": 3}
+    together, alone = (walked(glider, rows=rows, **few).theta for rows in (128, 1))
+    # In few iterations and double precision, before the rounding of another shape's products sends descents apart.
+    np.testing.assert_allclose(np.exp(1j * alone), np.exp(1j * together), atol=1e-6)
