@@ -85,6 +85,8 @@ def test_a_program_that_is_killed_at_any_moment_leaves_silence(board, player, ki
         assert_stays_silent(board)
 
 
+# In real time: on a busy machine a write runs into its own limit before the guard is heard.
+@pytest.mark.slow
 def test_a_program_that_stands_still_leaves_silence_and_says_so_when_it_goes_on(board, player):
     one = player()
     os.kill(one.pid, signal.SIGSTOP)
