@@ -19,11 +19,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.model import Progress, Status
+from midair.model import Progress
 from midair.solvers.backend import Rows, backend
 from midair.solvers.moves import Batch, Machine
 from midair.solvers.phases import hold
-from midair.solvers.problem import Answer, End, Problem
+from midair.solvers.problem import Answer, End, Problem, status_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +100,7 @@ class Fast:
             made[audible] = self._iterations(problem)
         end = End(theta=phase[audible[-1]]) if len(audible) else after
         held = hold(phase, audible, None if after is None else after.theta)
-        return Answer(phase=held, iterations=made, status=_status(len(phase), audible), end=end)
+        return Answer(phase=held, iterations=made, status=status_of(len(phase), audible), end=end)
 
     def _fill(
         self,
@@ -141,8 +141,3 @@ class Fast:
 def _batches(audible: NDArray[np.int64], size: int) -> Iterator[NDArray[np.int64]]:
     for first in range(0, len(audible), size):
         yield audible[first : first + size]
-
-
-def _status(frames: int, audible: NDArray[np.int64]) -> tuple[Status, ...]:
-    heard = set(audible.tolist())
-    return tuple("iterations" if frame in heard else "silent" for frame in range(frames))

@@ -146,6 +146,12 @@ class Solver(Protocol):
         ...
 
 
+def status_of(frames: int, audible: NDArray[np.int64]) -> tuple[Status, ...]:
+    """Status of frames by a method with a fixed number of iterations: "iterations" where something sounds."""
+    heard = set(audible.tolist())
+    return tuple("iterations" if frame in heard else "silent" for frame in range(frames))
+
+
 def error_of(problem: Problem, theta: Array, level: Array | None = None) -> Array:
     """E = || |G q| - p || / || p || of each frame, shape (frame,); 0 where p is zero, which is played as silence.
 

@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import Progress, Status
+from midair.model import Progress
 from midair.solvers.backend import Backend, backend
 from midair.solvers.glide.glider import Effort, Glider
 from midair.solvers.glide.schedule import Indices, Span, blocks
 from midair.solvers.glide.stretch import Efforts, Known, Stretch, marks_of
 from midair.solvers.moves import Machine
 from midair.solvers.phases import hold
-from midair.solvers.problem import Answer, End, Problem
+from midair.solvers.problem import Answer, End, Problem, status_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +149,7 @@ class Glide:
                         progress(int(frames[-1]) + 1, len(phase))
             after = End(theta=phase[audible[-1]], known=last)
         held = hold(phase, audible)
-        return Answer(phase=held, iterations=made, status=_status(len(phase), audible), end=after)
+        return Answer(phase=held, iterations=made, status=status_of(len(phase), audible), end=after)
 
     def _stretches(self, glider: Glider, audible: Indices, before: Known | None) -> Iterator[tuple[Indices, Known]]:
         """The blocks in order: which frames they are, and what was found; `before` is known of the first frame."""
@@ -226,8 +226,3 @@ def _quietly(work: Callable[..., Known], *arguments: Any) -> Known:
     """Without NumPy's warnings of what overflows, which counts as a step that failed; each thread has its own."""
     with np.errstate(over="ignore", invalid="ignore"):
         return work(*arguments)
-
-
-def _status(frames: int, audible: Indices) -> tuple[Status, ...]:
-    heard = set(audible.tolist())
-    return tuple("iterations" if frame in heard else "silent" for frame in range(frames))
