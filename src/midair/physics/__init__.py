@@ -1,4 +1,4 @@
-"""The laws: radiation pressure, directivity, propagation, transducer dynamics, sensing, exposure. Pure functions."""
+"""The laws: radiation pressure, directivity, propagation, transducers, sensing, exposure, skin. Pure functions."""
 
 from midair.physics.chain import Moment, PlaybackChain, radiate
 from midair.physics.directivity import off_axis
@@ -18,16 +18,24 @@ from midair.physics.propagation import (
 )
 from midair.physics.radiation import radiation_pressure, sound_amplitude
 from midair.physics.sensing import SensorModel, calibration_of, cell_weights, channel_response, sense
+from midair.physics.skin import SKINS, Tissue, skin_compliance
+from midair.physics.skin_channels import TOUCH_CHANNELS, TouchChannel
+from midair.physics.skin_motion import SkinMotion
 from midair.physics.transducers import Transducers
 
 __all__ = [
+    "SKINS",
+    "TOUCH_CHANNELS",
     "Exposure",
     "ExposureProfile",
     "Moment",
     "Place",
     "PlaybackChain",
     "SensorModel",
+    "SkinMotion",
     "Spread",
+    "Tissue",
+    "TouchChannel",
     "TransducerDynamics",
     "Transducers",
     "calibration_of",
@@ -50,6 +58,7 @@ __all__ = [
     "relative_error",
     "sense",
     "simulate",
+    "skin_compliance",
     "sound_amplitude",
     "sound_level",
     "steps_a_frame",

@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.physics import SKINS, Tissue, skin_compliance
+
+SLOW = 2 * np.pi * 0.5
+
+
+@pytest.mark.parametrize("k", [60.0, 300.0, 2000.0])
+def test_slow_changes_press_a_half_space_as_statics_say(k):
+    # Boussinesq: u = (1 - nu) p / (mu k).
+    still = Tissue(viscosity=0.0)
+    assert skin_compliance(still, k, SLOW) == pytest.approx(1 / (2 * still.stiffness * k), rel=1e-3)
+    squeezed = Tissue(viscosity=0.0, poisson=0.3)
+    assert skin_compliance(squeezed, k, SLOW) == pytest.approx(0.7 / (squeezed.stiffness * k), rel=1e-3)
+
+
+def test_the_surface_wave_of_a_half_space_is_rayleighs():
+    # The root of (2 - x)^2 = 4 sqrt(1 - x) with x = (c / c_T)^2 is .9553^2.
+    tissue, omega = Tissue(viscosity=1e-3), 2 * np.pi * 100
+    shear = np.sqrt(tissue.stiffness / tissue.density)
+    k = omega / (shear * np.linspace(0.94, 0.97, 3001))
+    fastest = omega / k[np.argmax(np.abs(skin_compliance(tissue, k, omega)))]
+    assert fastest / shear == pytest.approx(0.9553, abs=1e-4)
+
+
+def test_a_thick_layer_is_a_half_space():
+    k, omega = np.array([100.0, 400.0, 1000.0]), 2 * np.pi * 200
+    deep, thick = Tissue(), Tissue(depth=0.2)
+    np.testing.assert_allclose(skin_compliance(thick, k, omega), skin_compliance(deep, k, omega), rtol=1e-3)
+
+
+def test_an_even_pressure_on_a_layer_squeezes_it_as_an_oedometer_does():
+    # u = p h / (lambda + 2 mu), and nothing where volume stays.
+    tissue = Tissue(viscosity=0.0, poisson=0.45, depth=0.01)
+    oedometric = 2 * tissue.stiffness * (1 - tissue.poisson) / (1 - 2 * tissue.poisson)
+    assert skin_compliance(tissue, 0.05, SLOW) == pytest.approx(tissue.depth / oedometric, rel=1e-3)
+    kept = abs(skin_compliance(Tissue(viscosity=0.0, depth=0.01), 1.0, SLOW))
+    # k^2 h^3 / (3 mu): what a thin film squeezes out sideways (lubrication).
+    assert kept == pytest.approx(1e-6 / (3 * 15e3), rel=1e-2)
+
+
+@pytest.mark.parametrize(("depth", "micrometres"), [(None, 16.7), (20e-3, 13.3), (10e-3, 10.0), (5e-3, 5.2)], ids=str)
+def test_a_disc_of_5_mm_and_100_pa_presses_as_another_program_found(depth, micrometres):
+    # u = p a integral of H(k) J1(k a) dk in the middle; half space: p a / (2 mu).
+    from scipy.special import j1
+
+    tissue, radius = Tissue(viscosity=0.0, poisson=0.495 if depth else 0.5, depth=depth), 5e-3
+    step = 1.0
+    k = np.arange(step / 2, 20e3, step)
+    moved = 100 * radius * step * (skin_compliance(tissue, k, SLOW).real * j1(k * radius)).sum()
+    assert 1e6 * moved == pytest.approx(micrometres, abs=0.1)
+
+
+def test_a_layer_agrees_with_its_equations_solved_as_they_stand():
+    # Tractions at the top and displacements at the bone, by potentials, without elimination.
+    tissue, k, omega = Tissue(stiffness=20e3, poisson=0.4, depth=8e-3), 350.0 + 4j, 2 * np.pi * 150
+    mu, h = tissue.stiffness + 1j * omega * tissue.viscosity, tissue.depth
+    kt2 = tissue.density * omega**2 / mu
+    a, b, s, jk = np.sqrt(k**2 - kt2 * 0.2 / 1.2), np.sqrt(k**2 - kt2), 2 * k**2 - kt2, 1j * k
+    ea, eb = np.exp(-a * h), np.exp(-b * h)
+    rows = [
+        [-2 * jk * a, 2 * jk * a * ea, -s, -s * eb],
+        [s, s * ea, -2 * jk * b, 2 * jk * b * eb],
+        [jk * ea, jk, b * eb, -b],
+        [-a * ea, a, jk * eb, jk],
+    ]
+    A, B, C, D = np.linalg.solve(np.array(rows), np.array([0, -1 / mu, 0, 0]))
+    assert skin_compliance(tissue, k, omega) == pytest.approx(-a * A + a * ea * B + jk * (C + eb * D), rel=1e-9)
+
+
+def test_the_stiffest_skin_is_the_one_that_moves_least():
+    moved = {name: abs(skin_compliance(tissue, 300.0, 2 * np.pi * 30)) for name, tissue in SKINS.items()}
+    assert min(moved, key=moved.__getitem__) == "stiff, on bone"
+    assert max(moved, key=moved.__getitem__) == "soft, deep"
+
+
+def test_tissue_that_is_none_is_refused():
+    with pytest.raises(InputError, match=r"0 to 0\.5, got 5 Pa s and 0\.6"):
+        Tissue(poisson=0.6)
+    with pytest.raises(InputError, match="depth of the tissue"):
+        Tissue(depth=0.0)
