@@ -54,7 +54,6 @@ UNTESTED_BY_NAME = {
     "cli/commands/calibrate/measure.py": "cli/commands/calibrate/test_apply.py",
     "cli/commands/demo.py": "cli/test_commands.py",
     "cli/commands/exposure.py": "cli/commands/test_play_arrays.py",
-    "cli/commands/import_export.py": "cli/test_commands.py",
     "cli/commands/info.py": "cli/test_commands.py",
     "cli/commands/solve_play.py": "cli/commands/test_play_arrays.py",
     "cli/commands/study/numbers.py": "cli/commands/study/test_study.py",

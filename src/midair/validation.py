@@ -65,7 +65,9 @@ def check_finite(array: NDArray[Any], name: str, *, frame: int = 0) -> None:
     if not np.isfinite(array).all():
         first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         place = (first[0] + frame, *first[1:]) if first else first
-        raise NonFiniteError(f"{name}: expected finite numbers, got {array[first]} at {place}; repair or cut it first")
+        raise NonFiniteError(
+            f"{name}: expected finite numbers, got {array[first]} at {place}; midair mend fills short gaps"
+        )
 
 
 def _check_shape(shape: tuple[int, ...], name: str, axes: Sequence[str | int]) -> None:

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
+from midair.errors import InputError, MismatchError, NonFiniteError, RateError, ShapeError, UnitError
 from midair.files.opened_take import Foreign, Given
 from midair.model import SensorGrid
+from midair.recordings import Mending
 
 
 @pytest.fixture
@@ -88,3 +89,62 @@ def test_a_scale_makes_pressure_of_any_number(path):
     for scale in (0.0, np.nan):
         with pytest.raises(InputError, match="other than 0 Pa"):
             Given(scale=scale)
+
+
+PACKED = np.arange(12.0)
+
+
+@pytest.mark.parametrize("shape", [(12, 1), (1, 12), (6, 2), (2, 3, 2), (3, 4)])
+def test_packed_samples_are_frames_whatever_axes_the_file_has(shape, path):
+    file = Foreign(samples=PACKED.reshape(shape), form="bin", unit="V")
+    pair = SensorGrid(rows=2, columns=2)
+    seen = file.settle(Given(packed=4, sensor=pair, rate=10.0), path)
+    np.testing.assert_array_equal(seen.recording.samples, PACKED.reshape(3, 2, 2))
+    assert seen.recording.rate == 10
+    assert seen.report[-1] == "12 numbers were taken as 3 frames of 4 channels in turn."
+    assert seen.recording.provenance.steps[0].settings["packed"] == 4
+
+
+def test_the_rate_of_a_packed_file_is_that_of_its_rows(path):
+    line = SensorGrid(rows=1, columns=4)
+    for shape, rate in (((12, 1), 400.0), ((6, 2), 200.0), ((3, 4), 100.0), ((1, 12), 100 / 3)):
+        file = Foreign(samples=PACKED.reshape(shape), form="bin", unit="V", rate=rate)
+        assert file.settle(Given(packed=4, sensor=line), path).recording.rate == pytest.approx(100)
+
+
+def test_packed_channels_can_be_chosen_too(path):
+    file = Foreign(samples=PACKED[:, None], form="bin", unit="V", rate=400.0)
+    seen = file.settle(Given(packed=4, channels=("3", "1"), sensor=SensorGrid(rows=1, columns=2)), path)
+    np.testing.assert_array_equal(seen.recording.samples[:, 0], PACKED.reshape(3, 4)[:, [3, 1]])
+
+
+def test_packed_numbers_that_do_not_come_out_even_are_refused(path):
+    with pytest.raises(ShapeError, match="multiple of 5 packed numbers, got 12"):
+        foreign((12, 1), rate=10.0, unit="V").settle(Given(packed=5), path)
+    with pytest.raises(ShapeError, match="leave the time out"):
+        foreign((12, 1), rate=10.0, unit="V", settings={"interpolation": "linear"}).settle(Given(packed=4), path)
+    with pytest.raises(InputError, match="from 1 on"):
+        Given(packed=0)
+
+
+def test_gaps_are_refused_or_mended_and_told(path):
+    samples = np.ones((200, 16))
+    samples[50:53, 2] = np.nan
+    file = Foreign(samples=samples, form="bin", rate=1000.0, unit="V")
+    with pytest.raises(NonFiniteError, match="midair mend"):
+        file.settle(Given(), path)
+    seen = file.settle(Given(mending=Mending(longest=5e-3)), path)
+    assert (seen.recording.samples == 1).all()
+    assert seen.report[-1] == (
+        "3 numbers were missing in 1 gaps and are made up, the longest 3 ms from 0.05 s on in channel 2."
+    )
+    assert [(row.kind, row.frame, row.frames, row.channel) for row in seen.journal] == [("mended", 50, 3, 2)]
+    step = seen.recording.provenance.steps[-1]
+    assert step.stage == "mend"
+    assert dict(step.settings) == {
+        "longest_s": 5e-3,
+        "fill": "spectrum",
+        "gaps": 1,
+        "numbers": 3,
+        "channel_frame_frames": ((2, 50, 3),),
+    }

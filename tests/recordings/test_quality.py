@@ -4,6 +4,7 @@ import pytest
 from midair.model import Recording
 from midair.physics import SensorModel, channel_response, sense
 from midair.recordings import at_limit, dead_channels, suspicious
+from midair.reel import Reel
 
 
 def recording(samples):
@@ -68,3 +69,34 @@ def test_loud_noise_is_no_floor(samples):
 def test_does_not_depend_on_the_scale(scale, samples):
     samples[:, 3] = 0
     assert len(report(samples * scale)) == 1
+
+
+CLIPPED = "Channels that stand at their greatest or least number again and again, clipped: 5."
+
+
+@pytest.mark.parametrize("limits", [(-0.9, 0.9), (-1, 0.9), (-0.9, 1)])
+@pytest.mark.parametrize("steps", [None, 32767, 2047])
+def test_names_a_clipped_channel(limits, steps, samples):
+    clipped = np.clip(np.sin(2 * np.pi * 83.7 * np.arange(2000) / 1000), *limits)
+    samples[:, 5] = clipped if steps is None else np.round(steps * clipped)
+    assert report(samples) == (CLIPPED,)
+
+
+@pytest.mark.parametrize("frequency", [0.3, 3, 83.7, 100, 250])
+@pytest.mark.parametrize("steps", [20, 60, 500, 32767])
+def test_coarse_slow_and_even_tones_do_not_clip(frequency, steps, samples):
+    samples[:] = np.round(steps * np.sin(2 * np.pi * frequency * np.arange(2000) / 1000))[:, None]
+    assert not any("clipped" in sentence for sentence in report(samples))
+
+
+def test_clipping_is_seen_in_a_reel_of_many_blocks(samples):
+    samples[:, 5] = np.clip(samples[:, 5], -0.9, 0.9)
+    long = np.tile(samples.reshape(-1, 4, 4), (20, 1, 1))
+    reel = Reel(lambda first, last: long[first:last], long.shape)
+    assert suspicious(Recording(samples=reel, rate=1000, unit="count")) == (CLIPPED,)
+
+
+def test_names_a_magnitude_and_no_offset():
+    noise = np.random.default_rng(0).normal(size=(2, 2000, 16))
+    assert "magnitude" in report(np.hypot(*noise))[0]
+    assert report(noise[0]) == report(noise[0] + 5) == ()

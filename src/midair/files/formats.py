@@ -13,6 +13,7 @@ from midair.files.foreign import (
     read_csv,
     read_mat,
     read_mcap,
+    read_npy,
     read_npz,
     read_tdms,
     read_wav,
@@ -34,8 +35,8 @@ from midair.files.native import (
     write_recording,
 )
 from midair.files.opened_take import Given, OpenedTake
-from midair.model import Calibration, PressureFrames, Recording, SensorGrid, Solution, Unit
-from midair.recordings import suspicious
+from midair.model import Calibration, Event, PressureFrames, Recording, SensorGrid, Solution, Unit
+from midair.recordings import Mending, suspicious
 from midair.reel import Reel
 
 Reader = Callable[[Path, Given], OpenedTake]
@@ -72,6 +73,7 @@ FORMATS: Mapping[str, Format] = {
     ".npz": Format(name="NPZ", read=read_npz, write=write_npz, streams=True),
     ".mat": Format(name="MAT", read=read_mat, write=write_mat),
     ".nc": Format(name="NetCDF of midair", read=read_recording, write=write_netcdf, streams=True),
+    ".npy": Format(name="NPY", read=read_npy),
     ".w64": Format(name="Wave64", read=read_wav),
     ".rf64": Format(name="RF64", read=read_wav),
     ".xdf": Format(name="XDF", read=read_xdf),
@@ -98,6 +100,8 @@ def load(
     scale: float | None = None,
     channels: Sequence[str] | None = None,
     stream: str | None = None,
+    packed: int | None = None,
+    mending: Mending | None = None,
 ) -> Recording | Solution:
     """The recording in a file of any format that midair knows, or the solution in a ``.drive.h5``.
 
@@ -107,7 +111,7 @@ def load(
     Parameters
     ----------
     path : str or PathLike
-        Its ending tells the format: .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .mat, .nc, .xdf, .tdms or .mcap.
+        Its ending tells the format: .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .npy, .mat, .nc, .xdf, .tdms or .mcap.
     rate : float, optional
         Frames per second, in Hz.
     unit : {"V", "count", "Pa"}, optional
@@ -121,6 +125,11 @@ def load(
     stream : str, optional
         Which one to take of a file that holds several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of
         NPZ or MAT.
+    packed : int, optional
+        How many channels stand one after another in a row of numbers, frame behind frame: the file's axes do not count,
+        and its rate, if it says one, is that of its rows.
+    mending : Mending, optional
+        How to fill gaps, numbers that are NaN, infinite or (in text) missing; without it they are refused.
 
     Returns
     -------
@@ -134,12 +143,31 @@ def load(
     InputError
         Its leaf that says what is missing or cannot be used.
     """
-    given = {"rate": rate, "unit": unit, "sensor": sensor, "scale": scale, "channels": channels, "stream": stream}
+    given = {
+        "rate": rate,
+        "unit": unit,
+        "sensor": sensor,
+        "scale": scale,
+        "channels": channels,
+        "stream": stream,
+        "packed": packed,
+        "mending": mending,
+    }
     if os.fspath(path).lower().endswith(DRIVE_SUFFIX):
         if any(value is not None for value in given.values()):
             raise InputError(f"{path}: expected nothing to be said about a drive, got {_said(given)}")
         return load_solution(path)
-    return open_take(path, rate=rate, unit=unit, sensor=sensor, scale=scale, channels=channels, stream=stream).recording
+    return open_take(
+        path,
+        rate=rate,
+        unit=unit,
+        sensor=sensor,
+        scale=scale,
+        channels=channels,
+        stream=stream,
+        packed=packed,
+        mending=mending,
+    ).recording
 
 
 def open_take(
@@ -151,6 +179,8 @@ def open_take(
     scale: float | None = None,
     channels: Sequence[str] | None = None,
     stream: str | None = None,
+    packed: int | None = None,
+    mending: Mending | None = None,
     streamed: bool = False,
 ) -> OpenedTake:
     """Recording, calibration and journal of a file together, and a sentence for each thing that was assumed.
@@ -159,7 +189,7 @@ def open_take(
 
     Parameters
     ----------
-    path, rate, unit, sensor, scale, channels, stream
+    path, rate, unit, sensor, scale, channels, stream, packed, mending
         As in `load`.
     streamed : bool
         Whether the samples are a reel where the format allows it (midair's own, WAV): read when somebody asks for them,
@@ -185,11 +215,21 @@ def open_take(
     with refusing(file, f"a {form.name} file"), np.errstate(all="ignore"):
         chosen = None if channels is None else tuple(channels)
         given = Given(
-            rate=rate, unit=unit, sensor=sensor, scale=scale, channels=chosen, stream=stream, streamed=streamed
+            rate=rate,
+            unit=unit,
+            sensor=sensor,
+            scale=scale,
+            channels=chosen,
+            stream=stream,
+            packed=packed,
+            mending=mending,
+            streamed=streamed and mending is None,
         )
         imported = form.read(file, given)
-    # To look at all of a recording would be to read all of it.
-    return imported if streamed else replace(imported, report=(*imported.report, *suspicious(imported.recording)))
+    # To look at all of a reel would be to read all of it.
+    if isinstance(imported.recording.samples, Reel):
+        return imported
+    return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
 
 
 def save(
@@ -198,6 +238,7 @@ def save(
     *,
     calibration: Calibration | None = None,
     pressure: PressureFrames | None = None,
+    journal: Sequence[Event] = (),
 ) -> tuple[Loss, ...]:
     """Write a recording in the format that the ending of `path` tells, whole or not at all.
 
@@ -211,6 +252,8 @@ def save(
         Of its sensor, to keep in the same file.
     pressure : PressureFrames, optional
         What was made of it, to keep in the same file.
+    journal : sequence of Event
+        What happened in it; only HDF5 of midair has a place for it.
 
     Returns
     -------
@@ -230,6 +273,8 @@ def save(
         raise UnknownFormatError(f"{path}: {form.name} is read, not written; what can be written is {known}")
     if not form.streams and isinstance(recording.samples, Reel):
         recording = replace(recording, samples=np.asarray(recording.samples))
+    if journal and form is HDF5:
+        return write_recording(recording, Path(path), calibration, pressure, journal=journal)
     if pressure is None:
         return form.write(recording, Path(path), calibration)
     if form is HDF5:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
 from midair.files.stamps import held
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Setting, Unit
+from midair.recordings import Mended, Mending, mend
 from midair.reel import blocks, each_frame
 
 ONE = SensorGrid(rows=1, columns=1)
@@ -65,6 +66,10 @@ class Given:
     stream : str or None
         Which one to take of a file that holds several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of
         NPZ or MAT.
+    packed : int or None
+        Channels whose numbers stand one after another, frame behind frame, whatever axes the file has.
+    mending : Mending or None
+        How gaps are filled, numbers that are NaN, infinite or missing; None refuses them.
     streamed : bool
         Whether its samples may be a reel, read when somebody asks for them.
     """
@@ -75,9 +80,13 @@ class Given:
     scale: float | None = None
     channels: tuple[str, ...] | None = None
     stream: str | None = None
+    packed: int | None = None
+    mending: Mending | None = None
     streamed: bool = False
 
     def __post_init__(self) -> None:
+        if self.packed is not None and self.packed < 1:
+            raise InputError(f"packed: expected a number of channels from 1 on, got {self.packed}")
         if self.scale is not None and not (np.isfinite(self.scale) and self.scale != 0):
             raise InputError(f"scale: expected a number other than 0 Pa, got {self.scale:g}")
         if self.scale is not None and self.unit not in (None, "Pa"):
@@ -96,9 +105,11 @@ class Given:
             ("unit", self.unit, recording.unit),
             ("sensor", self.sensor, recording.sensor),
         )
-        for name in ("scale", "channels", "stream"):
+        for name in ("scale", "channels", "stream", "packed"):
             if getattr(self, name) is not None:
                 raise MismatchError(f"{path}: the file is midair's own and says everything; leave {name} out")
+        if self.mending is not None:
+            raise MismatchError(f"{path}: the file is midair's own, in which nothing is missing; leave mend out")
         for name, given, stated in pairs:
             if given is not None and given != stated:
                 raise MismatchError(f"{path}: the file says {name} {stated}, got {name} {given}; leave {name} out")
@@ -149,22 +160,61 @@ class Foreign:
         MismatchError
             If what was given contradicts the file.
         """
+        if given.packed is not None:
+            return self._unpacked(given.packed, path).settle(replace(given, packed=None), path)
         if given.channels is not None:
             return self._chosen(given.channels, path).settle(replace(given, channels=None), path)
         rate = self._rate(given, path)
         unit = self._unit(given, path)
         sensor, assumed = self._sensor(given, path)
-        report = (*self.report, assumed) if assumed else self.report
+        mended = self._mended(given.mending, rate)
+        report = (*self.report, *([assumed] if assumed else []), *_patches(mended, rate))
         settings = {"format": self.form, "sha256": _sha256(path), **self.settings}
         if given.scale is not None:
             settings["scale_pa"] = given.scale
         provenance = Provenance(source=path.name, notes=self.notes).then("import", {**settings, "report": report})
+        if given.mending is not None:
+            provenance = provenance.then("mend", _mend_settings(mended, given.mending))
         scale = given.scale or 1.0
         samples = each_frame(
-            self.samples, lambda block: block.reshape(len(block), *sensor.shape) * scale, exact=of_two(scale)
+            mended.samples, lambda block: block.reshape(len(block), *sensor.shape) * scale, exact=of_two(scale)
         )
         recording = Recording(samples=samples, rate=rate, sensor=sensor, unit=unit, provenance=provenance)
-        return OpenedTake(recording=recording, report=report)
+        return OpenedTake(recording=recording, report=report, journal=mended.journal)
+
+    def _mended(self, mending: Mending | None, rate: float) -> Mended:
+        """The samples with their gaps filled; as they are if nobody asked for that, to be refused if there are any."""
+        if mending is None:
+            return Mended(samples=self.samples, journal=())
+        whole = np.asarray(self.samples, np.float64)
+        return mend(whole.reshape(len(whole), -1), rate, mending)
+
+    def _unpacked(self, channels: int, path: Path) -> "Foreign":
+        """Frames of so many channels, of numbers that stand one after another: c0 c1 c2 ... c0 c1 c2 ..."""
+        whole = np.asarray(self.samples, np.float64)
+        wide = int(np.prod(whole.shape[1:]))
+        if whole.size % channels:
+            raise ShapeError(
+                f"{path}: expected a multiple of {channels} packed numbers, got {whole.size}; was it cut, or is it "
+                "another number of channels?"
+            )
+        if "interpolation" in self.settings and wide % channels:
+            # Between the stamps of two channels there is no line.
+            raise ShapeError(
+                f"{path}: expected whole frames of {channels} channels in each row with a time, got {wide} numbers; "
+                "leave the time out and state the rate"
+            )
+        sentence = f"{whole.size} numbers were taken as {whole.size // channels} frames of {channels} channels in turn."
+        return replace(
+            self,
+            samples=whole.reshape(-1, channels),
+            rate=None if self.rate is None else self.rate * wide / channels,
+            sensor=None,
+            names=(),
+            units=self.units if len(set(self.units)) == 1 else (),
+            settings={**self.settings, "packed": channels},
+            report=(*self.report, sentence),
+        )
 
     def _rate(self, given: Given, path: Path) -> float:
         rate = given.rate if self.rate is None else self.rate
@@ -248,6 +298,30 @@ class Foreign:
             return int(channel)
         known = ", ".join(self.names[:40]) or "no names"
         raise ShapeError(f"{path}: expected a channel by name ({known}) or number 0 to {count - 1}, got {channel!r}")
+
+
+def _patches(mended: Mended, rate: float) -> tuple[str, ...]:
+    """A sentence for the gaps that were filled."""
+    if not mended.journal:
+        return ()
+    missing = sum(event.frames for event in mended.journal)
+    longest = max(mended.journal, key=lambda event: event.frames)
+    return (
+        f"{missing} numbers were missing in {len(mended.journal)} gaps and are made up, the longest "
+        f"{longest.frames / rate * 1e3:.4g} ms from {longest.frame / rate:.4g} s on in channel {longest.channel}.",
+    )
+
+
+def _mend_settings(mended: Mended, mending: Mending) -> dict[str, Setting]:
+    """How gaps were filled and where the first thousand of them are, for the provenance."""
+    places = tuple((event.channel, event.frame, event.frames) for event in mended.journal)
+    return {
+        "longest_s": mending.longest,
+        "fill": mending.fill,
+        "gaps": len(places),
+        "numbers": sum(frames for *_, frames in places),
+        "channel_frame_frames": places[:1000],
+    }
 
 
 def of_two(scale: float) -> bool:

@@ -59,8 +59,12 @@ def uniform(time: Array, samples: Array, *, rate: float | None = None) -> Unifor
     Raises
     ------
     RateError
-        If there are fewer than two stamps, or they go back, or do not fit `rate`, or gaps are longer than all else.
+        If there are fewer than two stamps, or one is missing, or they go back, or do not fit `rate`, or gaps are longer
+        than all else.
     """
+    if not np.isfinite(time).all():
+        row = int(np.argmin(np.isfinite(time)))
+        raise RateError(f"time stamps: expected one in every row, got none in row {row + 1}; leave that row out")
     if (np.diff(time) < 0).any():
         row = int(np.argmax(np.diff(time) < 0))
         raise RateError(f"time stamps: expected them to grow, got {time[row + 1]:g} s after {time[row]:g} s")

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Literal
 
-EventKind = Literal["lost", "clipped", "dead", "stuck", "rate", "clock", "trigger", "stroke"]
+EventKind = Literal["lost", "clipped", "dead", "stuck", "rate", "clock", "trigger", "stroke", "mended"]
 """lost: frames that never came, held at the last good one. clipped, dead, stuck: of a channel. rate: frames counted
 against this computer's clock. clock: the device's clock against this computer's. trigger: the frame that started it.
-stroke: frames of a stroke that a stage drew."""
+stroke: frames of a stroke that a stage drew. mended: frames of a channel that were missing and were filled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,7 +15,7 @@ class Event:
 
     Attributes
     ----------
-    kind : {"lost", "clipped", "dead", "stuck", "rate", "clock", "trigger", "stroke"}
+    kind : {"lost", "clipped", "dead", "stuck", "rate", "clock", "trigger", "stroke", "mended"}
         What.
     frame : int
         First frame of the recording that it concerns, from 0.

@@ -1,13 +1,17 @@
-"""Recordings: edit them, spread one channel over a patch of contact, judge their channels."""
+"""Recordings: edit them, spread one channel over a patch of contact, mend gaps, judge their channels."""
 
 from midair.recordings.edit import Fill, cut, gain, join, mask, resample, trim
 from midair.recordings.footprint import Footprint, Path, Shape, Turn, footprint_field
+from midair.recordings.mending import GapFill, Mended, Mending, mend
 from midair.recordings.quality import at_limit, dead_channels, suspicious
 
 __all__ = [
     "at_limit",
     "Fill",
     "Footprint",
+    "GapFill",
+    "Mended",
+    "Mending",
     "Path",
     "Shape",
     "Turn",
@@ -17,6 +21,7 @@ __all__ = [
     "gain",
     "join",
     "mask",
+    "mend",
     "resample",
     "suspicious",
     "trim",

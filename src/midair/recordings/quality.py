@@ -1,10 +1,10 @@
-"""Channels that cannot be trusted: dead ones, clipped ones, and ones that hold nothing but noise."""
+"""Channels that cannot be trusted: dead ones, clipped ones, folded ones, and ones that hold nothing but noise."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Recording
-from midair.reel import Moments, moments
+from midair.reel import Moments, Reel, blocks, moments
 
 
 def dead_channels(recording: Recording) -> NDArray[np.bool_]:
@@ -28,11 +28,18 @@ def at_limit(samples: NDArray[np.float64], full_scale: float) -> NDArray[np.bool
 
 
 def suspicious(recording: Recording) -> tuple[str, ...]:
-    """A sentence for the channels that never change and one for those that hold only a white floor.
+    """A sentence for the channels that never change, for those that hold only a white floor, or clip, or are folded.
 
     A floor is a channel more than ten times quieter than the median channel whose successive differences are those of
     independent numbers: von Neumann's ratio, their mean square over the variance, is within four standard errors of 2
     (J. von Neumann, Ann. Math. Stat. 12, 1941: variance 4 (n - 2) / (n^2 - 1)).
+
+    A channel clips whose greatest or least number comes in five places or more, 20 times or more in all, and more
+    than four times as often as what lies just below it, within half a percent of the range: a sine has 2.4 times as
+    much there at most. Where it lies at 0, it is no limit of a converter; of less than 100 levels nobody can tell.
+
+    A recording may be a magnitude, of an acceleration or a force, if no number of it is below zero and it lies more
+    below the middle of its range than above.
     """
     found = moments(recording.samples)
     dead = (found.least == found.greatest).ravel()
@@ -47,7 +54,58 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
         if floor.any():
             names = ", ".join(str(i) for i in np.flatnonzero(floor))
             report.append(f"Channels that hold only a white floor, more than ten times below the others: {names}.")
+    clipped = _flat_tops(recording.samples, found)
+    if clipped.any():
+        names = ", ".join(str(i) for i in np.flatnonzero(clipped))
+        report.append(f"Channels that stand at their greatest or least number again and again, clipped: {names}.")
+    if recording.frames >= 100 and _folded(found):
+        report.append(
+            "No number is below zero: if this is a magnitude (of an acceleration, of a force), its vibration is folded "
+            "and comes at other frequencies than were felt; take one axis instead."
+        )
     return tuple(report)
+
+
+def _folded(found: Moments) -> bool:
+    """Whether no channel is ever below zero, and most lie on average in the lower two fifths of their range."""
+    lively = found.least < found.greatest
+    low = found.mean - found.least < (found.greatest - found.mean) / 1.5
+    return bool(lively.any() and (found.least >= 0).all() and low[lively].mean() > 0.5)
+
+
+def _flat_tops(samples: NDArray[np.float64] | Reel, found: Moments) -> NDArray[np.bool_]:
+    """Which channels clip, shape (channel,): one pass along the frames."""
+    count = found.least.size
+    least, greatest = found.least.ravel(), found.greatest.ravel()
+    span = greatest - least
+    near = 0.005 * span
+    step = np.full(count, np.inf)
+    at, below, visits = (np.zeros((2, count), np.int64) for _ in range(3))
+    before = np.full((1, count), np.nan)
+    for block in blocks(samples):
+        part = block.reshape(len(block), count)
+        rows = np.concatenate([before, part])
+        change = np.abs(np.diff(rows, axis=0))
+        step = np.minimum(step, np.min(change, axis=0, where=change > 0, initial=np.inf))
+        for side, depth in enumerate((greatest - rows, rows - least)):
+            top = depth == 0
+            at[side] += top[1:].sum(axis=0)
+            below[side] += ((depth > 0) & (depth <= np.maximum(near, 1.01 * step)))[1:].sum(axis=0)
+            visits[side] += (top[1:] & ~top[:-1]).sum(axis=0)
+        before = rows[-1:]
+    limit = np.stack([greatest, least]) != 0
+    found_out = ((at > 4 * below) & (at >= 20) & (visits >= 5) & limit).any(axis=0) & (span >= 100 * step)
+    return found_out & _many_levels(samples, found_out)
+
+
+def _many_levels(samples: NDArray[np.float64] | Reel, of: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which of some channels have 100 levels or more: a tone that fits the rate has few, its greatest among them."""
+    levels = np.zeros(of.size, np.int64)
+    if of.any():
+        some = next(blocks(samples)).reshape(-1, of.size)
+        for channel in np.flatnonzero(of):
+            levels[channel] = len(np.unique(some[:, channel]))
+    return levels >= 100
 
 
 def _white(found: Moments, n: int) -> NDArray[np.bool_]:

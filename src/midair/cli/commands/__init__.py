@@ -20,7 +20,7 @@ from midair.cli.commands.edit import (
 )
 from midair.cli.commands.exposure import exposure_command
 from midair.cli.commands.identify import identify_command
-from midair.cli.commands.import_export import export_command, import_command, repair_command
+from midair.cli.commands.import_export import export_command, import_command, mend_command, repair_command
 from midair.cli.commands.info import info_command
 from midair.cli.commands.loop import loop_command
 from midair.cli.commands.paper import paper_command
@@ -46,6 +46,7 @@ COMMANDS: Mapping[str, Callable[..., Any]] = {
     "loop": loop_command,
     "mask": mask_command,
     "paper": paper_command,
+    "mend": mend_command,
     "play": play_command,
     "record": record_command,
     "repair": repair_command,

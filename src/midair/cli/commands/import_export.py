@@ -1,4 +1,4 @@
-"""Commands that make and change recordings: import, export, repair."""
+"""Commands that make and change recordings: import, mend, export, repair."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,6 +7,7 @@ from midair.cli.terminal import (
     FileOptions,
     Force,
     Json,
+    Time,
     as_recording,
     bring,
     calibrated_by,
@@ -22,6 +23,7 @@ from midair.cli.terminal import (
 from midair.datasets import sample_path
 from midair.errors import InputError
 from midair.files import format_of, load_pressure, open_take, repair
+from midair.recordings import GapFill, Mending
 
 Pressure = Annotated[float | None, quantity("Pa")]
 
@@ -39,9 +41,9 @@ def import_command(
 ) -> None:
     """Bring a file of any program into a recording, and say what was assumed.
 
-    CSV, WAV (also Wave64 and RF64), NPZ, MAT, NetCDF and HDF5 of midair, XDF, TDMS, MCAP. Without a calibration nobody
-    knows the pressure: state the scale, the sensitivity, or the peak that the recording is to have. A recording of one
-    channel becomes a field by --footprint circle:20mm --speed 50mm/s.
+    CSV, WAV (also Wave64 and RF64), NPZ, NPY, MAT, NetCDF and HDF5 of midair, XDF, TDMS, MCAP. Without a calibration
+    nobody knows the pressure: state the scale, the sensitivity, or the peak that the recording is to have. A recording
+    of one channel becomes a field by --footprint circle:20mm --speed 50mm/s.
 
     Parameters
     ----------
@@ -58,15 +60,70 @@ def import_command(
     json
         Print JSON for a program.
     """
-    options = options or FileOptions()
+    _take_in(source, output, options or FileOptions(), sensitivity, peak, force=force, json=json)
+
+
+def mend_command(
+    source: str,
+    output: Path | None = None,
+    /,
+    *,
+    options: FileOptions | None = None,
+    longest: Time = 20e-3,
+    fill: GapFill = "spectrum",
+    sensitivity: str | None = None,
+    peak: Pressure = None,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Bring a file with gaps into a recording: NaN, infinite or empty numbers are filled, and the recording says where.
+
+    As midair import, which refuses them. Every gap stands in the journal and in the provenance of the recording.
+
+    Parameters
+    ----------
+    source
+        The file of another program.
+    output
+        The recording; the source's name with .h5 in this folder if not given.
+    options
+        What the file does not say.
+    longest
+        Gap that is filled; one that is longer is refused.
+    fill
+        spectrum goes on as the neighbourhood vibrates, line leaves out what vibrates.
+    sensitivity
+        Output of every channel per pressure, such as 20mV/Pa or 2count/Pa.
+    peak
+        The largest change of any channel is to mean this pressure, such as 30Pa.
+    json
+        Print JSON for a program.
+    """
+    mending = Mending(longest=longest, fill=fill)
+    _take_in(source, output, options or FileOptions(), sensitivity, peak, mending, force=force, json=json)
+
+
+def _take_in(
+    source: str,
+    output: Path | None,
+    options: FileOptions,
+    sensitivity: str | None,
+    peak: float | None,
+    mending: Mending | None = None,
+    *,
+    force: bool,
+    json: bool,
+) -> None:
     file = sample_path(source.removeprefix("sample:")) if source.startswith("sample:") else Path(source)
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
-    imported = bring(file, options, streamed=True)
+    imported = bring(file, options, streamed=True, mending=mending)
     calibration = imported.calibration
     stated = nominal_calibration(imported.recording, sensitivity, peak)
     pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
-    lost = keep(imported.recording, target, calibration=stated or calibration, pressure=pressure)
+    lost = keep(
+        imported.recording, target, calibration=stated or calibration, pressure=pressure, journal=imported.journal
+    )
     rows = [("recording", str(target)), *recording_rows(imported.recording)]
     if imported.recording.unit != "Pa" or stated or calibration:
         rows.append(("calibration", calibrated_by(stated or calibration)))

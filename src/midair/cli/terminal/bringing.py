@@ -11,7 +11,7 @@ from cyclopts import Parameter, Token
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
 from midair.files import OpenedTake, open_take
 from midair.model import Recording, SensorGrid, Unit
-from midair.recordings import Footprint, Path, Shape, Turn, footprint_field, resample, suspicious
+from midair.recordings import Footprint, Mending, Path, Shape, Turn, footprint_field, resample, suspicious
 from midair.reel import Reel
 
 Patch = tuple[str, float]
@@ -83,6 +83,8 @@ class FileOptions:
         The ones to take, by name or by number from 0, with commas: accel_x, or 3,2,1,0.
     stream
         Which one to take of several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ or MAT.
+    packed
+        So many channels stand one after another in one row of numbers, frame behind frame, such as 16.
     layout
         How the cells lie, such as 4x4:11mm.
     resample
@@ -102,6 +104,7 @@ class FileOptions:
     scale: Annotated[float | None, quantity("Pa")] = None
     channels: Annotated[tuple[str, ...] | None, parsed(parse_names, "NAMES")] = None
     stream: str | None = None
+    packed: int | None = None
     layout: Annotated[SensorGrid | None, parsed(parse_layout, "LAYOUT")] = None
     resample: Annotated[float | None, quantity("Hz")] = None
     footprint: Annotated[Patch | None, parsed(parse_patch, "SHAPE:SIZE")] = None
@@ -115,10 +118,10 @@ class FileOptions:
         return self.footprint is not None or self.resample is not None
 
 
-def bring(file: File, options: FileOptions, *, streamed: bool = False) -> OpenedTake:
+def bring(file: File, options: FileOptions, *, streamed: bool = False, mending: Mending | None = None) -> OpenedTake:
     """The recording in a file, as the options make it, and what was assumed on the way.
 
-    With `streamed` its samples may be a reel, as in `open_take`; a footprint is made in memory.
+    With `streamed` its samples may be a reel, as in `open_take`; what is mended or has a footprint is not.
     """
     taken = open_take(
         file,
@@ -128,6 +131,8 @@ def bring(file: File, options: FileOptions, *, streamed: bool = False) -> Opened
         scale=options.scale,
         channels=options.channels,
         stream=options.stream,
+        packed=options.packed,
+        mending=mending,
         streamed=streamed and options.footprint is None,
     )
     recording, report = taken.recording, taken.report

@@ -1,19 +1,24 @@
 """Writing a recording with what belongs to it, and saying what was noticed and what was lost."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from midair.cli.terminal.console import banner, out, print_json, print_rows
 from midair.errors import InputError
 from midair.files import Loss, check_unclaimed, save
-from midair.model import Calibration, PressureFrames, Recording
+from midair.model import Calibration, Event, PressureFrames, Recording
 
 
 def keep(
-    recording: Recording, path: Path, *, calibration: Calibration | None, pressure: PressureFrames | None = None
+    recording: Recording,
+    path: Path,
+    *,
+    calibration: Calibration | None,
+    pressure: PressureFrames | None = None,
+    journal: Sequence[Event] = (),
 ) -> tuple[Loss, ...]:
-    """Write a recording with its calibration and pressure, and return what its format cannot hold."""
-    return save(recording, path, calibration=calibration, pressure=pressure)
+    """Write a recording with its calibration, pressure and journal, and return what its format cannot hold."""
+    return save(recording, path, calibration=calibration, pressure=pressure, journal=journal)
 
 
 def as_recording(pressure: PressureFrames) -> Recording:

@@ -5,6 +5,7 @@ from midair.files.foreign.csv_file import read_csv, write_csv
 from midair.files.foreign.hjif_file import write_hjif
 from midair.files.foreign.mat_file import read_mat, write_mat
 from midair.files.foreign.mcap_file import read_mcap
+from midair.files.foreign.npy_file import read_npy
 from midair.files.foreign.npz_file import read_npz, write_npz
 from midair.files.foreign.pat_file import load_board
 from midair.files.foreign.tdms_file import read_tdms
@@ -16,6 +17,7 @@ __all__ = [
     "read_csv",
     "read_mat",
     "read_mcap",
+    "read_npy",
     "read_npz",
     "read_tdms",
     "read_wav",

@@ -57,7 +57,7 @@ def read_csv(path: Path, given: Given) -> OpenedTake:
     text = path.read_bytes().decode("utf-8-sig")
     if text.startswith(MARK):
         return _own(text, path, given)
-    table = read_table(text, path)
+    table = read_table(text, path, gaps=given.mending is not None)
     if fabricslide.wrote(table.names):
         return fabricslide.foreign(table, path, given).settle(given, path)
     return _foreign(table, given).settle(given, path)

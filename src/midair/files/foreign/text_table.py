@@ -33,27 +33,27 @@ class _Row:
     fields: list[str]
 
 
-def read_table(text: str, path: Path) -> TextTable:
+def read_table(text: str, path: Path, *, gaps: bool = False) -> TextTable:
     """The numbers in a text with commas, semicolons or tabs between them, with or without a row of names.
 
     Spaces around fields, empty lines and lines that begin with # are skipped. A comma at the end of a row is no field:
-    columns never shift.
+    columns never shift. With `gaps` an empty field, and one that is NaN or infinite, is a number that is missing: NaN.
 
     Raises
     ------
     BrokenFileError
         If rows differ in length, a field is no number, or there are no numbers at all.
     NonFiniteError
-        If a field is empty, NaN or infinite.
+        If a field is empty, NaN or infinite, and there are to be no gaps.
     """
     rows = list(_rows(text, path))
-    names = () if not rows or _is_number(rows[0].fields[0]) else tuple(_stripped(rows.pop(0).fields))
+    names = () if not rows or _is_data(rows[0], gaps=gaps) else tuple(_stripped(rows.pop(0).fields))
     if not rows:
         raise BrokenFileError(f"{path}: expected rows of numbers, got none")
     width = len(names) or len(_stripped(rows[0].fields))
     for row in rows:
         _fit(row, width, path)
-    return TextTable(names=names, values=_numbers(rows, names, path))
+    return TextTable(names=names, values=_numbers(rows, names, path, gaps=gaps))
 
 
 def _rows(text: str, path: Path) -> Iterator[_Row]:
@@ -69,6 +69,12 @@ def _rows(text: str, path: Path) -> Iterator[_Row]:
         raise BrokenFileError(
             f"{path}: expected comma-separated values, got line {reader.line_num}: {wrong}"
         ) from wrong
+
+
+def _is_data(row: _Row, *, gaps: bool) -> bool:
+    """Whether a row is numbers, not names: its first field is one, or, with gaps, the first that is there."""
+    fields = [field for field in row.fields if field.strip()] if gaps else row.fields
+    return _is_number(fields[0])
 
 
 def _stripped(fields: list[str]) -> list[str]:
@@ -87,17 +93,22 @@ def _fit(row: _Row, width: int, path: Path) -> None:
         )
 
 
-def _numbers(rows: list[_Row], names: tuple[str, ...], path: Path) -> NDArray[np.float64]:
+def _numbers(rows: list[_Row], names: tuple[str, ...], path: Path, *, gaps: bool) -> NDArray[np.float64]:
+    if gaps:
+        for row in rows:
+            row.fields[:] = [field if field.strip() else "nan" for field in row.fields]
     try:
         values = np.array([row.fields for row in rows], np.float64)
     except ValueError:
         # One by one, to say where the field is that is no number.
         values = np.array([[_number(row, i, names, path) for i in range(len(row.fields))] for row in rows])
-    if not np.isfinite(values).all():
+    if gaps:
+        values[~np.isfinite(values)] = np.nan
+    elif not np.isfinite(values).all():
         row, column = (int(i) for i in np.argwhere(~np.isfinite(values))[0])
         raise NonFiniteError(
             f"{path}: expected finite numbers, got {rows[row].fields[column].strip()} in line {rows[row].line}, "
-            f"{_column(column, names)}; repair or cut it first"
+            f"{_column(column, names)}; midair mend fills short gaps"
         )
     return values
 
@@ -106,7 +117,7 @@ def _number(row: _Row, column: int, names: tuple[str, ...], path: Path) -> float
     field = row.fields[column].strip()
     where = f"in line {row.line}, {_column(column, names)}"
     if not field:
-        raise NonFiniteError(f"{path}: expected a number, got an empty field {where}; fill it or cut the row first")
+        raise NonFiniteError(f"{path}: expected a number, got an empty field {where}; midair mend fills short gaps")
     if not _is_number(field):
         hint = "; write decimals with a point" if "," in field else ""
         raise BrokenFileError(f"{path}: expected a number, got {field[:40]!r} {where}{hint}")

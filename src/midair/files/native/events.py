@@ -70,6 +70,9 @@ def _settings(events: tuple[Event, ...], frames: int) -> dict[str, Setting]:
     if of["clipped"]:
         settings["clipped_frames"] = sum(event.frames for event in of["clipped"])
         settings["clipped"] = tuple((event.channel, event.frame, event.frames) for event in of["clipped"][:LISTED])
+    if of["mended"]:
+        settings["mended_frames"] = sum(event.frames for event in of["mended"])
+        settings["mended"] = tuple((event.channel, event.frame, event.frames) for event in of["mended"][:LISTED])
     for kind in ("dead", "stuck"):
         if of[kind]:
             settings[kind] = tuple((event.channel, event.frame) for event in of[kind][:LISTED])

@@ -1,6 +1,7 @@
 """Recordings in midair's own file, `name.h5`: samples, sensor, calibration, provenance, and what was made of it."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from midair.files.holding import check_unclaimed
 from midair.files.loss import Loss
 from midair.files.native.axes import check_time, sensor_from, sensor_values, time_values
 from midair.files.native.calibration_file import read_calibration, write_calibration
-from midair.files.native.events import events_from, with_events
+from midair.files.native.events import event_values, events_from, with_events
 from midair.files.native.hdf5 import (
     check_kind,
     finite,
@@ -27,7 +28,7 @@ from midair.files.native.provenance_json import from_json
 from midair.files.native.stage_stamps import stamps_from, with_stage
 from midair.files.native.unclosed import is_unclosed
 from midair.files.opened_take import Given, OpenedTake
-from midair.model import Calibration, PressureFrames, Recording
+from midair.model import Calibration, Event, PressureFrames, Recording
 from midair.reel import Reel, stretches
 
 if TYPE_CHECKING:
@@ -35,7 +36,12 @@ if TYPE_CHECKING:
 
 
 def write_recording(
-    recording: Recording, path: Path, calibration: Calibration | None, pressure: PressureFrames | None = None
+    recording: Recording,
+    path: Path,
+    calibration: Calibration | None,
+    pressure: PressureFrames | None = None,
+    *,
+    journal: Sequence[Event] = (),
 ) -> tuple[Loss, ...]:
     """Write a recording and what was made of it, whole or not at all; nothing of it is lost.
 
@@ -52,6 +58,8 @@ def write_recording(
             "save what was made of this recording"
         )
     values = recording_values(recording)
+    if journal:
+        values |= event_values(journal)
     room = 8 * recording.frames + _bytes(values["samples"]) + (0 if pressure is None else pressure.pressure.nbytes)
     with new_file(path, room=room) as file:
         write_group(file, "recording", values)

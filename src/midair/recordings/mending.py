@@ -1,0 +1,159 @@
+"""Short gaps in recordings, numbers that are NaN or infinite, filled from what stands around them.
+
+Two ways: straight lines, which leave out whatever vibrates; and "spectrum", which goes on as the neighbourhood does
+(A. Janssen, R. Veldhuis & L. Vries, IEEE Trans. ASSP 34(2), 1986: the numbers that an autoregressive model of the
+neighbourhood predicts best, model and numbers in turn).
+"""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, NonFiniteError
+from midair.model import Event
+from midair.validation import positive
+
+Array = NDArray[np.float64]
+
+GapFill = Literal["spectrum", "line"]
+"""What a gap is filled with: what goes on as its neighbourhood does, or a straight line."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mending:
+    """How gaps are filled.
+
+    Attributes
+    ----------
+    longest : float
+        Gap that may be filled, in s; a longer one is refused.
+    fill : {"spectrum", "line"}
+        With what.
+    """
+
+    longest: float = 20e-3
+    fill: GapFill = "spectrum"
+
+    def __post_init__(self) -> None:
+        positive(self.longest, "longest gap", "s")
+        if self.fill not in get_args(GapFill):
+            raise InputError(f"mend: expected one of {', '.join(get_args(GapFill))}, got {self.fill!r}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mended:
+    """Samples without gaps, and where there were some.
+
+    Attributes
+    ----------
+    samples : ndarray, shape (frame, channel)
+        Finite.
+    journal : tuple of Event
+        One of kind "mended" for each gap of each channel, by frame.
+    """
+
+    samples: Array
+    journal: tuple[Event, ...]
+
+
+def mend(samples: Array, rate: float, mending: Mending) -> Mended:
+    """The samples with their gaps filled.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (frame, channel)
+        Of any unit; NaN and infinite where nothing is known.
+    rate : float
+        Frames per second, in Hz.
+    mending : Mending
+        How.
+
+    Returns
+    -------
+    Mended
+        Where nothing was missing the numbers are what they were. At either end of the recording a gap holds the
+        nearest number.
+
+    Raises
+    ------
+    NonFiniteError
+        If a gap is longer than the mending allows.
+    """
+    filled = np.array(samples, np.float64)
+    journal: list[Event] = []
+    for channel, wave in enumerate(filled.T):
+        gaps = _gaps(wave)
+        for first, last in gaps:
+            _check(channel, first, last - first, rate, mending)
+            journal.append(Event(kind="mended", frame=first, frames=last - first, channel=channel))
+        _fill(wave, gaps, mending.fill)
+    return Mended(samples=filled, journal=tuple(sorted(journal, key=lambda event: (event.frame, event.channel))))
+
+
+def _gaps(wave: Array) -> list[tuple[int, int]]:
+    """First frame of each gap and the first after it."""
+    missing = np.concatenate([[False], ~np.isfinite(wave), [False]])
+    ends = np.flatnonzero(missing[1:] != missing[:-1])
+    return [(int(first), int(last)) for first, last in ends.reshape(-1, 2)]
+
+
+def _check(channel: int, first: int, frames: int, rate: float, mending: Mending) -> None:
+    # Half a frame of tolerance: 20 ms at 1 kHz are 20 frames, whatever the rounding.
+    if frames > mending.longest * rate + 0.5:
+        raise NonFiniteError(
+            f"mend: expected gaps of {mending.longest * 1e3:g} ms at most, got {frames} frames "
+            f"({frames / rate * 1e3:.4g} ms) from {first / rate:.4g} s on in channel {channel}; allow longer ones "
+            "(--longest) or leave that channel out (--channels)"
+        )
+
+
+def _fill(wave: Array, gaps: list[tuple[int, int]], fill: GapFill) -> None:
+    """Fill the gaps of one channel in place."""
+    if not gaps:
+        return
+    missing = ~np.isfinite(wave)
+    known = np.flatnonzero(~missing)
+    wave[missing] = np.interp(np.flatnonzero(missing), known, wave[known])
+    if fill == "line":
+        return
+    for first, last in gaps:
+        if first > 0 and last < len(wave):
+            _predict(wave, missing, first, last)
+
+
+def _predict(wave: Array, missing: NDArray[np.bool_], first: int, last: int) -> None:
+    """Put the numbers into one gap that a model of its neighbourhood predicts best; other gaps near it stay lines."""
+    # Janssen's rule for the order, and a neighbourhood of ten orders on either side, as far as there is one.
+    order = min(3 * (last - first) + 2, 64)
+    begin, end = max(0, first - 10 * order), min(len(wave), last + 10 * order)
+    if int((~missing[begin:end]).sum()) < 4 * order:
+        return
+    around = wave[begin:end]
+    mean = float(around[~missing[begin:end]].mean())
+    x = around - mean
+    inside = slice(first - begin, last - begin)
+    for _ in range(5):
+        errors = _prediction_errors(x, order)
+        rest = np.delete(errors, np.arange(inside.start, inside.stop), axis=1) @ np.delete(x, np.arange(*_span(inside)))
+        # The least ridge that keeps a silent neighbourhood solvable.
+        gram = errors[:, inside].T @ errors[:, inside] + 1e-12 * np.eye(last - first)
+        x[inside] = np.linalg.solve(gram, -errors[:, inside].T @ rest)
+    wave[first:last] = x[inside] + mean
+
+
+def _span(inside: slice) -> tuple[int, int]:
+    return int(inside.start), int(inside.stop)
+
+
+def _prediction_errors(x: Array, order: int) -> Array:
+    """Matrix that gives the error of predicting each number from the `order` before it, by the model of `x` itself."""
+    from scipy.linalg import convolution_matrix, solve_toeplitz
+
+    n = len(x)
+    correlation = np.correlate(x, x, "full")[n - 1 : n + order] / n
+    # A ten-millionth of white noise: pure tones leave the model undetermined.
+    correlation[0] = correlation[0] * (1 + 1e-7) + np.finfo(float).tiny
+    model = np.concatenate([[1.0], -solve_toeplitz(correlation[:order], correlation[1:])])
+    return np.asarray(convolution_matrix(model, n, mode="valid"), np.float64)

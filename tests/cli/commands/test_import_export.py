@@ -1,0 +1,88 @@
+"""The command mend, and import of what is packed, clipped or folded; the rest is in tests of what they share."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from midair.cli import run
+from midair.files import load, open_take
+
+RNG = np.random.default_rng(0)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def answer(capsys, *words):
+    capsys.readouterr()
+    assert run([*words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_mend_repairs_what_import_refuses_and_says_where(capsys):
+    samples = RNG.normal(size=(300, 4, 4))
+    samples[100:104, 1, 2] = np.nan
+    np.save("a.npy", samples)
+    said = ("--unit", "V", "--rate", "1kHz")
+    assert run(["import", "a.npy", "a.h5", *said]) == 1
+    assert "midair mend" in capsys.readouterr().err
+    told = answer(capsys, "mend", "a.npy", "a.h5", *said)
+    assert "4 numbers were missing in 1 gaps" in " ".join(told["notes"])
+    take = open_take("a.h5")
+    assert [(row.kind, row.frame, row.frames, row.channel) for row in take.journal] == [("mended", 100, 4, 6)]
+    steps = {step.stage: step.settings for step in take.recording.provenance.steps}
+    assert steps["mend"]["channel_frame_frames"] == ((6, 100, 4),)
+    assert steps["events"]["mended"] == ((6, 100, 4),)
+    kept = np.isfinite(samples)
+    np.testing.assert_array_equal(take.recording.samples[kept], samples[kept])
+
+
+def test_mend_refuses_a_long_gap_and_leaves_nothing(capsys):
+    samples = RNG.normal(size=(300, 16))
+    samples[100:130, 3] = np.nan
+    np.save("a.npy", samples)
+    said = ("--unit", "V", "--rate", "1kHz")
+    assert run(["mend", "a.npy", "a.h5", *said]) == 1
+    assert "got 30 frames (30 ms) from 0.1 s on in channel 3" in capsys.readouterr().err
+    assert not Path("a.h5").exists()
+    assert run(["mend", "a.npy", "a.h5", *said, "--longest", "30ms", "--fill", "line"]) == 0
+    assert run(["mend", "a.h5", "b.h5"]) == 1
+    assert "nothing is missing" in capsys.readouterr().err
+
+
+def test_empty_fields_of_a_table_are_mended(capsys):
+    rows = [f"{i / 100},{np.sin(i)},{'' if i in (0, 20, 21) else i}" for i in range(60)]
+    Path("a.csv").write_text("time [s],a [V],b [V]\n" + "\n".join(rows) + "\n")
+    words = ("a.csv", "a.h5", "--layout", "1x2:5mm")
+    assert run(["import", *words]) == 1
+    assert "empty field in line 2" in capsys.readouterr().err
+    assert run(["mend", *words, "--fill", "line"]) == 0
+    np.testing.assert_allclose(load("a.h5").samples[1:, 0, 1], np.arange(1, 60))
+    assert load("a.h5").samples[0, 0, 1] == 1
+    Path("a.csv").write_text("time [s],a [V],b [V]\n,1,2\n0.1,1,2\n")
+    assert run(["mend", "a.csv", "b.h5", "--layout", "1x2:5mm"]) == 1
+    assert "none in row 1" in capsys.readouterr().err
+
+
+def test_packed_channels_of_a_wav_are_frames(capsys):
+    samples = np.round(1000 * RNG.normal(size=(500, 16))).astype(np.int16)
+    soundfile.write("a.wav", samples.ravel(), 16000, subtype="PCM_16")
+    told = answer(capsys, "import", "a.wav", "a.h5", "--unit", "count", "--packed", "16")
+    assert "8000 numbers were taken as 500 frames of 16 channels in turn." in told["notes"]
+    recording = load("a.h5")
+    assert recording.rate == 1000
+    np.testing.assert_array_equal(recording.samples.reshape(-1, 16), samples)
+
+
+def test_a_clipped_wav_and_a_magnitude_are_named(capsys):
+    wave = 1.3 * np.sin(2 * np.pi * 83.7 * np.arange(4000) / 8000)
+    soundfile.write("a.wav", np.clip(wave, -1, 1), 8000, subtype="PCM_16")
+    assert "clipped: 0" in " ".join(answer(capsys, "import", "a.wav", "a.h5", "--scale", "30Pa")["notes"])
+    np.save("b.npy", np.hypot(*RNG.normal(size=(2, 4000))))
+    told = answer(capsys, "import", "b.npy", "b.h5", "--scale", "1Pa", "--rate", "1kHz")
+    assert "magnitude" in " ".join(told["notes"])

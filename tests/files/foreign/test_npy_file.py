@@ -1,0 +1,51 @@
+"""Single NumPy arrays."""
+
+import numpy as np
+import pytest
+
+from midair.errors import BrokenFileError, NonFiniteError
+from midair.files import load, open_take
+
+SAID = {"rate": 1000.0, "unit": "V"}
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("kind", ["f8", ">f4", "i2"])
+@pytest.mark.parametrize("shape", [(5, 16), (5, 4, 4)])
+def test_reads_what_numpy_saved(order, kind, shape, tmp_path):
+    samples = np.arange(80).reshape(shape).astype(kind, order=order)
+    np.save(tmp_path / "a.npy", samples)
+    np.testing.assert_array_equal(load(tmp_path / "a.npy", **SAID).samples, samples.reshape(5, 4, 4))
+
+
+def test_loads_no_objects(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([[{}], [{}]], object), allow_pickle=True)
+    with pytest.raises(BrokenFileError, match="NPY"):
+        load(tmp_path / "a.npy", **SAID)
+
+
+def test_a_header_that_promises_more_than_the_file_has_takes_no_memory(tmp_path):
+    with (tmp_path / "a.npy").open("wb") as file:
+        header = {"descr": "<f8", "fortran_order": False, "shape": (10**12, 16)}
+        np.lib.format.write_array_header_1_0(file, header)
+        file.write(bytes(800))
+    with pytest.raises(BrokenFileError, match="expected 128000000000000 bytes, as its header says, got 800"):
+        load(tmp_path / "a.npy", **SAID)
+
+
+def test_a_cut_file_and_a_number_that_is_none_are_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.full((5, 16), np.nan))
+    with pytest.raises(NonFiniteError, match="midair mend"):
+        load(tmp_path / "a.npy", **SAID)
+    data = (tmp_path / "a.npy").read_bytes()
+    for kept in (3, 40, 200, len(data) - 1):
+        (tmp_path / "b.npy").write_bytes(data[:kept])
+        with pytest.raises(BrokenFileError):
+            load(tmp_path / "b.npy", **SAID)
+
+
+def test_the_array_has_the_name_of_its_file(tmp_path):
+    np.save(tmp_path / "wave.npy", np.arange(9.0))
+    taken = open_take(tmp_path / "wave.npy", **SAID)
+    assert taken.report[0] == "Array wave (9,) was taken as one channel of 9 frames."
+    assert taken.recording.provenance.steps[0].settings["format"] == "NPY"
