@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from midair.cli import run
-from midair.cli.commands import COMMANDS, GROUPS
+from midair.cli.commands import COMMANDS, FOLDERS
 from midair.settings import CHOICES, MODES, Settings, choices_table
 
 ROOT = Path(__file__).parents[1]
@@ -99,7 +99,7 @@ def test_the_table_of_settings_has_every_choice_in_every_mode():
     assert set(MODES) == {"paper", "best", "quick"}
 
 
-OFFERED = {*COMMANDS, *(app.name[0] for app in GROUPS)}
+OFFERED = {*COMMANDS, *FOLDERS}
 PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").glob("*.md")))]
 
 

@@ -2,35 +2,68 @@
 
 import os
 import sys
+import time
 import warnings
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-from midair.cli.commands import COMMANDS, GROUPS
-from midair.cli.terminal import err
+from midair.cli.commands import COMMANDS, FOLDERS
+from midair.cli.terminal import GROUPS, err, flags_of, offer, talk, talking
 from midair.devices import ordered_at, process_began
 from midair.errors import MidairError, UnknownDeviceError
 from midair.files import NoLocksWarning
 from midair.version import __version__
 
 TRACEBACK = "MIDAIR_TRACEBACK"
-"""Environment variable: set to anything, an error that nobody foresaw comes with its traceback."""
+"""Environment variable: set to anything, an error that nobody foresaw comes with its traceback, as with -v."""
+
+_EPILOGUE = """Examples:
+  midair demo
+  midair record virtual:towel take.h5
+  midair solve take.h5
+  midair play take.drive.h5
+
+Anywhere in a line: -q shows no bars and meters; -v says more, also where an error came from.
+Quantities take units: 200mm, 20Hz, 0.5s, 30Pa. Every command explains itself with --help."""
 
 app = App(
     name="midair",
     help="A tape recorder for touch: record what an object does to skin, play it back in midair, check what came back.",
-    help_epilogue="Quantities take units: 200mm, 20Hz, 0.5s, 30Pa. Every command explains itself with --help.",
+    help_epilogue=_EPILOGUE,
     version=__version__,
+    version_flags=("--version", "-V"),
     help_format="plaintext",
     help_on_error=False,
     default_parameter=Parameter(negative=()),
 )
-for name, command in COMMANDS.items():
-    app.command(command, name=name)
-for group in GROUPS:
-    app.command(group)
+
+
+def completion_command(shell: Literal["bash", "zsh", "fish"], /) -> None:
+    """Print what makes a shell complete commands and options at the tab key.
+
+    Parameters
+    ----------
+    shell
+        bash, zsh or fish.
+
+    Examples
+    --------
+    $ eval "$(midair completion bash)"
+    $ midair completion fish > ~/.config/fish/completions/midair.fish
+    """
+    sys.stdout.write(app.generate_completion(shell=shell))
+
+
+for name, (group, command) in COMMANDS.items():
+    offer(app, command, name, group=group)
+for group, folder in FOLDERS.values():
+    folder.group = (GROUPS[group],)
+    app.command(folder)
+offer(app, completion_command, "completion", group="Help")
+for flag in ("--help", "--version"):
+    app[flag].group = (GROUPS["Help"],)
 
 
 def main(tokens: Sequence[str] | None = None) -> None:
@@ -43,6 +76,16 @@ def main(tokens: Sequence[str] | None = None) -> None:
 
 def run(tokens: Sequence[str]) -> int:
     """Run a command line; its exit status."""
+    how, tokens = flags_of(tokens)
+    with talking(how):
+        began = time.monotonic()
+        status = _status(tokens)
+        if how.verbose:
+            err().print(f"took {time.monotonic() - began:.2f} s")
+        return status
+
+
+def _status(tokens: Sequence[str]) -> int:
     try:
         status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as wrong:
@@ -62,15 +105,15 @@ def run(tokens: Sequence[str]) -> int:
 
 def _unforeseen(wrong: Exception) -> int:
     """Say in one line what nobody foresaw: people see what failed, not our code."""
-    if os.environ.get(TRACEBACK):
+    if os.environ.get(TRACEBACK) or talk().verbose:
         raise wrong
     if isinstance(wrong, MemoryError):
         return _say("there is not enough memory for this; cut the recording (midair cut) or take a larger computer", 1)
     if isinstance(wrong, OSError) and wrong.strerror:
         where = f"{os.fspath(wrong.filename)}: " if isinstance(wrong.filename, str | bytes) else ""
-        return _say(f"{where}{wrong.strerror} ({TRACEBACK}=1 shows where)", 1)
+        return _say(f"{where}{wrong.strerror} (-v shows where)", 1)
     said = f"{type(wrong).__name__}: {wrong}" if str(wrong) else type(wrong).__name__
-    return _say(f"this is an error in midair, please report it: {said[:400]} ({TRACEBACK}=1 shows where)", 1)
+    return _say(f"this is an error in midair, please report it: {said[:400]} (-v shows where)", 1)
 
 
 def _say_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:

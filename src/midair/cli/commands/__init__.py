@@ -30,33 +30,38 @@ from midair.cli.commands.stop import stop_command
 from midair.cli.commands.study import study_app
 from midair.cli.commands.sweep import sweep_app
 
-COMMANDS: Mapping[str, Callable[..., Any]] = {
-    "budget": budget_command,
-    "compare": compare_command,
-    "cut": cut_command,
-    "demo": demo_command,
-    "doctor": doctor_command,
-    "export": export_command,
-    "exposure": exposure_command,
-    "gain": gain_command,
-    "identify": identify_command,
-    "import": import_command,
-    "info": info_command,
-    "join": join_command,
-    "loop": loop_command,
-    "mask": mask_command,
-    "paper": paper_command,
-    "mend": mend_command,
-    "play": play_command,
-    "record": record_command,
-    "repair": repair_command,
-    "resample": resample_command,
-    "solve": solve_command,
-    "stop": stop_command,
-    "trim": trim_command,
+COMMANDS: Mapping[str, tuple[str, Callable[..., Any]]] = {
+    "demo": ("Begin", demo_command),
+    "doctor": ("Begin", doctor_command),
+    "record": ("Record", record_command),
+    "import": ("Record", import_command),
+    "identify": ("Record", identify_command),
+    "repair": ("Record", repair_command),
+    "info": ("Edit", info_command),
+    "cut": ("Edit", cut_command),
+    "trim": ("Edit", trim_command),
+    "join": ("Edit", join_command),
+    "gain": ("Edit", gain_command),
+    "mask": ("Edit", mask_command),
+    "mend": ("Edit", mend_command),
+    "resample": ("Edit", resample_command),
+    "export": ("Edit", export_command),
+    "solve": ("Reproduce", solve_command),
+    "exposure": ("Reproduce", exposure_command),
+    "play": ("Reproduce", play_command),
+    "stop": ("Reproduce", stop_command),
+    "loop": ("Reproduce", loop_command),
+    "compare": ("Judge", compare_command),
+    "budget": ("Judge", budget_command),
+    "paper": ("Research", paper_command),
 }
+"""A group of `terminal.GROUPS` and a command, by the name that people type, in the order of the work."""
 
-GROUPS: tuple[App, ...] = (calibrate_app, study_app, sweep_app)
+FOLDERS: Mapping[str, tuple[str, App]] = {
+    "calibrate": ("Calibrate", calibrate_app),
+    "sweep": ("Research", sweep_app),
+    "study": ("Research", study_app),
+}
 """Commands that have commands below them."""
 
-__all__ = ["COMMANDS", "GROUPS"]
+__all__ = ["COMMANDS", "FOLDERS"]

@@ -66,6 +66,10 @@ def budget_command(
         Of the virtual rig.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair budget take.h5 budget.png --duration 0.1s
     """
     options = options or SolveOptions()
     settings = options.settings()

@@ -41,6 +41,10 @@ def compare_command(
         What was re-recorded of its reproduction.
     options
         Of the band, where the re-recording does not say.
+
+    Examples
+    --------
+    $ midair compare take.h5 take.rerecorded.h5
     """
     again = open_take(reproduced, streamed=True).recording
     settings = made_with(again.provenance, (options or BandOptions()).settings())

@@ -38,6 +38,11 @@ def demo_command(
         Of every stage.
     seed
         Of everything random.
+
+    Examples
+    --------
+    $ midair demo
+    $ midair demo sponge --object-name sponge
     """
     options = options or SolveOptions()
     settings = options.settings()

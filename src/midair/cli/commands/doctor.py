@@ -18,6 +18,11 @@ def doctor_command(*, device: str | None = None, json: Json = False) -> int:
     device
         An array to open and ask: autd3, autd3:INTERFACE, autd3:emulator, pyautd3:INTERFACE, openmpd:PORT. It stays
         silent. Or a sensor to listen to for half a second: lsl:NAME, audio:DEVICE, serial:PORT, ni:CHANNELS.
+
+    Examples
+    --------
+    $ midair doctor
+    $ midair doctor --device autd3:emulator
     """
     findings = check_up(device)
     if json:

@@ -52,6 +52,10 @@ def cut_command(
         Of the part; the recording's own if not given.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair cut take.h5 part.h5 --start 0.4s --end 0.9s
     """
     may_write(output, force)
     _write(recordings.cut(open_take(source, streamed=True).recording, start, end), [source], output, json=json)
@@ -66,6 +70,10 @@ def join_command(*files: Path, force: Force = False, json: Json = False) -> None
         Two recordings or more, and last the name of the whole.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair join take.h5 part.h5 both.h5
     """
     if len(files) < 3:
         raise InputError(f"join: expected two recordings or more and the name of the whole, got {len(files)} names")
@@ -89,6 +97,10 @@ def resample_command(
         New frames per second.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair resample take.h5 fine.h5 --rate 4kHz
     """
     may_write(output, force)
     _write(recordings.resample(open_take(source).recording, rate), [source], output, json=json)
@@ -118,6 +130,10 @@ def trim_command(
         That is kept at both ends.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair trim take.h5 short.h5
     """
     may_write(output, force)
     _write(recordings.trim(open_take(source).recording, share=share, margin=margin), [source], output, json=json)
@@ -147,6 +163,10 @@ def gain_command(
         Only these, by number from 0, with commas.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair gain take.h5 louder.h5 --by 6dB
     """
     may_write(output, force)
     recording = open_take(source).recording
@@ -181,6 +201,10 @@ def mask_command(
         zero, or the mean of the neighbours that are not masked.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair mask take.h5 clean.h5 --channels 3,7 --fill neighbours
     """
     may_write(output, force)
     recording = open_take(source).recording

@@ -52,6 +52,10 @@ def exposure_command(
         Of the room; that which the drive was solved for if it is not stated. Of it and the paper's the louder counts.
     json
         Print JSON for a program, and draw only if a figure is named.
+
+    Examples
+    --------
+    $ midair exposure take.drive.h5
     """
     target = figure or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".exposure.png")
     chosen, room = profile_named(profile, profiles), (air or AirOptions()).medium()

@@ -52,6 +52,10 @@ def identify_command(
         To listen to the tones.
     seed
         Of a virtual sensor.
+
+    Examples
+    --------
+    $ midair identify virtual:taps --every 1s
     """
     wiring = load_sensor(sensor_file) if sensor_file is not None and sensor_file.exists() else None
     device = sensor_named(sensor, VirtualRig(seed=seed), wiring=wiring)

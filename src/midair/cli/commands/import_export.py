@@ -59,6 +59,11 @@ def import_command(
         The largest change of any channel is to mean this pressure, such as 30Pa.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair import sample:denim --peak 30Pa
+    $ midair import towel.wav --scale 30Pa --footprint circle:20mm --speed 50mm/s
     """
     _take_in(source, output, options or FileOptions(), sensitivity, peak, force=force, json=json)
 
@@ -145,6 +150,10 @@ def export_command(
         Write the calibrated pressure instead of what the sensor said.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair export take.h5 take.csv
     """
     may_write(output, force)
     take = open_take(source, streamed=True)
@@ -168,6 +177,10 @@ def repair_command(source: Path, /) -> None:
     ----------
     source
         NAME.h5; it is replaced in one piece.
+
+    Examples
+    --------
+    $ midair repair take.h5
     """
     found = repair(source)
     print_rows([("recording", str(source)), ("state", "was closed in order" if not found else "repaired")])

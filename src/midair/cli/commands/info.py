@@ -19,6 +19,11 @@ def info_command(source: Path, /, *, json: Json = False) -> None:
     ----------
     source
         NAME.h5, NAME.drive.h5, NAME.calibration.h5, or any recording that can be imported.
+
+    Examples
+    --------
+    $ midair info take.h5
+    $ midair info take.drive.h5 --json
     """
     rows, provenance = _rows_of_file(source)
     if json:

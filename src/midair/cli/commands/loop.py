@@ -119,6 +119,10 @@ def loop_command(
         Silence around what is played, in which a bias can rise; 100 ms for mappings with one if not given.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair loop take.h5 report.html --start-at 0.4s
     """
     target = output or Path(source.name.removesuffix(source.suffix) + ".html")
     options = options or SolveOptions()

@@ -73,6 +73,10 @@ def paper_command(
         Of the virtual rig.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair paper --figure 9
     """
     everything = not figure and not fidelity
     chosen = {3, 4, 9} if everything else set(figure)

@@ -28,6 +28,7 @@ from midair.cli.terminal import (
     quantity,
     signals_noted,
     take_rows,
+    talk,
 )
 from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError
@@ -144,8 +145,13 @@ def record_command(
         Print JSON for a program.
     seed
         Of a virtual sensor's noise and texture.
+
+    Examples
+    --------
+    $ midair record virtual:towel towel.h5 --duration 1s
+    $ midair record "lsl:Skin?unit=V" --object towel --repeats 5
     """
-    options = options or TakeOptions()
+    options, quiet = options or TakeOptions(), quiet or talk().quiet
     if options.repeats < 1:
         raise InputError(f"--repeats: expected 1 or more, got {options.repeats}")
     subject = subject or SubjectOptions()

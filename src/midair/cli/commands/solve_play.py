@@ -60,6 +60,11 @@ def solve_command(
         autd3: two by two units. openmpd, openmpd-twin (experimental): one board, or two face to face.
     placement
         TOML file with position and rotation of other AUTD3 units.
+
+    Examples
+    --------
+    $ midair solve take.h5
+    $ midair solve take.h5 part.drive.h5 --duration 0.1s --mode quick
     """
     options = options or SolveOptions()
     settings = options.settings()
@@ -135,6 +140,11 @@ def play_command(
         Of exposure and of arrays.
     air
         Of the room; a virtual device plays in the drive's own air if it is not stated.
+
+    Examples
+    --------
+    $ midair play take.drive.h5
+    $ midair play take.drive.h5 --device autd3
     """
     options, room = options or PlayOptions(), (air or AirOptions()).medium()
     if device != "virtual":

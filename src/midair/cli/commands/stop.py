@@ -26,6 +26,10 @@ def stop_command(*, device: str | None = None, placement: Path | None = None, js
         TOML file with the units of that device; two by two if not given.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair stop
     """
     try:
         stopped = stop_playing()

@@ -20,6 +20,7 @@ from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
 from midair.cli.terminal.keys import Keys, Signals, signals_noted
 from midair.cli.terminal.meter_screen import MeterScreen
 from midair.cli.terminal.nominal import nominal_calibration, stated_sensitivity
+from midair.cli.terminal.offering import GROUPS, epilogue, examples_of, offer
 from midair.cli.terminal.options import BandOptions, Force, Frequency, Json, Length, Quiet, SolveOptions, Time
 from midair.cli.terminal.originals import felt_part, kept_aside, made_with, same_part
 from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
@@ -28,6 +29,7 @@ from midair.cli.terminal.rows import calibrated_by, recording_rows
 from midair.cli.terminal.stage_options import Drawing, StageOptions, stroke_rows
 from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
 from midair.cli.terminal.take_output import plain_take, take_rows
+from midair.cli.terminal.talk import Talk, flags_of, talk, talking
 
 __all__ = [
     "AirOptions",
@@ -37,6 +39,7 @@ __all__ = [
     "FileOptions",
     "Force",
     "Frequency",
+    "GROUPS",
     "Json",
     "Keys",
     "Length",
@@ -48,20 +51,25 @@ __all__ = [
     "Signals",
     "SolveOptions",
     "StageOptions",
+    "Talk",
     "Time",
     "as_recording",
     "banner",
     "bring",
     "calibrated_by",
     "card_of",
+    "epilogue",
     "err",
+    "examples_of",
     "felt_part",
+    "flags_of",
     "kept_aside",
     "given_calibration",
     "keep",
     "made_with",
     "may_write",
     "nominal_calibration",
+    "offer",
     "out",
     "parse_names",
     "parse_quantity",
@@ -91,5 +99,7 @@ __all__ = [
     "stroke_rows",
     "swept",
     "take_rows",
+    "talk",
+    "talking",
     "tell",
 ]

@@ -10,6 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Table
 from rich.text import Text
 
+from midair.cli.terminal.talk import talk
 from midair.files import for_json, printable
 from midair.model import Progress as Report
 from midair.rig import Stage
@@ -53,6 +54,7 @@ def bars(items: str = "frames", *, width: int = 16, name: str = "<27", digits: i
         TimeRemainingColumn(elapsed_when_finished=True),
         console=err(),
         speed_estimate_period=period,
+        disable=talk().quiet,
     )
 
 

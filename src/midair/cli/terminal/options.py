@@ -19,9 +19,9 @@ from midair.settings import CHOICES, MODES, Choice, Mode, Settings, spelt
 Length = Annotated[float, quantity("m")]
 Frequency = Annotated[float, quantity("Hz")]
 Time = Annotated[float, quantity("s")]
-Force = Annotated[bool, Parameter(help="Write over a file that is there.")]
-Json = Annotated[bool, Parameter(help="Print JSON for a program.")]
-Quiet = Annotated[bool, Parameter(help="Show nothing while it runs.")]
+Force = Annotated[bool, Parameter(alias="-f", help="Write over a file that is there.")]
+Json = Annotated[bool, Parameter(alias="-j", help="Print JSON for a program.")]
+Quiet = Annotated[bool, Parameter(help="Show nothing while it runs, as -q does.")]
 
 
 class _Chosen:
@@ -122,6 +122,7 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
     first: list[Any] = []
     if modes:
         mode = Parameter(
+            name=("--mode", "-m"),
             help="paper, best, or quick (the best with fewer iterations); single options go on top.",
             show_default=_fixed("best"),
         )

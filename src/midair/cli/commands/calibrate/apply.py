@@ -57,6 +57,11 @@ def apply_command(
         Whether to undo what the cells feel of each other's pressure.
     damping
         Of that: 0 for the inverse of the crosstalk matrix, more for less.
+
+    Examples
+    --------
+    $ midair calibrate take.h5 --peak 30Pa
+    $ midair calibrate take.h5 --sensitivity 20mV/Pa
     """
     chosen = (options or BandOptions()).settings().calibration
     may_write(source, force=True)
@@ -96,6 +101,10 @@ def show_command(source: Path, page: Path | None = None, /, *, force: Force = Fa
         NAME.png or NAME.html.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair calibrate show take.h5 calibration.html
     """
     prepare_page(page, force)
     tell(given_calibration(source), [], page=page, json=json)

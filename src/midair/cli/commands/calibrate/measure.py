@@ -85,6 +85,10 @@ def measure_command(
         Smallest of a bin that counts.
     options
         Where it goes.
+
+    Examples
+    --------
+    $ midair calibrate measure practice/all-10Pa.h5 --reference practice/all-10Pa-reference.h5 --reference-sensitivity 50mV/Pa
     """
     options = options or OutputOptions()
     if not recordings:
@@ -137,6 +141,10 @@ def tone_command(
         A calibration of the same sensor over frequency, to be brought to the tone's level: one by a beam, say.
     options
         Where it goes.
+
+    Examples
+    --------
+    $ midair calibrate tone tone.h5 --frequency 250Hz --pressure 114dB
     """
     options = options or OutputOptions()
     said = open_take(recording).recording
@@ -200,6 +208,10 @@ def beam_command(
         Of a virtual rig.
     options
         Where it goes.
+
+    Examples
+    --------
+    $ midair calibrate beam
     """
     options, room = options or OutputOptions(), (air or AirOptions()).medium()
     medium = room or Medium.at(temperature=22.0, humidity=0.5)
@@ -244,6 +256,10 @@ def bench_command(
         Of each recording.
     seed
         Of all that is random.
+
+    Examples
+    --------
+    $ midair calibrate bench practice --kind sweep
     """
     with stages() as stage:
         command = write_practice(folder, kind=kind, duration=duration, seed=seed, progress=stage("simulate"))

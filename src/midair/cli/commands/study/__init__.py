@@ -4,13 +4,18 @@ from cyclopts import App
 
 from midair.cli.commands.study.numbers import paper_command, power_command
 from midair.cli.commands.study.study import analyse_command, export_command, new_command, run_command
+from midair.cli.terminal import epilogue, offer
 
-study_app = App(name="study", help="Plan a study on people, run it one participant at a time, and analyse it.")
-study_app.command(power_command, name="power")
-study_app.command(paper_command, name="paper")
-study_app.command(new_command, name="new")
-study_app.command(run_command, name="run")
-study_app.command(analyse_command, name="analyse")
-study_app.command(export_command, name="export")
+study_app = App(
+    name="study",
+    help="Plan a study on people, run it one participant at a time, and analyse it.",
+    help_epilogue=epilogue(("midair study new touch --participants 3",)),
+)
+offer(study_app, new_command, "new")
+offer(study_app, run_command, "run")
+offer(study_app, analyse_command, "analyse")
+offer(study_app, export_command, "export")
+offer(study_app, power_command, "power")
+offer(study_app, paper_command, "paper")
 
 __all__ = ["study_app"]

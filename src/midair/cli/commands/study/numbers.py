@@ -51,6 +51,10 @@ def power_command(
         Simulated studies for each number of participants.
     seed
         Of the simulation.
+
+    Examples
+    --------
+    $ midair study power paired --effect 0.8
     """
     if test == "paired":
         say(f"{participants_for_paired_t(d_z=effect, power=power)} pairs for power {power:g} at d_z = {effect:g}.")
@@ -76,6 +80,10 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
         Folder for the two figures; none are drawn if not given.
     seed
         Of the chance distribution.
+
+    Examples
+    --------
+    $ midair study paper figures
     """
     for row in derive().to_dict("records"):
         limits = "" if np.isnan(row["low"]) else f" ({row['low']:.3f} to {row['high']:.3f})"

@@ -64,6 +64,10 @@ def new_command(
         For how many people trials are drawn; what the TOML says if not given.
     seed
         Of all shuffles; what the TOML says if not given.
+
+    Examples
+    --------
+    $ midair study new touch --participants 3
     """
     text = paper_design_text() if source is None else read_text(source, "the TOML of a study")
     path = Path(name)
@@ -111,6 +115,10 @@ def run_command(
         What a drive may expose people to.
     air
         Of the room; it is stored with the answers.
+
+    Examples
+    --------
+    $ midair study run touch --participant 1 --simulate
     """
     folder = StudyFolder(study)
     plan = folder.plan()
@@ -181,6 +189,10 @@ def analyse_command(
         Columns of the factors of the ratings.
     margin
         Difference of macro F between conditions that does not matter.
+
+    Examples
+    --------
+    $ midair study analyse touch
     """
     if (source / "plan.json").exists():
         folder = StudyFolder(source)
@@ -221,6 +233,10 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
         New folder, or new CSV file.
     format
         Of the output.
+
+    Examples
+    --------
+    $ midair study export touch bids
     """
     folder = StudyFolder(study)
     plan = folder.plan()

@@ -5,14 +5,16 @@ from cyclopts import App
 from midair.cli.commands.sweep.patterns import patterns_command
 from midair.cli.commands.sweep.recordings import recordings_command
 from midair.cli.commands.sweep.report import report_command
+from midair.cli.terminal import epilogue, offer
 
 sweep_app = App(
     name="sweep",
     help="Solve many targets on many processes, and report E: all binary patterns of the paper's simulation (5.1) over "
     "strengths and heights, or recordings under many settings.",
+    help_epilogue=epilogue(("midair sweep patterns patterns.zarr --count 1000 --strength 0.1",)),
 )
-sweep_app.command(patterns_command, name="patterns")
-sweep_app.command(recordings_command, name="recordings")
-sweep_app.command(report_command, name="report")
+offer(sweep_app, patterns_command, "patterns")
+offer(sweep_app, recordings_command, "recordings")
+offer(sweep_app, report_command, "report")
 
 __all__ = ["sweep_app"]

@@ -88,6 +88,10 @@ def patterns_command(
         Address of a Dask scheduler, such as tls://host:8786; processes on this machine if not given.
     workers
         Processes on this machine; one a core if not given.
+
+    Examples
+    --------
+    $ midair sweep patterns patterns.zarr --count 1000 --strength 0.1
     """
     medium = (air or AirOptions()).medium() or Medium(attenuation=0.0)
     if attenuation is not None:

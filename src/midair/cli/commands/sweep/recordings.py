@@ -55,6 +55,10 @@ def recordings_command(
         Address of a Dask scheduler, such as tls://host:8786; processes on this machine if not given.
     workers
         Processes on this machine; one a core if not given.
+
+    Examples
+    --------
+    $ midair sweep recordings sweep.zarr take.h5 --vary height=150mm,200mm --duration 0.1s
     """
     if not sources:
         raise InputError("sweep: expected recordings after the name of the sweep, got none")

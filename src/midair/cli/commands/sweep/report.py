@@ -25,6 +25,10 @@ def report_command(source: str, /, *, output: Path | None = None, json: Json = F
         NAME.zarr; also an address that fsspec knows.
     output
         Folder for the files; NAME.report if not given, here if the sweep is elsewhere.
+
+    Examples
+    --------
+    $ midair sweep report patterns.zarr
     """
     here = Path(source.rpartition("/")[2] if "://" in source else source)
     folder, results = output or here.with_suffix(".report"), load_sweep(source)

@@ -1,0 +1,149 @@
+"""What help shows: every command has an example, each of them does what it says, and no line is cut off."""
+
+import os
+import shlex
+import shutil
+import subprocess
+from io import StringIO
+
+import numpy as np
+import pytest
+import soundfile
+from rich.console import Console
+
+from midair.cli import app, run
+from midair.cli.terminal import GROUPS, examples_of
+from midair.files import save
+from midair.model import Recording
+
+
+def commands(at=app, names=()):
+    """Every command and folder of commands, by the words that people type."""
+    for name in at:
+        if not name.startswith("-"):
+            yield (*names, name), at[name]
+            yield from commands(at[name], (*names, name))
+
+
+ALL = dict(commands())
+EXAMPLES = [line for below in ALL.values() if below.default_command for line in examples_of(below.default_command)]
+HARDWARE = ['midair record "lsl:Skin?unit=V" --object towel --repeats 5', "midair play take.drive.h5 --device autd3"]
+"""These need a sensor or an array."""
+SHELL = [line for line in EXAMPLES if line.startswith("eval") or " > " in line]
+"""These are for a shell; `test_completion` runs what is in them."""
+SLOW = (
+    "midair demo",
+    "midair loop",
+    "midair budget",
+    "midair paper",
+    "midair solve take.h5",
+    "midair sweep",
+    "midair calibrate beam",
+    "midair calibrate bench",
+    "midair calibrate measure",
+    "midair calibrate tone",
+    "midair doctor",
+    "midair identify",
+    "midair study",
+)
+PLAN = "study new touch --participants 2"
+BEFORE = {
+    "calibrate measure": ["calibrate bench practice --duration 12s"],
+    "study run": [PLAN],
+    "study analyse": [PLAN, "study run touch --simulate"],
+    "study export": [PLAN, "study run touch --simulate"],
+    "sweep report": ["sweep patterns patterns.zarr --count 1000 --strength 0.1"],
+}
+"""What an example stands on."""
+HERE = [line for line in EXAMPLES if line not in (*HARDWARE, *SHELL)]
+
+
+def test_every_command_has_an_example_that_names_it():
+    for names, below in ALL.items():
+        assert "midair " in below.help_epilogue, names
+        if below.default_command is not None:
+            examples = examples_of(below.default_command)
+            assert examples, names
+            assert all(f"midair {' '.join(names)}" in line for line in examples), names
+
+
+def test_every_command_stands_in_a_group_of_the_work():
+    shown = [below.group[0].name for names, below in ALL.items() if len(names) == 1]
+    assert set(shown) == set(GROUPS)
+
+
+@pytest.mark.parametrize("width", [60, 80, 200])
+@pytest.mark.parametrize("names", [(), *ALL], ids=" ".join)
+def test_help_fits_and_loses_nothing(names, width):
+    page = StringIO()
+    app.help_print(list(names), console=Console(file=page, width=width))
+    lines = page.getvalue().splitlines()
+    assert max(map(len, lines)) <= width
+    assert "…" not in page.getvalue()
+    examples = examples_of(ALL[names].default_command) if names and ALL[names].default_command else ()
+    shown = "".join(page.getvalue().replace("\\\n", "").split())
+    assert all("".join(line.split()) in shown for line in examples)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Files by the names that the examples give them."""
+    folder = tmp_path_factory.mktemp("examples")
+    rng = np.random.default_rng(3)
+    samples = rng.normal(size=(1000, 4, 4)) * np.hanning(1000)[:, None, None]
+    before = os.getcwd()
+    os.chdir(folder)
+    try:
+        save(Recording(samples=samples, rate=1000), "take.h5")
+        tone = np.sqrt(2) * 0.2 * np.sin(2 * np.pi * 250 * np.arange(2000) / 2000)
+        save(Recording(samples=np.tile(tone[:, None, None], (1, 4, 4)), rate=2000), "tone.h5")
+        soundfile.write("towel.wav", 0.5 * np.clip(rng.normal(size=4000) / 4, -1, 1), 8000)
+        assert run(["calibrate", "take.h5", "--peak", "30Pa"]) == 0
+        assert run(["cut", "take.h5", "part.h5", "--start", "0.5s", "--end", "0.52s"]) == 0
+        paper = ["--mode", "paper", "--method", "naive", "--duration", "0.1s"]
+        assert run(["solve", "take.h5", *paper]) == 0
+        assert run(["play", "take.drive.h5"]) == 0
+        os.rename("take.rerecorded.h5", "kept.h5")
+    finally:
+        os.chdir(before)
+    return folder
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "line", [pytest.param(one, marks=[pytest.mark.slow] * one.startswith(SLOW)) for one in HERE], ids=str
+)
+def test_an_example_does_what_it_says(folder, line):
+    words = shlex.split(line)[1:]
+    if words[0] == "compare":
+        (folder / "kept.h5").rename(folder / "take.rerecorded.h5")
+    for gone in {"solve": ["take.drive.h5"], "cut": ["part.h5"]}.get(words[0], []):
+        (folder / gone).unlink()
+    for before in BEFORE.get(" ".join(words[:2]), []):
+        assert run(before.split()) == 0
+    assert run(words) == 0
+
+
+def test_completion_of_a_shell_knows_commands_and_options(capsys):
+    for shell in ("bash", "zsh", "fish"):
+        assert run(["completion", shell]) == 0
+        script = capsys.readouterr().out
+        assert all(name in script for name in ("record", "solve", "--temperature", "--settings"))
+    assert run(["completion", "tcsh"]) == 2
+
+
+def test_bash_completes_a_command(capsys, tmp_path):
+    assert run(["completion", "bash"]) == 0
+    (tmp_path / "midair.bash").write_text(capsys.readouterr().out, encoding="utf-8")
+    asked = (
+        f"source {tmp_path}/midair.bash; COMP_WORDS=(midair so); COMP_CWORD=1; COMP_LINE='midair so'; "
+        "COMP_POINT=9; $(complete -p midair | sed 's/.*-F \\([^ ]*\\).*/\\1/'); echo ${COMPREPLY[@]}"
+    )
+    done = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["solve"]
