@@ -48,7 +48,7 @@ SLOW = (
 )
 PLAN = "study new touch --participants 2"
 BEFORE = {
-    "calibrate measure": ["calibrate bench practice --duration 12s"],
+    "calibrate measure": ["calibrate bench bench --duration 12s"],
     "study run": [PLAN],
     "study analyse": [PLAN, "study run touch --simulate"],
     "study export": [PLAN, "study run touch --simulate"],
@@ -97,6 +97,10 @@ def made(tmp_path_factory):
         save(Recording(samples=samples, rate=1000), "take.h5")
         tone = np.sqrt(2) * 0.2 * np.sin(2 * np.pi * 250 * np.arange(2000) / 2000)
         save(Recording(samples=np.tile(tone[:, None, None], (1, 4, 4)), rate=2000), "tone.h5")
+        rows = np.column_stack([np.arange(1000) / 1000, samples.reshape(1000, 16)])
+        rows[500:503, 4] = np.nan
+        names = ",".join(["time", *(f"ch{n}" for n in range(16))])
+        np.savetxt("gaps.csv", rows, delimiter=",", header=names, comments="", fmt="%.6f")
         soundfile.write("towel.wav", 0.5 * np.clip(rng.normal(size=4000) / 4, -1, 1), 8000)
         assert run(["calibrate", "take.h5", "--peak", "30Pa"]) == 0
         assert run(["cut", "take.h5", "part.h5", "--start", "0.5s", "--end", "0.52s"]) == 0

@@ -38,10 +38,10 @@ def test_what_another_format_cannot_hold_is_said(tmp_path):
 
 
 def test_a_program_is_told_the_same_as_a_person(capsys):
-    told = ([("frames", "3")], ["cut"], [Loss(what="rate", text="No rate.")])
+    told = ([("frames", "3 at 1 Hz")], {"frames": 3}, ["cut"], [Loss(what="rate", text="No rate.")])
     say_kept(*told, simulated=True, json=True)
     assert json.loads(capsys.readouterr().out) == {
-        "frames": "3",
+        "frames": 3,
         "simulated": True,
         "notes": ["cut"],
         "lost": [{"what": "rate", "text": "No rate."}],

@@ -18,6 +18,7 @@ from midair.cli.terminal import (
     parse_names,
     parsed,
     quantity,
+    recording_figures,
     recording_rows,
     say_kept,
 )
@@ -223,7 +224,8 @@ def _write(recording: Recording, sources: list[Path], output: Path, *, json: boo
         notes.append("The calibrated pressure was left out: it belongs to the whole; run midair calibrate again.")
     lost = keep(recording, output, calibration=calibration)
     rows = [("recording", str(output)), *recording_rows(recording)]
-    say_kept(rows, notes, lost, simulated=recording.provenance.simulated, json=json)
+    figures = {"recording": str(output), **recording_figures(recording)}
+    say_kept(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
 
 
 def _same(calibrations: list[Calibration | None]) -> bool:

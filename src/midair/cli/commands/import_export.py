@@ -11,12 +11,14 @@ from midair.cli.terminal import (
     as_recording,
     bring,
     calibrated_by,
+    calibration_figures,
     keep,
     may_write,
     nominal_calibration,
     out,
     print_rows,
     quantity,
+    recording_figures,
     recording_rows,
     say_kept,
 )
@@ -103,6 +105,10 @@ def mend_command(
         The largest change of any channel is to mean this pressure, such as 30Pa.
     json
         Print JSON for a program.
+
+    Examples
+    --------
+    $ midair mend gaps.csv --unit V
     """
     mending = Mending(longest=longest, fill=fill)
     _take_in(source, output, options or FileOptions(), sensitivity, peak, mending, force=force, json=json)
@@ -132,7 +138,12 @@ def _take_in(
     rows = [("recording", str(target)), *recording_rows(imported.recording)]
     if imported.recording.unit != "Pa" or stated or calibration:
         rows.append(("calibration", calibrated_by(stated or calibration)))
-    say_kept(rows, imported.report, lost, simulated=imported.recording.provenance.simulated, json=json)
+    figures = {
+        "recording": str(target),
+        **recording_figures(imported.recording),
+        "calibration": calibration_figures(stated or calibration),
+    }
+    say_kept(rows, figures, imported.report, lost, simulated=imported.recording.provenance.simulated, json=json)
 
 
 def export_command(
@@ -165,7 +176,14 @@ def export_command(
         recording, calibration, made = as_recording(made), None, None
     lost = keep(recording, output, calibration=calibration, pressure=made)
     rows = [("written", str(output)), ("format", format_of(output).name)]
-    say_kept(rows, (), lost, simulated=recording.provenance.simulated, json=json)
+    say_kept(
+        rows,
+        {"written": str(output), "format": format_of(output).name},
+        (),
+        lost,
+        simulated=recording.provenance.simulated,
+        json=json,
+    )
 
 
 def repair_command(source: Path, /) -> None:

@@ -1,15 +1,36 @@
 """The command `info`, and what other commands say of a file that they made."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from midair.cli.terminal import Json, banner, calibrated_by, print_json, print_rows, recording_rows, stroke_rows
+from midair.cli.terminal import (
+    Json,
+    banner,
+    calibrated_by,
+    calibration_figures,
+    print_json,
+    print_rows,
+    recording_figures,
+    recording_rows,
+    stroke_rows,
+    strokes_of,
+)
 from midair.files import contents, load_calibration, load_pressure, load_solution, open_take
 from midair.model import Provenance, Setting
 from midair.reel import moments
 from midair.rig import calibration_rows, uncertainty_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _FileFacts:
+    """What a file holds: in words, for programs, and its life."""
+
+    rows: list[tuple[str, str]]
+    figures: dict[str, object]
+    provenance: Provenance = field(default_factory=Provenance)
 
 
 def info_command(source: Path, /, *, json: Json = False) -> None:
@@ -25,71 +46,99 @@ def info_command(source: Path, /, *, json: Json = False) -> None:
     $ midair info take.h5
     $ midair info take.drive.h5 --json
     """
-    rows, provenance = _rows_of_file(source)
+    told = _told_of_file(source)
+    steps = told.provenance.steps
     if json:
-        steps = [{"stage": step.stage, **step.settings} for step in provenance.steps]
-        return print_json({**dict(rows), "simulated": provenance.simulated, "steps": steps})
-    banner(provenance.simulated)
-    print_rows([*rows, *((f"step: {step.stage}", _settings(step.settings)) for step in provenance.steps)])
+        life = {
+            "source": told.provenance.source,
+            "notes": dict(told.provenance.notes),
+            "simulated": told.provenance.simulated,
+            "steps": [{"stage": step.stage, **step.settings} for step in steps],
+        }
+        return print_json({**told.figures, **life})
+    banner(told.provenance.simulated)
+    print_rows([*told.rows, *((f"step: {step.stage}", _settings(step.settings)) for step in steps)])
     return None
 
 
-def _rows_of_file(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
-    """What a file of any kind holds, and its life."""
+def _told_of_file(source: Path) -> _FileFacts:
     if not source.name.lower().endswith((".h5", ".hdf5", ".nc")):
-        return _take_rows(source)
+        return _told_of_take(source)
     held = contents(source)
-    readers = {"drive": _drive_rows, "calibration": _calibration_rows}
-    rows, provenance = readers.get(held.kind, _take_rows)(source)
-    rows.append(
+    readers = {"drive": _told_of_drive, "calibration": _told_of_calibration}
+    told = readers.get(held.kind, _told_of_take)(source)
+    told.rows.append(
         ("written", f"{held.created} by {held.created_by}" + ("" if held.finished else ", not closed in order"))
     )
-    return rows, provenance
+    told.figures.update(written=held.created, written_by=held.created_by, closed_in_order=held.finished)
+    return told
 
 
-def _calibration_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
+def _told_of_calibration(source: Path) -> _FileFacts:
     calibration = load_calibration(source)
     if calibration is None:
-        return [("calibration", "none")], Provenance()
+        return _FileFacts(rows=[("calibration", "none")], figures={"kind": "calibration", "calibration": None})
     rows = calibration_rows(calibration)
-    return rows, calibration.provenance
+    figures = {"kind": "calibration", "calibration": calibration_figures(calibration), **dict(rows)}
+    return _FileFacts(rows=rows, figures=figures, provenance=calibration.provenance)
 
 
-def _take_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
+def _told_of_take(source: Path) -> _FileFacts:
     take = open_take(source, streamed=True)
     recording, calibration = take.recording, take.calibration
+    life = recording.provenance
     pressure = load_pressure(source, streamed=True) if take.stored else None
-    rows = [("recording", str(source)), ("source", recording.provenance.source), *recording_rows(recording)]
+    rows = [("recording", str(source)), ("source", life.source), *recording_rows(recording)]
     rows.append(("calibration", calibrated_by(calibration)))
     if calibration is not None:
         rows.append(("calibration id", f"{calibration.identifier}, version {calibration.version}"))
         rows.append(("calibration date", calibration.date or "not written down"))
         rows.append(("uncertainty", uncertainty_of(calibration)))
-    if pressure is not None:
-        rows.append(("largest pressure", f"{moments(pressure.pressure).largest:.3g} Pa"))
-    rows += stroke_rows(recording.provenance, recording.rate)
-    rows += [(f"note: {name}", text) for name, text in recording.provenance.notes.items()]
-    return rows, recording.provenance
+    largest = None if pressure is None else float(moments(pressure.pressure).largest)
+    if largest is not None:
+        rows.append(("largest pressure", f"{largest:.3g} Pa"))
+    rows += stroke_rows(life, recording.rate)
+    rows += [(f"note: {name}", text) for name, text in life.notes.items()]
+    figures: dict[str, object] = {
+        "kind": "recording",
+        "recording": str(source),
+        **recording_figures(recording),
+        "calibration": calibration_figures(calibration),
+        "uncertainty": None if calibration is None else uncertainty_of(calibration),
+        "largest_pressure_pa": largest,
+        "strokes": strokes_of(life, recording.rate),
+    }
+    return _FileFacts(rows=rows, figures=figures, provenance=life)
 
 
-def _drive_rows(source: Path) -> tuple[list[tuple[str, str]], Provenance]:
+def _told_of_drive(source: Path) -> _FileFacts:
     solution = load_solution(source, streamed=True)
     drive = solution.drive
     plays = np.array([status != "silent" for status in solution.status])
-    error = 100 * solution.error[plays]
+    error, seconds, silent = solution.error[plays], drive.frames / drive.rate, int((~plays).sum())
+    mean, worst = (float(error.mean()), float(error.max())) if plays.any() else (None, None)
     rows = [
         ("drive", str(source)),
         ("source", drive.provenance.source),
-        (
-            "frames",
-            f"{drive.frames} at {drive.rate:g} Hz, {drive.frames / drive.rate:.3f} s, {int((~plays).sum())} silent",
-        ),
+        ("frames", f"{drive.frames} at {drive.rate:g} Hz, {seconds:.3f} s, {silent} silent"),
         ("array", f"{drive.array.name}, {drive.array.count} transducers"),
         ("level", f"{drive.level.min():g} to {drive.level.max():g}"),
-        ("E", f"mean {error.mean():.1f} %, worst {error.max():.1f} %" if plays.any() else "nothing plays"),
+        ("E", "nothing plays" if mean is None else f"mean {100 * mean:.1f} %, worst {100 * (worst or 0):.1f} %"),
         *((f"note: {name}", text) for name, text in drive.provenance.notes.items()),
     ]
-    return rows, drive.provenance
+    figures: dict[str, object] = {
+        "kind": "drive",
+        "drive": str(source),
+        "frames": drive.frames,
+        "rate_hz": drive.rate,
+        "duration_s": seconds,
+        "silent_frames": silent,
+        "array": {"name": drive.array.name, "transducers": drive.array.count},
+        "level": [float(drive.level.min()), float(drive.level.max())],
+        "E_mean": mean,
+        "E_worst": worst,
+    }
+    return _FileFacts(rows=rows, figures=figures, provenance=drive.provenance)
 
 
 def _settings(settings: Mapping[str, Setting]) -> str:

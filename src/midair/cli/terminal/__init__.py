@@ -6,14 +6,18 @@ from midair.cli.terminal.calibration_output import OutputOptions, given_calibrat
 from midair.cli.terminal.comparisons import card_of, plain, print_card
 from midair.cli.terminal.console import (
     PlainConsole,
+    Talk,
     banner,
     err,
+    flags_of,
     out,
     print_figures,
     print_json,
     print_rows,
     say,
     stages,
+    talk,
+    talking,
 )
 from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long
 from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
@@ -25,11 +29,10 @@ from midair.cli.terminal.options import BandOptions, Force, Frequency, Json, Len
 from midair.cli.terminal.originals import felt_part, kept_aside, made_with, same_part
 from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
-from midair.cli.terminal.rows import calibrated_by, recording_rows
-from midair.cli.terminal.stage_options import Drawing, StageOptions, stroke_rows
+from midair.cli.terminal.rows import calibrated_by, calibration_figures, recording_figures, recording_rows
+from midair.cli.terminal.stage_options import Drawing, StageOptions, stroke_rows, strokes_of
 from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
 from midair.cli.terminal.take_output import plain_take, take_rows
-from midair.cli.terminal.talk import Talk, flags_of, talk, talking
 
 __all__ = [
     "AirOptions",
@@ -57,6 +60,7 @@ __all__ = [
     "banner",
     "bring",
     "calibrated_by",
+    "calibration_figures",
     "card_of",
     "epilogue",
     "err",
@@ -83,6 +87,7 @@ __all__ = [
     "print_json",
     "print_rows",
     "quantity",
+    "recording_figures",
     "recording_rows",
     "same_part",
     "say",
@@ -97,6 +102,7 @@ __all__ = [
     "stages",
     "stated_sensitivity",
     "stroke_rows",
+    "strokes_of",
     "swept",
     "take_rows",
     "talk",

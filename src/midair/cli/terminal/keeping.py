@@ -1,6 +1,6 @@
 """Writing a recording with what belongs to it, and saying what was noticed and what was lost."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from midair.cli.terminal.console import banner, out, print_json, print_rows
@@ -33,12 +33,18 @@ def as_recording(pressure: PressureFrames) -> Recording:
 
 
 def say_kept(
-    rows: list[tuple[str, str]], notes: Iterable[str], lost: Iterable[Loss], *, simulated: bool, json: bool
+    rows: list[tuple[str, str]],
+    figures: Mapping[str, object],
+    notes: Iterable[str],
+    lost: Iterable[Loss],
+    *,
+    simulated: bool,
+    json: bool,
 ) -> None:
-    """Print rows, notes and losses for a person, or for a program."""
+    """Print rows, notes and losses for a person, or figures in place of rows for a program."""
     if json:
         losses = [{"what": loss.what, "text": loss.text} for loss in lost]
-        return print_json({**dict(rows), "simulated": simulated, "notes": list(notes), "lost": losses})
+        return print_json({**figures, "simulated": simulated, "notes": list(notes), "lost": losses})
     banner(simulated)
     print_rows(rows)
     for note in notes:

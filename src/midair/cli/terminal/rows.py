@@ -20,6 +20,37 @@ def recording_rows(recording: Recording) -> list[tuple[str, str]]:
     ]
 
 
+def recording_figures(recording: Recording) -> dict[str, object]:
+    """What a recording holds, for a program: numbers in units that their names carry."""
+    rows, columns = recording.sensor.shape
+    return {
+        "frames": recording.frames,
+        "rate_hz": recording.rate,
+        "duration_s": recording.duration,
+        "sensor": {
+            "name": recording.sensor.name,
+            "rows": rows,
+            "columns": columns,
+            "pitch_m": recording.sensor.pitch,
+        },
+        "unit": recording.unit,
+        "range": [float(recording.samples.min()), float(recording.samples.max())],
+        "dead_channels": np.flatnonzero(dead_channels(recording)).tolist(),
+    }
+
+
+def calibration_figures(calibration: Calibration | None) -> dict[str, object] | None:
+    """Which calibration a recording has, for a program; None where it has none."""
+    if calibration is None:
+        return None
+    return {
+        "source": calibration.provenance.source,
+        "id": calibration.identifier,
+        "version": calibration.version,
+        "date": calibration.date or None,
+    }
+
+
 def calibrated_by(calibration: Calibration | None) -> str:
     """Where a calibration comes from, or what to do without one."""
     if calibration is None:

@@ -131,8 +131,8 @@ def test_a_recording_says_by_what_it_was_calibrated(known, capsys):
     assert run(["info", "take.h5", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     known = load_calibration("palm.calibration.h5")
-    assert told["calibration id"] == f"{known.identifier}, version 1"
-    assert told["calibration date"] == "2026-01-31"
+    assert (told["calibration"]["id"], told["calibration"]["version"]) == (known.identifier, 1)
+    assert told["calibration"]["date"] == "2026-01-31"
     assert told["uncertainty"].startswith("±")
 
 

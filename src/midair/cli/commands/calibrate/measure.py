@@ -88,7 +88,7 @@ def measure_command(
 
     Examples
     --------
-    $ midair calibrate measure practice/all-10Pa.h5 --reference practice/all-10Pa-reference.h5 --reference-sensitivity 50mV/Pa
+    $ midair calibrate measure bench/all-1Pa.h5 --reference bench/all-1Pa-reference.h5 --reference-sensitivity 50mV/Pa
     """
     options = options or OutputOptions()
     if not recordings:
@@ -259,7 +259,7 @@ def bench_command(
 
     Examples
     --------
-    $ midair calibrate bench practice --kind sweep
+    $ midair calibrate bench bench --kind sweep
     """
     with stages() as stage:
         command = write_practice(folder, kind=kind, duration=duration, seed=seed, progress=stage("simulate"))
