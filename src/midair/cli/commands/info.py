@@ -79,7 +79,7 @@ def _told_of_calibration(source: Path) -> _FileFacts:
     if calibration is None:
         return _FileFacts(rows=[("calibration", "none")], figures={"kind": "calibration", "calibration": None})
     rows = calibration_rows(calibration)
-    figures = {"kind": "calibration", "calibration": calibration_figures(calibration), **dict(rows)}
+    figures: dict[str, object] = {"kind": "calibration", "calibration": calibration_figures(calibration), **dict(rows)}
     return _FileFacts(rows=rows, figures=figures, provenance=calibration.provenance)
 
 

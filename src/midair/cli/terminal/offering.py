@@ -31,7 +31,7 @@ def offer(app: App, command: Callable[..., Any], name: str, *, group: str | None
     group : str, optional
         One of `GROUPS`.
     """
-    placed = {} if group is None else {"group": GROUPS[group]}
+    placed: Any = {} if group is None else {"group": GROUPS[group]}
     # Below each other as they were offered, and not by the alphabet.
     order = len(tuple(app))
     app.command(command, name=name, sort_key=order, help_epilogue=epilogue(examples_of(command)), **placed)
