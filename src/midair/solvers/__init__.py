@@ -3,14 +3,14 @@
 from midair.solvers.amplitudes import Amplitudes
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
-from midair.solvers.glide import Glide
+from midair.solvers.glide import Glide, Piece, pieces
 from midair.solvers.large import check_memory, memory_needed, placed, problem_at
 from midair.solvers.lens import spreading_phase
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Follower, Live
 from midair.solvers.methods import METHODS, TAKES, Method, name_of, solver
 from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
-from midair.solvers.solving import Fit, memory_of, solve, solve_parts
+from midair.solvers.solving import Fit, memory_of, read_as_solved, solve, solve_parts, solve_piece
 from midair.solvers.terms import Cells, Guard
 from midair.solvers.threads import one_blas_thread
 
@@ -28,6 +28,7 @@ __all__ = [
     "Method",
     "Live",
     "METHODS",
+    "Piece",
     "Problem",
     "Solver",
     "Start",
@@ -38,10 +39,13 @@ __all__ = [
     "name_of",
     "one_blas_thread",
     "error_of",
+    "pieces",
     "placed",
     "problem_at",
+    "read_as_solved",
     "solve",
     "solve_parts",
+    "solve_piece",
     "solver",
     "spreading_phase",
 ]

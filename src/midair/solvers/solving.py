@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from itertools import chain
-from typing import Any, Literal, get_args
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, Solution, TransducerArray
 from midair.physics import quantise_phase, radiation_pressure, transfer_matrix
-from midair.reel import blocks
+from midair.reel import blocks, taken
 from midair.solvers.amplitudes import Amplitudes, doubled, halves
 from midair.solvers.backend import backend as backend_of
 from midair.solvers.device import settled
@@ -200,9 +200,52 @@ def solve_parts(
     return _parts(_Order.of(target, array, **settings), target, progress)
 
 
-def _parts(order: "_Order", target: AmplitudeFrames, progress: Progress | None) -> Iterator[Solution]:
-    after: End | None = None
-    lead, rest, done = np.zeros((0, target.grid.count)), np.zeros((0, target.grid.count)), 0
+def solve_piece(
+    target: AmplitudeFrames, array: TransducerArray, *, marks: Array, loudest: float, **settings: Any
+) -> Iterator[Solution]:
+    """The solution of one of the `pieces` of a recording, part by part, without the frames before it.
+
+    Phases are those of the whole recording, to the last bit.
+
+    Parameters
+    ----------
+    target : AmplitudeFrames
+        Of the frames of the piece.
+    array : TransducerArray
+        What is to make it.
+    marks : ndarray, shape (mark, point)
+        Amplitude of the piece's marks, in Pa; none for the first piece.
+    loudest : float
+        Highest amplitude of the whole recording, in Pa, by which the level "auto" goes.
+    **settings
+        As in `solve`, with method "glide".
+
+    Yields
+    ------
+    Solution
+        Of the next frames, block by block.
+
+    Raises
+    ------
+    InputError
+        As in `solve`, or if the method is another.
+    """
+    order = _Order.of(target, array, loudest=loudest, **settings)
+    if not order.leads:
+        raise InputError(f"method: expected glide, whose recordings come in pieces, got {order.method}")
+    after = order.end_of(replace(target, amplitude=marks)) if len(marks) else None
+    return _parts(order, target, None, after, marks[-1:])
+
+
+def _parts(
+    order: "_Order",
+    target: AmplitudeFrames,
+    progress: Progress | None,
+    after: End | None = None,
+    lead: Array | None = None,
+) -> Iterator[Solution]:
+    none = np.zeros((0, target.grid.count))
+    lead, rest, done = none if lead is None else lead, none, 0
     for block in chain(blocks(target.amplitude, _READ), [None]):
         rest = rest if block is None else np.concatenate([rest, block])
         while cut := order.joint(rest, first=after is None) or (len(rest) if block is None else 0):
@@ -215,6 +258,16 @@ def _parts(order: "_Order", target: AmplitudeFrames, progress: Progress | None) 
             if order.leads and len(sounding):
                 lead = rest[sounding[-1:]]
             rest, done = rest[cut:], done + cut
+
+
+def read_as_solved(amplitude: Array, first: int, last: int) -> Array:
+    """Frames of a target, a reel or an array, in the very blocks in which `solve_parts` reads it.
+
+    A reel works out what it reads, and products of more or fewer frames at once end in another digit.
+    """
+    begin = first // _READ * _READ
+    read = [taken(amplitude, at, min(at + _READ, len(amplitude))) for at in range(begin, last, _READ)]
+    return np.concatenate(read)[first - begin : last - begin]
 
 
 def _beyond(progress: Progress, before: int, frames: int) -> Progress:
@@ -278,6 +331,7 @@ class _Order:
         bits: int | None = None,
         backend: str | None = None,
         jobs: int | None = None,
+        loudest: float | None = None,
     ) -> "_Order":
         solver = solver_of(method, iterations=iterations, start=start, backend=backend, jobs=jobs)
         _check(level, bits, amplitudes, fit, smooth, robust, quiet_ears)
@@ -285,13 +339,16 @@ class _Order:
         airs = airs_around(acoustics, robust)
         ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
         own = _Scene.of(target, array, (acoustics,))
+        if level == "auto":
+            peak = target.amplitude.max() if loudest is None else loudest
+            level = automatic_level(np.array(peak / own.focus))
         cells = Cells() if fit == "cells" else None if fit == "points" else fit
         order = cls(
             method=name_of(method),
             solver=solver,
             own=own,
             scene=own if len(airs) == 1 else _Scene.of(target, array, airs),
-            level=automatic_level(np.array(target.amplitude.max() / own.focus)) if level == "auto" else level,
+            level=level,
             amplitudes=amplitudes,
             ring=ring,
             cells=cells,
@@ -329,6 +386,12 @@ class _Order:
             whole = self.solver.batch or backend_of(self.solver.backend).rows
             return whole * max(1, _TOGETHER // whole)
         return _TOGETHER
+
+    def end_of(self, marks: AmplitudeFrames) -> End:
+        """What frames go on from after a block with these marks, by the method that has blocks."""
+        problem = self._problem(self.scene, marks)
+        with one_blas_thread():
+            return cast("Glide", self.solver).end_of(doubled(problem) if self.amplitudes == "bounded" else problem)
 
     def _problem(self, scene: "_Scene", target: AmplitudeFrames) -> Problem:
         ears = QuietEars(weight=self.quiet_ears) if self.quiet_ears > 0 else None

@@ -154,11 +154,11 @@ class PatternSweep:
         strength = np.array([one.strength for one in self.conditions()])
         height = np.array([one.height for one in self.conditions()])
         return (
-            Coordinate(name="strength", axis="condition", values=strength, attributes={}),
-            Coordinate(name="height", axis="condition", values=height, attributes={"units": "m"}),
+            Coordinate(name="strength", axes=("condition",), values=strength, attributes={}),
+            Coordinate(name="height", axes=("condition",), values=height, attributes={"units": "m"}),
             Coordinate(
                 name="pattern",
-                axis="pattern",
+                axes=("pattern",),
                 values=self.patterns(),
                 attributes={"description": "bit k is channel k"},
             ),

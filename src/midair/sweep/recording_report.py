@@ -43,9 +43,12 @@ def trial_report(results: SweepResults) -> TrialReport:
     if not done:
         raise InputError("sweep: expected solved recordings, got none so far; go on with midair sweep recordings")
     frames = sum(row["frames"] for row in done)
+    known = np.isfinite(results.error).sum(axis=1)
+    whole = sum(count == trial["frames"] for count, trial in zip(known, results.settings["trials"], strict=True))
+    partly = f", {len(done) - whole} in part" if len(done) > whole else ""
     words = (
-        f"{len(done)} of {len(rows)} trials solved, {frames} frames with something to play, {results.seconds:.0f} s of "
-        f"processor time, {1e3 * results.seconds / max(frames, 1):.2f} ms a frame."
+        f"{whole} of {len(rows)} trials solved{partly}, {frames} frames with something to play, "
+        f"{results.seconds:.0f} s of processor time, {1e3 * results.seconds / max(frames, 1):.2f} ms a frame."
     )
     return TrialReport(rows=done, words=words)
 
@@ -73,13 +76,14 @@ def write_trial_report(results: SweepResults, folder: Path) -> list[Path]:
 
 
 def _row(results: SweepResults, number: int, trial: dict[str, Any]) -> Row:
-    known = results.error[number][np.isfinite(results.error[number])]
+    there = np.isfinite(results.error[number])
+    known = results.error[number][there]
     if not len(known):
         return {}
     # E is 0 by definition where nothing is asked for, and never quite 0 elsewhere.
     plays = known > 0
     error = known[plays] if plays.any() else np.zeros(1)
-    rounded = results.rounded_error[number][: len(known)][plays] if plays.any() else np.zeros(1)
+    rounded = results.rounded_error[number][there][plays] if plays.any() else np.zeros(1)
     low, high = np.percentile(error, [5, 95])
     return {
         "recording": trial["recording"],

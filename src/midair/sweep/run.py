@@ -2,8 +2,10 @@
 
 import signal
 import time
+import warnings
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
@@ -161,13 +163,16 @@ def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: Swe
     """What came of each task, as it comes."""
     finished: SimpleQueue[Any] = SimpleQueue()
     waiting: set[Any] = set()
-    for number, task in enumerate(tasks):
-        # In the order of the tasks: whenever it is stopped, what is known is the beginning.
-        future = client.submit(done_and_stored, sweep.job(task), task, address, pure=False, priority=-number)
-        waiting.add(future)
-        future.add_done_callback(finished.put)
-    watch = WorkersWatch(client)
-    while waiting:
+    coming, watch = enumerate(tasks), WorkersWatch(client)
+    while True:
+        # A task may bring some megabytes along: no more of them wait at the scheduler than keep its workers busy.
+        for number, task in islice(coming, max(0, 2 * watch.threads() + 2 - len(waiting))):
+            # In the order of the tasks: whenever it is stopped, what is known is the beginning.
+            future = _submitted(client, sweep.job(task), task, address, -number)
+            waiting.add(future)
+            future.add_done_callback(finished.put)
+        if not waiting:
+            return
         ended = _next(finished)
         try:
             results = _gathered(client, [future for future in ended if future.status == "finished"])
@@ -183,6 +188,13 @@ def _results(client: "Client", sweep: Sweep, tasks: Sequence[Task], address: Swe
             watch.heard()
         else:
             watch.look()
+
+
+def _submitted(client: "Client", job: Job, task: Task, address: SweepAddress | None, priority: int) -> Any:
+    with warnings.catch_warnings():
+        # What a task brings along is counted by whom it is for; Dask warns above 10 MB.
+        warnings.filterwarnings("ignore", message="Sending large graph", category=UserWarning)
+        return client.submit(done_and_stored, job, task, address, pure=False, priority=priority)
 
 
 def _next(finished: "SimpleQueue[Any]", *, patience: float = 1.0, most: int = 256) -> list[Any]:

@@ -36,7 +36,7 @@ class SweepResults:
     coordinates : mapping of str to ndarray
         What stands along the axes, by name.
     error, rounded_error : ndarray, shape (condition, item)
-        NaN where nothing is known yet or was not asked for.
+        NaN where nothing is known yet or was not asked for. Items are in their own order, also where tasks are not.
     strength : ndarray, shape (condition, task)
         Highest peak of the targets over the focus of the whole array; NaN for tasks that are not done.
     seconds : float
@@ -134,12 +134,14 @@ def load_sweep(where: Path | str) -> SweepResults:
     group = place.group("r")
     with refusing(str(place), "a sweep of midair"):
         done = _done(place, group)
+        coordinates = {str(name): group[name][:] for name in group.attrs["coordinates"]}
+        item = coordinates.get("frame")
         return SweepResults(
             kind=str(group.attrs["kind"]),
             settings=dict(group.attrs["settings"]),
-            coordinates={str(name): group[name][:] for name in group.attrs["coordinates"]},
-            error=_known(group["error"], done),
-            rounded_error=_known(group["rounded_error"], done),
+            coordinates=coordinates,
+            error=_by_item(_known(group["error"], done), item),
+            rounded_error=_by_item(_known(group["rounded_error"], done), item),
             strength=_known(group["target_strength"], done, width=1),
             seconds=float(np.nansum(_known(group["seconds"], done, width=1))),
         )
@@ -171,13 +173,23 @@ def _known(array: Any, done: NDArray[np.bool_], width: int = 0) -> Array:
     return np.where(known, found, np.nan)
 
 
+def _by_item(stored: Array, item: NDArray[np.int64] | None) -> Array:
+    """Numbers in the order of the items, where the store says which item stands where (-1: none)."""
+    if item is None:
+        return stored
+    found = np.full((len(stored), int(item.max()) + 1), np.nan)
+    row, column = np.nonzero(item >= 0)
+    found[row, item[row, column]] = stored[row, column]
+    return found
+
+
 def _fill(inside: str, sweep: Sweep) -> None:
     """Arrays first and settings last: with them the store is whole."""
     # A copy: Zarr keeps the mapping, and changes it with the attributes.
     begun = dict(_BEGUN)
     group: Any = zarr().open_group(inside, mode="a", zarr_format=3, use_consolidated=False, attributes=begun)
     for one in sweep.coordinates():
-        _array(group, one.name, shape=one.values.shape, dtype=one.values.dtype, dimension_names=(one.axis,))
+        _array(group, one.name, shape=one.values.shape, dtype=one.values.dtype, dimension_names=one.axes)
         group[one.name].attrs.put(dict(one.attributes))
         group[one.name][...] = one.values
     shape, axes = sweep.shape, ("condition", sweep.item)

@@ -78,16 +78,16 @@ class Coordinate:
     ----------
     name : str
         Name of the array in the store.
-    axis : str
-        ``condition``, or the name of the items.
-    values : ndarray, shape (condition,) or (item,)
-        Numbers or texts.
+    axes : tuple of str
+        ``condition``, the name of the items, or both.
+    values : ndarray
+        Numbers or texts, as many as the axes are long.
     attributes : mapping
         Such as units.
     """
 
     name: str
-    axis: str
+    axes: tuple[str, ...]
     values: NDArray[Any]
     attributes: Mapping[str, Any]
 
@@ -100,7 +100,7 @@ class Sweep(Protocol):
     kind : str
         ``patterns`` or ``recordings``.
     item : str
-        What the second axis counts: ``pattern`` or ``frame``.
+        What the second axis counts: ``pattern``, ``frame`` or ``place``.
     """
 
     @property

@@ -3,6 +3,8 @@
 import time
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from midair.errors import ClusterError
 
 if TYPE_CHECKING:
@@ -29,10 +31,19 @@ class WorkersWatch:
         self._patience = patience
         self._latest: object = None
         self._since = time.monotonic()
+        self._threads, self._asked = 0, -np.inf
 
     def heard(self) -> None:
         """A worker answered."""
         self._since = time.monotonic()
+
+    def threads(self) -> int:
+        """Of all workers together; asked again after two seconds, since workers come and go."""
+        if time.monotonic() - self._asked > 2:
+            said, self._asked = self._identity(), time.monotonic()
+            if said is not None:
+                self._threads = sum(worker["nthreads"] for worker in said["workers"].values())
+        return self._threads
 
     def look(self) -> None:
         """Ask the scheduler.
@@ -54,12 +65,16 @@ class WorkersWatch:
 
     def _ask(self) -> float | None:
         """When the scheduler last heard of any worker, on its clock; None if it does not say or has none."""
+        said = self._identity()
+        return None if said is None else max((one["last_seen"] for one in said["workers"].values()), default=None)
+
+    def _identity(self) -> Any:
+        """What the scheduler says of itself and its workers; None if it does not."""
 
         async def identity() -> Any:
             return await self._client.scheduler.identity()  # pyright: ignore[reportOptionalMemberAccess]
 
         try:
-            said: Any = self._client.sync(identity, callback_timeout=5)
+            return self._client.sync(identity, callback_timeout=5)
         except (OSError, TimeoutError, AttributeError):  # the scheduler is gone, or hangs
             return None
-        return max((worker["last_seen"] for worker in said["workers"].values()), default=None)

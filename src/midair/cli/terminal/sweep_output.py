@@ -13,7 +13,7 @@ from midair.sweep import PatternReport, Sweep, TrialReport, run_sweep
 def swept(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | None) -> int:
     """Run a sweep with a progress bar; its exit status."""
     try:
-        with sweep_bar(f"{sweep.item}s") as progress:
+        with sweep_bar("patterns" if sweep.kind == "patterns" else "frames") as progress:
             run_sweep(sweep, where, scheduler=scheduler, workers=workers, progress=progress)
     except KeyboardInterrupt:
         _say("stopped; what was solved is stored, and the same command goes on")

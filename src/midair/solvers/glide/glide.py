@@ -168,6 +168,20 @@ class Glide:
             for block in every:
                 yield audible[block.first : block.last + 1], walks.popleft().result()
 
+    def end_of(self, marks: Problem) -> End:
+        """Where the frames before a block end, known without solving them: from the marks of the block before it.
+
+        Parameters
+        ----------
+        marks : Problem
+            Its frames are those marks alone, all of them: the same batch gives the same bits.
+        """
+        there = backend(self.backend, precision=self.precision)
+        with there.at_work():
+            glider = self._glider(marks, there)
+            last = _quietly(marks_of, glider, self._efforts(), np.arange(len(marks.amplitude))).last()
+        return End(theta=last.theta[0], known=last)
+
     def block_on(self) -> int:
         """Frames of a block: 1024 on a CPU; on a GPU so many that the marks of one block are a batch worth a launch."""
         return self.block or (32 * 1024 if backend(self.backend).on_gpu else 1024)

@@ -26,6 +26,7 @@ def recordings_command(
     start_at: Time = 0.0,
     duration: Annotated[float | None, quantity("s")] = None,
     bits: int = 8,
+    blocks: int = 4,
     scheduler: str | None = None,
     workers: int | None = None,
 ) -> int:
@@ -51,6 +52,8 @@ def recordings_command(
         How much of each recording; all that is left if not given.
     bits
         To which phases are rounded for the second E.
+    blocks
+        Of method glide a task: a long recording is solved by many processes, to the bits of one.
     scheduler
         Address of a Dask scheduler, such as tls://host:8786; processes on this machine if not given.
     workers
@@ -67,7 +70,9 @@ def recordings_command(
     if not any(text.startswith("temperature=") for text in vary):
         say_air(options.settings().acoustics.medium, stated=options.air_is_stated)
     trials = [_trial(source, name, chosen, start_at, duration) for name, chosen in variants for source in sources]
-    status = swept(RecordingSweep(trials=tuple(trials), bits=bits), output, scheduler=scheduler, workers=workers)
+    status = swept(
+        RecordingSweep(trials=tuple(trials), bits=bits, blocks=blocks), output, scheduler=scheduler, workers=workers
+    )
     if status == 0:
         show_trials(trial_report(load_sweep(output)))
         out().print(f"Next: midair sweep report {output}")
@@ -76,7 +81,8 @@ def recordings_command(
 
 def _trial(source: Path, variant: str, options: SolveOptions, start: float, duration: float | None) -> SweepTrial:
     settings = options.settings()
-    take = open_take(source)
+    # As midair solve reads it where it is cut: the filters of a reel are those of an array to a few parts in a million.
+    take = open_take(source, streamed=settings.solver.name == "glide")
     pressure = felt(take.recording, take.calibration, settings)
     whole = start == 0 and duration is None
     return SweepTrial(

@@ -1,0 +1,139 @@
+"""A trial whose recording is solved as a whole, cut where its solver can begin again."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.flow import wanted
+from midair.model import AmplitudeFrames, PressureFrames, TransducerArray
+from midair.physics import check_frame_rate, focus_amplitude, propagate, quantise_phase, relative_error
+from midair.reel import blocks
+from midair.settings import Settings
+from midair.solvers import Glide, Piece, pieces, read_as_solved, solve_piece, solver
+from midair.sweep.task import Found
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrialCut:
+    """The target of a trial, and the pieces that can be solved each on its own.
+
+    Attributes
+    ----------
+    target : AmplitudeFrames
+        Of the whole trial; a reel where the pressure is one.
+    settings : Settings
+        Settings of every stage.
+    pieces : tuple of Piece
+        All frames, in order.
+    """
+
+    target: AmplitudeFrames
+    settings: Settings
+    pieces: tuple[Piece, ...]
+
+    @classmethod
+    def of(cls, pressure: PressureFrames, array: TransducerArray, settings: Settings, *, together: int) -> "TrialCut":
+        """Cut into so many blocks a piece; the target is looked through once, to see which frames sound.
+
+        Raises
+        ------
+        RateError
+            If the array cannot take frames at the pressure's rate.
+        """
+        check_frame_rate(pressure.rate, array.frequency)
+        target = wanted(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
+        sounds = np.concatenate([block.any(axis=1) for block in blocks(target.amplitude, 256)])
+        return cls(
+            target=target, settings=settings, pieces=tuple(pieces(method_of(settings), sounds, together=together))
+        )
+
+    def job(self, number: int, array: TransducerArray, bits: int) -> "PieceJob":
+        """What a worker is given of one piece: its targets and those of the marks before it."""
+        piece = self.pieces[number]
+        begin = int(piece.marks[0]) if len(piece.marks) else piece.first
+        frames = read_as_solved(self.target.amplitude, begin, piece.last)
+        return PieceJob(
+            target=replace(self.target, amplitude=frames[piece.first - begin :]),
+            marks=frames[piece.marks - begin],
+            loudest=self.loudest,
+            settings=self.settings.but(jobs=1),
+            array=array,
+            bits=bits,
+        )
+
+    @cached_property
+    def loudest(self) -> float:
+        """Highest amplitude of all, by which the level "auto" goes; 0 where none asks for it."""
+        return float(self.target.amplitude.max()) if self.settings.solver.level == "auto" else 0.0
+
+
+def is_cut(settings: Settings) -> bool:
+    """Whether a solver can begin in the middle."""
+    return settings.solver.name == "glide"
+
+
+def method_of(settings: Settings) -> Glide:
+    """The solver of settings that can be cut."""
+    made = solver(settings.solver.method, backend=settings.solver.backend)
+    if not isinstance(made, Glide):
+        raise TypeError(f"expected settings with method glide, got {settings.solver.name}")
+    return made
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PieceJob:
+    """A piece of a trial to be solved on a worker.
+
+    Attributes
+    ----------
+    target : AmplitudeFrames
+        Of its frames.
+    marks : ndarray, shape (mark, point)
+        Targets of the marks before it, in Pa.
+    loudest : float
+        See `TrialCut`.
+    settings : Settings
+        Settings of the trial, with one job: a worker has one core.
+    array : TransducerArray
+        What is to make it.
+    bits : int
+        Number of bits to which phases are rounded for the second error.
+    """
+
+    target: AmplitudeFrames
+    marks: Array
+    loudest: float
+    settings: Settings
+    array: TransducerArray
+    bits: int
+
+    def __call__(self) -> Found:
+        """E of each frame, with phases as solved and as rounded."""
+        asked, error, rounded, first = self.target, list[Array](), list[Array](), 0
+        acoustics = self.settings.acoustics
+        parts = solve_piece(
+            asked,
+            self.array,
+            marks=self.marks,
+            loudest=self.loudest,
+            acoustics=acoustics,
+            **self.settings.solver.arguments(),
+        )
+        for part in parts:
+            wanted_here = asked.amplitude[first : first + len(part.error)]
+            first += len(part.error)
+            drive = replace(part.drive, phase=quantise_phase(part.drive.phase, bits=self.bits))
+            field = propagate(drive, asked.grid, acoustics=acoustics)
+            error.append(part.error)
+            # A silent target is played as silence, whatever its phases are.
+            rounded.append(np.where(wanted_here.any(axis=1), relative_error(field, wanted_here), 0.0))
+        focus = focus_amplitude(asked.grid, self.array, acoustics=acoustics)
+        return Found(
+            error=np.concatenate(error),
+            rounded_error=np.concatenate(rounded),
+            strength=float(asked.amplitude.max() / focus),
+        )
