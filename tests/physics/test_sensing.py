@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from scipy.signal import lsim, lti
 
 from midair.errors import InputError, ShapeError
-from midair.model import ControlGrid, SensorGrid
-from midair.physics import SensorModel, calibration_of, cell_weights, channel_response, sense
+from midair.model import SensorGrid
+from midair.physics import SensorModel, calibration_of, channel_response, sense
 
 RATE = 1000.0
 QUIET = SensorModel(bits=32, full_scale=1000.0)  # steps of .5 microvolt: what is left is the response
@@ -128,59 +128,6 @@ def test_a_seed_makes_one_sensor():
     spread = SensorModel(grid=SensorGrid(rows=40, columns=40)).with_spread(seed=0, gain=0.2, corner=0.05)
     assert np.log(spread.gain).std() == pytest.approx(0.2, rel=0.1)
     assert np.log(spread.corner).std() == pytest.approx(0.05, rel=0.1)
-
-
-def test_an_even_pressure_reads_itself():
-    wide = ControlGrid(rows=40, columns=44)
-    weights = cell_weights(SensorModel(), wide)
-    assert weights.shape == (16, 40 * 44)
-    assert weights.sum(axis=1) == pytest.approx(np.ones(16), abs=1e-12)
-    assert weights.min() >= -1e-15
-
-
-@settings(deadline=None, max_examples=30)
-@given(
-    st.floats(0.2e-3, 6e-3),
-    st.floats(1e-3, 11e-3),
-    st.floats(1e-3, 6e-3),
-    st.floats(-3e-3, 3e-3),
-    st.floats(-3e-3, 3e-3),
-)
-def test_an_even_pressure_reads_itself_whatever_the_sensor(spread, aperture, pitch, x, y):
-    model = SensorModel(spread=spread, aperture=aperture)
-    count = int(np.ceil(0.12 / pitch))
-    weights = cell_weights(model, ControlGrid(rows=count, columns=count, pitch=pitch), centre=(x, y))
-    assert weights.sum(axis=1) == pytest.approx(np.ones(16), abs=1e-9)
-
-
-def test_weights_without_spread_are_shares_of_the_aperture():
-    # 1 cell of 8 mm, points of 4 mm: the middle two of four hold half each, along both axes
-    model = SensorModel(grid=SensorGrid(rows=1, columns=1), spread=1e-9, aperture=8e-3)
-    weights = cell_weights(model, ControlGrid(rows=4, columns=4, pitch=4e-3)).reshape(4, 4)
-    half = np.array([0, 0.5, 0.5, 0])
-    assert weights == pytest.approx(np.outer(half, half), abs=1e-6)
-
-
-def test_weights_agree_with_an_integral_over_the_plane():
-    model = SensorModel(spread=2e-3, aperture=8e-3)
-    grid = ControlGrid()
-    weights = cell_weights(model, grid).reshape(16, 16, 16)
-    # one point's square, by sums over a fine raster: spread by the gel, averaged over cell 5 (row 1, column 1)
-    fine = (np.arange(200) + 0.5) / 200 - 0.5
-    from_x = grid.x[6] + fine * grid.pitch
-    cell_x = model.grid.x[1] + fine * model.aperture
-    spread = np.exp(-(((from_x[:, None] - cell_x) / model.spread) ** 2) / 2) / (model.spread * np.sqrt(2 * np.pi))
-    assert weights[5, :, 6].sum() == pytest.approx(spread.mean() * grid.pitch, rel=1e-4)
-
-
-@pytest.mark.parametrize("centre", [(0.0, 0.0), (4e-3, -7e-3)])
-def test_each_cell_hears_what_is_over_it(centre):
-    sensor, grid = SensorGrid(rows=2, columns=3), ControlGrid(rows=20, columns=22, pitch=3e-3, centre=(2e-3, 5e-3))
-    weights = cell_weights(SensorModel(grid=sensor), grid, centre=centre)
-    # the mean place of what a cell hears is the cell's own, but for the steps of the grid
-    for channel in range(sensor.count):
-        heard = weights[channel] @ grid.position[:, :2]
-        assert heard == pytest.approx(np.add(sensor.channel_position(channel), centre), abs=2e-4)
 
 
 def test_the_calibration_of_a_model_is_its_response():

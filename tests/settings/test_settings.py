@@ -5,7 +5,7 @@ import pytest
 from midair.errors import BrokenFileError, InputError, MissingFileError
 from midair.model import Acoustics, ControlGrid, Medium, Provenance
 from midair.settings import Settings, best_mode, quick_mode
-from midair.solvers import Cells, Exact, Fast
+from midair.solvers import Cells, Exact, Fast, Windows
 from midair.targets import Circle
 
 
@@ -71,8 +71,9 @@ def test_no_file_is_said():
         Settings.load("no.toml")
 
 
-def test_cells_of_their_own_have_no_text():
-    chosen = Settings().but(fit=Cells())
+@pytest.mark.parametrize("fit", [Cells(), Windows()], ids=str)
+def test_a_fit_with_settings_of_its_own_has_no_text(fit):
+    chosen = Settings().but(fit=fit)
     with pytest.raises(InputError, match="fit: expected"):
         chosen.plain()
     assert Settings.of(chosen.noted(Provenance())) is None

@@ -6,8 +6,7 @@ import pytest
 from midair.errors import InputError
 from midair.evaluate import error_in_air
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, TransducerArray
-from midair.physics import focus_amplitude, propagate, radiation_pressure
-from midair.physics.sensing import SensorModel, cell_weights
+from midair.physics import SensorModel, cell_weights, focus_amplitude, propagate, radiation_pressure
 from midair.reel import Reel
 from midair.solvers import TAKES, Cells, Glide, Guard, solve, solve_parts
 
@@ -94,7 +93,7 @@ def test_phases_are_within_a_turn_and_the_life_is_written_down():
         ({"iterations": 0}, "iterations: expected 1 or more"),
         ({"level": "loud"}, "level: expected above 0 .* or auto, got 'loud'"),
         ({"amplitudes": "free"}, "amplitudes: expected equal or bounded, got 'free'"),
-        ({"fit": "palm"}, "fit: expected points, cells"),
+        ({"fit": "palm"}, "fit: expected points, windows, cells"),
         ({"smooth": -1.0}, "smooth: expected 0 or more"),
         ({"smooth": float("nan")}, "smooth: expected 0 or more"),
         ({"smooth": 0.1}, "method lm: expected terms that it takes .*, got smooth; choose fast"),
@@ -158,7 +157,7 @@ def test_cells_read_the_pressure_that_was_asked_for():
     amplitude = np.full((2, grid.count), 1000.0)
     solution = solve(target(amplitude, grid), UNIT, method="fast", fit=Cells(pressure=pressure))
     pushed = radiation_pressure(propagate(solution.drive, grid), Medium())
-    read = pushed @ cell_weights(SensorModel(), grid).T
+    read = pushed @ cell_weights(SensorModel(), grid, between="waves").T
     missed = np.linalg.norm(read - asked.reshape(2, 16), axis=1) / np.linalg.norm(asked.reshape(2, 16), axis=1)
     np.testing.assert_allclose(solution.error, missed, rtol=1e-6)
     assert missed.max() < 0.05

@@ -28,7 +28,7 @@ def test_what_was_decoupled_reads_as_it_should(seed):
     wanted = np.random.default_rng(seed).uniform(5, 6, (3, 16))
     target = prepare(decouple(frames(wanted), grid=grid), grid=grid, interpolate="pressure")
     pressed = radiation_pressure(target.amplitude, Medium())
-    read = pressed @ cell_weights(sensor, grid, centre=grid.centre).T
+    read = pressed @ cell_weights(sensor, grid, centre=grid.centre, between="lines").T
     np.testing.assert_allclose(read, wanted, rtol=1e-9)
 
 

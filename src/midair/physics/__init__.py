@@ -1,5 +1,6 @@
 """The laws: radiation pressure, directivity, propagation, transducers, sensing, exposure, skin. Pure functions."""
 
+from midair.physics.cell_means import Between, cell_weights
 from midair.physics.chain import Moment, PlaybackChain, radiate
 from midair.physics.directivity import off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
@@ -17,7 +18,7 @@ from midair.physics.propagation import (
     wavenumber,
 )
 from midair.physics.radiation import radiation_pressure, sound_amplitude
-from midair.physics.sensing import SensorModel, calibration_of, cell_weights, channel_response, sense
+from midair.physics.sensing import SensorModel, calibration_of, channel_response, sense
 from midair.physics.skin import SKINS, Tissue, skin_compliance
 from midair.physics.skin_channels import TOUCH_CHANNELS, TouchChannel
 from midair.physics.skin_motion import SkinMotion
@@ -26,6 +27,7 @@ from midair.physics.transducers import Transducers
 __all__ = [
     "SKINS",
     "TOUCH_CHANNELS",
+    "Between",
     "Exposure",
     "ExposureProfile",
     "Moment",

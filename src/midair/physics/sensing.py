@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
-from midair.model import Calibration, ControlGrid, Crosstalk, Provenance, SensorGrid
+from midair.model import Calibration, Crosstalk, Provenance, SensorGrid
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -129,33 +129,6 @@ class SensorModel:
         return float(2 * self.full_scale / 2**self.bits)
 
 
-def cell_weights(model: SensorModel, points: ControlGrid, *, centre: tuple[float, float] = (0.0, 0.0)) -> Array:
-    """How the pressure at the points of a grid averages onto each cell.
-
-    Each point stands for a square of one pitch with the same pressure all over it; the gel spreads it by a Gaussian,
-    and the cell averages over its aperture. The share is the exact integral of the three, not a sample of it: over a
-    grid that covers the plane each cell's weights sum to 1, so an even pressure reads itself.
-
-    Parameters
-    ----------
-    model : SensorModel
-        Its grid, spread and aperture.
-    points : ControlGrid
-        Where the pressure is known; nothing presses outside it.
-    centre : tuple of float
-        (x, y) of the middle of the sensor, in m.
-
-    Returns
-    -------
-    ndarray, shape (channel, point)
-        Pressure on the cells is ``weights @ pressure``.
-    """
-    along_x = _shares(model, model.grid.x + centre[0], points.x + points.centre[0], points.pitch)
-    along_y = _shares(model, model.grid.y + centre[1], points.y + points.centre[1], points.pitch)
-    weights = np.einsum("ry,cx->rcyx", along_y, along_x)
-    return weights.reshape(model.grid.count, points.count)
-
-
 def channel_response(model: SensorModel, frequency: Array) -> Complex:
     """Output over pressure of every channel, H(f) of this file's head.
 
@@ -261,23 +234,6 @@ def calibration_of(model: SensorModel, *, highest: float = 4000.0, bins: int = 1
         crosstalk=None if alone else Crosstalk(matrix=own, uncertainty=np.zeros_like(own)),
         provenance=Provenance(source="the sensor's model", simulated=True),
     )
-
-
-def _shares(model: SensorModel, cells: Array, points: Array, pitch: float) -> Array:
-    """Along one axis: share of each point's stretch in each cell's average, shape (cell, point)."""
-    offset = points[None, :] - cells[:, None]
-    far, near = (pitch + model.aperture) / 2, (pitch - model.aperture) / 2
-    # Two boxes and a Gaussian convolved are the second difference of an integrated ramp: four ends, four terms.
-    ramps = [sign * _ramp(offset + edge, model.spread) for sign, edge in ((1, far), (-1, near), (-1, -near), (1, -far))]
-    return np.sum(ramps, axis=0) / model.aperture
-
-
-def _ramp(x: Array, spread: float) -> Array:
-    """Twice the integral of a Gaussian of unit area: x Phi(x / s) + s phi(x / s)."""
-    from scipy.special import ndtr
-
-    z = x / spread
-    return spread * (z * ndtr(z) + np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi))
 
 
 def _felt(model: SensorModel, pressure: Array) -> Array:

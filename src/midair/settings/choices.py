@@ -139,7 +139,11 @@ CHOICES: tuple[Choice, ...] = (
         unit="m",
         help="Width of a ring around the control points in which the field is kept quiet; 0mm for none.",
     ),
-    Choice(name="fit", path="solver.fit", help="Whether the control points are met, or the sensor's cells."),
+    Choice(
+        name="fit",
+        path="solver.fit",
+        help="What is met: points; windows, wherever a palm lies; or cells, for one place of a sensor alone.",
+    ),
     Choice(
         name="smooth", path="solver.smooth", help="Weight of the change of phase from frame to frame; 0.01 is much."
     ),

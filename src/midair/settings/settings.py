@@ -102,8 +102,9 @@ class SolverSettings:
         All transducers at that level, as in the paper; or each at its own up to it.
     guard : float or Guard or None
         Keeps a ring around the control points quiet, by its width in m or as a term; not in the paper.
-    fit : {"points", "cells"} or Cells
-        Whether the control points are met, as in the paper, or the sensor's cells.
+    fit : {"points", "windows", "cells"}, Windows or Cells
+        Whether the control points are met, as in the paper; windows, wherever a palm or a sensor lies; or the cells of
+        a sensor in one place alone.
     smooth : float
         Weight of the change of phase from frame to frame; not in the paper.
     robust : float
@@ -191,11 +192,13 @@ class Settings:
         Raises
         ------
         InputError
-            If there is a term that has no text: a fit to cells with a sensor of their own.
+            If there is a term that has no text: a fit to cells or windows with settings of their own.
         """
         # Cells of a sensor of their own are arrays: a drive made with them cannot be made again from text.
         if not isinstance(self.solver.fit, str):
-            raise InputError('fit: expected "points" or "cells" to be written down, got cells of a sensor of their own')
+            raise InputError(
+                'fit: expected "points", "windows" or "cells" to be written down, got one with settings of its own'
+            )
         made: dict[str, Any] = to_plain(self)
         if not isinstance(self.solver.method, str):
             made["solver"]["method"] = {"name": name_of(self.solver.method)} | made["solver"]["method"]

@@ -10,8 +10,8 @@ from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Follower, Live
 from midair.solvers.methods import METHODS, TAKES, Method, name_of, solver
 from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
-from midair.solvers.solving import Fit, memory_of, read_as_solved, solve, solve_parts, solve_piece
-from midair.solvers.terms import Cells, Guard
+from midair.solvers.solving import memory_of, read_as_solved, solve, solve_parts, solve_piece
+from midair.solvers.terms import Cells, Fit, Guard, Windows
 from midair.solvers.threads import one_blas_thread
 
 __all__ = [
@@ -33,6 +33,7 @@ __all__ = [
     "Solver",
     "Start",
     "TAKES",
+    "Windows",
     "check_memory",
     "memory_needed",
     "memory_of",

@@ -22,12 +22,22 @@ from midair.solvers.lens import spreading_phase
 from midair.solvers.methods import Method, check_terms, name_of
 from midair.solvers.methods import solver as solver_of
 from midair.solvers.problem import Answer, End, Problem, Start, Term, error_of
-from midair.solvers.terms import Cells, Guard, GuardField, QuietEars, airs_around, automatic_level, psi_in_each
+from midair.solvers.terms import (
+    Cells,
+    Fit,
+    Guard,
+    GuardField,
+    QuietEars,
+    Windows,
+    airs_around,
+    automatic_level,
+    means_of,
+    name_of_means,
+    psi_in_each,
+)
 from midair.solvers.threads import one_blas_thread
 
 Array = NDArray[np.float64]
-Fit = Literal["points", "cells"] | Cells
-"""What the error is taken over: the control points, as in the paper, or the cells of the sensor."""
 
 
 def solve(
@@ -80,9 +90,10 @@ def solve(
         is then (frame, transducer).
     guard : float or Guard, optional
         Keeps a ring around the control points quiet: its width in m, or the term with all its settings.
-    fit : {"points", "cells"} or Cells
-        What is to be met: the target at the control points, or what the cells of a sensor read of it. The error is
-        that of what was to be met.
+    fit : {"points", "windows", "cells"}, Windows or Cells
+        What is to be met: the target at the control points; what windows of the size of a cell read of it all over the
+        square; or what the cells of a sensor read of it, for that one place of the sensor alone. The error is that of
+        what was to be met.
     smooth : float
         Weight of the change of phase from frame to frame, see `terms.smooth`: E^2 / 2 plus this times
         mean(1 - cos(change)) is made small. 0 for none; .01 is much.
@@ -305,7 +316,7 @@ class _Order:
     level: float
     amplitudes: Amplitudes
     ring: Guard | None
-    cells: Cells | None
+    means: Windows | Cells | None
     smooth: float
     robust: float
     quiet_ears: float
@@ -334,7 +345,7 @@ class _Order:
         loudest: float | None = None,
     ) -> "_Order":
         solver = solver_of(method, iterations=iterations, start=start, backend=backend, jobs=jobs)
-        _check(level, bits, amplitudes, fit, smooth, robust, quiet_ears)
+        _check(level, bits, amplitudes, smooth, robust, quiet_ears)
         acoustics = acoustics or Acoustics()
         airs = airs_around(acoustics, robust)
         ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
@@ -342,7 +353,7 @@ class _Order:
         if level == "auto":
             peak = target.amplitude.max() if loudest is None else loudest
             level = automatic_level(np.array(peak / own.focus))
-        cells = Cells() if fit == "cells" else None if fit == "points" else fit
+        means = means_of(fit)
         order = cls(
             method=name_of(method),
             solver=solver,
@@ -351,7 +362,7 @@ class _Order:
             level=level,
             amplitudes=amplitudes,
             ring=ring,
-            cells=cells,
+            means=means,
             smooth=smooth,
             robust=robust,
             quiet_ears=quiet_ears,
@@ -360,7 +371,7 @@ class _Order:
         asked: set[Term] = {"amplitudes"} if amplitudes == "bounded" else set()
         asked |= {"robust"} if robust > 0 else set()
         asked |= {"quiet-ears"} if quiet_ears > 0 else set()
-        terms: dict[Term, bool] = {"guard": ring is not None, "cells": cells is not None, "smooth": smooth > 0}
+        terms: dict[Term, bool] = {"guard": ring is not None, "cells": means is not None, "smooth": smooth > 0}
         asked |= {term for term, there in terms.items() if there}
         check_terms(method, asked)
         return order
@@ -395,7 +406,7 @@ class _Order:
 
     def _problem(self, scene: "_Scene", target: AmplitudeFrames) -> Problem:
         ears = QuietEars(weight=self.quiet_ears) if self.quiet_ears > 0 else None
-        return replace(scene, target=target).problem(self.level, self.ring, self.cells, self.smooth, ears)
+        return replace(scene, target=target).problem(self.level, self.ring, self.means, self.smooth, ears)
 
     def solve(
         self, target: AmplitudeFrames, after: End | None, progress: Progress | None
@@ -439,7 +450,7 @@ class _Order:
             "method": self.method,
             "level": self.level,
             "amplitudes": self.amplitudes,
-            "fit": "points" if self.cells is None else "cells",
+            "fit": name_of_means(self.means),
             "smooth": self.smooth,
             "robust_c": self.robust,
             "quiet_ears": self.quiet_ears,
@@ -477,7 +488,7 @@ class _Scene:
         self,
         level: float | Literal["auto"],
         guard: Guard | None,
-        cells: Cells | None,
+        means: Windows | Cells | None,
         smooth: float,
         ears: QuietEars | None,
     ) -> Problem:
@@ -490,7 +501,7 @@ class _Scene:
             level=automatic_level(amplitude) if level == "auto" else level,
             psi=psi_in_each(self.G, spreading_phase(grid, self.array, medium)),
             guard=self._quiet(guard, ears),
-            cells=None if cells is None else cells.target(amplitude, grid, unit).repeated(times),
+            cells=None if means is None else means.target(amplitude, grid, unit).repeated(times),
             smooth=smooth,
             position=self.array.position,
         )
@@ -512,9 +523,7 @@ class _Scene:
         return GuardField(G=G / self.focus, ceiling=guard.ceiling, weight=guard.weight)
 
 
-def _check(
-    level: object, bits: int | None, amplitudes: str, fit: object, smooth: float, robust: float, quiet_ears: float
-) -> None:
+def _check(level: object, bits: int | None, amplitudes: str, smooth: float, robust: float, quiet_ears: float) -> None:
     if level != "auto" and not (isinstance(level, int | float) and 0 < level <= 1):
         shown = f"{level:g}" if isinstance(level, int | float) else repr(level)
         raise InputError(f"level: expected above 0 and at most 1 of full drive, or auto, got {shown}")
@@ -522,8 +531,6 @@ def _check(
         raise InputError(f"bits: expected 1 to 16 of a phase, or None, got {bits}")
     if amplitudes not in get_args(Amplitudes):
         raise InputError(f"amplitudes: expected {' or '.join(get_args(Amplitudes))}, got {amplitudes!r}")
-    if not (isinstance(fit, Cells) or fit in ("points", "cells")):
-        raise InputError(f"fit: expected points, cells, or Cells(...), got {fit!r}")
     if not 0 <= smooth < np.inf:
         raise InputError(f"smooth: expected 0 or more, got {smooth:g}")
     if not 0 <= robust <= 10:

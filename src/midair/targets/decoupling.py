@@ -21,7 +21,8 @@ def coupling(sensor: SensorModel, grid: ControlGrid) -> Array:
     M = w T, with T the interpolation and w the cells' weights (`physics.cell_weights`).
     """
     # The interpolation puts the sensor at the grid's centre, wherever that is; so must the weights.
-    return cell_weights(sensor, replace(grid, centre=(0.0, 0.0))) @ interpolation_matrix(sensor.grid, grid)
+    weights = cell_weights(sensor, replace(grid, centre=(0.0, 0.0)), between="lines")
+    return weights @ interpolation_matrix(sensor.grid, grid)
 
 
 def decouple(

@@ -9,7 +9,9 @@ from midair.evaluate import error_in_air
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import (
     PlaybackChain,
+    SensorModel,
     Transducers,
+    cell_weights,
     focus_phase,
     radiation_pressure,
     relative_error,
@@ -17,7 +19,6 @@ from midair.physics import (
     sound_amplitude,
     transfer_matrix,
 )
-from midair.physics.sensing import SensorModel, cell_weights
 from midair.solvers import solve
 from midair.testing import overridden
 
@@ -43,7 +44,7 @@ def test_a_steady_focus_presses_as_the_field_says():
     skin = VirtualSkin(SensorModel())
     q = 0.2 * np.exp(1j * focus().phase[0])
     field = transfer_matrix(skin.points, ARRAY) @ q
-    expected = cell_weights(skin.model, skin.points) @ radiation_pressure(field, Medium())
+    expected = cell_weights(skin.model, skin.points, between="waves") @ radiation_pressure(field, Medium())
     np.testing.assert_allclose(steady(**EXACT).ravel(), expected, rtol=1e-6)
     # in single precision and with 8 bits: .007 rad rms of rounding on 249 transducers is 1e-3 of pressure
     np.testing.assert_allclose(steady(**PERFECT).ravel(), expected, atol=4e-3 * expected.max())
@@ -104,7 +105,7 @@ def test_an_array_of_no_stated_air_takes_that_of_each_drive(warm):
             skin.clear()
             array.play(overridden(drive, array))
             field = transfer_matrix(skin.points, ARRAY, acoustics=air) @ drive.q[-1]
-            expected = cell_weights(skin.model, skin.points) @ radiation_pressure(field, air.medium)
+            expected = cell_weights(skin.model, skin.points, between="waves") @ radiation_pressure(field, air.medium)
             np.testing.assert_allclose(skin.pressure(0)[-1].ravel(), expected, rtol=1e-6)
 
 
@@ -158,7 +159,7 @@ def test_plays_what_the_simulation_says():
     with VirtualArray(ARRAY, skin, seed=4) as array:
         array.play(overridden(wandering(200), array))
     G = transfer_matrix(skin.points, ARRAY)
-    weights = cell_weights(skin.model, skin.points)
+    weights = cell_weights(skin.model, skin.points, between="waves")
     law = simulate(wandering(200), G, chain=array.chain, rate=8000.0, weights=weights)
     np.testing.assert_allclose(skin.pressure(0).reshape(-1, 16), law, atol=1e-5 * law.max())
 
@@ -179,7 +180,7 @@ def test_an_ideal_hold_presses_the_quasi_stationary_field_at_the_beginning_of_ea
     with VirtualArray(ARRAY, skin, chain=PlaybackChain(hold="ideal", phase_bits=None, precision="double")) as array:
         array.play(overridden(focus(), array))
     q = 0.2 * np.exp(1j * focus().phase[0])
-    still = cell_weights(skin.model, skin.points) @ radiation_pressure(
+    still = cell_weights(skin.model, skin.points, between="waves") @ radiation_pressure(
         transfer_matrix(skin.points, ARRAY) @ q, Medium()
     )
     np.testing.assert_allclose(skin.pressure(0).reshape(-1, 16)[::8], np.tile(still, (20, 1)), rtol=1e-3)

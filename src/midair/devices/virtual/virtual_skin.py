@@ -33,7 +33,7 @@ class VirtualSkin:
             pitch=pitch,
             height=height,
         )
-        self._weights = cell_weights(model, self.points)
+        self._weights = cell_weights(model, self.points, between="waves")
         self._pressed: list[Array] = []
 
     def clear(self) -> None:

@@ -109,10 +109,10 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
         pressure=_simulated(replace(asked, pressure=pushed)),
     )
     skin = rig.skin()
-    weights = cell_weights(rig.sensor_model, skin.points)
-    # At the points of the skin, which are finer than the control points: the cells are seen there.
-    wanted = mapped(compensated, settings.but(grid=skin.points))
-    on_cells = radiation_pressure(wanted.amplitude, settings.acoustics.medium) @ weights.T
+    weights = cell_weights(rig.sensor_model, skin.points, between="waves")
+    wanted, points = mapped(compensated, settings), settings.target.grid
+    drawn = cell_weights(rig.sensor_model, points, centre=points.centre, between="lines")
+    on_cells = radiation_pressure(wanted.amplitude, settings.acoustics.medium) @ drawn.T
     yield StageOutput(
         name="interpolation",
         what=f"spreads 16 cells over the palm, interpolating {settings.target.interpolate}",

@@ -5,25 +5,31 @@ which term: `midair.solvers.methods.TAKES`.
 """
 
 from midair.solvers.terms.cells import Cells, CellTarget, cell_misfit
+from midair.solvers.terms.fit import Fit, means_of, name_of_means
 from midair.solvers.terms.guard import Guard, GuardField, excess, excess_rows
 from midair.solvers.terms.level import automatic_level
 from midair.solvers.terms.points import misfit
 from midair.solvers.terms.quiet_ears import QuietEars
 from midair.solvers.terms.smooth import change
 from midair.solvers.terms.temperatures import airs_around, psi_in_each
+from midair.solvers.terms.windows import Windows
 
 __all__ = [
     "CellTarget",
     "Cells",
+    "Fit",
     "Guard",
     "GuardField",
     "QuietEars",
+    "Windows",
     "airs_around",
     "automatic_level",
     "cell_misfit",
     "change",
     "excess",
     "excess_rows",
+    "means_of",
     "misfit",
+    "name_of_means",
     "psi_in_each",
 ]

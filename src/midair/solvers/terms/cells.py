@@ -3,6 +3,9 @@
 Only as many numbers a frame were measured as the sensor has cells; the control points are interpolated from them. This
 term asks that each cell would read what it should: ``w_c^T |G q|^2`` against its pressure, with w_c the share that
 each point has in cell c.
+
+It holds for a sensor in that one place: 2 mm beside it another pressure presses, since nobody asked what presses
+between the cells. `windows` asks for that, too.
 """
 
 from dataclasses import dataclass, field
@@ -44,13 +47,12 @@ class Cells:
         ShapeError
             If `pressure` has other frames or cells.
         """
-        weights = cell_weights(self.sensor, grid, centre=grid.centre)
-        # Radiation pressure goes with the square of the amplitude.
-        wanted = amplitude**2 @ weights.T
+        # Radiation pressure goes with the square of the amplitude; what is interpolated lies on lines.
+        wanted = amplitude**2 @ cell_weights(self.sensor, grid, centre=grid.centre, between="lines").T
         if self.pressure is not None:
             given = self.pressure.pressure.reshape(self.pressure.frames, -1)
             wanted = frozen_array(given / unit, "pressure of the cells", wanted.shape)
-        return CellTarget(weights=weights, wanted=wanted)
+        return CellTarget(weights=cell_weights(self.sensor, grid, centre=grid.centre, between="waves"), wanted=wanted)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,0 +1,125 @@
+"""How pressure that is known at the points of a grid averages onto the cells of a sensor.
+
+What presses between the points is taken as one of three things. With d the distance of a point from the middle of a
+cell, h the pitch of the points, a the aperture of the cell and s the spread of the gel, a point's share along one axis:
+
+- steps: box_h * box_a * gauss_s / a, each point stands for a square with the same pressure all over it;
+- lines: box_h * box_h * box_a * gauss_s / (a h), straight lines from point to point, as pressure is interpolated;
+- waves: the curve through the points that is band-limited below 1 / (2 h), as sound presses: the integral of
+  2 h sinc(f a) exp(-2 (pi f s)^2) cos(2 pi f d) over 0 <= f <= 1 / (2 h).
+
+The square of a field has no detail below half a wavelength, and less where the array is not all around: points 11/3 mm
+apart tell nearly all that four units make at 20 cm, so that means over 8 mm are exact to .1 %.
+"""
+
+from collections.abc import Callable, Mapping
+from itertools import product
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.model import ControlGrid
+from midair.physics.sensing import SensorModel
+
+Array = NDArray[np.float64]
+Between = Literal["steps", "lines", "waves"]
+"""What presses between two points."""
+
+
+def cell_weights(
+    model: SensorModel,
+    points: ControlGrid,
+    *,
+    centre: tuple[float, float] = (0.0, 0.0),
+    between: Between = "steps",
+) -> Array:
+    """How the pressure at the points of a grid averages onto each cell.
+
+    The gel spreads the pressure by a Gaussian, and the cell averages over its aperture. The share is the exact
+    integral, not a sample of it: over a grid that covers the plane each cell's weights sum to 1, so an even pressure
+    reads itself.
+
+    Parameters
+    ----------
+    model : SensorModel
+        Its grid, spread and aperture.
+    points : ControlGrid
+        Where the pressure is known; nothing presses outside it.
+    centre : tuple of float
+        (x, y) of the middle of the sensor, in m.
+    between : {"steps", "lines", "waves"}
+        What presses between the points.
+
+    Returns
+    -------
+    ndarray, shape (channel, point)
+        Pressure on the cells is ``weights @ pressure``.
+
+    Raises
+    ------
+    InputError
+        If nothing of that name can press between points.
+    """
+    if between not in _SHARES:
+        raise InputError(f"between: expected one of {', '.join(_SHARES)}, got {between!r}")
+    shares = _SHARES[between]
+    along_x = shares(model, points.x + points.centre[0] - (model.grid.x + centre[0])[:, None], points.pitch)
+    along_y = shares(model, points.y + points.centre[1] - (model.grid.y + centre[1])[:, None], points.pitch)
+    weights = np.einsum("ry,cx->rcyx", along_y, along_x)
+    return weights.reshape(model.grid.count, points.count)
+
+
+def _steps(model: SensorModel, offset: Array, pitch: float) -> Array:
+    """Along one axis: share of each point's stretch in each cell's average, (cell, point) for offsets of that shape."""
+    return _boxes(offset, (pitch, model.aperture), model.spread, _ramp) / model.aperture
+
+
+def _lines(model: SensorModel, offset: Array, pitch: float) -> Array:
+    """The same of a tent of one pitch to either side of the point."""
+    return _boxes(offset, (pitch, pitch, model.aperture), model.spread, _bow) / (model.aperture * pitch)
+
+
+def _waves(model: SensorModel, offset: Array, pitch: float) -> Array:
+    """The same of the band-limited curve that is 1 at the point and 0 at the others."""
+    top = 0.5 / pitch
+    # More than pi nodes for each cycle that the farthest point has below the top: exact to rounding.
+    nodes, weight = np.polynomial.legendre.leggauss(32 + 4 * int(np.ceil(np.abs(offset).max() / pitch)))
+    frequency = top * (nodes + 1) / 2
+    heard = np.sinc(frequency * model.aperture) * np.exp(-2 * (np.pi * frequency * model.spread) ** 2)
+    waves = np.cos(2 * np.pi * offset[..., None] * frequency)
+    return np.asarray(pitch * top * (waves @ (heard * weight)), np.float64)
+
+
+_SHARES: Mapping[str, Callable[[SensorModel, Array, float], Array]] = MappingProxyType(
+    {"steps": _steps, "lines": _lines, "waves": _waves}
+)
+
+
+def _boxes(offset: Array, sides: tuple[float, ...], spread: float, integral: Callable[[Array, float], Array]) -> Array:
+    """A Gaussian of unit area convolved with boxes of height 1: the differences of so many integrals of it as boxes."""
+    ends = product((0.5, -0.5), repeat=len(sides))
+    parts = [np.prod(np.sign(signs)) * integral(offset + np.dot(signs, sides), spread) for signs in ends]
+    return np.sum(parts, axis=0)
+
+
+def _ramp(x: Array, spread: float) -> Array:
+    """The Gaussian integrated twice: x Phi(x / s) + s phi(x / s)."""
+    cumulated, density = _gauss(x, spread)
+    return x * cumulated + spread**2 * density
+
+
+def _bow(x: Array, spread: float) -> Array:
+    """Integrated three times: ((x^2 + s^2) Phi(x / s) + x s phi(x / s)) / 2."""
+    cumulated, density = _gauss(x, spread)
+    return ((x**2 + spread**2) * cumulated + x * spread**2 * density) / 2
+
+
+def _gauss(x: Array, spread: float) -> tuple[Array, Array]:
+    """Phi(x / s), and the density phi(x / s) / s."""
+    from scipy.special import ndtr
+
+    z = x / spread
+    return np.asarray(ndtr(z), np.float64), np.exp(-(z**2) / 2) / (spread * np.sqrt(2 * np.pi))
