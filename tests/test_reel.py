@@ -134,3 +134,25 @@ def test_parts_that_come_once_are_read_in_their_order():
     with pytest.raises(InputError, match="frame 305 to be read next, got frame 0"):
         reel.read(0, 10)
     np.testing.assert_array_equal(reel.read(305, 1000), X[305:])
+
+
+def test_single_frames_do_not_keep_the_segments_that_they_lie_in():
+    made = []
+
+    def make(first, last):
+        made.append(np.full((last - first, 3), float(first)))
+        return made[-1]
+
+    reel = made_of(make, (1000, 3), size=100, kept=1)
+    some = reel[np.array([5, 250, 999])]
+    np.testing.assert_array_equal(some[:, 0], [0.0, 200.0, 900.0])
+    assert some.base is None
+    assert not any(np.shares_memory(some, each) for each in made)
+
+
+def test_zeros_follow_as_far_as_is_asked_for():
+    x = np.arange(12.0).reshape(6, 2)
+    reel = Reel(lambda a, b: x[a:b], x.shape)
+    np.testing.assert_array_equal(reel.followed(9), np.concatenate([x, np.zeros((3, 2))]))
+    np.testing.assert_array_equal(reel.followed(9).read(7, 9), np.zeros((2, 2)))
+    assert len(reel.followed(3)) == 6

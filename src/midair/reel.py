@@ -87,7 +87,12 @@ class Reel:
             return self._read(frame, frame + 1)[0]
         if isinstance(key, np.ndarray) and key.ndim == 1:
             rows = np.flatnonzero(key) if key.dtype == bool else key
-            return np.concatenate([self._read(int(row), int(row) + 1) for row in np.arange(len(self))[rows]])
+            frames = np.arange(len(self))[rows]
+            some = np.empty((len(frames), *self.shape[1:]))
+            # One by one into its place: a frame may be a view of a long segment, which it would keep.
+            for place, frame in enumerate(frames):
+                some[place] = self._read(int(frame), int(frame) + 1)[0]
+            return some
         return np.asarray(self)[key]
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
@@ -107,6 +112,15 @@ class Reel:
         """What `function` makes of every frame; it takes (frame, ...) and gives as many frames."""
         some = function(self._read(0, 1))
         return Reel(lambda a, b: function(self._read(a, b)), (len(self), *some.shape[1:]), stored=stored)
+
+    def followed(self, frames: int) -> "Reel":
+        """The same, followed by zeros so that there are `frames` of it at least."""
+
+        def read(first: int, last: int) -> Array:
+            there = self._read(min(first, len(self)), min(last, len(self)))
+            return np.concatenate([there, np.zeros((last - first - len(there), *self.shape[1:]))])
+
+        return Reel(read, (max(frames, len(self)), *self.shape[1:]), stored=self.stored)
 
     def min(self, axis: Literal[0] | None = None) -> Any:
         """Least number, of all or along the frames (axis 0)."""

@@ -49,7 +49,7 @@ def filtered(reel: Reel, rate: float, response: Callable[[Array], Complex | Arra
         if length not in known:
             # All segments but the last one are equally long.
             known.clear()
-            known[length] = response(np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
+            known[length] = _answer(response, np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
         wanted = known[length]
         inside = slice(margin, margin + last - first)
         changing = np.empty((last - first, *reel.shape[1:]))
@@ -117,6 +117,12 @@ def surrounded(reel: Reel, reach: int, function: Callable[[Array], Array]) -> Re
         return function(np.concatenate([ends[0], inside, ends[1]]))
 
     return made_of(make, reel.shape, size=max(_usual(reel), 2 * reach), kept=2)
+
+
+def _answer(response: Callable[[Array], Complex | Array], frequency: Array) -> Complex | Array:
+    """A response at many frequencies, of some at a time: what working it out takes is several times what it is."""
+    step = 4096
+    return np.concatenate([response(frequency[first : first + step]) for first in range(0, len(frequency), step)])
 
 
 def _usual(reel: Reel) -> int:

@@ -126,4 +126,4 @@ def read_frames(sensor: SensorDevice, frames: int) -> Array:
     have = sum(len(part) for part in parts)
     if have < frames:
         raise DeviceError(f"{sensor.name}: expected {frames} frames, got {have}; is it still connected?")
-    return np.concatenate(parts)
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)

@@ -18,7 +18,15 @@ from midair.physics.propagation import (
     wavenumber,
 )
 from midair.physics.radiation import radiation_pressure, sound_amplitude
-from midair.physics.sensing import SensorModel, calibration_of, channel_response, sense
+from midair.physics.sensing import (
+    SensorModel,
+    calibration_of,
+    channel_response,
+    felt_by_cells,
+    sense,
+    spoken,
+)
+from midair.physics.sensing_by_channel import channel_volts
 from midair.physics.skin import SKINS, Tissue, skin_compliance
 from midair.physics.skin_channels import TOUCH_CHANNELS, TouchChannel
 from midair.physics.skin_motion import SkinMotion
@@ -43,10 +51,12 @@ __all__ = [
     "calibration_of",
     "cell_weights",
     "channel_response",
+    "channel_volts",
     "check_frame_rate",
     "cone_points",
     "envelope",
     "exposure",
+    "felt_by_cells",
     "greatest_exposure",
     "focus_amplitude",
     "focus_phase",
@@ -63,6 +73,7 @@ __all__ = [
     "skin_compliance",
     "sound_amplitude",
     "sound_level",
+    "spoken",
     "steps_a_frame",
     "transfer_matrix",
     "wavenumber",

@@ -32,11 +32,15 @@ def focus(frames=20, level=0.2, rate=1000.0):
     return Drive(phase=phase, level=np.full(frames, level), rate=rate, array=ARRAY)
 
 
+def felt(skin):
+    return np.asarray(skin.pressure(0))
+
+
 def steady(level=0.2, **options):
     skin = VirtualSkin(SensorModel())
     with VirtualArray(ARRAY, skin, **options) as array:
         array.play(overridden(focus(level=level), array))
-    return skin.pressure(0)[-1]
+    return felt(skin)[-1]
 
 
 def test_a_steady_focus_presses_as_the_field_says():
@@ -106,7 +110,7 @@ def test_an_array_of_no_stated_air_takes_that_of_each_drive(warm):
             array.play(overridden(drive, array))
             field = transfer_matrix(skin.points, ARRAY, acoustics=air) @ drive.q[-1]
             expected = cell_weights(skin.model, skin.points, between="waves") @ radiation_pressure(field, air.medium)
-            np.testing.assert_allclose(skin.pressure(0)[-1].ravel(), expected, rtol=1e-6)
+            np.testing.assert_allclose(felt(skin)[-1].ravel(), expected, rtol=1e-6)
 
 
 def test_pressure_goes_with_the_square_of_the_level():
@@ -123,7 +127,7 @@ def test_transducers_take_their_time():
     skin = VirtualSkin(SensorModel(), rate=8000.0)
     with VirtualArray(ARRAY, skin, **PERFECT) as array:
         array.play(overridden(focus(), array))
-    rise = skin.pressure(0)[:, 1, 1] / skin.pressure(0)[-1, 1, 1]
+    rise = felt(skin)[:, 1, 1] / felt(skin)[-1, 1, 1]
     gone = np.exp((-1 / 188e-6 + 2j * np.pi * 205) * np.arange(1, 9) / 8000)
     np.testing.assert_allclose(rise[:8], np.abs(1 - gone) ** 2, rtol=1e-3)
 
@@ -134,8 +138,8 @@ def test_blocks_of_a_long_drive_join_without_a_seam():
         array.play(overridden(focus(frames=300), array))
     with VirtualArray(ARRAY, short) as array:
         array.play(overridden(focus(frames=5), array))
-    np.testing.assert_allclose(long.pressure(0)[40:], np.broadcast_to(long.pressure(0)[-1], (2360, 4, 4)), rtol=0.02)
-    np.testing.assert_allclose(long.pressure(0)[:40], short.pressure(0), rtol=1e-5)
+    np.testing.assert_allclose(felt(long)[40:], np.broadcast_to(felt(long)[-1], (2360, 4, 4)), rtol=0.02)
+    np.testing.assert_allclose(felt(long)[:40], felt(short), rtol=1e-5)
 
 
 def test_a_rate_that_does_not_fit_is_refused():
@@ -161,7 +165,7 @@ def test_plays_what_the_simulation_says():
     G = transfer_matrix(skin.points, ARRAY)
     weights = cell_weights(skin.model, skin.points, between="waves")
     law = simulate(wandering(200), G, chain=array.chain, rate=8000.0, weights=weights)
-    np.testing.assert_allclose(skin.pressure(0).reshape(-1, 16), law, atol=1e-5 * law.max())
+    np.testing.assert_allclose(felt(skin).reshape(-1, 16), law, atol=1e-5 * law.max())
 
 
 def test_the_silencer_is_chosen_for_the_drive_and_told():
@@ -172,7 +176,7 @@ def test_the_silencer_is_chosen_for_the_drive_and_told():
     with VirtualArray(ARRAY, half, silencer="half") as array:
         report = array.play(overridden(wandering(), array))
     assert report.silencer.startswith("phase 0.5 ms, intensity 0.25 ms (as asked")
-    assert np.abs(half.pressure(0) - auto.pressure(0)).max() > 0.05 * auto.pressure(0).max()
+    assert np.abs(felt(half) - felt(auto)).max() > 0.05 * felt(auto).max()
 
 
 def test_an_ideal_hold_presses_the_quasi_stationary_field_at_the_beginning_of_each_frame():
@@ -183,4 +187,4 @@ def test_an_ideal_hold_presses_the_quasi_stationary_field_at_the_beginning_of_ea
     still = cell_weights(skin.model, skin.points, between="waves") @ radiation_pressure(
         transfer_matrix(skin.points, ARRAY) @ q, Medium()
     )
-    np.testing.assert_allclose(skin.pressure(0).reshape(-1, 16)[::8], np.tile(still, (20, 1)), rtol=1e-3)
+    np.testing.assert_allclose(felt(skin).reshape(-1, 16)[::8], np.tile(still, (20, 1)), rtol=1e-3)

@@ -5,6 +5,7 @@ from midair.calibration import calibrate
 from midair.devices import VirtualSensor, VirtualSkin
 from midair.model import PressureFrames, Recording
 from midair.physics.sensing import SensorModel
+from midair.reel import Reel
 
 TIME = np.arange(8000) / 8000
 
@@ -37,3 +38,15 @@ def test_reading_on_after_the_touch_gives_the_quiet_sensor():
         sensor.read(1000)
         late = sensor.read(1000).samples[500:]
     assert late.std() < 0.01
+
+
+def test_a_long_take_waits_on_the_disk_and_is_the_same():
+    heard = []
+    for streamed in (False, True):
+        sensor = VirtualSensor(VirtualSkin(SensorModel().with_spread(seed=5)), touch=touched(100))
+        sensor.streamed = streamed
+        with sensor:
+            sensor.start()
+            heard.append(sensor.read(1100).samples)
+    assert isinstance(heard[1], Reel)
+    np.testing.assert_array_equal(*heard)

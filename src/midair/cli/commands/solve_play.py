@@ -159,6 +159,7 @@ def play_command(
     array = rig.array_device(skin)
     array.silencer = options.silencer
     with stages() as stage, array, rig.sensor(skin) as sensor:
+        sensor.streamed = True
         admission = options.admit(drive, array)
         recording = rerecord(admission, array, sensor, source=source, progress=stage("play and re-record"))
     save(recording, target, calibration=sensor.calibration)

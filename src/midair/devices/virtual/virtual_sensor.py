@@ -1,12 +1,16 @@
 """A microphone sensor that exists only here: the forward model of physics/sensing behind the sensor interface."""
 
+from typing import Any, cast
+
 import numpy as np
 
 from midair.devices.interface import FrameBlock, SensorDevice
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError
+from midair.long_sensing import sense_reel
 from midair.model import PressureFrames
 from midair.physics import calibration_of, sense
+from midair.reel import Reel
 
 
 class VirtualSensor(SensorDevice):
@@ -22,11 +26,14 @@ class VirtualSensor(SensorDevice):
         Frames per second, in Hz; the skin's rate over it must be whole.
     seed : int
         Of the noise.
+
+    With `streamed`, blocks are reels: what it felt, and what it said, waits on the disk.
     """
 
     unit = "V"
     simulated = True
     on_demand = True
+    streamed = False
 
     def __init__(
         self,
@@ -41,9 +48,8 @@ class VirtualSensor(SensorDevice):
         self.calibration, self.full_scale = calibration_of(skin.model), skin.model.full_scale
         self._skin, self._touch, self._seed = skin, touch, seed
         self._oversample = round(skin.rate / rate)
-        self._samples = np.zeros((0, *self.grid.shape))
-        self._taken = 0
-        self._sampling = False
+        self._samples: np.ndarray | Reel = np.zeros((0, *self.grid.shape))
+        self._taken, self._sampling = 0, False
 
     def open(self) -> None:
         """Nothing to take hold of."""
@@ -64,7 +70,10 @@ class VirtualSensor(SensorDevice):
         if len(self._samples) < self._taken:
             self._samples = self._sense(self._taken)
         now = first / self.rate
-        return FrameBlock(samples=self._samples[first : self._taken], first=first, device_time=now, host_time=now)
+        # To a type checker a reel is the array that it stands for.
+        return FrameBlock(
+            samples=cast("Any", self._samples[first : self._taken]), first=first, device_time=now, host_time=now
+        )
 
     def stop(self) -> None:
         """End sampling."""
@@ -73,8 +82,9 @@ class VirtualSensor(SensorDevice):
     def close(self) -> None:
         """Nothing to let go of."""
 
-    def _sense(self, frames: int) -> np.ndarray:
-        pressure = self._skin.pressure(frames * self._oversample)
-        whole = len(pressure) // self._oversample * self._oversample
-        rng = np.random.default_rng(self._seed)
-        return sense(self._skin.model, pressure[:whole], self.rate, rng=rng, oversample=self._oversample)
+    def _sense(self, frames: int) -> np.ndarray | Reel:
+        pressure, over = self._skin.pressure(frames * self._oversample), self._oversample
+        felt, rng = pressure[: len(pressure) // over * over], np.random.default_rng(self._seed)
+        if self.streamed:
+            return sense_reel(self._skin.model, felt, self.rate, rng=rng, oversample=over)
+        return sense(self._skin.model, np.asarray(felt), self.rate, rng=rng, oversample=over)

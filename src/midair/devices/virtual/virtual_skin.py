@@ -6,6 +6,8 @@ from numpy.typing import NDArray
 from midair.errors import RateError, ShapeError
 from midair.model import ControlGrid, PressureFrames
 from midair.physics import SensorModel, cell_weights
+from midair.reel import Reel
+from midair.spool import Spool
 
 Array = NDArray[np.float64]
 
@@ -34,11 +36,11 @@ class VirtualSkin:
             height=height,
         )
         self._weights = cell_weights(model, self.points, between="waves")
-        self._pressed: list[Array] = []
+        self.clear()
 
     def clear(self) -> None:
         """Forget all pressure: time begins again at 0."""
-        self._pressed.clear()
+        self._pressed = Spool(*self.model.grid.shape)
 
     def touch(self, stroke: PressureFrames) -> None:
         """An object presses on the cells, after all that pressed before.
@@ -60,7 +62,6 @@ class VirtualSkin:
         """Sound presses on the points of the skin, shape (step, point), in Pa, after all that pressed before."""
         self._pressed.append((pressure @ self._weights.T).reshape(-1, *self.model.grid.shape))
 
-    def pressure(self, steps: int) -> Array:
+    def pressure(self, steps: int) -> Reel:
         """What the cells felt since the last clear, shape (step, row, column), in Pa: at least `steps` of it."""
-        felt = np.concatenate([np.zeros((0, *self.model.grid.shape)), *self._pressed])
-        return np.concatenate([felt, np.zeros((max(0, steps - len(felt)), *self.model.grid.shape))])
+        return self._pressed.reel().followed(steps)
