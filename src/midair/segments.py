@@ -5,6 +5,7 @@ rounding; responses that are multiplied onto a spectrum to what their answer in 
 """
 
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +123,8 @@ def surrounded(reel: Reel, reach: int, function: Callable[[Array], Array]) -> Re
 def _answer(response: Callable[[Array], Complex | Array], frequency: Array) -> Complex | Array:
     """A response at many frequencies, of some at a time: what working it out takes is several times what it is."""
     step = 4096
-    return np.concatenate([response(frequency[first : first + step]) for first in range(0, len(frequency), step)])
+    parts = [response(frequency[first : first + step]) for first in range(0, len(frequency), step)]
+    return cast("Complex", np.concatenate(parts))
 
 
 def _usual(reel: Reel) -> int:
@@ -137,7 +139,11 @@ def _around(reel: Reel, first: int, last: int, pad: int, mean: Array, *, fade: i
     """
     begin, end = max(0, first), min(len(reel), last)
     whole = np.zeros((last - first, *reel.shape[1:]))
-    whole[begin - first : end - first] = reel.read(begin, end) - mean
+    at = begin - first
+    # A block at a time: what is read, and what it is less the mean, would take as much memory as the whole each.
+    for block in reel[begin:end].blocks():
+        np.subtract(block, mean, out=whole[at : at + len(block)])
+        at += len(block)
     ramp, soft = (_ramp(each).reshape(-1, *([1] * (reel.ndim - 1))) for each in (pad, fade))
     if first < 0:
         count = min(pad, -first)
