@@ -23,7 +23,7 @@ def check(count, seed, folder):
 
 
 def test_survives_damage_that_knows_the_structure(tmp_path):
-    check(6 * len(TARGETS), 1, tmp_path)
+    check(2 * len(TARGETS), 1, tmp_path)
 
 
 @pytest.mark.slow

@@ -78,7 +78,7 @@ def test_a_sketch_is_the_same_every_time(fine):
     np.testing.assert_array_equal(one.U * one.s, other.U * other.s)
 
 
-@pytest.mark.parametrize("points", [(1100, 60), (1100, 1200)])
+@pytest.mark.parametrize("points", [(1100, 60), pytest.param((1100, 1200), marks=pytest.mark.slow)])
 def test_many_points_without_few_modes_are_factored_as_exactly(points):
     G = random_matrix(*points, 3)
     kept = modes(G, tolerance=1e-3)
@@ -86,7 +86,7 @@ def test_many_points_without_few_modes_are_factored_as_exactly(points):
     np.testing.assert_allclose(put_together(kept), G, atol=1e-8)
 
 
-@pytest.mark.parametrize("side", [16, 31])
+@pytest.mark.parametrize("side", [16, pytest.param(31, marks=pytest.mark.slow)])
 def test_up_to_31_x_31_points_have_the_bits_of_the_eigenvectors(array, side):
     G = transfer_matrix(ControlGrid(rows=side, columns=side), array)
     power, U = np.linalg.eigh(G @ G.conj().T)

@@ -226,18 +226,18 @@ PARTS = {
     "fast, smooth": {"method": "fast", "smooth": 0.01},
     "fast, bounded": {"method": "fast", "amplitudes": "bounded"},
     "fast, cells": {"method": "fast", "fit": "cells"},
-    "glide": {"method": Glide(block=128)},
+    "glide": {"method": Glide(block=64)},
 }
 
 
 @pytest.mark.parametrize("settings", PARTS.values(), ids=PARTS)
 def test_a_recording_in_parts_is_solved_as_a_whole(settings, monkeypatch):
-    monkeypatch.setattr("midair.solvers.solving._TOGETHER", 128)
-    frame = np.arange(300)[:, None]
-    place = 18 + 10 * np.sin(2 * np.pi * frame / 300)
-    amplitude = 2000 * np.abs(np.sin(frame / 50)) * np.exp(-(((np.arange(36) - place) / 5) ** 2))
+    monkeypatch.setattr("midair.solvers.solving._TOGETHER", 64)
+    frame = np.arange(150)[:, None]
+    place = 18 + 10 * np.sin(2 * np.pi * frame / 150)
+    amplitude = 2000 * np.abs(np.sin(frame / 25)) * np.exp(-(((np.arange(36) - place) / 5) ** 2))
     # Silence at the beginning, across a joint, and at the end.
-    amplitude[:3] = amplitude[120:140] = amplitude[298:] = 0
+    amplitude[:3] = amplitude[60:70] = amplitude[148:] = 0
     grid, array = ControlGrid(rows=6, columns=6, pitch=10e-3), UNIT
     whole = AmplitudeFrames(amplitude=amplitude, rate=1000, grid=grid)
     reel = Reel(lambda first, last: amplitude[first:last], amplitude.shape)
@@ -253,7 +253,7 @@ def test_a_recording_in_parts_is_solved_as_a_whole(settings, monkeypatch):
     np.testing.assert_array_equal(np.concatenate([part.iterations for part in parts]), made.iterations)
     assert sum((part.status for part in parts), ()) == made.status
     assert all(part.drive.provenance == made.drive.provenance for part in parts)
-    assert {total for _, total in calls} == {300}
+    assert {total for _, total in calls} == {150}
 
 
 def test_a_method_knows_where_the_transducers_are(monkeypatch):

@@ -39,9 +39,8 @@ def _program(*command, env=None):
             running.kill()
 
 
-@pytest.fixture(scope="session")
-def lsl_sender():
-    """Starts a sender; gives its name and process."""
+@contextlib.contextmanager
+def _lsl_senders():
     pytest.importorskip("pylsl")
     with contextlib.ExitStack() as stack:
 
@@ -50,6 +49,20 @@ def lsl_sender():
             arguments = (HERE / "lsl_sender.py", name, rate, seconds, unit, hole, once, base, how)
             return name, stack.enter_context(_program(sys.executable, *arguments))
 
+        yield start
+
+
+@pytest.fixture
+def lsl_sender():
+    """Starts a sender; gives its name and process. It ends with its test: a sender takes a share of the processor."""
+    with _lsl_senders() as start:
+        yield start
+
+
+@pytest.fixture(scope="module")
+def lsl_sender_of_a_module():
+    """The same, for senders that several tests hear."""
+    with _lsl_senders() as start:
         yield start
 
 

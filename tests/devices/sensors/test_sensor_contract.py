@@ -46,8 +46,8 @@ def pulse(pulse_server, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def one_lsl_sender(lsl_sender):
-    return lsl_sender()
+def one_lsl_sender(lsl_sender_of_a_module):
+    return lsl_sender_of_a_module()
 
 
 @pytest.fixture

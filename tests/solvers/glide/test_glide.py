@@ -25,15 +25,18 @@ def glided(spot):
     return Glide(block=64).solve(spot)
 
 
-def test_a_moving_spot_is_as_true_as_by_the_batch_solver_and_keeps_still(spot, glided):
-    batch = Fast().solve(spot)
+@pytest.fixture(scope="module")
+def batch(spot):
+    return Fast().solve(spot)
+
+
+def test_a_moving_spot_is_as_true_as_by_the_batch_solver_and_keeps_still(spot, glided, batch):
     ours, theirs = error_of(spot, glided.phase), error_of(spot, batch.phase)
     assert ours.mean() <= theirs.mean()
     assert rms_step(glided.phase) <= 0.25 < rms_step(batch.phase)
 
 
-def test_it_takes_far_fewer_iterations_than_the_batch_solver(spot, glided):
-    batch = Fast().solve(spot)
+def test_it_takes_far_fewer_iterations_than_the_batch_solver(glided, batch):
     assert glided.iterations.sum() < batch.iterations.sum() / 2
 
 
@@ -44,7 +47,7 @@ def test_a_towel_is_as_true_as_by_the_batch_solver(problem_of, towel):
     assert rms_step(ours.phase) <= 0.25
 
 
-@pytest.mark.parametrize("jobs", [2, 4])
+@pytest.mark.parametrize("jobs", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_any_number_of_jobs_gives_the_same_to_the_last_bit(spot, glided, jobs):
     assert np.array_equal(Glide(block=64, jobs=jobs).solve(spot).phase, glided.phase)
 

@@ -33,7 +33,13 @@ print(solved(units, side, frames) - before)
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says VmHWM")
 @pytest.mark.parametrize(
     ("units", "side", "frames", "method"),
-    [(2, 16, 800, "fast"), (2, 32, 4, "fast"), (4, 32, 1, "fast"), (2, 32, 1, "live"), (2, 32, 4, "glide")],
+    [
+        (2, 32, 4, "glide"),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in [(2, 16, 800, "fast"), (2, 32, 4, "fast"), (4, 32, 1, "fast"), (2, 32, 1, "live")]
+        ),
+    ],
 )
 def test_what_is_told_is_what_the_system_sees(units, side, frames, method):
     words = [sys.executable, "-c", GROWTH, str(units), str(side), str(frames), method]
