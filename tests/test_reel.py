@@ -122,10 +122,21 @@ def test_a_number_that_is_none_is_named_by_its_place_in_the_whole():
         check_finite(np.array([[0, 0], [0, 0], [0, np.nan]]), "samples", frame=100)
 
 
-def test_some_frames_are_read_one_by_one():
-    np.testing.assert_array_equal(reel_of(X)[np.array([5, 900, -1])], X[[5, 900, -1]])
+def test_some_frames_are_read_each_with_those_that_follow_it():
+    asked = []
+    some = np.array([5, 6, 7, 900, 3, 4, 4, -2, -1])
+    np.testing.assert_array_equal(reel_of(X, asked)[some], X[some])
+    assert asked == [(5, 8), (900, 901), (3, 5), (4, 5), (998, 1000)]
     chosen = X[:, 0, 0] > 40
     np.testing.assert_array_equal(reel_of(X)[chosen], X[chosen])
+    assert reel_of(X)[np.zeros(0, int)].shape == (0, 2, 3)
+
+
+def test_some_frames_are_read_a_block_at_a_time(monkeypatch):
+    monkeypatch.setattr("midair.reel.BYTES", 8 * 6 * 400)
+    asked = []
+    np.testing.assert_array_equal(reel_of(X, asked)[np.arange(1000)], X)
+    assert asked == [(0, 400), (400, 800), (800, 1000)]
 
 
 def test_parts_that_come_once_are_read_in_their_order():

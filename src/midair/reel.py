@@ -86,14 +86,19 @@ class Reel:
             frame = range(len(self))[int(key)]
             return self._read(frame, frame + 1)[0]
         if isinstance(key, np.ndarray) and key.ndim == 1:
-            rows = np.flatnonzero(key) if key.dtype == bool else key
-            frames = np.arange(len(self))[rows]
-            some = np.empty((len(frames), *self.shape[1:]))
-            # One by one into its place: a frame may be a view of a long segment, which it would keep.
-            for place, frame in enumerate(frames):
-                some[place] = self._read(int(frame), int(frame) + 1)[0]
-            return some
+            return self._some(np.arange(len(self))[key])
         return np.asarray(self)[key]
+
+    def _some(self, frames: NDArray[np.intp]) -> Array:
+        """Chosen frames; those that follow each other are read together, since a file is opened for each reading."""
+        some, most = np.empty((len(frames), *self.shape[1:])), next(stretches(self.shape), (0, 1))[1]
+        ends = [*(np.flatnonzero(np.diff(frames) != 1) + 1).tolist(), len(frames)]
+        for begin, end in zip([0, *ends], ends, strict=False):
+            for at in range(begin, end, most):
+                # Each into its place: a stretch may be a view of a long segment, which it would keep.
+                count = min(most, end - at)
+                some[at : at + count] = self._read(int(frames[at]), int(frames[at]) + count)
+        return some
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         """The whole, in memory."""
