@@ -1,5 +1,7 @@
 """The loudest sound in a cube is found wherever it is: random drives, foci anywhere, and a search for gaps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -147,6 +149,20 @@ def test_other_arrays_and_airs(array, acoustics):
     missed = sound_level(field.max(axis=1)) - exposure(told, alone(place)).level[:, 0]
     assert missed.max() < MISSED
     assert np.median(missed) > -2 * ALLOWANCE
+
+
+def test_arrays_of_the_same_numbers_share_a_search_and_others_do_not():
+    again = TransducerArray.autd3()
+    assert again is not ARRAY
+    kept = cube_search(EAR, ARRAY, Acoustics())
+    assert cube_search(EAR, again, Acoustics()) is kept
+    for other in (
+        replace(ARRAY, pressure=2 * ARRAY.pressure),
+        replace(ARRAY, frequency=41e3),
+        replace(ARRAY, position=ARRAY.position + 1e-4),
+        replace(ARRAY, normal=-ARRAY.normal),
+    ):
+        assert cube_search(small(), other, Acoustics()) is not cube_search(small(), ARRAY, Acoustics())
 
 
 def test_silence_is_silent():

@@ -79,12 +79,36 @@ class CubeSearch:
         return np.minimum(found, level @ self.ceiling)
 
 
-@lru_cache(maxsize=32)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Alike:
+    """An array that is the same as any other of its numbers: each file of a drive makes one of its own."""
+
+    array: TransducerArray
+
+    @property
+    def numbers(self) -> tuple[object, ...]:
+        """All that sound in the air depends on."""
+        one = self.array
+        return one.position.tobytes(), one.normal.tobytes(), one.pressure, one.frequency
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Alike) and self.numbers == other.numbers
+
+    def __hash__(self) -> int:
+        return hash(self.numbers)
+
+
 def cube_search(place: Place, array: TransducerArray, acoustics: Acoustics) -> CubeSearch:
     """The search of a place: all of its cube where the limit is enforced, its 27 points where it only advises.
 
     Kept, since a drive is measured in parts, more than once, and one drive after the other.
     """
+    return _cube_search(place, _Alike(array), acoustics)
+
+
+@lru_cache(maxsize=32)
+def _cube_search(place: Place, alike: _Alike, acoustics: Acoustics) -> CubeSearch:
+    array = alike.array
     corners = np.abs(transfer_matrix(place.points, array, acoustics=acoustics))
     if not place.enforced or place.reach == 0:
         direct = transfer_matrix(place.points, array, acoustics=acoustics)
