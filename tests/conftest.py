@@ -1,5 +1,6 @@
 """Settings of all tests."""
 
+import itertools
 import os
 import signal
 import sys
@@ -25,7 +26,14 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.fixture(scope="session")
+def _states(tmp_path_factory):
+    """Names of folders that are made when somebody writes there; pytest makes each, and looks at all to name one."""
+    folder = tmp_path_factory.mktemp("states")
+    return (str(folder / str(number)) for number in itertools.count())
+
+
 @pytest.fixture(autouse=True)
-def _own_state(tmp_path_factory, monkeypatch):
+def _own_state(_states, monkeypatch):
     """Logs and lines of playing go to a folder of the test's own."""
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path_factory.mktemp("state")))
+    monkeypatch.setenv("MIDAIR_STATE", next(_states))

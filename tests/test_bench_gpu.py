@@ -21,13 +21,20 @@ def bench(*said):
     )
 
 
-@pytest.mark.parametrize(("name", "needed"), [("strict", "array_api_strict"), ("torch", "torch")])
-def test_a_small_run_on_the_cpu(name, needed):
+@pytest.mark.parametrize(
+    ("name", "needed", "patterns"),
+    [
+        ("numpy", "numpy", 8),
+        pytest.param("strict", "array_api_strict", 64, marks=pytest.mark.slow),
+        pytest.param("torch", "torch", 64, marks=pytest.mark.slow),
+    ],
+)
+def test_a_small_run_on_the_cpu(name, needed, patterns):
     pytest.importorskip(needed)
-    made = bench("--backend", name, "--patterns", "64")
+    made = bench("--backend", name, "--patterns", str(patterns))
     assert made.returncode == 0, made.stderr
     assert "no GPU in this run" in made.stdout
-    assert "fast, 64 patterns" in made.stdout
+    assert f"fast, {patterns} patterns" in made.stdout
     assert "glide, best mode, 400 frames" in made.stdout
     (difference,) = [line for line in made.stdout.splitlines() if "from NumPy's" in line]
     assert float(difference.split(":")[1].split()[0]) < 2e-3

@@ -65,6 +65,7 @@ def test_the_air_of_the_room_is_checked_at_play(take, capsys):
     assert 0 < changes[0] < changes[1]
 
 
+@pytest.mark.slow
 def test_loop_writes_a_report(take, capsys):
     assert run(["loop", "take.h5", *QUICK, "--start-at", "0.1s", "--duration", "0.05s", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)

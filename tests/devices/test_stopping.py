@@ -176,7 +176,7 @@ def check_by_command(tap, folder, times, longest):
 
 def test_nothing_sounds_after_a_stop_of_a_command(tap, tmp_path):
     pytest.importorskip("autd3")
-    check_by_command(tap, tmp_path, 3, 2.0)
+    check_by_command(tap, tmp_path, 2, 2.0)
 
 
 @pytest.mark.slow

@@ -25,14 +25,15 @@ ON_THEIR_OWN = {
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows limits the size of no file")
 @pytest.mark.parametrize("how", ["killed", "refused"])
-def test_what_was_there_is_there_when_a_writer_is_stopped_half_way(how, tmp_path):
-    words = [sys.executable, PROGRAM, how]
+@pytest.mark.parametrize(("extent", "count"), [("quick", 17), pytest.param("", 20, marks=pytest.mark.slow)])
+def test_what_was_there_is_there_when_a_writer_is_stopped_half_way(how, extent, count, tmp_path):
+    words = [sys.executable, PROGRAM, how, *extent.split()]
     done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=tmp_path, timeout=500)
     assert done.returncode == 0, done.stderr
     found = {
         line["name"]: line for line in map(json.loads, filter(lambda line: line[:1] == "{", done.stdout.splitlines()))
     }
-    assert len(found) >= 20
+    assert len(found) >= count
     ended = -signal.SIGXFSZ if how == "killed" else 1
     assert {name: line["ended"] for name, line in found.items()} == dict.fromkeys(found, ended)
     assert [name for name, line in found.items() if not line["whole"]] == []

@@ -249,7 +249,7 @@ def test_other_settings_are_checked():
 def test_a_recording_on_disk_is_calibrated_as_one_in_memory(method, tolerance, monkeypatch):
     """To what the FFT's answer has left after a reach, four periods of the narrowest edge; the FIR to rounding."""
     monkeypatch.setattr("midair.segments.BYTES", 2**17)
-    recording = recorded(noise(3, frames=40_000), rng=np.random.default_rng(1))
+    recording = recorded(noise(3, frames=10_000), rng=np.random.default_rng(1))
     reel = Reel(lambda first, last: recording.samples[first:last], recording.samples.shape)
     whole = calibrate(recording, CALIBRATION, band=BAND, method=method)
     made = calibrate(replace(recording, samples=reel), CALIBRATION, band=BAND, method=method)
@@ -257,11 +257,11 @@ def test_a_recording_on_disk_is_calibrated_as_one_in_memory(method, tolerance, m
     assert made.provenance == whole.provenance
     pressure = np.asarray(made.pressure)
     assert np.abs(pressure - whole.pressure).max() < tolerance * np.abs(whole.pressure).max()
-    np.testing.assert_array_equal(made.pressure.read(12_345, 23_456), pressure[12_345:23_456])
+    np.testing.assert_array_equal(made.pressure.read(2_345, 6_456), pressure[2_345:6_456])
 
 
 def test_a_recording_on_disk_with_nothing_in_the_band_is_refused_as_one_in_memory():
-    slow = np.sin(2 * np.pi * 2 * np.arange(200_000) / RATE)[:, None, None] * np.ones((4, 4))
+    slow = np.sin(2 * np.pi * 2 * np.arange(40_000) / RATE)[:, None, None] * np.ones((4, 4))
     for samples in (slow, Reel(lambda first, last: slow[first:last], slow.shape)):
         recording = Recording(samples=samples, rate=RATE)
         with pytest.raises(BandError, match="a share of"):

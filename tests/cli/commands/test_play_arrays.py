@@ -230,15 +230,15 @@ def test_what_cannot_be_stopped_does_not_play(capsys):
 
 
 def test_a_computer_that_stands_still_for_a_second_ends_the_play_with_status_1_and_the_silent_frames(tap):
-    make("six.drive.h5", level=0.005, frames=6000)
-    command = [sys.executable, "-c", "from midair.cli import main; main()", "play", "six.drive.h5"]
+    make("three.drive.h5", level=0.005, frames=3000)
+    command = [sys.executable, "-c", "from midair.cli import main; main()", "play", "three.drive.h5"]
     with subprocess.Popen(
         [*command, "--device", f"autd3:{tap.address}"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as player:
         # The first switch: it is about to sound.
         while player.poll() is None and not any(frame[2] == 0x12 for frame in tap.frames()):
             time.sleep(0.02)
-        time.sleep(1)
+        time.sleep(0.4)
         player.send_signal(signal.SIGSTOP)
         time.sleep(1)
         player.send_signal(signal.SIGCONT)
@@ -246,7 +246,7 @@ def test_a_computer_that_stands_still_for_a_second_ends_the_play_with_status_1_a
     assert player.returncode == 1
     (line,) = [line for line in error.splitlines() if line.startswith("midair: ")]
     assert re.search(
-        r"failsafe silenced units? [\d, ]+: frames \d+ to 5999 of 6000 \([\d.]+ to 6\.000 s\) were silent", line
+        r"failsafe silenced units? [\d, ]+: frames \d+ to 2999 of 3000 \([\d.]+ to 3\.000 s\) were silent", line
     )
     assert log()[-1]["reason"].startswith("SilentFramesError")
 

@@ -48,6 +48,9 @@ def solved(path, *words):
     return load_solution(path)
 
 
+FEW = ["--points", "6", "--pitch", "11mm"]
+
+
 def errors(drive, target, q):
     matrix = transfer_matrix(target.grid, drive.array, acoustics=drive.acoustics)
     wanted = target.amplitude.reshape(drive.frames, -1)
@@ -89,7 +92,7 @@ def test_what_the_boards_put_out_is_the_field_that_was_solved_for(kind, words, t
 
 
 def test_a_loud_drive_is_refused_before_the_board_is_opened(board, tmp_path, capsys):
-    solved(tmp_path / "x.drive.h5", "--array", "openmpd")
+    solved(tmp_path / "x.drive.h5", "--array", "openmpd", *FEW)
     capsys.readouterr()
     assert run(["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none"]) == 1
     assert "limit 110 dB" in capsys.readouterr().err
@@ -98,7 +101,7 @@ def test_a_loud_drive_is_refused_before_the_board_is_opened(board, tmp_path, cap
 
 
 def test_a_drive_for_another_array_is_refused(board, tmp_path, capsys):
-    solved(tmp_path / "x.drive.h5")
+    solved(tmp_path / "x.drive.h5", *FEW)
     assert run(["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none"]) == 1
     assert "expected one for OpenMPD (256 transducers), got one for AUTD3 2 x 2" in capsys.readouterr().err
     assert board.heard == []
@@ -116,7 +119,7 @@ def test_stop_silences_a_board_that_something_left_sounding(board, capsys):
 
 
 def test_stop_in_another_terminal_is_true_when_it_answers(board, capsys):
-    solved("x.drive.h5", "--array", "openmpd")
+    solved("x.drive.h5", "--array", "openmpd", *FEW)
     words = ["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none", "--repeats", "2000"]
     order = [sys.executable, "-m", "midair", *words, "--override-exposure", "A Person"]
     player = subprocess.Popen(order, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

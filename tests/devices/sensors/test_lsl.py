@@ -116,7 +116,8 @@ def numbered(sensor, seconds, *, cells=16):
 
 
 @pytest.mark.parametrize(
-    ("how", "once"), [("stamped", 1200), *(pytest.param(how, 2500, marks=pytest.mark.slow) for how in ("stamped", "cast"))]
+    ("how", "once"),
+    [("stamped", 1200), *(pytest.param(how, 2500, marks=pytest.mark.slow) for how in ("stamped", "cast"))],
 )
 def test_frames_that_were_left_out_are_found_from_stamps_where_nobody_counts(how, once, lsl_sender):
     """100 frames that never came were 14,700 ppm of drift."""

@@ -44,9 +44,9 @@ def test_opening_moves_nothing_and_says_where_it_is(machine):
 def test_a_move_ends_where_and_when_the_machine_does(machine):
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)
-        go(stage, FAR, 0.15)
-        times, stamps = go(stage, (-0.08, -0.05, -0.001), 0.05)
-    assert machine.place == pytest.approx([-80, -50, -1])
+        go(stage, (-0.11, -0.05, -0.001), 0.2)
+        times, stamps = go(stage, (-0.06, -0.05, -0.001), 0.05)
+    assert machine.place == pytest.approx([-60, -50, -1])
     assert machine.lost == 0
     true = machine.moves[-1]
     # The machine's own beginning and end, by the same clock; what is between is the line and this computer.
@@ -70,7 +70,7 @@ def test_inches_and_work_coordinates_are_the_machines_millimetres_all_the_same()
 
 
 def test_when_stopped_it_is_held_stands_and_forgets_the_rest(machine):
-    end = time.monotonic() + 0.8
+    end = time.monotonic() + 0.4
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)
         times, _ = go(stage, FAR, 0.05, stopped=lambda: time.monotonic() > end)
@@ -195,10 +195,11 @@ def test_a_port_that_is_not_there_or_says_nothing_is_named(machine):
         pass
 
 
-def test_random_stops_never_leave_it_moving(machine):
+@pytest.mark.parametrize("count", [3, pytest.param(20, marks=pytest.mark.slow)])
+def test_random_stops_never_leave_it_moving(machine, count):
     rng = np.random.default_rng(0)
     with GrblStage(machine.port) as stage:
-        for _ in range(8):
+        for _ in range(count):
             stage.ready(homing=True)
             end = time.monotonic() + rng.uniform(0, 0.6)
             x, y, z = (float(part) * 1e-3 for part in rng.uniform(-200, -1, 3))

@@ -28,12 +28,25 @@ class Refusing:
         return os.write(handle, data)
 
 
+ERRORS = [errno.EIO, errno.ENOSPC, errno.EDQUOT, errno.EFBIG]
+# Each error at every fourth write, so that together they come at every one; the slow tests take each at every write.
+SOME = [pytest.param(each, range(1 + number, 30, 4), id=errno.errorcode[each]) for number, each in enumerate(ERRORS)]
+EVERY = [
+    pytest.param(each, (*range(1, 30), 61, 64, 67), id=f"{errno.errorcode[each]}, every write", marks=pytest.mark.slow)
+    for each in ERRORS
+]
+
+
+def slow(*sizes):
+    return [pytest.param(size, marks=pytest.mark.slow) for size in sizes]
+
+
 @pytest.mark.parametrize("times", [1, 10**9], ids=["once", "for good"])
-@pytest.mark.parametrize("error", [errno.EIO, errno.ENOSPC, errno.EDQUOT, errno.EFBIG], ids=errno.errorcode.get)
+@pytest.mark.parametrize(("error", "writes"), [*SOME, *EVERY])
 def test_a_disk_that_refuses_at_any_write_leaves_what_the_message_says_is_safe(
-    error, times, recording, options, tmp_path, monkeypatch
+    error, writes, times, recording, options, tmp_path, monkeypatch
 ):
-    for first in (*range(1, 30), 61, 64, 67):
+    for first in writes:
         path = tmp_path / f"{first}.h5"
         write = Refusing(error, first, times)
         monkeypatch.setattr(committed, "os", SimpleNamespace(**vars(os) | {"write": write}))
@@ -103,7 +116,7 @@ def tiny_disk(tmp_path):
         subprocess.run(["umount", str(folder)], check=True)
 
 
-@pytest.mark.parametrize("size", [4, 16, 32, 128, 1024, 16384])
+@pytest.mark.parametrize("size", [4, 16384, *slow(16, 32, 128, 1024)])
 def test_a_disk_that_is_too_small_gets_no_file(size, tiny_disk):
     folder = tiny_disk(size)
     said, frames = written_in(folder / "live.h5")
@@ -112,7 +125,7 @@ def test_a_disk_that_is_too_small_gets_no_file(size, tiny_disk):
     assert list(folder.iterdir()) == []
 
 
-@pytest.mark.parametrize("size", [4, 16, 32, 64, 128, 256, 512, 2048])
+@pytest.mark.parametrize("size", [4, 128, 512, *slow(16, 32, 64, 256, 2048)])
 def test_what_fits_on_a_disk_without_a_reserve_is_kept(size, tiny_disk):
     folder = tiny_disk(size)
     said, frames = written_in(folder / "live.h5", reserve=0)
@@ -123,7 +136,7 @@ def test_what_fits_on_a_disk_without_a_reserve_is_kept(size, tiny_disk):
         assert open_take(folder / "live.h5").recording.frames >= frames
 
 
-@pytest.mark.parametrize("limit", [0, 4, 16, 64, 512, 4096])
+@pytest.mark.parametrize("limit", [0, 64, 512, *slow(4, 16, 4096)])
 def test_a_limit_of_the_size_of_files_leaves_what_is_safe(limit, tmp_path):
     """As of a shell's ulimit -f, or of 4 GB on FAT32."""
     resource = pytest.importorskip("resource")

@@ -6,6 +6,7 @@ import pytest
 
 from midair.flow import felt
 from midair.model import ControlGrid
+from midair.rig.looping import loop_report
 from midair.rig.looping.correction_loop import run_loop
 from midair.rig.looping.loop_report import render, settings_rows, versions, write_report
 from midair.rig.names.virtual_rig import VirtualRig
@@ -50,6 +51,14 @@ def test_holds_what_a_reader_looks_for(loop, page):
     assert f"{100 * loop.passes[-1].reproduction.solution.error.mean():.3g}" in page
 
 
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """They take seconds to draw, and `page` has them."""
+    monkeypatch.setattr(loop_report, "pictures", lambda loop: [])
+    monkeypatch.setattr(loop_report, "further_pictures", lambda loop, card: [])
+
+
+@pytest.mark.usefixtures("without_pictures")
 def test_only_a_rectified_original_is_said_to_lose_its_negative_half(loop, page):
     assert "negative half cannot be played" in page
     assert "negative half" not in render(replace(loop, settings=loop.settings.but(mapping="slow-bias")))
@@ -64,6 +73,7 @@ def test_versions_are_those_in_use():
     assert dict(versions())["numpy"] == np.__version__
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_failed_write_leaves_the_old_report(loop, tmp_path):
     old = tmp_path / "report.html"
     old.write_text("old")

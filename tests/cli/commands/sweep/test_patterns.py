@@ -58,8 +58,10 @@ def test_from_patterns_to_a_report(capsys):
     ("words", "medium"),
     [
         ("", Medium(attenuation=0.0)),
-        ("--attenuation 0.1", Medium(attenuation=0.1)),
-        ("--temperature 25C --humidity 30%", Medium.at(temperature=25.0, humidity=0.3)),
+        pytest.param("--attenuation 0.1", Medium(attenuation=0.1), marks=pytest.mark.slow),
+        pytest.param(
+            "--temperature 25C --humidity 30%", Medium.at(temperature=25.0, humidity=0.3), marks=pytest.mark.slow
+        ),
         ("--temperature 25C --attenuation 0", replace(Medium.at(temperature=25.0), attenuation=0.0)),
     ],
 )
