@@ -23,11 +23,11 @@ from benchmarks.targets import ARRAY, moving_blob, problem_of, towel
 from benchmarks.yardstick import plain
 from midair.datasets import sample, stroke
 from midair.dsp import resample
-from midair.flow import at_rate, felt, wanted
+from midair.flow import at_rate, felt, lead_of, wanted
 from midair.model import Calibration, PressureFrames, Provenance, SensorGrid
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
 from midair.physics import focus_amplitude, transfer_matrix
-from midair.rig import BudgetPlan, error_budget, lead_of
+from midair.rig import BudgetPlan, error_budget
 from midair.settings import Settings, best_mode, paper_mode
 from midair.solvers import Fast, Glide, Guard, Live, Problem, error_of, one_blas_thread, spreading_phase
 from midair.solvers.backend import backend

@@ -2,13 +2,17 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair import ram
 from midair.calibration import calibrate
 from midair.dsp import resample
 from midair.errors import InputError
+from midair.evaluate import resting
 from midair.model import (
     AmplitudeFrames,
     Calibration,
@@ -19,9 +23,12 @@ from midair.model import (
     TransducerArray,
 )
 from midair.physics import check_frame_rate, focus_amplitude
+from midair.segments import silenced
 from midair.settings import Settings
 from midair.solvers import check_memory, memory_of, solve, solve_parts
-from midair.targets import decouple, precompensate, precompensate_sound, prepare
+from midair.targets import decouple, precompensate, precompensate_sound, prepare, usual_lead
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,10 +49,31 @@ class Reproduction:
         return f"<Reproduction strength {self.strength():.3g}, {self.solution!r}>"
 
 
-def felt(recording: Recording, calibration: Calibration | None, settings: Settings) -> PressureFrames:
-    """The pressure that the sensor felt, in the settings' band and at their rate."""
-    pressure = calibrate(recording, calibration, band=settings.calibration.band, method=settings.calibration.inverse)
-    return at_rate(pressure, settings.target.rate)
+def felt(
+    recording: Recording, calibration: Calibration | None, settings: Settings, *, from_rest: bool = False
+) -> PressureFrames:
+    """The pressure that the sensor felt, in the settings' band and at their rate.
+
+    Parameters
+    ----------
+    recording, calibration
+        As in `calibrate`.
+    settings : Settings
+        Their band, the way to undo the sensor, their rate.
+    from_rest : bool
+        Whether the sensor is known to have been at rest before the first frame and after the last one. Otherwise what
+        it said there is taken as held.
+    """
+    chosen, rate = settings.calibration, settings.target.rate
+    if not from_rest:
+        return at_rate(calibrate(recording, calibration, band=chosen.band, method=chosen.inverse), rate)
+    # As many frames as are whole ones at the other rate too.
+    ratio = Fraction(rate / recording.rate).limit_denominator(1000)
+    pad = -(-resting(chosen.band, recording.rate) // ratio.denominator) * ratio.denominator
+    longer = replace(recording, samples=cast("Array", silenced(recording.samples, pad)))
+    whole = at_rate(calibrate(longer, calibration, band=chosen.band, method=chosen.inverse), rate)
+    first = pad * ratio.numerator // ratio.denominator
+    return replace(whole, pressure=whole.pressure[first : whole.frames - first])
 
 
 def at_rate(pressure: PressureFrames, rate: float) -> PressureFrames:
@@ -58,6 +86,11 @@ def at_rate(pressure: PressureFrames, rate: float) -> PressureFrames:
         rate=rate,
         provenance=pressure.provenance.then("resample", {"from_hz": pressure.rate, "to_hz": rate}),
     )
+
+
+def lead_of(settings: Settings) -> float:
+    """Lead before and after a piece that the settings need, in s, for `led_in`."""
+    return usual_lead(settings.target.mapping, settings.calibration.band)
 
 
 def to_play(pressure: PressureFrames, settings: Settings) -> PressureFrames:

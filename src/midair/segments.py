@@ -30,6 +30,50 @@ def extend(x: Array, pad: int) -> Array:
     return np.concatenate([ramp * x[:1], x, ramp[::-1] * x[-1:]])
 
 
+def silenced(x: Array | Reel, pad: int) -> Array | Reel:
+    """`x` with `pad` frames of silence on both sides; of a reel a reel."""
+    shape = (len(x) + 2 * pad, *x.shape[1:])
+    if not isinstance(x, Reel):
+        whole = np.zeros(shape)
+        whole[pad : pad + len(x)] = x
+        return whole
+
+    def read(first: int, last: int) -> Array:
+        part = np.zeros((max(0, last - first), *shape[1:]))
+        begin, end = max(0, first - pad), min(len(x), last - pad)
+        if begin < end:
+            part[begin + pad - first : end + pad - first] = x.read(begin, end)
+        return part
+
+    return Reel(read, shape, stored=x.stored)
+
+
+def swelling(x: Array | Reel, pad: int, swell: int) -> Array | Reel:
+    """`x` with `pad` frames on both sides: silence, and at last `swell` frames of a half cosine to its end values.
+
+    Of a reel a reel.
+    """
+    swell, quiet = min(swell, pad), silenced(x, pad)
+    if not swell:
+        return quiet
+    rise = (0.5 - 0.5 * np.cos(np.pi * np.arange(swell) / swell)).reshape(-1, *[1] * (x.ndim - 1))
+    before, after = rise * x[0], rise[::-1] * x[len(x) - 1]
+    if not isinstance(quiet, Reel):
+        quiet[pad - swell : pad], quiet[pad + len(x) : pad + len(x) + swell] = before, after
+        return quiet
+    whole = quiet
+
+    def read(first: int, last: int) -> Array:
+        part = whole.read(first, last)
+        for begin, ramp in ((pad - swell, before), (pad + len(x), after)):
+            low, high = max(first, begin), min(last, begin + swell)
+            if low < high:
+                part[low - first : high - first] = ramp[low - begin : high - begin]
+        return part
+
+    return Reel(read, whole.shape)
+
+
 def filtered(reel: Reel, rate: float, response: Callable[[Array], Complex | Array], *, reach: float) -> Reel:
     """As `midair.dsp.filter_response`, of a reel: each segment has its own spectrum.
 

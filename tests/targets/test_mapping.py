@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import maximum_filter1d
 
 from midair.errors import InputError
-from midair.targets import MAPPINGS, SlowBias, constant_offset, half_wave, slow_bias
+from midair.targets import MAPPINGS, SlowBias, constant_offset, half_wave, mapping_of, slow_bias
 
 RATES = st.sampled_from([500.0, 1000.0, 4000.0])
 
@@ -50,30 +50,56 @@ def test_a_given_offset_lifts_by_itself_and_cuts_what_pulls_harder():
 
 
 def test_a_sine_is_lifted_by_its_amplitude_at_all_times():
-    """The sliding maximum over 60 ms of a 25 Hz sine is its amplitude; so is its smooth form: P = x + 1."""
+    """The sliding maximum over 90 ms of a 25 Hz sine is its amplitude; so is its smooth form: P = x + 1."""
     x = np.sin(2 * np.pi * 25 * np.arange(1000) / 1000)[:, None]
     np.testing.assert_allclose(slow_bias(x, 1000.0)[100:-100], x[100:-100] + 1, atol=1e-12)
 
 
 def test_one_pull_is_bounded_by_a_plateau_with_smooth_shoulders():
-    """Sliding maximum over 61 frames, smoothed over 91: from 75 frames before to 75 after, not quite 1 at the top."""
+    """Sliding maximum over 91 frames, smoothed over 91: from 90 frames before to 90 after, 1 at the top: no cut."""
     x = np.zeros((401, 1))
     x[200] = -1
     bias = slow_bias(x, 1000.0)[:, 0]
-    assert (np.flatnonzero(bias)[0], np.flatnonzero(bias)[-1]) == (125, 275)
+    assert (np.flatnonzero(bias)[0], np.flatnonzero(bias)[-1]) == (110, 290)
     hann = np.hanning(93)[1:-1] / np.hanning(93).sum()
-    # at frame 140 the window from 95 to 185 sees the plateau from 170 to 230 with its last 16 weights
-    assert bias[140] == pytest.approx(hann[-16:].sum(), abs=1e-12)
-    # at the pull itself 61 of 91 weights are on the plateau: a + sin(pi a) / pi with a = 30.5 / 46; the rest is cut
+    # at frame 140 the window from 95 to 185 sees the plateau from 155 to 245 with its last 31 weights
+    assert bias[140] == pytest.approx(hann[-31:].sum(), abs=1e-12)
+    # at the pull itself all 91 weights are on the plateau
+    assert bias[199] == pytest.approx(1 - hann[0], abs=1e-12)
+    assert bias[200] == pytest.approx(0, abs=1e-12)
+
+
+def test_a_shorter_window_cuts_a_pull_that_is_alone():
+    """At the pull 61 of 91 weights are on the plateau: a + sin(pi a) / pi with a = 30.5 / 46; the rest is cut."""
+    x = np.zeros((401, 1))
+    x[200] = -1
+    hann = np.hanning(93)[1:-1] / np.hanning(93).sum()
     assert hann[15:76].sum() == pytest.approx(0.9406, abs=1e-4)
-    assert bias[200] == 0
+    assert SlowBias(window=60e-3)(x, 1000.0)[200] == 0
+    assert SlowBias(window=60e-3)(x, 1000.0)[199] == pytest.approx(hann[14:75].sum(), abs=1e-12)
+
+
+@pytest.mark.parametrize("band", [(20.0, 470.0), (1.0, 15.0), (5.0, 100.0)])
+def test_the_bias_follows_the_band(band):
+    """A wave just above the lower corner comes through as well as one just above 20 Hz does: its bias is no wave."""
+    rate, low = 50 * band[0], band[0]
+    time = np.arange(round(20 / low * rate)) / rate
+    x = (np.sin(2 * np.pi * 1.5 * low * time) * (1 + 0.5 * np.sin(2 * np.pi * 0.3 * low * time)))[:, None]
+    pushed = mapping_of("slow-bias", band)(x, rate)
+    inside = slice(len(x) // 4, -len(x) // 4)
+    bias = (pushed - x)[inside]
+    spectrum = np.abs(np.fft.rfft((bias - bias.mean())[:, 0] * np.hanning(len(bias))))
+    frequency = np.fft.rfftfreq(len(bias), 1 / rate)
+    wave = np.abs(np.fft.rfft(x[inside, 0] * np.hanning(len(bias)))).max()
+    assert spectrum[frequency >= low].max() < 0.02 * wave
+    assert mapping_of("half-wave", band) is half_wave
 
 
 @settings(max_examples=25, deadline=None)
 @given(RATES, st.floats(5e-3, 0.1), st.floats(0.72, 1.0), st.integers(0, 2**32 - 1))
 def test_a_window_as_long_as_the_smoothing_bounds_from_above(rate, window, ratio, seed):
     """Then nothing is cut: P - x is the bias itself, at least -x and at least 0, and at most the largest pull."""
-    bias = SlowBias(window=window, corner=0.72 / (ratio * window))
+    bias = SlowBias(corner=0.72 / (ratio * window), window=window)
     x = np.random.default_rng(seed).normal(size=(300, 1))
     if bias.lengths(rate)[1] > bias.lengths(rate)[0]:
         return

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from midair.errors import DeviceStateError, InputError, ShapeError
-from midair.targets import MAPPINGS, MappingStream, constant_offset
+from midair.targets import MAPPINGS, MappingStream, constant_offset, mapping_of
 
 OFFSET = {"constant-offset": {"offset": 2.5}}
 BLOCKS = st.lists(st.integers(1, 200), min_size=1, max_size=6)
@@ -29,7 +29,7 @@ def test_all_blocks_together_are_what_the_whole_gives(name, blocks, seed):
     np.testing.assert_array_equal(np.concatenate([*out, one.finish()]), offline(name, pressure))
 
 
-@pytest.mark.parametrize(("name", "delay"), [("half-wave", 0), ("constant-offset", 0), ("slow-bias", 75)])
+@pytest.mark.parametrize(("name", "delay"), [("half-wave", 0), ("constant-offset", 0), ("slow-bias", 90)])
 def test_frames_go_out_exactly_the_stated_delay_later(name, delay):
     pressure = np.random.default_rng(1).normal(size=(300, 1, 1))
     one = stream(name)
@@ -39,7 +39,15 @@ def test_frames_go_out_exactly_the_stated_delay_later(name, delay):
 
 
 def test_the_delay_in_seconds_does_not_depend_on_the_rate():
-    assert stream("slow-bias", 4000.0).delay == pytest.approx(0.075 * 4000, abs=2)
+    assert stream("slow-bias", 4000.0).delay == pytest.approx(0.09 * 4000, abs=2)
+
+
+def test_in_a_lower_band_it_is_as_much_later_and_the_same():
+    band, pressure = (5.0, 100.0), np.random.default_rng(4).normal(size=(900, 1, 1))
+    one = MappingStream("slow-bias", 500.0, band=band)
+    assert one.delay == 180
+    out = np.concatenate([one.push(pressure[:500]), one.push(pressure[500:]), one.finish()])
+    np.testing.assert_array_equal(out, mapping_of("slow-bias", band)(pressure, 500.0))
 
 
 def test_the_offset_of_the_whole_recording_streams_to_the_same():

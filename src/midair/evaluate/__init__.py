@@ -5,6 +5,7 @@ from midair.evaluate.card import CardFigure, PerceptualCard, perceptual_card
 from midair.evaluate.comparison import Comparison, compare
 from midair.evaluate.distortion import Fidelity, fidelity, image_level, in_band
 from midair.evaluate.field import peak_position
+from midair.evaluate.heard_again import heard_perfectly, resting
 from midair.evaluate.leakage import Leak, leak, surroundings
 from midair.evaluate.other_air import error_in_air
 from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
@@ -29,6 +30,7 @@ __all__ = [
     "error_in_air",
     "fidelity",
     "find_delay",
+    "heard_perfectly",
     "image_level",
     "in_band",
     "leak",
@@ -37,6 +39,7 @@ __all__ = [
     "perceptual_card",
     "printed_error",
     "relative_error",
+    "resting",
     "spectral_error",
     "spqi",
     "st_sim",

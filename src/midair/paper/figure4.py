@@ -6,10 +6,10 @@ from types import MappingProxyType
 
 from midair.evaluate import perceptual_card
 from midair.figures import png, stimuli_figure
-from midair.flow import felt
+from midair.flow import felt, lead_of
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
-from midair.rig import Loop, Stage, VirtualRig, capture_recording, lead_of, quiet, run_loop
+from midair.rig import Loop, Stage, VirtualRig, capture_recording, quiet, run_loop
 from midair.settings import Mode, Settings, beside_paper, paper_mode
 
 STIMULI: Mapping[str, str] = MappingProxyType(

@@ -7,7 +7,7 @@ from midair.datasets import probe_signal
 from midair.errors import InputError
 from midair.evaluate import Budget
 from midair.figures import budget_figure, passes_figure, png
-from midair.flow import felt, wanted
+from midair.flow import felt, lead_of, wanted
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude
@@ -18,12 +18,11 @@ from midair.rig import (
     VirtualRig,
     capture_recording,
     error_budget,
-    lead_of,
-    led_in,
     quiet,
     run_loop,
 )
 from midair.settings import Mode, Settings, beside_paper, coarser, paper_mode
+from midair.targets import led_in
 
 SIGNALS = ("25+250 Hz", "noise", "bursts")
 OBJECTS = ("brush", "sponge", "towel")

@@ -9,9 +9,9 @@ from typing import Self
 from midair.devices import ArrayDevice, ExposureChoices, PlayReport, SensorDevice, SilencerChoice, admit
 from midair.errors import InputError
 from midair.files import OpenedTake, load_calibration, open_take
-from midair.flow import felt
+from midair.flow import felt, lead_of
 from midair.model import Acoustics, Calibration, Drive, Placement, PressureFrames, Progress, SensorWiring, Solution
-from midair.rig.looping import Loop, Stage, lead_of, quiet, run_loop
+from midair.rig.looping import Loop, Stage, quiet, run_loop
 from midair.rig.names import VirtualRig, array_named, sensor_named
 from midair.rig.playing import play_admitted, rerecord, usual_exposure
 from midair.rig.takes import capture_recording

@@ -70,7 +70,7 @@ def mapping_report(
         If there is no such mapping.
     """
     x = pressure.pressure
-    pushed = mapping_of(mapping)(x, pressure.rate)
+    pushed = mapping_of(mapping, band)(x, pressure.rate)
     wanted, got = _in_band(x, pressure.rate, band), _in_band(pushed, pressure.rate, band)
     power = float((wanted**2).sum())
     gain = float((wanted * got).sum()) / power if power else 0.0

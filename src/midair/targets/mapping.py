@@ -60,23 +60,38 @@ class SlowBias:
 
     Attributes
     ----------
-    window : float
-        Length of the sliding maximum, in s.
     corner : float
         Corner of the smoothing, in Hz: below what the sensor hears, so that the bias is not felt as vibration.
+    window : float or None
+        Length of the sliding maximum, in s; that of the Hann window if None.
     """
 
-    window: float = 60e-3
     corner: float = 8.0
+    window: float | None = None
 
     def __post_init__(self) -> None:
-        positive(self.window, "window of the bias", "s")
         positive(self.corner, "corner of the bias", "Hz")
+        if self.window is not None:
+            positive(self.window, "window of the bias", "s")
+
+    @classmethod
+    def below(cls, band: tuple[float, float]) -> "SlowBias":
+        """The bias for what is felt in a band: its corner is at two fifths of the lower one, 8 Hz below 20.
+
+        From 1 Hz down it is that of 1 Hz: what is slower than that is no vibration.
+        """
+        return cls(corner=0.4 * max(band[0], 1.0))
+
+    @property
+    def seconds(self) -> float:
+        """How long before and after a frame decides its bias, in s; so late is a stream."""
+        return (0.72 / self.corner if self.window is None else self.window) / 2 + 0.36 / self.corner
 
     def lengths(self, rate: float) -> tuple[int, int]:
         """Frames of the sliding maximum and of the Hann window, both odd."""
         # Odd lengths have a middle, so that neither shifts the bias by half a frame.
-        return 2 * round(self.window * rate / 2) + 1, 2 * round(0.36 / self.corner * rate) + 1
+        smooth = 2 * round(0.36 / self.corner * rate) + 1
+        return smooth if self.window is None else 2 * round(self.window * rate / 2) + 1, smooth
 
     def reach(self, rate: float) -> int:
         """How many frames before and after a frame decide its bias; so many a stream is late."""
@@ -105,7 +120,7 @@ class SlowBias:
 
 
 slow_bias = SlowBias()
-"""The slow bias with a window of 60 ms and a corner of 8 Hz."""
+"""The slow bias with a corner of 8 Hz, for what is felt from 20 Hz on."""
 
 MAPPINGS: Mapping[str, Callable[[Array, float], Array]] = MappingProxyType(
     {"half-wave": half_wave, "constant-offset": constant_offset, "slow-bias": slow_bias}
@@ -113,8 +128,8 @@ MAPPINGS: Mapping[str, Callable[[Array, float], Array]] = MappingProxyType(
 """The ways from signed pressure to pressure that pushes; each takes (frame, row, column) in Pa and the rate in Hz."""
 
 
-def mapping_of(name: str) -> Callable[[Array, float], Array]:
-    """The mapping of this name.
+def mapping_of(name: str, band: tuple[float, float] | None = None) -> Callable[[Array, float], Array]:
+    """The mapping of this name, for what is felt in a band; from 20 Hz on if None.
 
     Raises
     ------
@@ -123,4 +138,5 @@ def mapping_of(name: str) -> Callable[[Array, float], Array]:
     """
     if name not in MAPPINGS:
         raise InputError(f"mapping: expected one of {', '.join(MAPPINGS)}, got {name!r}")
-    return MAPPINGS[name]
+    chosen = MAPPINGS[name]
+    return SlowBias.below(band) if band is not None and isinstance(chosen, SlowBias) else chosen

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import DeviceStateError, InputError, ShapeError
-from midair.targets.mapping import MAPPINGS, SlowBias, constant_offset, half_wave, mapping_of
+from midair.targets.mapping import SlowBias, constant_offset, half_wave, mapping_of
 from midair.validation import positive
 
 Array = NDArray[np.float64]
@@ -23,6 +23,8 @@ class MappingStream:
         Frames per second, in Hz.
     offset : ndarray, shape (row, column), or float, optional
         The constant offset, in Pa: a stream cannot know what its cells will pull at most.
+    band : tuple of float, optional
+        (low, high) of what is felt, in Hz, which a slow bias follows; from 20 Hz on if None.
 
     Raises
     ------
@@ -30,8 +32,15 @@ class MappingStream:
         If the mapping is unknown, or is the constant offset and has none.
     """
 
-    def __init__(self, mapping: str, rate: float, *, offset: Array | float | None = None) -> None:
-        mapping_of(mapping)
+    def __init__(
+        self,
+        mapping: str,
+        rate: float,
+        *,
+        offset: Array | float | None = None,
+        band: tuple[float, float] | None = None,
+    ) -> None:
+        chosen = mapping_of(mapping, band)
         if (mapping == "constant-offset") != (offset is not None):
             raise InputError(
                 "offset: expected one in Pa for constant-offset and none for the others, got "
@@ -39,13 +48,12 @@ class MappingStream:
             )
         self.mapping = mapping
         self._rate, self._offset = positive(rate, "rate", "Hz"), offset
-        chosen = MAPPINGS[mapping]
         self._bias = chosen if isinstance(chosen, SlowBias) else None
         self._kept: Array | None = None
 
     @property
     def delay(self) -> int:
-        """How many frames later than it came a frame goes out: 0 but for the slow bias, 75 ms."""
+        """How many frames later than it came a frame goes out: 0 but for the slow bias, 90 ms from 20 Hz on."""
         return 0 if self._bias is None else self._bias.reach(self._rate)
 
     def push(self, block: Array) -> Array:

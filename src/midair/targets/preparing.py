@@ -63,7 +63,7 @@ def prepare(
     InputError
         If the mapping or the kind of interpolation is unknown, or the gain is not above zero.
     """
-    to_push = mapping_of(mapping)
+    to_push = mapping_of(mapping, pressure.band)
     if interpolate not in get_args(Interpolated):
         raise InputError(f"interpolate: expected one of {', '.join(get_args(Interpolated))}, got {interpolate!r}")
     gain = positive(gain, "gain of the pressure")

@@ -8,11 +8,11 @@ import pytest
 from midair.correct import IterativeCorrection
 from midair.datasets import probe_signal
 from midair.errors import InputError
-from midair.flow import felt
+from midair.flow import felt, lead_of
 from midair.model import ControlGrid
 from midair.rig.looping.correction_loop import run_loop
-from midair.rig.looping.iteration import iterated, lead_of, playable
-from midair.rig.looping.passes import Rig, led_in
+from midair.rig.looping.iteration import iterated, playable
+from midair.rig.looping.passes import Rig
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
@@ -114,15 +114,6 @@ def test_only_what_can_be_played_is_asked_for():
     asked = np.array([-5.0, 3.0, 99.0])
     assert playable(asked, mapping="half-wave", top=10.0).tolist() == [0.0, 3.0, 10.0]
     assert playable(asked, mapping="slow-bias", top=10.0).tolist() == [-5.0, 3.0, 10.0]
-
-
-def test_the_lead_swells_and_fades_and_keeps_the_middle():
-    pressure = original(COARSE)
-    longer = led_in(pressure, 0.05)
-    assert longer.frames == pressure.frames + 100
-    assert np.array_equal(longer.pressure[50:-50], pressure.pressure)
-    assert np.abs(longer.pressure[0]).max() == 0
-    assert led_in(pressure, 0.0) is pressure
 
 
 def test_numbers_below_zero_are_refused():

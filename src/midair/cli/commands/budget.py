@@ -24,7 +24,8 @@ from midair.devices import SilencerChoice
 from midair.evaluate import Budget
 from midair.figures import budget_figure, png
 from midair.files import open_take, whole_file
-from midair.rig import BudgetPlan, VirtualRig, error_budget, kept_in_band, lead_of
+from midair.flow import lead_of
+from midair.rig import BudgetPlan, VirtualRig, error_budget, kept_in_band
 
 
 def budget_command(
@@ -61,7 +62,7 @@ def budget_command(
     silencer
         How the array spreads phase steps; auto is what midair sets on any.
     lead
-        Silence around what is played, in which a bias can rise; 100 ms for mappings with one if not given.
+        Time before and after it in which pressure swells and a bias rises; what the mapping needs if not given.
     seed
         Of the virtual rig.
     json

@@ -7,6 +7,7 @@ from midair.cli.terminal import (
     BandOptions,
     Json,
     banner,
+    brought_together,
     card_of,
     felt_part,
     kept_aside,
@@ -15,7 +16,6 @@ from midair.cli.terminal import (
     print_card,
     print_figures,
     print_json,
-    same_part,
 )
 from midair.evaluate import compare
 from midair.files import open_take
@@ -31,7 +31,8 @@ def compare_command(
 ) -> None:
     """Compare a re-recording with its original: waveform, spectrum, level, place, delay, and what skin makes of it.
 
-    Band, rate, and the part of the original that was played are those that the re-recording says it was made with.
+    Band, rate, lead and the part of the original that was played are those that the re-recording says it was made with.
+    What was played passes the soft edges of the band twice, so the original is compared through them once more.
 
     Parameters
     ----------
@@ -49,9 +50,8 @@ def compare_command(
     again = open_take(reproduced, streamed=True).recording
     settings = made_with(again.provenance, (options or BandOptions()).settings())
     with ExitStack() as stack:
-        before = same_part(felt_part(original, settings, streamed=True), again.provenance)
-        before = stack.enter_context(kept_aside(before))
-        after = stack.enter_context(kept_aside(felt_part(reproduced, settings, streamed=True)))
+        both = brought_together(felt_part(original, settings, streamed=True), reproduced, settings)
+        before, after = (stack.enter_context(kept_aside(each)) for each in both)
         comparison, card = compare(before, after), card_of(before, after)
     if json:
         return print_json(plain(comparison) | {"perception": None if card is None else card.plain()["figures"]})

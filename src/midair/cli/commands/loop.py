@@ -116,7 +116,7 @@ def loop_command(
     iterate
         How often at most to correct the waveform and play again after that; it ends earlier when nothing helps.
     lead
-        Silence around what is played, in which a bias can rise; 100 ms for mappings with one if not given.
+        Time before and after it in which pressure swells and a bias rises; what the mapping needs if not given.
     json
         Print JSON for a program.
 

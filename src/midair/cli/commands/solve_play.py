@@ -24,10 +24,11 @@ from midair.cli.terminal import (
 from midair.errors import InputError
 from midair.evaluate import error_in_air
 from midair.files import load_placement, load_solution, load_target, save, save_solutions
-from midair.flow import Reproduction, reproduce_parts
+from midair.flow import Reproduction, lead_of, reproduce_parts
 from midair.model import Acoustics
 from midair.rig import ArrayKind, VirtualRig, array_of_kind, rerecord
 from midair.settings import Settings
+from midair.targets import led_in
 
 
 def solve_command(
@@ -38,6 +39,7 @@ def solve_command(
     options: SolveOptions | None = None,
     start_at: Time = 0.0,
     duration: Annotated[float | None, quantity("s")] = None,
+    lead: Annotated[float | None, quantity("s")] = None,
     array: ArrayKind = "autd3",
     placement: Path | None = None,
     force: Force = False,
@@ -56,6 +58,9 @@ def solve_command(
         Where in the recording to begin.
     duration
         How much of the recording; all that is left if not given.
+    lead
+        Time before and after it in which pressure swells and a bias rises; what the mapping needs if not given. The
+        drive tells it, and compare leaves it out.
     array
         autd3: two by two units. openmpd, openmpd-twin (experimental): one board, or two face to face.
     placement
@@ -73,7 +78,8 @@ def solve_command(
     transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
     may_write(target, force)
-    pressure = felt_part(source, settings, start_at, duration, streamed=True)
+    piece = felt_part(source, settings, start_at, duration, streamed=True)
+    pressure = led_in(piece, lead_of(settings) if lead is None else lead)
     banner(pressure.provenance.simulated)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
     with stages() as stage:

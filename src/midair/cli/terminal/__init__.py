@@ -26,7 +26,7 @@ from midair.cli.terminal.meter_screen import MeterScreen
 from midair.cli.terminal.nominal import nominal_calibration, stated_sensitivity
 from midair.cli.terminal.offering import GROUPS, epilogue, examples_of, offer
 from midair.cli.terminal.options import BandOptions, Force, Frequency, Json, Length, Quiet, SolveOptions, Time
-from midair.cli.terminal.originals import felt_part, kept_aside, made_with, same_part
+from midair.cli.terminal.originals import brought_together, felt_part, kept_aside, made_with
 from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
 from midair.cli.terminal.rows import calibrated_by, calibration_figures, recording_figures, recording_rows
@@ -58,6 +58,7 @@ __all__ = [
     "Time",
     "as_recording",
     "banner",
+    "brought_together",
     "bring",
     "calibrated_by",
     "calibration_figures",
@@ -89,7 +90,6 @@ __all__ = [
     "quantity",
     "recording_figures",
     "recording_rows",
-    "same_part",
     "say",
     "say_how_long",
     "say_air",

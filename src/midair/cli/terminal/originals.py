@@ -6,12 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+from midair.evaluate import heard_perfectly
 from midair.files import open_take
 from midair.flow import felt
 from midair.model import PressureFrames, Provenance, Setting
 from midair.reel import blocks
 from midair.settings import Settings
 from midair.spool import Spool
+from midair.targets import led_in, without_lead
 
 
 def felt_part(
@@ -45,13 +47,29 @@ def made_with(provenance: Provenance, settings: Settings) -> Settings:
     return settings.but(rate=float(rate)) if isinstance(rate, int | float) else settings
 
 
-def same_part(pressure: PressureFrames, provenance: Provenance) -> PressureFrames:
-    """The part of an original that a re-recording says it is of."""
-    cut = _step(provenance, "cut")
+def brought_together(
+    original: PressureFrames, source: Path, settings: Settings
+) -> tuple[PressureFrames, PressureFrames]:
+    """The part of an original that a re-recording says it is of, and the re-recording, its lead left out; of reels.
+
+    What was played is compared as a perfect rig would give it back: through the band once more. A recording that does
+    not say that it was played is compared as it is.
+    """
+    take = open_take(source, streamed=True)
+    provenance, calibration = take.recording.provenance, take.calibration
+    if not _step(provenance, "play"):
+        return original, felt(take.recording, calibration, settings)
+    cut, lead = _step(provenance, "cut"), _step(provenance, "lead").get("lead_s", 0.0)
     start, duration = cut.get("start_s"), cut.get("duration_s")
     if isinstance(start, int | float) and isinstance(duration, int | float):
-        return pressure.cut(float(start), float(duration))
-    return pressure
+        original = original.cut(float(start), float(duration))
+    asked = led_in(original, float(lead) if isinstance(lead, int | float) else 0.0)
+    # A virtual sensor hears the drive's first frame at time 0, and has been at rest until then.
+    virtual = calibration is not None and calibration.provenance.simulated
+    heard = felt(take.recording, calibration, settings, from_rest=virtual)
+    first = (asked.frames - original.frames) // 2
+    reference = without_lead(heard_perfectly(asked), original.frames)
+    return reference, replace(heard, pressure=heard.pressure[first : first + original.frames])
 
 
 def _step(provenance: Provenance, stage: str) -> Mapping[str, Setting]:

@@ -2,9 +2,8 @@
 
 from midair.rig.looping.budget_stages import BudgetPlan, error_budget, kept_in_band
 from midair.rig.looping.correction_loop import Loop, run_loop
-from midair.rig.looping.iteration import lead_of
 from midair.rig.looping.loop_report import Picture, card_of_loop, pictures, write_report
-from midair.rig.looping.passes import Stage, led_in, quiet
+from midair.rig.looping.passes import Stage, quiet
 
 __all__ = [
     "BudgetPlan",
@@ -14,8 +13,6 @@ __all__ = [
     "card_of_loop",
     "error_budget",
     "kept_in_band",
-    "lead_of",
-    "led_in",
     "pictures",
     "quiet",
     "run_loop",

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.calibration import calibrate
 from midair.devices import SilencerChoice, choose_silencer
-from midair.dsp import band_edges, band_energy, band_window, filter_response
-from midair.evaluate import Budget, StageOutput, budget, leak
-from midair.flow import Reproduction, at_rate, mapped, reproduce, to_play
+from midair.dsp import band_energy
+from midair.evaluate import Budget, StageOutput, budget, heard_perfectly, leak
+from midair.flow import Reproduction, felt, mapped, reproduce, to_play
 from midair.model import Acoustics, Drive, PressureFrames, Recording
 from midair.physics import (
     PlaybackChain,
@@ -21,10 +20,10 @@ from midair.physics import (
     simulate,
     transfer_matrix,
 )
-from midair.rig.looping.passes import Stage, led_in, quiet
+from midair.rig.looping.passes import Stage, quiet
 from midair.rig.names import VirtualRig
 from midair.settings import Settings
-from midair.targets import mapping_of
+from midair.targets import led_in, mapping_of
 
 Array = NDArray[np.float64]
 
@@ -102,7 +101,8 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
     done = _done_before(settings)
     if done:
         yield StageOutput(name="beforehand", what=f"{done}; later stages give it back", pressure=compensated)
-    pushed = settings.target.gain * mapping_of(settings.target.mapping)(compensated.pressure, compensated.rate)
+    to_push = mapping_of(settings.target.mapping, compensated.band)
+    pushed = settings.target.gain * to_push(compensated.pressure, compensated.rate)
     yield StageOutput(
         name="mapping",
         what=f"makes pressure of both signs push: {settings.target.mapping}",
@@ -133,7 +133,7 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
         name="sensor",
         what="hears changes only, with noise, up to half its rate, and is calibrated",
         pressure=_simulated(_heard(cells, asked, plan)),
-        reference=_heard_perfectly(asked, settings),
+        reference=heard_perfectly(asked),
         tells_images=False,
     )
 
@@ -169,22 +169,8 @@ def _heard(cells: Array, asked: PressureFrames, plan: BudgetPlan) -> PressureFra
     model, over = rig.sensor_model, rig.steps
     whole = len(cells) // over * over
     volts = sense(model, cells[:whole], rig.rate, rng=np.random.default_rng(rig.seed), oversample=over)
-    kept = settings.calibration
     recording = Recording(samples=volts, rate=rig.rate, sensor=model.grid, provenance=asked.provenance)
-    pressure = calibrate(recording, calibration_of(model), band=kept.band, method=kept.inverse)
-    return at_rate(pressure, settings.target.rate)
-
-
-def _heard_perfectly(asked: PressureFrames, settings: Settings) -> PressureFrames:
-    """What was asked with the band's soft edges once more, which calibration puts on the re-recording a second time."""
-    band = settings.calibration.band
-    edges = band_edges(band, asked.rate)
-
-    def window(frequency: Array) -> Array:
-        return band_window(frequency, band, edges=edges).reshape(-1, 1, 1)
-
-    # Two periods of the lower edge, which is half as wide as `low`.
-    return replace(asked, pressure=filter_response(asked.pressure, asked.rate, window, reach=4 / band[0]))
+    return felt(recording, calibration_of(model), settings, from_rest=True)
 
 
 def _judged(pressure: PressureFrames, original: PressureFrames, lead: float) -> PressureFrames:

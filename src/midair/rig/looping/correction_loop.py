@@ -8,12 +8,19 @@ from numpy.typing import NDArray
 from midair.correct import BeamGain, amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure
 from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, admit
 from midair.errors import InputError
+from midair.evaluate import heard_perfectly
 from midair.flow import felt
 from midair.model import Calibration, PressureFrames, Progress
+from midair.rig.looping.first_gain import expected_gain, focus_on_cell, played_part
 from midair.rig.looping.iteration import iterated
-from midair.rig.looping.passes import Pass, Rig, Stage, led_in, play_pass, quiet
+from midair.rig.looping.passes import Pass, Rig, Stage, play_pass, quiet
 from midair.rig.playing import rerecord, usual_exposure
 from midair.settings import Settings
+from midair.targets import led_in, without_lead
+
+MOST = 10.0
+"""By how much a first pass is made louder at most by what the model expects: half-wave rectification and the average
+over a cell leave a fifth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,6 +43,9 @@ class Loop:
         Settings of every stage.
     original : PressureFrames
         What was to be reproduced.
+    reference : PressureFrames
+        The same as a perfect rig would give it back: the original through the band once more. Passes are compared with
+        it.
     beam : BeamTest
         The beam test.
     passes : tuple of Pass
@@ -48,6 +58,7 @@ class Loop:
 
     settings: Settings
     original: PressureFrames
+    reference: PressureFrames
     beam: BeamTest
     passes: tuple[Pass, ...]
     taken_back: int = 0
@@ -70,6 +81,9 @@ def beam_test(
 ) -> BeamTest:
     """Measure the gain of the beam: a beating focus on the channel nearest to the centre, at several levels.
 
+    It is told on the cell: what the sensor reads over what the model says that a cell reads of the focus, so that it is
+    1 on an array that is as strong as assumed.
+
     Parameters
     ----------
     array, sensor : ArrayDevice, SensorDevice
@@ -79,7 +93,7 @@ def beam_test(
     settings : Settings
         Its band decides the beat, its grid's height the place; its medium and directivity what is commanded.
     top : float
-        Highest pressure that is commanded, in Pa.
+        Highest pressure that is commanded, in the middle of the focus, in Pa.
     levels : int
         Number of levels, 5 or more, evenly spread in pressure.
     exposure : ExposureChoices, optional
@@ -106,8 +120,9 @@ def beam_test(
     heard = felt(rerecord(admission, array, sensor, progress=progress), calibration, settings)
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
     measured = beat_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
-    # Half peak to peak, which is what `beat_amplitude` reads.
-    commanded = full * drives**2 / 2
+    # Half peak to peak, which is what `beat_amplitude` reads; of what the cell reads, which is wider than the focus.
+    on_cell = focus_on_cell(array.array, sensor.grid, channel, settings) * played_part(frequency, settings)
+    commanded = on_cell * drives**2 / 2
     return BeamTest(channel=channel, commanded=commanded, measured=measured, line=beam_gain(commanded, measured))
 
 
@@ -125,8 +140,9 @@ def run_loop(
 ) -> Loop:
     """Take what was felt of an object through the rest of the paper's pipeline on an open array and sensor.
 
-    The first pass is corrected by the beam's gain alone; each further one multiplies the pressure by what the pass
-    before it lacked in amplitude. Then come passes that correct the waveform, see `rig.iteration`.
+    The first pass is corrected by the beam's gain and by what the model expects that the cells read of it; each further
+    one multiplies the pressure by what the pass before it lacked in amplitude. Then come passes that correct the
+    waveform, see `rig.iteration`. Passes are compared with the original as a perfect rig would give it back.
 
     Parameters
     ----------
@@ -148,18 +164,22 @@ def run_loop(
     chosen = exposure or usual_exposure()
     rig = Rig(array=array, sensor=sensor, exposure=chosen, lead=lead)
     beam = beam_test(array, sensor, sensor.calibration, settings, exposure=chosen, progress=stage("beam test"))
-    gain = settings.target.gain * amplitude_gain(beam.line.gain)
     asked = led_in(original, lead)
+    # What the model expects of this recording, and what the beam presses of what the model expects.
+    expected = expected_gain(original, asked, settings)
+    gain = settings.target.gain * amplitude_gain(expected, limit=MOST) * amplitude_gain(beam.line.gain)
+    reference = without_lead(heard_perfectly(asked), original.frames)
     passes: list[Pass] = []
     for number in range(corrections + 1):
         if passes:
             # On top of the gain so far: the pass before was played with it.
             gain *= amplitude_gain(passes[-1].comparison.gain)
-        passes.append(play_pass(original, asked, rig, settings.but(gain=gain), f"pass {number + 1}", stage))
-    further = iterated(original, passes[-1], rig, settings, iterate, stage=stage)
+        passes.append(play_pass(reference, asked, rig, settings.but(gain=gain), f"pass {number + 1}", stage))
+    further = iterated(reference, passes[-1], rig, settings, iterate, stage=stage)
     return Loop(
         settings=settings,
         original=original,
+        reference=reference,
         beam=beam,
         passes=(*passes, *further.passes),
         taken_back=further.taken_back,

@@ -128,11 +128,6 @@ def playable(asked: Array, *, mapping: str, top: float) -> Array:
     return np.clip(asked, 0.0 if mapping == "half-wave" else -top, top)
 
 
-def lead_of(settings: Settings) -> float:
-    """Lead that a mapping needs, in s: none where nothing is lifted, .1 s where a bias has to rise."""
-    return 0.0 if settings.target.mapping == "half-wave" else 0.1
-
-
 def _fitted(frames: Array, count: int) -> Array:
     """`count` frames: cut, or with silence behind."""
     return np.concatenate([frames[:count], np.zeros((max(0, count - len(frames)), *frames.shape[1:]))])

@@ -182,7 +182,7 @@ def further_pictures(loop: Loop, card: PerceptualCard | None) -> list[Picture]:
 def card_of_loop(loop: Loop) -> PerceptualCard | None:
     """The perceptual card of the last pass; None where it is shorter than the 64 ms that its metrics need."""
     try:
-        return perceptual_card(loop.original, loop.passes[-1].felt)
+        return perceptual_card(loop.reference, loop.passes[-1].felt)
     except ShapeError:
         return None
 

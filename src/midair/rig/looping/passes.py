@@ -1,7 +1,7 @@
 """One time through: solve, play, re-record, compare."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, admit
 from midair.errors import InputError
@@ -9,7 +9,6 @@ from midair.evaluate import Comparison, compare, find_delay
 from midair.flow import Reproduction, at_rate, felt, reproduce
 from midair.model import PressureFrames, Progress, Recording
 from midair.rig.playing import rerecord, usual_exposure
-from midair.segments import extend
 from midair.settings import Settings
 
 Stage = Callable[[str], Progress | None]
@@ -82,15 +81,6 @@ def quiet(_: str) -> Progress | None:
     return None
 
 
-def led_in(pressure: PressureFrames, lead: float) -> PressureFrames:
-    """The same with `lead` seconds more on both sides, in which it swells from and fades to nothing."""
-    pad = round(lead * pressure.rate)
-    if not pad:
-        return pressure
-    provenance = pressure.provenance.then("lead", {"lead_s": pad / pressure.rate})
-    return replace(pressure, pressure=extend(pressure.pressure, pad), provenance=provenance)
-
-
 def play_pass(
     original: PressureFrames,
     asked: PressureFrames,
@@ -101,14 +91,15 @@ def play_pass(
     *,
     step: float | None = None,
 ) -> Pass:
-    """Solve for what is asked, play it, re-record it, and compare with the original."""
+    """Solve for what is asked, play it, re-record it, and compare with the original as a perfect rig would give it."""
     made = reproduce(asked, rig.array.array, settings, progress=stage(f"solve, {name}"))
     progress = stage(f"play and re-record, {name}")
     admission = admit(made.solution.drive, rig.array, rig.exposure)
     rerecorded = rerecord(admission, rig.array, rig.sensor, progress=progress)
-    heard = at_rate(felt(rerecorded, rig.sensor.calibration, settings), original.rate)
-    # A simulated sensor hears the drive's first frame at time 0.
-    if not rig.sensor.simulated:
+    # A simulated sensor hears the drive's first frame at time 0, and has been at rest until then.
+    virtual = rig.sensor.simulated
+    heard = at_rate(felt(rerecorded, rig.sensor.calibration, settings, from_rest=virtual), original.rate)
+    if not virtual:
         heard = _from_the_first_frame(heard, asked)
     first = (asked.frames - original.frames) // 2
     again = heard if not first else heard.cut(first / heard.rate, original.frames / original.rate)

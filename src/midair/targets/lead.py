@@ -1,0 +1,56 @@
+"""A lead before and after a piece: so that nothing begins or ends with a step, and a bias has time to rise."""
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.model import PressureFrames
+from midair.segments import swelling
+from midair.targets.mapping import SlowBias, mapping_of
+
+Array = NDArray[np.float64]
+Band = tuple[float, float]
+
+LONGEST = 10.0
+"""Longest lead, in s."""
+
+
+def usual_lead(mapping: str, band: Band) -> float:
+    """Lead that a mapping needs in a band, in s: time to swell, and before that time for a bias to rise from nothing.
+
+    At 20 Hz 60 ms, and 150 ms with a slow bias.
+    """
+    chosen = mapping_of(mapping, band)
+    return _swell(band) + (chosen.seconds if isinstance(chosen, SlowBias) else 0.0)
+
+
+def led_in(pressure: PressureFrames, lead: float) -> PressureFrames:
+    """The same with `lead` seconds more on both sides, silent and then swelling to its first frame; of a reel a reel.
+
+    Raises
+    ------
+    InputError
+        If the lead is below 0 or above 10 s.
+    """
+    if not 0 <= lead < LONGEST:
+        raise InputError(f"lead: expected 0 to {LONGEST:g} s, got {lead:g} s")
+    pad = round(lead * pressure.rate)
+    if not pad:
+        return pressure
+    provenance = pressure.provenance.then("lead", {"lead_s": pad / pressure.rate})
+    swell = round(_swell(pressure.band or (20.0, 470.0)) * pressure.rate)
+    return replace(pressure, pressure=cast("Array", swelling(pressure.pressure, pad, swell)), provenance=provenance)
+
+
+def without_lead(pressure: PressureFrames, frames: int) -> PressureFrames:
+    """The `frames` in its middle, which the lead is around."""
+    first = (pressure.frames - frames) // 2
+    return pressure if first <= 0 else replace(pressure, pressure=pressure.pressure[first : first + frames])
+
+
+def _swell(band: Band) -> float:
+    """1.2 periods of the lower corner, in s: half a wave of less than half its frequency, so hardly in the band."""
+    return 1.2 / max(band[0], 1.0)

@@ -1,0 +1,60 @@
+"""The command compare as a person types it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midair.cli import run
+from midair.files import load_solution, open_take, save
+from midair.flow import felt, lead_of
+from midair.model import Recording
+from midair.settings import Settings
+from midair.targets import led_in
+
+COARSE = ["--points", "4", "--pitch", "11mm", "--method", "fast", "--iterations", "1", "1", "--guard", "0mm"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("compare")
+
+
+@pytest.fixture(autouse=True)
+def _folder(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    if not Path("take.h5").exists():
+        assert run(["record", "virtual:towel", "take.h5", "--duration", "0.7s"]) == 0
+
+
+def perfect(drive_file):
+    """The wanted pressure itself through the sensor's calibration, as a re-recording of that drive."""
+    take, drive = open_take("take.h5"), load_solution(drive_file).drive
+    settings = Settings.of(drive.provenance)
+    wanted = led_in(felt(take.recording, take.calibration, settings).cut(0.55, 0.1), lead_of(settings))
+    assert wanted.frames == drive.frames
+    length, times = 4000, round(wanted.rate / 1000)
+    spectrum = np.fft.rfft(wanted.pressure, length * times, axis=0)[: length // 2]
+    response = take.calibration.response_at(np.fft.rfftfreq(length, 1e-3)[:-1])
+    volts = np.fft.irfft(spectrum * response / times, length, axis=0)[: round(1000 * drive.frames / drive.rate) + 20]
+    played = drive.provenance.then("play", {"array": "virtual", "frames": drive.frames, "rate_hz": drive.rate})
+    again = Recording(samples=volts, rate=1000.0, sensor=take.recording.sensor, provenance=played)
+    save(again, "again.h5", calibration=take.calibration)
+
+
+@pytest.mark.parametrize("mode", [["--mode", "paper"], ["--mode", "best", "--rate", "2kHz"]], ids=["paper", "best"])
+def test_a_perfect_chain_scores_above_60_db(mode, capsys):
+    assert run(["solve", "take.h5", *mode, *COARSE, "--start-at", "0.55s", "--duration", "0.1s", "--force"]) == 0
+    perfect("take.drive.h5")
+    capsys.readouterr()
+    assert run(["compare", "take.h5", "again.h5", "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)["figures"]
+    assert figures["signal to distortion"]["value"] > 60
+    assert figures["waveform error"]["value"] < 0.1
+    assert abs(figures["delay"]["value"]) < 1e-3
+
+
+def test_what_was_never_played_is_compared_as_it_is(capsys):
+    assert run(["compare", "take.h5", "take.h5", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["figures"]["signal to distortion"]["value"] > 150

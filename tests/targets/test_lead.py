@@ -1,0 +1,75 @@
+"""The lead around a piece."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.dsp import band_energy
+from midair.errors import InputError
+from midair.model import PressureFrames
+from midair.reel import Reel
+from midair.targets import led_in, mapping_of, usual_lead, without_lead
+
+RATE = 1000.0
+
+
+def piece(band=(20.0, 470.0), frames=300):
+    """A piece that is cut in a touch: it begins and ends far from rest."""
+    time = np.arange(frames) / RATE
+    wave = np.cos(2 * np.pi * 1.25 * band[0] * time) - 0.4
+    return PressureFrames(pressure=8 * wave[:, None, None] * np.ones((1, 4, 4)), rate=RATE, band=band)
+
+
+def test_it_swells_from_silence_and_keeps_the_middle():
+    longer = led_in(piece(), 0.15)
+    assert longer.frames == 600
+    np.testing.assert_array_equal(longer.pressure[150:-150], piece().pressure)
+    assert np.abs(longer.pressure[:91]).max() == 0
+    assert np.abs(longer.pressure[-90:]).max() == 0
+    np.testing.assert_allclose(longer.pressure[149], piece().pressure[0], rtol=2e-3)
+    assert longer.provenance.steps[-1].settings == {"lead_s": 0.15}
+    np.testing.assert_array_equal(without_lead(longer, 300).pressure, piece().pressure)
+    assert led_in(piece(), 0.0).frames == 300
+
+
+@pytest.mark.parametrize("lead", [0.02, 0.0437, 0.15])
+def test_of_a_reel_it_is_the_same(lead):
+    whole = piece()
+    reel = Reel(lambda first, last: whole.pressure[first:last], whole.pressure.shape)
+    longer = led_in(replace(whole, pressure=reel), lead)
+    want = led_in(whole, lead).pressure
+    np.testing.assert_array_equal(np.asarray(longer.pressure), want)
+    parts = [longer.pressure.read(first, min(first + 7, len(want))) for first in range(0, len(want), 7)]
+    np.testing.assert_array_equal(np.concatenate(parts), want)
+
+
+@pytest.mark.parametrize("band", [(20.0, 470.0), (5.0, 400.0)])
+def test_the_bias_begins_at_nothing_and_what_it_adds_is_slow(band):
+    """Cut in a touch without a lead the push begins with a static step of all that is pulled."""
+    x = piece(band, frames=round(6000 / band[0]))
+    to_push = mapping_of("slow-bias", band)
+    bare = to_push(x.pressure, RATE) - x.pressure
+    assert bare[0].max() > 5
+    longer = led_in(x, usual_lead("slow-bias", band))
+    pushed = to_push(longer.pressure, RATE)
+    assert pushed[0].max() < 0.01
+    added = (pushed - longer.pressure)[:, 0, 0]
+    felt = (band[0], 470.0)
+    inside, wanted = (
+        float(band_energy(y, RATE, felt, resolution=band[0] / 10)) for y in (added, longer.pressure[:, 0, 0])
+    )
+    assert inside < 1e-3 * wanted
+
+
+def test_what_lifts_needs_a_longer_lead_than_what_does_not():
+    assert usual_lead("half-wave", (20.0, 470.0)) == pytest.approx(0.06)
+    assert usual_lead("slow-bias", (20.0, 470.0)) == pytest.approx(0.15)
+    assert usual_lead("slow-bias", (1.0, 15.0)) == pytest.approx(3.0)
+    assert usual_lead("slow-bias", (0.0, 15.0)) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("lead", [-0.1, 10.0])
+def test_a_lead_that_makes_no_sense_is_refused(lead):
+    with pytest.raises(InputError, match="lead: expected 0 to 10 s"):
+        led_in(piece(), lead)
