@@ -4,11 +4,13 @@ import platform
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from midair.errors import DeviceStateError, FileError
-from midair.files import check_unclaimed, hold, holding
+from midair.files import check_unclaimed, hold, holding, save
 from midair.files.atomic import whole_file
+from midair.model import Recording
 
 HOLDER = """
 import os, sys
@@ -127,13 +129,15 @@ def test_a_disk_without_locks_is_said_once_and_nothing_is_refused(tmp_path):
             pytest.skip("the system does not let a program refuse itself system calls")
         return done
 
-    done = run("record", "virtual:towel", "n.h5", "--quiet")
+    samples = np.random.default_rng(0).standard_normal((200, 4, 4))
+    save(Recording(samples=samples, rate=1000.0), tmp_path / "source.h5")
+    done = run("record", "replay:source.h5", "n.h5", "--quiet")
     assert done.returncode == 0, done.stderr
     told = [line for line in done.stderr.splitlines() if "lock" in line]
     assert told == [
         "midair: this disk has no locks (No locks available): see to it that no two programs write to the same file"
     ]
-    done = run("calibrate", "n.h5")
+    done = run("calibrate", "n.h5", "--sensitivity", "1V/Pa")
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("no locks") == 1
     assert "another program" not in done.stderr

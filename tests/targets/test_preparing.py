@@ -139,7 +139,7 @@ def test_pressure_on_disk_becomes_the_target_of_the_same_in_memory(mapping, circ
     White noise has all of that there is.
     """
     monkeypatch.setattr("midair.segments.BYTES", 2**17)
-    pressure = frames(20 * np.random.default_rng(0).standard_normal((9000, 4, 4)))
+    pressure = frames(20 * np.random.default_rng(0).standard_normal((5000, 4, 4)))
     reel = Reel(lambda first, last: pressure.pressure[first:last], pressure.pressure.shape)
     whole, made = (_target(each, mapping, circle, compensate) for each in (pressure, frames_of(reel)))
     assert isinstance(made.amplitude, Reel)

@@ -207,11 +207,11 @@ def test_a_constant_recording_is_refused(offset):
         calibrate(of(np.full((500, 4, 4), offset)))
 
 
-@pytest.mark.parametrize("start", [5, 50, 9000, 9955])
+@pytest.mark.parametrize("start", [5, 50, 3000, 3955])
 def test_a_short_tap_anywhere_is_heard(start):
-    samples, middle = np.zeros((2, 10000, 4, 4))
-    samples[start : start + 40, 0, 0] = middle[5000:5040, 0, 0] = np.hanning(40)
-    heard, wanted = (calibrate(of(x)).pressure[at : at + 40, 0, 0] for x, at in ((samples, start), (middle, 5000)))
+    samples, middle = np.zeros((2, 4000, 4, 4))
+    samples[start : start + 40, 0, 0] = middle[2000:2040, 0, 0] = np.hanning(40)
+    heard, wanted = (calibrate(of(x)).pressure[at : at + 40, 0, 0] for x, at in ((samples, start), (middle, 2000)))
     assert heard == pytest.approx(wanted, abs=1e-3)
     assert wanted.max() > 0.3
 

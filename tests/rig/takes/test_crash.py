@@ -233,8 +233,9 @@ def test_a_limit_of_the_size_of_files_ends_a_recording_in_one_line_that_is_true(
     """As of a shell's `ulimit -f 512`; it was exit status 139 and a file that nothing opened."""
     import resource
 
+    save(Recording(samples=np.random.default_rng(0).normal(size=(6000, 4, 4)), rate=RATE), tmp_path / "source.h5")
     done = subprocess.run(
-        [*MIDAIR, "record", "virtual:towel", "n.h5", "--duration", "15s", "--quiet"],
+        [*MIDAIR, "record", "replay:source.h5", "n.h5", "--quiet"],
         capture_output=True,
         text=True,
         check=False,
