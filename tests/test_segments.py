@@ -8,7 +8,7 @@ from midair.calibration.apply.inverse import default_taps, inverse_response
 from midair.model import SensorGrid
 from midair.physics import SensorModel, calibration_of
 from midair.reel import Reel
-from midair.segments import surrounded
+from midair.segments import advanced, surrounded
 
 RNG = np.random.default_rng(0)
 X = RNG.standard_normal((60_000, 2, 2)) + 0.01 * RNG.standard_normal((60_000, 2, 2)).cumsum(axis=0)
@@ -73,3 +73,26 @@ def test_what_surrounds_a_frame_is_held_beyond_the_ends():
 
     held = np.concatenate([np.repeat(X[:1], 100, axis=0), X, np.repeat(X[-1:], 100, axis=0)])
     np.testing.assert_allclose(np.asarray(surrounded(reel_of(X), 100, middle)), middle(held), atol=1e-12)
+
+
+@pytest.mark.parametrize("by", [0.0, 3.0, -7.25, 2500.5])
+def test_a_reel_is_moved_as_a_whole_is(by):
+    """White noise less what is above 48 hundredths of the rate."""
+    spectrum = np.fft.rfft(X, axis=0)
+    spectrum[int(0.48 * len(X)) :] = 0
+    x = np.fft.irfft(spectrum, len(X), axis=0)
+    # The ends of a cut are no longer band-limited: from silence to silence.
+    x[:2000] *= np.hanning(4000)[:2000, None, None]
+    x[-2000:] *= np.hanning(4000)[2000:, None, None]
+    length = 2 * len(x)
+    turn = np.exp(2j * np.pi * np.fft.rfftfreq(length) * by)[:, None, None]
+    want = np.fft.irfft(np.fft.rfft(x, length, axis=0) * turn, length, axis=0)[: len(x)]
+    assert np.abs(np.asarray(advanced(reel_of(x), by)) - want).max() < 1e-6 * np.abs(want).max()
+
+
+def test_a_reel_has_the_density_of_the_whole():
+    for resolution in (1.0, 0.003):
+        frequency, want = dsp.welch(X, 1000.0, resolution=resolution)
+        again, made = dsp.welch(reel_of(X), 1000.0, resolution=resolution)
+        np.testing.assert_array_equal(again, frequency)
+        np.testing.assert_allclose(made, want, rtol=1e-10)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BandError, InputError
-from midair.reel import Reel
+from midair.reel import BYTES, Reel, taken
 from midair.segments import convolved, extend, filtered, resampled
 from midair.validation import positive
 
@@ -172,7 +172,7 @@ def filter_fir(x: Array, fir: Array) -> Array:
     return np.asarray(oaconvolve(extend(x, pad), fir, mode="same", axes=0)[pad : pad + len(x)], np.float64)
 
 
-def welch(x: Array, rate: float, *, resolution: float = 4.0) -> tuple[Array, Array]:
+def welch(x: Array | Reel, rate: float, *, resolution: float = 4.0) -> tuple[Array, Array]:
     """One-sided power spectral density by Welch's method: Hann segments that overlap by half, mean removed.
 
     Parameters
@@ -194,7 +194,16 @@ def welch(x: Array, rate: float, *, resolution: float = 4.0) -> tuple[Array, Arr
     from scipy.signal import welch as scipy_welch
 
     segment = min(len(x), max(2, round(rate / positive(resolution, "resolution", "Hz"))))
-    frequency, density = scipy_welch(x, rate, nperseg=segment, axis=0, detrend="constant")
+    step = segment - segment // 2
+    count = (len(x) - segment // 2) // step
+    together = count if not isinstance(x, Reel) else max(1, BYTES // (8 * step * max(1, int(np.prod(x.shape[1:])))))
+    frequency, density = np.zeros(0), 0.0
+    # Of a reel some segments at a time: the mean of all is that of the parts.
+    for first in range(0, count, together):
+        last = min(first + together, count)
+        part = taken(x, first * step, (last - 1) * step + segment)
+        frequency, found = scipy_welch(part, rate, nperseg=segment, axis=0, detrend="constant")
+        density = density + found * ((last - first) / count)
     return np.asarray(frequency, np.float64), np.asarray(density, np.float64)
 
 

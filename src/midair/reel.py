@@ -231,6 +231,11 @@ def taken(x: "NDArray[Any] | Reel", first: int, last: int) -> NDArray[Any]:
     return x.read(first, last) if isinstance(x, Reel) else x[first:last]
 
 
+def reeled(x: "NDArray[Any] | Reel") -> Any:
+    """An array as a reel, so that what is made of it is made when it is read; a reel as it is."""
+    return x if isinstance(x, Reel) else Reel(lambda first, last: x[first:last], x.shape)
+
+
 def each_frame(x: Any, function: Callable[[Array], Any], *, exact: bool = False) -> Any:
     """What `function` makes of all frames: of an array at once, of a reel when they are read.
 

@@ -109,6 +109,29 @@ def filtered(reel: Reel, rate: float, response: Callable[[Array], Complex | Arra
     return made_of(make, reel.shape, size=max(_usual(reel), 2 * margin), kept=2)
 
 
+def advanced(reel: Reel, by: float) -> Reel:
+    """A reel earlier by so many frames, whole or not, by a linear phase on the spectrum; silence on both sides.
+
+    Beside a segment lie `LEAST` frames more than it is moved by, the outer ones of which fade. So what differs from a
+    spectrum of the whole is what lies near half the rate: 1e-6 of what goes up to 48 hundredths of the rate.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    margin, rest = LEAST + int(np.ceil(abs(by))), int(np.prod(reel.shape[1:], dtype=np.int64))
+
+    def make(first: int, last: int) -> Array:
+        around = _around(reel, first - margin, last + margin, 0, np.zeros(reel.shape[1:]), fade=LEAST // 2)
+        length = next_fast_len(len(around), real=True)
+        turn = np.exp(2j * np.pi * np.fft.rfftfreq(length) * by)
+        moved = np.empty((last - first, rest))
+        for channel, values in enumerate(around.reshape(len(around), rest).T):
+            spectrum = rfft(values, length)
+            moved[:, channel] = irfft(spectrum * turn, length, overwrite_x=True)[margin : margin + last - first]
+        return moved.reshape(-1, *reel.shape[1:])
+
+    return made_of(make, reel.shape, size=max(_usual(reel), 2 * margin), kept=2)
+
+
 def convolved(reel: Reel, fir: Array) -> Reel:
     """As `midair.dsp.filter_fir`, of a reel: the same to rounding."""
     from scipy.signal import oaconvolve
@@ -189,12 +212,12 @@ def _around(reel: Reel, first: int, last: int, pad: int, mean: Array, *, fade: i
         np.subtract(block, mean, out=whole[at : at + len(block)])
         at += len(block)
     ramp, soft = (_ramp(each).reshape(-1, *([1] * (reel.ndim - 1))) for each in (pad, fade))
-    if first < 0:
+    if first < 0 and pad:
         count = min(pad, -first)
         whole[-first - count : -first] = ramp[pad - count :] * (reel.moments.first - mean)
     elif fade and first > 0:
         whole[: len(soft)] *= soft
-    if last > len(reel):
+    if last > len(reel) and pad:
         count, behind = min(pad, last - len(reel)), len(reel) - first
         whole[behind : behind + count] = ramp[::-1][:count] * (reel.moments.last - mean)
     elif fade and last < len(reel):

@@ -2,8 +2,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.signal import firwin
 
-from midair.dsp import welch
+from midair.dsp import filter_fir, welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate import advance, compare, dominant_frequency, find_delay, spectral_error
 from midair.model import PressureFrames, Provenance, SensorGrid
@@ -101,17 +102,23 @@ def reeled(pressure):
     return dataclasses.replace(pressure, pressure=Reel(lambda first, last: x[first:last], x.shape))
 
 
-def test_of_reels_all_figures_are_the_same():
+@pytest.mark.parametrize(("highest", "apart"), [(470.0, 1e-6), (500.0, 2e-4)])
+def test_of_reels_all_figures_are_the_same(highest, apart, monkeypatch):
+    """But for what lies near half the rate, since a delay that is no whole number of frames never ends there."""
+    monkeypatch.setattr("midair.segments.BYTES", 2**17)
     rng = np.random.default_rng(0)
-    x = rng.standard_normal((20_000, 4, 4))
-    original = PressureFrames(pressure=x, rate=1000.0, band=(20, 470))
-    later = dataclasses.replace(original, pressure=advance(0.7 * x + rng.standard_normal(x.shape), -0.0034, 1000.0))
+    noise = rng.standard_normal((2, 20_000, 4, 4))
+    if highest < 500:
+        fir = firwin(401, (20, highest), fs=1000.0, pass_zero=False)[:, None, None]
+        noise = np.stack([filter_fir(each, fir) for each in noise])
+    original = PressureFrames(pressure=noise[0], rate=1000.0, band=(20, 470))
+    later = dataclasses.replace(original, pressure=advance(0.7 * noise[0] + noise[1], -0.0034, 1000.0))
     whole, read = compare(original, later), compare(reeled(original), reeled(later))
-    # To rounding: a product of vectors ends in another digit where they lie elsewhere in memory.
     assert {name: value for name, (value, _) in read.figures().items()} == pytest.approx(
-        {name: value for name, (value, _) in whole.figures().items()}, rel=1e-12
+        {name: value for name, (value, _) in whole.figures().items()}, rel=apart
     )
-    np.testing.assert_allclose(read.channel_correlation, whole.channel_correlation, rtol=1e-12)
+    assert read.delay == whole.delay
+    np.testing.assert_allclose(read.channel_correlation, whole.channel_correlation, rtol=apart)
 
 
 def test_the_figures_are_what_their_definitions_say_of_the_whole():

@@ -1,10 +1,12 @@
 """Bringing two recordings of the same thing to the same time."""
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.channels import channels
-from midair.reel import Reel
+from midair.reel import Reel, stretches, taken
+from midair.segments import advanced
 
 Array = NDArray[np.float64]
 
@@ -28,15 +30,8 @@ def find_delay(original: Array | Reel, later: Array | Reel, rate: float, *, long
     float
         In s; 0 when either is silent.
     """
-    frames = len(original)
-    # With zeros after both, so that no delay that is looked at wraps round.
-    length = frames + max(frames, len(later))
-    both = np.zeros(length // 2 + 1, complex)
-    for a, b in zip(channels(original), channels(later), strict=True):
-        both += np.conj(np.fft.rfft(a, length)) * np.fft.rfft(b, length)
-    correlation = np.fft.irfft(both, length)
-    reach = max(1, min(round(longest * rate), max(frames, len(later)) - 1))
-    around = np.roll(correlation, reach)[: 2 * reach + 1]
+    reach = max(1, min(round(longest * rate), max(len(original), len(later)) - 1))
+    around = _correlation(original, later, reach)
     best = int(np.argmax(around))
     # Nothing alike at any delay: moving one of them would be arbitrary.
     if around[best] <= 0:
@@ -50,13 +45,32 @@ def find_delay(original: Array | Reel, later: Array | Reel, rate: float, *, long
     return (best - reach + float(part)) / rate
 
 
+def _correlation(original: Array | Reel, later: Array | Reel, reach: int) -> Array:
+    """Sum of the products of both, `later` moved by -reach to reach frames, shape (2 reach + 1,); block by block."""
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    total = np.zeros(2 * reach + 1)
+    for first, last in stretches(original.shape):
+        a = taken(original, first, last).reshape(last - first, -1)
+        # Zeros where there is nothing, so that no delay that is looked at wraps round.
+        b = np.zeros((len(a) + 2 * reach, a.shape[1]))
+        begin, end = max(0, first - reach), max(0, min(len(later), last + reach))
+        if begin < end:
+            at = begin - first + reach
+            b[at : at + end - begin] = taken(later, begin, end).reshape(end - begin, -1)
+        length = next_fast_len(len(b), real=True)
+        both = np.conj(rfft(a, length, axis=0)) * rfft(b, length, axis=0)
+        total += irfft(both.sum(axis=1), length)[: 2 * reach + 1]
+    return total
+
+
 def advance(samples: Array, delay: float, rate: float) -> Array:
     """`samples` earlier by `delay` seconds, by a linear phase on the spectrum with silence on both sides.
 
     Parameters
     ----------
-    samples : ndarray, shape (frame, ...)
-        Samples at `rate`.
+    samples : ndarray or Reel, shape (frame, ...)
+        Samples at `rate`; of a reel what comes is a reel, see `midair.segments.advanced`.
     delay : float
         In s, of any sign, not necessarily whole frames.
     rate : float
@@ -66,8 +80,12 @@ def advance(samples: Array, delay: float, rate: float) -> Array:
     -------
     ndarray, same shape
     """
-    frames = len(samples)
-    length = 2 * frames
+    if isinstance(samples, Reel):
+        return cast("Array", advanced(samples, delay * rate))
+    length = 2 * len(samples)
     turn = np.exp(2j * np.pi * np.fft.rfftfreq(length, 1 / rate) * delay)
-    spectrum = np.fft.rfft(samples, length, axis=0) * turn.reshape(-1, *[1] * (samples.ndim - 1))
-    return np.fft.irfft(spectrum, length, axis=0)[:frames]
+    moved = np.empty((len(samples), int(np.prod(samples.shape[1:], dtype=np.int64))))
+    # One channel after another: a spectrum of all of them takes four times their memory.
+    for channel, values in enumerate(samples.reshape(moved.shape).T):
+        moved[:, channel] = np.fft.irfft(np.fft.rfft(values, length) * turn, length)[: len(samples)]
+    return moved.reshape(samples.shape)

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.channels import channels
 from midair.dsp import resample
 from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.comparison import check_alike
-from midair.evaluate.perception import RATE, SkinModel, pacinian_level, spqi, st_sim
+from midair.evaluate.perception import RATE, SkinModel, pacinian_level, similarities
 from midair.model import PressureFrames
-from midair.reel import Reel
+from midair.reel import Reel, blocks, each_frame, reeled
 
 Array = NDArray[np.float64]
 
@@ -96,7 +95,7 @@ def perceptual_card(
     Parameters
     ----------
     original, reproduced : PressureFrames
-        Pressures of the same cells at the same rate, at least 64 ms of them. Of a reel a channel is in memory
+        Pressures of the same cells at the same rate, at least 64 ms of them. Of reels a block is in memory
         at a time.
     skin : SkinModel, optional
         The defaults of `SkinModel` if None.
@@ -115,17 +114,17 @@ def perceptual_card(
     frames = min(original.frames, reproduced.frames)
     x, y = original.pressure[:frames], reproduced.pressure[:frames]
     delay = find_delay(x, y, rate, longest=min(0.05, (frames - 1) / rate))
-    cells = [
-        (each @ each / frames, pacinian_level(each, rate, skin), pacinian_level(advance(late, delay, rate), rate, skin))
-        for each, late in zip(channels(x), channels(y), strict=True)
-    ]
-    power, before, after = (np.array(each).reshape(original.sensor.shape) for each in zip(*cells, strict=True))
+    y = advance(y, delay, rate)
+    power = np.zeros(original.sensor.shape)
+    for block in blocks(x):
+        power += (block**2).sum(axis=0) / frames
+    before, after = pacinian_level(x, rate, skin), pacinian_level(y, rate, skin)
     compared = (power > 0) & (power >= power.max() * 10 ** (-weakest / 10))
     apart = _difference(_total(after), _total(before))
     apart_by_cell = np.where(compared, _difference(after, before), np.nan)
     return PerceptualCard(
         figures=(
-            *_similarities(x, y, rate, delay, skin, np.where(compared, power, 0.0)),
+            *_similarities(x, y, rate, skin, np.where(compared, power, 0.0)),
             CardFigure(
                 name="Pacinian power, original",
                 unit="dB",
@@ -172,14 +171,12 @@ def perceptual_card(
 
 
 def _similarities(
-    x: Array | Reel, y: Array | Reel, rate: float, delay: float, skin: SkinModel, weight: Array
+    x: Array | Reel, y: Array | Reel, rate: float, skin: SkinModel, weight: Array
 ) -> tuple[CardFigure, CardFigure]:
     """ST-SIM and SPQI of the cells that have a weight."""
-    maps = np.full((2, *weight.shape), np.nan)
-    for cell, (each, late) in enumerate(zip(channels(x), channels(y), strict=True)):
-        if weight.flat[cell] > 0:
-            pair = [skin.metric_scale() * resample(one, rate, RATE) for one in (each, advance(late, delay, rate))]
-            maps[(slice(None), *np.unravel_index(cell, weight.shape))] = st_sim(*pair), spqi(*pair)
+    scale = skin.metric_scale()
+    pair = [each_frame(resample(reeled(each), rate, RATE), lambda block: scale * block) for each in (x, y)]
+    maps = similarities(*pair, compared=weight.ravel() > 0).reshape(2, *weight.shape)
     means = np.nansum(maps * weight, axis=(1, 2)) / (weight.sum() or 1.0)
     return (
         CardFigure(

@@ -1,19 +1,19 @@
 """What was felt against what was recorded: waveform, spectrum, level and place."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.channels import channels
 from midair.dsp import welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.distortion import decibels
 from midair.evaluate.field import peak_position
-from midair.evaluate.spectrum import power_spectrum, spectral_error, strongest
+from midair.evaluate.spectrum import dominant_frequency, spectral_error
 from midair.model import PressureFrames, SensorGrid
-from midair.reel import Reel
+from midair.reel import Reel, blocks
 
 Array = NDArray[np.float64]
 
@@ -101,8 +101,8 @@ def compare(
     Parameters
     ----------
     original, reproduced : PressureFrames
-        Pressures of the same cells at the same rate; the shorter one decides how many frames are compared. Of a reel a
-        channel is in memory at a time.
+        Pressures of the same cells at the same rate; the shorter one decides how many frames are compared. Of reels
+        a block is in memory at a time.
     longest_delay : float
         Largest delay that is looked for, in s.
     band : tuple of float, optional
@@ -119,7 +119,9 @@ def compare(
     frames = min(original.frames, reproduced.frames)
     x, y, shape = original.pressure[:frames], reproduced.pressure[:frames], original.sensor.shape
     delay = find_delay(x, y, original.rate, longest=min(longest_delay, (frames - 1) / original.rate))
-    sums = _Sums.of(x, y, original.rate, delay)
+    # Before all figures: a wave that is half a period late is the opposite of itself.
+    y = advance(y, delay, original.rate)
+    sums = _Sums.of(x, y, original.rate)
     gain, own = _over(sums.xy.sum(), sums.xx.sum()), _over(sums.xy, sums.xx)
     # What no gain of its own takes away of a channel, and what its own gain is beside the gain of all.
     distortion = (sums.apart + (own - gain) ** 2 * sums.xx).sum()
@@ -132,8 +134,8 @@ def compare(
         spectral_error=_spectral_error(sums, band or original.band),
         peak=_peaks(sums.xx.reshape(shape) / frames, sums.yy.reshape(shape) / frames, original.sensor),
         frequency=(
-            strongest(sums.spectra[0], frames, original.rate),
-            strongest(sums.spectra[1], frames, original.rate),
+            dominant_frequency(x, original.rate),
+            dominant_frequency(y, original.rate),
         ),
         rms=(float(np.sqrt(sums.xx.max() / frames)), float(np.sqrt(sums.yy.max() / frames))),
         channel_correlation=_over(sums.xy, np.sqrt(sums.xx * sums.yy)).reshape(shape),
@@ -154,8 +156,6 @@ class _Sums:
         Of the densities, in Hz.
     densities : tuple of ndarray, shape (bin, channel)
         By Welch's method.
-    spectra : tuple of ndarray, shape (bin of all frames,)
-        Power over all channels without their means.
     """
 
     xx: Array
@@ -165,24 +165,19 @@ class _Sums:
     apart: Array
     frequency: Array
     densities: tuple[Array, Array]
-    spectra: tuple[Array, Array]
 
     @classmethod
-    def of(cls, original: Array | Reel, reproduced: Array | Reel, rate: float, delay: float) -> "_Sums":
-        """Channel by channel: a spectrum of all of them at once would take many times their memory."""
-        rows, densities, frequency = list[list[float]](), (list[Array](), list[Array]()), np.zeros(0)
-        spectra = (np.zeros(len(original) // 2 + 1), np.zeros(len(original) // 2 + 1))
-        for x, late in zip(channels(original), channels(reproduced), strict=True):
-            # Before all figures: a wave that is half a period late is the opposite of itself.
-            y = advance(late, delay, rate)
-            xx, xy = float(x @ x), float(x @ y)
-            apart, error = y - _over(xy, xx) * x, y - x
-            rows.append([xx, float(y @ y), xy, float(error @ error), float(apart @ apart)])
-            for each, density, spectrum in zip((x, y), densities, spectra, strict=True):
-                frequency, found = welch(each, rate)
-                density.append(found)
-                spectrum += power_spectrum(each)
-        xx, yy, xy, error, apart = np.array(rows).T
+    def of(cls, original: Array | Reel, reproduced: Array | Reel, rate: float) -> "_Sums":
+        """Block by block."""
+        width = int(np.prod(original.shape[1:], dtype=np.int64))
+        xx, yy, xy, error = (np.zeros(width) for _ in range(4))
+        for x, y in _pairs(original, reproduced):
+            xx, yy, xy, error = xx + _squares(x), yy + _squares(y), xy + _products(x, y), error + _squares(y - x)
+        own, apart = _over(xy, xx), np.zeros(width)
+        # The rest is added up by itself: as a difference of sums it would be lost where a reproduction is good.
+        for x, y in _pairs(original, reproduced):
+            apart += _squares(y - own * x)
+        (frequency, before), (_, after) = welch(original, rate), welch(reproduced, rate)
         return cls(
             xx=xx,
             yy=yy,
@@ -190,9 +185,23 @@ class _Sums:
             error=error,
             apart=apart,
             frequency=frequency,
-            densities=(np.stack(densities[0], axis=1), np.stack(densities[1], axis=1)),
-            spectra=spectra,
+            densities=(before.reshape(-1, width), after.reshape(-1, width)),
         )
+
+
+def _pairs(x: Array | Reel, y: Array | Reel) -> Iterator[tuple[Array, Array]]:
+    """Blocks of both, shape (frame, channel)."""
+    for a, b in zip(blocks(x), blocks(y), strict=True):
+        yield a.reshape(len(a), -1), b.reshape(len(b), -1)
+
+
+def _products(x: Array, y: Array) -> Array:
+    """Sum of the products of each channel."""
+    return np.asarray(np.einsum("tc,tc->c", x, y), np.float64)
+
+
+def _squares(x: Array) -> Array:
+    return _products(x, x)
 
 
 def _peaks(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[tuple[float, float], tuple[float, float]]:

@@ -6,13 +6,15 @@ here in the reading of the latter's package, vibromaf 0.0.8: blocks of 512 sampl
 threshold curve T below. A test holds them to vibromaf's numbers.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import ShapeError
+from midair.evaluate.spectrum import long_stretches
+from midair.reel import Reel, taken
 
 Array = NDArray[np.float64]
 
@@ -20,7 +22,7 @@ RATE = 8000.0
 """Samples per second that the published metrics are defined for, in Hz."""
 
 _STRETCH = 2**19
-"""Samples whose blocks are looked at together."""
+"""Numbers whose blocks are looked at together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,22 +166,7 @@ def st_sim(reference: Array, distorted: Array, *, eta: float = 2 / 3, block: int
     float
         1 for the same, 0 for nothing alike; above 1 where more is felt than in the reference.
     """
-    from scipy.special import ndtr
-
-    reference, distorted = _same_length(reference, distorted)
-    if np.array_equal(reference, distorted):
-        return 1.0
-    temporal, spectral, count = 0.0, 0.0, 0
-    for each, other in _stretches(reference, distorted, block):
-        r, d = blocks(each, block), blocks(other, block)
-        heard = r.std(axis=1) > 0
-        temporal += _alike(_standard(r[heard]), _standard(d[heard]))
-        spectral += _alike(*(ndtr(perceptual_spectrum(x, block=block)[heard] / 12) for x in (each, other)))
-        count += int(heard.sum())
-    if not count:
-        return 0.0
-    temporal, spectral = temporal / count, spectral / count
-    return float(max(temporal, 0.0) ** eta * spectral ** (1 - eta))
+    return _over_stretches(reference, distorted, block, lambda: _StSim(eta=eta, block=block))
 
 
 def spqi(reference: Array, distorted: Array, *, eta: float = 0.3, threshold: float = -2.0, block: int = 512) -> float:
@@ -199,26 +186,100 @@ def spqi(reference: Array, distorted: Array, *, eta: float = 0.3, threshold: flo
     float
         1 for the same; .02 where the difference is as large as the reference.
     """
-    reference, distorted = _same_length(reference, distorted)
-    if np.array_equal(reference, distorted):
-        return 1.0
-    total, count = 0.0, 0
-    for each, other in _stretches(reference, distorted, block):
-        r, d = (10 ** (perceptual_spectrum(x, block=block) / 10) for x in (each, other))
+    return _over_stretches(reference, distorted, block, lambda: _Spqi(eta=eta, threshold=threshold, block=block))
+
+
+def similarities(
+    reference: Array | Reel, distorted: Array | Reel, *, compared: NDArray[np.bool_], block: int = 512
+) -> Array:
+    """ST-SIM and SPQI, shape (2, channel), of the channels that are to be compared; NaN of the others.
+
+    Parameters
+    ----------
+    reference, distorted : ndarray or Reel, shape (sample, ...)
+        Signals at 8 kHz, on one scale; the longer one is cut. They are read once.
+    compared : ndarray of bool, shape (channel,)
+        Which channels.
+    """
+    those, found = np.flatnonzero(compared), np.full((2, len(compared)), np.nan)
+    sums = [(_StSim(block=block), _Spqi(block=block)) for _ in those]
+    for x, y in _stretches(reference, distorted, block):
+        a, b = x.reshape(len(x), -1), y.reshape(len(y), -1)
+        for channel, both in zip(those, sums, strict=True):
+            for each in both:
+                each.add(a[:, channel], b[:, channel])
+    for channel, (temporal, spectral) in zip(those, sums, strict=True):
+        found[:, channel] = temporal.value, spectral.value
+    return found
+
+
+def _over_stretches(reference: Array, distorted: Array, block: int, begin: Callable[[], "_StSim | _Spqi"]) -> float:
+    found = begin()
+    for each, other in _stretches(np.asarray(reference, float), np.asarray(distorted, float), block):
+        found.add(each, other)
+    return found.value
+
+
+class _StSim:
+    """What is added up for ST-SIM, stretch by stretch."""
+
+    def __init__(self, *, eta: float = 2 / 3, block: int = 512) -> None:
+        self._eta, self._block = eta, block
+        self._temporal, self._spectral, self._count, self._same = 0.0, 0.0, 0, True
+
+    def add(self, reference: Array, distorted: Array) -> None:
+        """Whole blocks of both."""
+        from scipy.special import ndtr
+
+        r, d = blocks(reference, self._block), blocks(distorted, self._block)
+        heard = r.std(axis=1) > 0
+        self._temporal += _alike(_standard(r[heard]), _standard(d[heard]))
+        felt = (ndtr(perceptual_spectrum(x, block=self._block)[heard] / 12) for x in (reference, distorted))
+        self._spectral += _alike(*felt)
+        self._count += int(heard.sum())
+        self._same = self._same and np.array_equal(reference, distorted)
+
+    @property
+    def value(self) -> float:
+        """Of all that was added."""
+        if self._same or not self._count:
+            return float(self._same)
+        temporal, spectral = self._temporal / self._count, self._spectral / self._count
+        return float(max(temporal, 0.0) ** self._eta * spectral ** (1 - self._eta))
+
+
+class _Spqi:
+    """What is added up for SPQI, stretch by stretch."""
+
+    def __init__(self, *, eta: float = 0.3, threshold: float = -2.0, block: int = 512) -> None:
+        self._eta, self._threshold, self._block = eta, threshold, block
+        self._total, self._count, self._same = 0.0, 0, True
+
+    def add(self, reference: Array, distorted: Array) -> None:
+        """Whole blocks of both."""
+        r, d = (10 ** (perceptual_spectrum(x, block=self._block) / 10) for x in (reference, distorted))
         power = r.sum(axis=1)
         heard = power > 0
         with np.errstate(divide="ignore"):
             apart = 10 * np.log10(np.abs(r - d)[heard].sum(axis=1) / (power[heard] + np.finfo(float).eps))
-        total += float(np.sum((1 - np.tanh(eta * apart - threshold)) / 2))
-        count += int(heard.sum())
-    return total / count if count else 0.0
+        self._total += float(np.sum((1 - np.tanh(self._eta * apart - self._threshold)) / 2))
+        self._count += int(heard.sum())
+        self._same = self._same and np.array_equal(reference, distorted)
+
+    @property
+    def value(self) -> float:
+        """Of all that was added."""
+        if self._same or not self._count:
+            return float(self._same)
+        return self._total / self._count
 
 
-def pacinian_level(pressure: Array, rate: float, skin: SkinModel | None = None) -> Array:
+def pacinian_level(pressure: Array | Reel, rate: float, skin: SkinModel | None = None) -> Array:
     """Level of the power that Pacinian corpuscles take up, ``10 log10 sum |X|^2 / T_P^2``, in dB over the threshold.
 
     Bensmaia and Hollins (Percept. Psychophys. 65(6), 2003) found that it orders how rough textures feel. X are the peak
-    amplitudes of the whole signal's Fourier components without its mean.
+    amplitudes of the whole signal's Fourier components without its mean; of long signals the mean power of stretches is
+    taken, see `midair.evaluate.spectrum.long_stretches`.
 
     Parameters
     ----------
@@ -233,12 +294,18 @@ def pacinian_level(pressure: Array, rate: float, skin: SkinModel | None = None) 
         In dB; a just-felt sine at any frequency is 0 dB, silence is minus infinity.
     """
     skin = skin or SkinModel()
+    parts = long_stretches(len(pressure))
+    frames = parts[0][1]
     # Without the mean: Pacinian corpuscles do not feel steady pressure, and it has no octave.
-    spectrum = np.fft.rfft(skin.displacement(pressure), axis=0)[1:] * 2 / len(pressure)
-    frequency = np.fft.rfftfreq(len(pressure), 1 / rate)[1:]
+    frequency = np.fft.rfftfreq(frames, 1 / rate)[1:]
     weight = 1 / skin.threshold(np.asarray(frequency, np.float64)) ** 2
+    power = np.zeros(int(np.prod(pressure.shape[1:], dtype=np.int64)))
+    for first, last in parts:
+        for channel, values in enumerate(taken(pressure, first, last).reshape(frames, -1).T):
+            spectrum = np.fft.rfft(skin.displacement(values))[1:] * 2 / frames
+            power[channel] += weight @ np.abs(spectrum) ** 2
     with np.errstate(divide="ignore"):
-        return np.asarray(10 * np.log10(np.tensordot(weight, np.abs(spectrum) ** 2, axes=1)), np.float64)
+        return np.asarray(10 * np.log10(power / len(parts)), np.float64).reshape(pressure.shape[1:])
 
 
 def _alike(reference: Array, distorted: Array) -> float:
@@ -251,15 +318,11 @@ def _standard(rows: Array) -> Array:
     return (rows - rows.mean(axis=1, keepdims=True)) / (rows.std(axis=1, keepdims=True) + np.finfo(float).eps)
 
 
-def _same_length(reference: Array, distorted: Array) -> tuple[Array, Array]:
-    length = min(len(reference), len(distorted))
-    return np.asarray(reference[:length], float), np.asarray(distorted[:length], float)
-
-
-def _stretches(reference: Array, distorted: Array, block: int) -> Iterator[tuple[Array, Array]]:
+def _stretches(reference: Array | Reel, distorted: Array | Reel, block: int) -> Iterator[tuple[Array, Array]]:
     """Two signals in stretches of whole blocks, four megabytes each; the first one holds the end of a short signal."""
-    whole = max(len(reference) // block, 1) * block
-    step = max(1, _STRETCH // block) * block
+    frames = min(len(reference), len(distorted))
+    whole = max(frames // block, 1) * block
+    step = max(1, _STRETCH // int(np.prod(reference.shape[1:], dtype=np.int64)) // block) * block
     for first in range(0, whole, step):
-        last = min(first + step, whole)
-        yield reference[first:last], distorted[first:last]
+        last = min(first + step, whole, frames)
+        yield taken(reference, first, last), taken(distorted, first, last)

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.reel import Reel, taken
+
 Array = NDArray[np.float64]
 
 
@@ -30,17 +32,40 @@ def spectral_error(original: Array, later: Array) -> float:
     return float(np.sqrt((original * difference**2).sum() / total))
 
 
-def power_spectrum(samples: Array) -> Array:
-    """Power of the whole-length spectrum of samples (frame, ...) without their mean, shape (bin, ...)."""
-    return np.asarray(np.abs(np.fft.rfft(samples - samples.mean(axis=0), axis=0)) ** 2, np.float64)
+LONGEST = 2**17
+"""Frames of which a spectrum is taken at once: 131 s at 1 kHz, 33 s at 4 kHz."""
 
 
-def strongest(power: Array, frames: int, rate: float) -> float:
-    """Frequency of the strongest bin, in Hz, of a power spectrum (bin,) of so many frames."""
+def long_stretches(frames: int) -> list[tuple[int, int]]:
+    """(first, last) of as few stretches of one length as there are with `LONGEST` frames each at most.
+
+    A few frames at the end are left out where their number does not divide by that of the stretches.
+    """
+    count = -(-frames // LONGEST)
+    return [(number * (frames // count), (number + 1) * (frames // count)) for number in range(count)]
+
+
+def power_spectrum(samples: Array | Reel) -> tuple[Array, int]:
+    """Power of the spectrum of samples (frame, ...) without their means, summed over channels, and its frames.
+
+    Of more than `LONGEST` frames it is the sum over stretches.
+
+    Returns
+    -------
+    power : ndarray, shape (bin,)
+    frames : int
+        Of which each spectrum is.
+    """
+    parts = long_stretches(len(samples))
+    frames = parts[0][1]
+    power = np.zeros(frames // 2 + 1)
+    for first, last in parts:
+        for channel in taken(samples, first, last).reshape(frames, -1).T:
+            power += np.abs(np.fft.rfft(channel - channel.mean())) ** 2
+    return power, frames
+
+
+def dominant_frequency(samples: Array | Reel, rate: float) -> float:
+    """Frequency of the strongest bin of `power_spectrum`, in Hz."""
+    power, frames = power_spectrum(samples)
     return float(np.fft.rfftfreq(frames, 1 / rate)[int(np.argmax(power))])
-
-
-def dominant_frequency(samples: Array, rate: float) -> float:
-    """Frequency of the strongest bin of the whole-length spectrum without its mean, summed over channels, in Hz."""
-    power = power_spectrum(samples)
-    return strongest(power.reshape(len(power), -1).sum(axis=1), len(samples), rate)
