@@ -1,3 +1,4 @@
+import subprocess
 import sys
 
 import pytest
@@ -31,3 +32,33 @@ def test_a_container_may_have_less(meminfo, tmp_path, limit, left):
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says it")
 def test_this_system_says_something_possible():
     assert 10e6 < (available() or 0) < 1e14
+
+
+HELD = """
+import sys
+import numpy as np
+from pathlib import Path
+from midair.ram import give_back_large
+
+def resident():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+told = sys.argv[1] == "told" and give_back_large()
+# Freed once, a large array raises the size from which on the GNU library gives one back.
+first = np.ones(3_000_000)
+del first
+before, kept = resident(), []
+for _ in range(20):
+    large = np.ones(1_000_000)
+    kept.append(bytearray(50_000))
+    del large
+print(told, resident() - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only the GNU library has the choice")
+def test_large_arrays_go_back_to_the_system():
+    told = subprocess.run([sys.executable, "-c", HELD, "told"], capture_output=True, text=True, check=True).stdout
+    said, grown = told.split()
+    assert said == "True"
+    assert int(grown) < 4e6

@@ -1,11 +1,13 @@
 """The command line, as ``midair`` and as ``python -m midair`` where the script is not on the path."""
 
 from midair.blas import take_wide_kernel
+from midair.ram import give_back_large
 
 
 def main() -> None:
     """Run the command line and leave with its exit status."""
     take_wide_kernel()
+    give_back_large()
     # Only now: it loads NumPy, and NumPy's OpenBLAS chooses its kernel when it is loaded.
     from midair.cli import main as command_line
 
