@@ -27,8 +27,10 @@ def loop():
 
 
 @pytest.fixture(scope="module")
-def page(loop):
-    return render(loop, commands=("midair loop x.h5",))
+def page(loop, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    write_report(loop, path, commands=("midair loop x.h5",))
+    return path.read_text(encoding="utf-8")
 
 
 def test_needs_nothing_from_outside(page):
@@ -61,7 +63,7 @@ def without_pictures(monkeypatch):
 @pytest.mark.usefixtures("without_pictures")
 def test_only_a_rectified_original_is_said_to_lose_its_negative_half(loop, page):
     assert "negative half cannot be played" in page
-    assert "negative half" not in render(replace(loop, settings=loop.settings.but(mapping="slow-bias")))
+    assert "negative half" not in render(replace(loop, settings=loop.settings.but(mapping="slow-bias")), [])
 
 
 def test_every_setting_is_told():
@@ -79,6 +81,7 @@ def test_a_failed_write_leaves_the_old_report(loop, tmp_path):
     old.write_text("old")
     with pytest.raises(Exception, match="folder"):
         write_report(loop, tmp_path / "nowhere" / "report.html")
-    write_report(loop, old)
+    shown = write_report(loop, old)
     assert "SIMULATED" in old.read_text(encoding="utf-8")
+    assert all(one.source in old.read_text(encoding="utf-8") for one in shown)
     assert list(tmp_path.iterdir()) == [old]

@@ -6,7 +6,7 @@ from typing import Annotated
 from midair.cli.terminal import SolveOptions, Time, banner, out, print_figures, print_rows, quantity, say_air, stages
 from midair.files import check_unclaimed, save, save_solution, whole_file
 from midair.flow import felt
-from midair.rig import Loop, VirtualRig, capture_recording, pictures, run_loop, write_report
+from midair.rig import Loop, VirtualRig, capture_recording, run_loop, write_report
 
 
 def demo_command(
@@ -93,6 +93,6 @@ def _keep(loop: Loop, output: Path, name: str, part: str) -> None:
         f"midair record virtual:{name} stroke.h5",
         f"midair loop stroke.h5 report.html {part}",
     )
-    write_report(loop, output / "report.html", commands=commands)
+    shown = write_report(loop, output / "report.html", commands=commands)
     with whole_file(output / "field.png") as partial:
-        partial.write_bytes(pictures(loop)[2].data)
+        partial.write_bytes(shown[2].data)

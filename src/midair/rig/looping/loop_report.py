@@ -3,7 +3,7 @@
 import base64
 import importlib.metadata
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 
@@ -45,8 +45,8 @@ class Picture:
         return "data:image/png;base64," + base64.b64encode(self.data).decode()
 
 
-def write_report(loop: Loop, path: Path, *, commands: tuple[str, ...] = ()) -> None:
-    """Write the report of a loop.
+def write_report(loop: Loop, path: Path, *, commands: tuple[str, ...] = ()) -> list[Picture]:
+    """Write the report of a loop; the pictures that are in it.
 
     Parameters
     ----------
@@ -57,13 +57,16 @@ def write_report(loop: Loop, path: Path, *, commands: tuple[str, ...] = ()) -> N
     commands : tuple of str
         With which the same can be done again.
     """
-    page = render(loop, commands=commands)
+    # Drawn once, since that takes longer than solving does.
+    shown = [*pictures(loop), *further_pictures(loop, card_of_loop(loop))]
+    page = render(loop, shown, commands=commands)
     with whole_file(path) as partial:
         partial.write_text(page, encoding="utf-8")
+    return shown
 
 
-def render(loop: Loop, *, commands: tuple[str, ...] = ()) -> str:
-    """The report as HTML that needs nothing from outside."""
+def render(loop: Loop, shown: Sequence[Picture], *, commands: tuple[str, ...] = ()) -> str:
+    """The report with these pictures as HTML that needs nothing from outside."""
     last, card = loop.passes[-1], card_of_loop(loop)
     name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
     return render_page(
@@ -71,7 +74,7 @@ def render(loop: Loop, *, commands: tuple[str, ...] = ()) -> str:
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=last.comparison.simulated,
         summary=_summary(loop),
-        pictures=[*pictures(loop), *further_pictures(loop, card)],
+        pictures=shown,
         figures=_figures(loop),
         card=() if card is None else card.figures,
         passes=[f"pass {number + 1}" for number in range(len(loop.passes))],
