@@ -8,7 +8,7 @@ from midair.evaluate import error_in_air
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, TransducerArray
 from midair.physics import SensorModel, cell_weights, focus_amplitude, propagate, radiation_pressure
 from midair.reel import Reel
-from midair.solvers import TAKES, Cells, Glide, Guard, solve, solve_parts
+from midair.solvers import TAKES, Cells, Glide, Guard, memory_of, solve, solve_parts
 
 SMALL = ControlGrid(rows=4, columns=4, pitch=11e-3, height=0.1)
 UNIT = TransducerArray.autd3(columns=1, rows=1)
@@ -254,6 +254,15 @@ def test_a_recording_in_parts_is_solved_as_a_whole(settings, monkeypatch):
     assert sum((part.status for part in parts), ()) == made.status
     assert all(part.drive.provenance == made.drive.provenance for part in parts)
     assert {total for _, total in calls} == {150}
+
+
+def test_memory_of_parts_is_that_of_whole_blocks_of_every_job():
+    """A part of a recording by bisection is a block a job, far more than the frames of another method's part."""
+    long = target(np.zeros((20000, 16)))
+    one, two = (memory_of(long, UNIT, method="glide", parts=True, jobs=jobs) for jobs in (1, 2))
+    assert two - one == pytest.approx(1024 * 249 * 64)
+    assert one > memory_of(long, UNIT, method="exact", parts=True)
+    assert memory_of(long, UNIT, method="glide", jobs=2) > two
 
 
 def test_a_method_knows_where_the_transducers_are(monkeypatch):

@@ -156,6 +156,8 @@ def memory_of(
     amplitudes: Amplitudes = "equal",
     guard: float | Guard | None = None,
     robust: float = 0.0,
+    backend: str | None = None,
+    jobs: int | None = None,
     parts: bool = False,
     **_: Any,
 ) -> int:
@@ -163,16 +165,17 @@ def memory_of(
 
     Parameters
     ----------
-    target, array, method, acoustics, amplitudes, guard, robust
+    target, array, method, acoustics, amplitudes, guard, robust, backend, jobs
         As in `solve`; its other settings do not count.
     parts : bool
         Whether no more than a part is in memory.
     """
     ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
+    whole = _together(solver_of(method, backend=backend, jobs=jobs)) if parts else target.frames
     return memory_needed(
         target.grid.count,
         array.count * (2 if amplitudes == "bounded" else 1),
-        min(target.frames, _TOGETHER) if parts else target.frames,
+        min(target.frames, whole),
         method=name_of(method),
         guard=0 if ring is None else len(ring.ring(target.grid)),
         airs=len(airs_around(acoustics or Acoustics(), robust)),
@@ -305,6 +308,16 @@ _TOGETHER = 256
 """Frames that sound in a part, about."""
 
 
+def _together(solver: Method) -> int:
+    """How many frames that sound a part has: whole batches, or whole blocks."""
+    if isinstance(solver, Glide):
+        return solver.coarse * max(-(-solver.block_on() // solver.coarse), 1) * solver.jobs
+    if isinstance(solver, Fast):
+        whole = solver.batch or backend_of(solver.backend).rows
+        return whole * max(1, _TOGETHER // whole)
+    return _TOGETHER
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Order:
     """How a recording is to be solved, whole or part by part."""
@@ -385,18 +398,8 @@ class _Order:
         """How many of the next frames are a part that ends where the method can go on; 0 while there are too few."""
         sounding = np.flatnonzero(amplitude.any(axis=1))
         # The first part of a recording by bisection has the first mark besides.
-        wanted = self._together() + (self.leads and first)
+        wanted = _together(self.solver) + (self.leads and first)
         return int(sounding[wanted - 1]) + 1 if len(sounding) >= wanted else 0
-
-    def _together(self) -> int:
-        """How many frames that sound a part has: whole batches, or whole blocks."""
-        if isinstance(self.solver, Glide):
-            whole = self.solver.coarse * max(-(-self.solver.block_on() // self.solver.coarse), 1)
-            return whole * self.solver.jobs
-        if isinstance(self.solver, Fast):
-            whole = self.solver.batch or backend_of(self.solver.backend).rows
-            return whole * max(1, _TOGETHER // whole)
-        return _TOGETHER
 
     def end_of(self, marks: AmplitudeFrames) -> End:
         """What frames go on from after a block with these marks, by the method that has blocks."""
