@@ -102,7 +102,7 @@ TAKEN = [
     (method, term)
     for method, taken in TAKES.items()
     for term in WITH
-    if term in taken or (term == "all" and len(taken) == len(WITH) - 1)
+    if term in taken or (term == "all" and taken >= WITH.keys() - {"all"})
 ]
 
 

@@ -11,6 +11,7 @@ from midair.evaluate.other_air import error_in_air
 from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
 from midair.evaluate.stage_loss import Budget, StageLoss, StageOutput, budget
+from midair.evaluate.whole_palm import PalmFidelity, palm_fidelity
 from midair.physics import printed_error, relative_error
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "Comparison",
     "Fidelity",
     "Leak",
+    "PalmFidelity",
     "PerceptualCard",
     "SkinModel",
     "StageLoss",
@@ -35,6 +37,7 @@ __all__ = [
     "in_band",
     "leak",
     "pacinian_level",
+    "palm_fidelity",
     "peak_position",
     "perceptual_card",
     "printed_error",

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from midair.evaluate.distortion import Band, Fidelity, fidelity
 from midair.evaluate.leakage import Leak
+from midair.evaluate.whole_palm import PalmFidelity
 from midair.model import PressureFrames
 
 
@@ -91,6 +92,8 @@ class Budget:
         Strength of the target.
     simulated : bool
         Whether any part of it was simulated.
+    palm : PalmFidelity or None
+        What a whole palm gets of what is played; None where nobody looked.
     """
 
     stages: tuple[StageLoss, ...]
@@ -98,6 +101,7 @@ class Budget:
     band: Band
     strength: float
     simulated: bool
+    palm: PalmFidelity | None = None
 
     def stage(self, name: str) -> StageLoss:
         """The line of this name."""
@@ -111,6 +115,7 @@ class Budget:
             "kept_in_band": self.kept,
             "strength": self.strength,
             "stages": [stage.plain() for stage in self.stages],
+            "palm": None if self.palm is None else self.palm.plain(),
         }
 
     def __repr__(self) -> str:
@@ -127,6 +132,7 @@ def budget(
     kept: float | None = None,
     band: Band = (20.0, 470.0),
     images: Band = (530.0, 1000.0),
+    palm: PalmFidelity | None = None,
 ) -> Budget:
     """Compare the output of each stage with its input, and with the original.
 
@@ -142,6 +148,8 @@ def budget(
         Part of the recording's power that lies in the band.
     band, images : tuple of float
         As in `fidelity`.
+    palm : PalmFidelity, optional
+        What a whole palm gets.
     """
     lines: list[StageLoss] = []
     before = original
@@ -153,7 +161,7 @@ def budget(
         lines.append(StageLoss(name=output.name, what=output.what, alone=alone, so_far=so_far, leak=output.leak))
         before = output.pressure
     simulated = original.provenance.simulated or any(each.pressure.provenance.simulated for each in outputs)
-    return Budget(stages=tuple(lines), kept=kept, band=band, strength=strength, simulated=simulated)
+    return Budget(stages=tuple(lines), kept=kept, band=band, strength=strength, simulated=simulated, palm=palm)
 
 
 def finite(value: float | None) -> float | None:

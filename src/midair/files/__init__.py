@@ -27,6 +27,7 @@ from midair.files.texts import json_of, read_text, read_toml, toml_of
 from midair.files.toml import (
     DEFAULT_PROFILE,
     from_plain,
+    load_palm,
     load_placement,
     load_profiles,
     load_sensor,
@@ -57,6 +58,7 @@ __all__ = [
     "load_board",
     "load_calibration",
     "load_pressure",
+    "load_palm",
     "load_placement",
     "load_profiles",
     "load_sensor",

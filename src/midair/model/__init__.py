@@ -9,6 +9,7 @@ from midair.model.geometry import ControlGrid, SensorGrid, TransducerArray
 from midair.model.journal import Event, EventKind
 from midair.model.measurement import Crosstalk, Linearity, Measurement
 from midair.model.medium import Medium
+from midair.model.palm import Palm
 from midair.model.placement import UNIT, Placement
 from midair.model.progress import Progress
 from midair.model.provenance import Provenance, Setting, Step
@@ -34,6 +35,7 @@ __all__ = [
     "PressureFrames",
     "UNIT",
     "Placement",
+    "Palm",
     "Place",
     "Progress",
     "Provenance",

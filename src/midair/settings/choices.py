@@ -159,6 +159,11 @@ CHOICES: tuple[Choice, ...] = (
         help="Weight of the sound at the ears of a person in front of the array: 3 is some, 30 much.",
     ),
     Choice(
+        name="quiet-palm",
+        path="solver.quiet_palm",
+        help="Weight of the sound on a palm of 100 mm around the control points: 0.1 is much.",
+    ),
+    Choice(
         name="backend",
         path="solver.backend",
         help="What does the arithmetic of fast and glide: numpy, torch, torch:cuda or cupy.",

@@ -111,6 +111,8 @@ class SolverSettings:
         Degrees Celsius by which the air may be colder or warmer than that of the settings; not in the paper.
     quiet_ears : float
         Weight of the sound at the ears of a person in front of the array; not in the paper.
+    quiet_palm : float
+        Weight of the sound on a palm around the control points; not in the paper.
     backend : str or None
         What does the arithmetic of methods "fast" and "glide"; NumPy if None.
     jobs : int or None
@@ -127,6 +129,7 @@ class SolverSettings:
     smooth: float = 0.0
     robust: float = 0.0
     quiet_ears: float = 0.0
+    quiet_palm: float = 0.0
     backend: str | None = None
     # Settings that differ in it alone give the same.
     jobs: int | None = field(default=None, compare=False)

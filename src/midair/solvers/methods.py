@@ -46,10 +46,10 @@ METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
 
 TAKES: Mapping[str, frozenset[Term]] = MappingProxyType(
     {
-        "lm": frozenset({"guard", "quiet-ears", "amplitudes", "robust"}),
+        "lm": frozenset({"guard", "quiet-ears", "quiet-palm", "amplitudes", "robust"}),
         "exact": frozenset({"amplitudes", "robust"}),
-        "fast": frozenset({"guard", "quiet-ears", "cells", "smooth", "amplitudes", "robust"}),
-        "glide": frozenset({"guard", "quiet-ears", "cells", "amplitudes", "robust"}),
+        "fast": frozenset({"guard", "quiet-ears", "quiet-palm", "cells", "smooth", "amplitudes", "robust"}),
+        "glide": frozenset({"guard", "quiet-ears", "quiet-palm", "cells", "amplitudes", "robust"}),
         "live": frozenset({"amplitudes", "robust"}),
         "naive": frozenset(),
         "gs": frozenset(),

@@ -22,7 +22,7 @@ Complex = NDArray[np.complex128]
 Start = Literal["previous", "zero"]
 """Where a frame starts: at the phases of the frame before it, or at zero; the first frame starts at zero."""
 
-Term = Literal["guard", "cells", "smooth", "amplitudes", "robust", "quiet-ears"]
+Term = Literal["guard", "cells", "smooth", "amplitudes", "robust", "quiet-ears", "quiet-palm"]
 """What a problem may ask for beside the paper's error."""
 
 

@@ -28,6 +28,7 @@ from midair.solvers.terms import (
     Guard,
     GuardField,
     QuietEars,
+    QuietPalm,
     Windows,
     airs_around,
     automatic_level,
@@ -55,6 +56,7 @@ def solve(
     smooth: float = 0.0,
     robust: float = 0.0,
     quiet_ears: float = 0.0,
+    quiet_palm: float | QuietPalm = 0.0,
     bits: int | None = None,
     backend: str | None = None,
     jobs: int | None = None,
@@ -104,6 +106,9 @@ def solve(
     quiet_ears : float
         Weight of the sound at the ears of a person in front of the array, see `terms.quiet_ears`: 3 is some, 30 much.
         0 for none.
+    quiet_palm : float or QuietPalm
+        Weight of the sound on a palm around the control points, see `terms.quiet_palm`, or the term with all its
+        settings: .1 is much. 0 for none.
     bits : int, optional
         Round phases to 2 pi / 2^bits, as firmware does (8 bits: AUTD3); the error is that of the rounded phases.
         Not rounded if None. Amplitudes are not rounded.
@@ -140,6 +145,7 @@ def solve(
         smooth=smooth,
         robust=robust,
         quiet_ears=quiet_ears,
+        quiet_palm=quiet_palm,
         bits=bits,
         backend=backend,
         jobs=jobs,
@@ -333,6 +339,7 @@ class _Order:
     smooth: float
     robust: float
     quiet_ears: float
+    quiet_palm: QuietPalm | None
     bits: int | None
 
     @classmethod
@@ -352,6 +359,7 @@ class _Order:
         smooth: float = 0.0,
         robust: float = 0.0,
         quiet_ears: float = 0.0,
+        quiet_palm: float | QuietPalm = 0.0,
         bits: int | None = None,
         backend: str | None = None,
         jobs: int | None = None,
@@ -359,6 +367,7 @@ class _Order:
     ) -> "_Order":
         solver = solver_of(method, iterations=iterations, start=start, backend=backend, jobs=jobs)
         _check(level, bits, amplitudes, smooth, robust, quiet_ears)
+        palm = _palm(quiet_palm)
         acoustics = acoustics or Acoustics()
         airs = airs_around(acoustics, robust)
         ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
@@ -379,11 +388,13 @@ class _Order:
             smooth=smooth,
             robust=robust,
             quiet_ears=quiet_ears,
+            quiet_palm=palm,
             bits=bits,
         )
         asked: set[Term] = {"amplitudes"} if amplitudes == "bounded" else set()
         asked |= {"robust"} if robust > 0 else set()
         asked |= {"quiet-ears"} if quiet_ears > 0 else set()
+        asked |= {"quiet-palm"} if palm is not None else set()
         terms: dict[Term, bool] = {"guard": ring is not None, "cells": means is not None, "smooth": smooth > 0}
         asked |= {term for term, there in terms.items() if there}
         check_terms(method, asked)
@@ -409,7 +420,8 @@ class _Order:
 
     def _problem(self, scene: "_Scene", target: AmplitudeFrames) -> Problem:
         ears = QuietEars(weight=self.quiet_ears) if self.quiet_ears > 0 else None
-        return replace(scene, target=target).problem(self.level, self.ring, self.means, self.smooth, ears)
+        scene = replace(scene, target=target)
+        return scene.problem(self.level, self.ring, self.means, self.smooth, ears, self.quiet_palm)
 
     def solve(
         self, target: AmplitudeFrames, after: End | None, progress: Progress | None
@@ -457,6 +469,7 @@ class _Order:
             "smooth": self.smooth,
             "robust_c": self.robust,
             "quiet_ears": self.quiet_ears,
+            "quiet_palm": 0.0 if self.quiet_palm is None else self.quiet_palm.weight,
             "bits": self.bits,
             "directivity": acoustics.directivity,
             "speed_m_s": acoustics.medium.speed,
@@ -494,6 +507,7 @@ class _Scene:
         means: Windows | Cells | None,
         smooth: float,
         ears: QuietEars | None,
+        palm: QuietPalm | None,
     ) -> Problem:
         amplitude, grid, medium = self.target.amplitude / self.focus, self.target.grid, self.airs[0].medium
         unit = float(radiation_pressure(np.array(self.focus), medium))
@@ -503,22 +517,25 @@ class _Scene:
             amplitude=np.tile(amplitude, (1, times)),
             level=automatic_level(amplitude) if level == "auto" else level,
             psi=psi_in_each(self.G, spreading_phase(grid, self.array, medium)),
-            guard=self._quiet(guard, ears),
+            guard=self._quiet(guard, ears, palm),
             cells=None if means is None else means.target(amplitude, grid, unit).repeated(times),
             smooth=smooth,
             position=self.array.position,
         )
 
-    def _quiet(self, guard: Guard | None, ears: QuietEars | None) -> GuardField | None:
-        """Where the field is to be quiet: on the ring, and at the ears."""
+    def _quiet(self, guard: Guard | None, ears: QuietEars | None, palm: QuietPalm | None) -> GuardField | None:
+        """Where the field is to be quiet: on the ring, at the ears, and on the palm around the control points."""
         field = None if guard is None else self._guarded(guard)
-        if ears is None:
-            return field
-        rows = np.concatenate([ears.rows(self.array, each) for each in self.airs]) / self.focus
-        # A mean over the ears counts as much as a mean over the control points, whose squares the error adds up.
-        rows *= np.sqrt(len(self.G[0]))
         none = GuardField(G=np.zeros((0, self.array.count), complex), ceiling=0.0, weight=1.0)
-        return (field or none).and_quiet(rows, ears.weight)
+        # A mean over ears or palm counts as much as one over the control points, whose squares the error adds up.
+        count = np.sqrt(len(self.G[0])) / self.focus
+        if ears is not None:
+            rows = np.concatenate([ears.rows(self.array, each) for each in self.airs])
+            field = (field or none).and_quiet(count * rows, ears.weight)
+        if palm is not None:
+            rows = np.concatenate([palm.rows(self.target.grid, self.array, each) for each in self.airs])
+            field = (field or none).and_quiet(count * rows, palm.weight)
+        return field
 
     def _guarded(self, guard: Guard) -> GuardField:
         ring = guard.ring(self.target.grid)
@@ -540,6 +557,14 @@ def _check(level: object, bits: int | None, amplitudes: str, smooth: float, robu
         raise InputError(f"robust: expected 0 to 10 degrees Celsius, got {robust:g}")
     if not 0 <= quiet_ears < np.inf:
         raise InputError(f"quiet_ears: expected 0 or more, got {quiet_ears:g}")
+
+
+def _palm(asked: float | QuietPalm) -> QuietPalm | None:
+    if isinstance(asked, QuietPalm):
+        return asked
+    if not 0 <= asked < np.inf:
+        raise InputError(f"quiet_palm: expected 0 or more, got {asked:g}")
+    return QuietPalm(weight=asked) if asked > 0 else None
 
 
 def _bounded(answer: Answer) -> tuple[Answer, Array]:

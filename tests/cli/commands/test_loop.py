@@ -60,6 +60,8 @@ def test_budget_as_json_and_as_a_figure(capsys):
     answer = json.loads(capsys.readouterr().out)
     assert answer["stages"][0]["stage"] == "mapping"
     assert 0 < answer["kept_in_band"] <= 1
+    assert answer["palm"]["palm"] == "disc of 85 mm"
+    assert len(answer["palm"]["sdr_displacement_db"]) == 4
     assert Path("budget.png").read_bytes().startswith(b"\x89PNG")
     assert run(["budget", "take.h5", "budget.png", *QUICK]) == 1
     assert "budget.png" in one_line_of(capsys)

@@ -15,6 +15,7 @@ from midair.cli.terminal import (
     may_write,
     out,
     print_json,
+    print_palm,
     print_rows,
     quantity,
     say_air,
@@ -23,8 +24,9 @@ from midair.cli.terminal import (
 from midair.devices import SilencerChoice
 from midair.evaluate import Budget
 from midair.figures import budget_figure, png
-from midair.files import open_take, whole_file
+from midair.files import load_palm, open_take, whole_file
 from midair.flow import lead_of
+from midair.model import Palm
 from midair.rig import BudgetPlan, VirtualRig, error_budget, kept_in_band
 
 
@@ -37,6 +39,7 @@ def budget_command(
     start_at: Time = 0.0,
     duration: Annotated[float | None, quantity("s")] = None,
     silencer: SilencerChoice = "auto",
+    palm: Path | None = None,
     lead: Annotated[float | None, quantity("s")] = None,
     seed: int = 0,
     force: Force = False,
@@ -61,6 +64,8 @@ def budget_command(
         How much of the recording; all that is left if not given.
     silencer
         How the array spreads phase steps; auto is what midair sets on any.
+    palm
+        TOML with the outline of a palm, which is looked at beside the cells; a disc of 85 mm if not given.
     lead
         Time before and after it in which pressure swells and a bias rises; what the mapping needs if not given.
     seed
@@ -81,6 +86,7 @@ def budget_command(
         settings=settings,
         rig=VirtualRig(seed=seed, height=settings.target.grid.height),
         silencer=silencer,
+        palm=Palm.disc() if palm is None else load_palm(palm),
         lead=lead_of(settings) if lead is None else lead,
     )
     banner(True)
@@ -120,5 +126,7 @@ def print_budget(title: str, budget: Budget) -> None:
         )
     out().print(table)
     print_rows([(each.name, each.what) for each in budget.stages])
+    if budget.palm is not None:
+        print_palm(budget.palm)
     kept = "" if budget.kept is None else f"; {100 * budget.kept:.1f} % of the recording's power lies in the band"
     out().print(f"strength {budget.strength:.3f}, band {low:g} to {high:g} Hz{kept}")

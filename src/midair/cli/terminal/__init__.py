@@ -3,7 +3,7 @@
 from midair.cli.terminal.air_options import AirOptions, say_air
 from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
 from midair.cli.terminal.calibration_output import OutputOptions, given_calibration, prepare_page, tell
-from midair.cli.terminal.comparisons import card_of, plain, print_card
+from midair.cli.terminal.comparisons import card_of, plain, print_card, print_palm
 from midair.cli.terminal.console import (
     PlainConsole,
     Talk,
@@ -86,6 +86,7 @@ __all__ = [
     "print_card",
     "print_figures",
     "print_json",
+    "print_palm",
     "print_rows",
     "quantity",
     "recording_figures",

@@ -2,7 +2,7 @@
 
 from midair.cli.terminal.console import out
 from midair.errors import ShapeError
-from midair.evaluate import Comparison, PerceptualCard, perceptual_card
+from midair.evaluate import Comparison, PalmFidelity, PerceptualCard, perceptual_card
 from midair.model import PressureFrames
 
 
@@ -21,6 +21,16 @@ def print_card(card: PerceptualCard) -> None:
         unit = f" {each.unit}" if each.unit else ""
         out().print(f"  {each.name}: {each.overall:.3g}{unit}", style="bold")
         out().print(f"    {each.meaning}")
+
+
+def print_palm(palm: PalmFidelity) -> None:
+    """What a whole palm gets, skin by skin."""
+    out().print(f"\nwhat a whole palm gets, {palm.palm}", style="bold")
+    out().print(f"  {100 * palm.outside:.3g} % of the power in the band lies outside the square of the sensor")
+    out().print(f"  pressure {palm.pressure:.1f} dB over the palm, {palm.square:.1f} dB within the square")
+    moved = ", ".join(f"{ratio:.1f} dB ({name})" for name, ratio in palm.displacement.items())
+    out().print(f"  displacement {moved}")
+    out().print("    signal over distortion of flat model skins; no person was asked", style="dim")
 
 
 def plain(comparison: Comparison) -> dict[str, object]:

@@ -1,6 +1,7 @@
 """What people write by hand in TOML."""
 
 from midair.files.toml.exposure_profiles import DEFAULT_PROFILE, load_profiles, profile_named
+from midair.files.toml.palms import load_palm
 from midair.files.toml.placements import load_placement
 from midair.files.toml.plain import from_plain, to_plain
 from midair.files.toml.sensors import load_sensor, save_sensor
@@ -10,6 +11,7 @@ __all__ = [
     "from_plain",
     "to_plain",
     "DEFAULT_PROFILE",
+    "load_palm",
     "load_placement",
     "load_profiles",
     "load_sensor",

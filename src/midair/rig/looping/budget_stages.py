@@ -10,7 +10,7 @@ from midair.devices import SilencerChoice, choose_silencer
 from midair.dsp import band_energy
 from midair.evaluate import Budget, StageOutput, budget, heard_perfectly, leak
 from midair.flow import Reproduction, felt, mapped, reproduce, to_play
-from midair.model import Acoustics, Drive, PressureFrames, Recording
+from midair.model import Acoustics, Drive, Palm, PressureFrames, Recording
 from midair.physics import (
     PlaybackChain,
     calibration_of,
@@ -20,6 +20,7 @@ from midair.physics import (
     simulate,
     transfer_matrix,
 )
+from midair.rig.looping.palm_simulation import palm_of_drive
 from midair.rig.looping.passes import Stage, quiet
 from midair.rig.names import VirtualRig
 from midair.settings import Settings
@@ -42,12 +43,15 @@ class BudgetPlan:
         How the firmware spreads steps; "auto" is what midair sets unless told otherwise.
     lead : float
         Silence that swells into the original before it and fades after it, in s; it is not judged.
+    palm : Palm or None
+        What is looked at beside the cells; the cells alone if None.
     """
 
     settings: Settings
     rig: VirtualRig = field(default_factory=VirtualRig)
     silencer: SilencerChoice = "auto"
     lead: float = 0.0
+    palm: Palm | None = None
 
 
 def error_budget(
@@ -81,8 +85,16 @@ def error_budget(
         )
         for output in _outputs(asked, made, plan, stage)
     ]
-    settings = plan.settings
-    return budget(original, outputs, strength=made.strength(), kept=kept, band=settings.calibration.band)
+    band = plan.settings.calibration.band
+    palm = None
+    if plan.palm is not None:
+        drive = made.solution.drive
+        *_, (_, _, chain) = _chains(drive, plan)
+        part = (round(plan.lead * original.rate) / original.rate, original.frames / original.rate)
+        palm = palm_of_drive(
+            asked, drive, plan.palm, chain=chain, rig=plan.rig, judged=part, band=band, progress=stage("palm")
+        )
+    return budget(original, outputs, strength=made.strength(), kept=kept, band=band, palm=palm)
 
 
 def kept_in_band(recording: Recording, band: tuple[float, float]) -> float | None:

@@ -10,6 +10,7 @@ from midair.solvers.terms.guard import Guard, GuardField, excess, excess_rows
 from midair.solvers.terms.level import automatic_level
 from midair.solvers.terms.points import misfit
 from midair.solvers.terms.quiet_ears import QuietEars
+from midair.solvers.terms.quiet_palm import QuietPalm
 from midair.solvers.terms.smooth import change
 from midair.solvers.terms.temperatures import airs_around, psi_in_each
 from midair.solvers.terms.windows import Windows
@@ -21,6 +22,7 @@ __all__ = [
     "Guard",
     "GuardField",
     "QuietEars",
+    "QuietPalm",
     "Windows",
     "airs_around",
     "automatic_level",

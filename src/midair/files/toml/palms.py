@@ -1,0 +1,109 @@
+"""The outline of a palm under the array, in a few lines of TOML: a disc, corners, or a picture beside the file.
+
+::
+
+    name = "left hand"
+    disc_mm = 85                                   # one of these three
+    outline_mm = [[-40, -45], [40, -45], [0, 50]]  # x and y from the middle of the array
+    picture = "hand.png"                           # dark is skin
+    width_mm = 180                                 # of the picture, whose middle lies over that of the array
+    pitch_mm = 2.5                                 # between the points that are looked at; may be left out
+"""
+
+import os
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import BrokenFileError, InputError, MissingFileError
+from midair.files.texts import read_toml
+from midair.files.toml.plain import from_plain
+from midair.model import Palm
+from midair.validation import positive
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PalmSheet:
+    """What such a file says, by its own names."""
+
+    name: str = ""
+    disc_mm: float | None = None
+    outline_mm: tuple[tuple[float, float], ...] | None = None
+    picture: str | None = None
+    width_mm: float | None = None
+    pitch_mm: float = 2.5
+
+
+def load_palm(path: str | os.PathLike[str]) -> Palm:
+    """The palm that a TOML file describes.
+
+    Raises
+    ------
+    MissingFileError
+        If the file, or its picture, is not there.
+    BrokenFileError
+        If it is no TOML of a palm, or the picture no PNG.
+    """
+    content = read_toml(path, "a TOML file with the outline of a palm")
+    try:
+        return _palm(from_plain(PalmSheet, content), Path(path))
+    except InputError as wrong:
+        raise BrokenFileError(f"{path}: expected the outline of a palm, got: {wrong}") from wrong
+
+
+def _palm(sheet: PalmSheet, path: Path) -> Palm:
+    pitch, name = positive(sheet.pitch_mm, "pitch_mm", "mm") * 1e-3, sheet.name or path.stem
+    asked = [each for each in (sheet.disc_mm, sheet.outline_mm, sheet.picture) if each is not None]
+    if len(asked) != 1:
+        raise InputError(f"expected one of disc_mm, outline_mm and picture, got {len(asked)}")
+    if sheet.disc_mm is not None:
+        return Palm(inside=Palm.disc(sheet.disc_mm * 1e-3, pitch=pitch).inside, pitch=pitch, name=name)
+    if sheet.outline_mm is not None:
+        return Palm.within(np.array(sheet.outline_mm) * 1e-3, pitch=pitch, name=name)
+    if sheet.width_mm is None or not sheet.picture:
+        raise InputError("expected width_mm beside picture, got none")
+    dark = _dark(path.parent / sheet.picture)
+    return _sampled(dark, positive(sheet.width_mm, "width_mm", "mm") * 1e-3, pitch, name)
+
+
+_MOST = 4096
+"""Pixels along an edge of a picture."""
+
+
+def _dark(picture: Path) -> NDArray[np.bool_]:
+    """Which pixels are dark and not transparent, shape (row, column)."""
+    from matplotlib.image import imread
+
+    try:
+        with picture.open("rb") as file:
+            head = file.read(24)
+    except OSError:
+        raise MissingFileError(f"{picture}: expected the picture of a palm; it is not there") from None
+    if len(head) < 24 or head[:8] != b"\x89PNG\r\n\x1a\n":
+        raise BrokenFileError(f"{picture}: expected a PNG, got something else")
+    # Told before any of it is unpacked: a small file can hold a picture that fills the memory.
+    columns, rows = struct.unpack(">II", head[16:24])
+    if not 0 < columns <= _MOST or not 0 < rows <= _MOST:
+        raise BrokenFileError(f"{picture}: expected at most {_MOST} x {_MOST} pixels, got {columns} x {rows}")
+    try:
+        pixels = np.atleast_3d(np.asarray(imread(picture), float))
+    except (OSError, SyntaxError, ValueError) as wrong:
+        raise BrokenFileError(f"{picture}: expected a PNG, got: {wrong}") from wrong
+    colours = pixels.shape[2]
+    seen = pixels[..., -1] if colours in (2, 4) else np.ones(pixels.shape[:2])
+    light = pixels[..., : 3 if colours >= 3 else 1].mean(axis=2)
+    return (light < 0.5) & (seen > 0.5)
+
+
+def _sampled(dark: NDArray[np.bool_], width: float, pitch: float, name: str) -> Palm:
+    """A palm of the pixels that the points of its grid fall on."""
+    side = width / dark.shape[1]
+    counts = [2 * int(each * side / 2 / pitch) + 1 for each in dark.shape]
+    rows, columns = (
+        np.clip(((np.arange(count) - count // 2) * pitch / side + pixels / 2).astype(int), 0, pixels - 1)
+        for count, pixels in zip(counts, dark.shape, strict=True)
+    )
+    return Palm(inside=dark[np.ix_(rows, columns)], pitch=pitch, name=name)

@@ -1,0 +1,91 @@
+"""A palm under the array: which points of a grid are skin."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, ShapeError
+from midair.model.geometry import ControlGrid, centred
+from midair.validation import frozen_array, positive
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Palm:
+    """Where skin is, on a grid whose middle lies over the middle of the array.
+
+    Attributes
+    ----------
+    inside : ndarray of bool, shape (row, column)
+        Which points are skin.
+    pitch : float
+        Between the points, in m. Sound presses in ripples of half a wavelength and more; two points for each ripple,
+        2.1 mm at 40 kHz, hold any sound, and 2.5 mm what an array of four units radiates from 20 cm below.
+    name : str
+        What to call it.
+    """
+
+    inside: NDArray[np.bool_]
+    pitch: float = 2.5e-3
+    name: str = "palm"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inside", frozen_array(self.inside, "palm", ("row", "column"), np.bool_))
+        positive(self.pitch, "pitch of the palm", "m")
+        if not self.inside.any():
+            raise InputError("palm: expected some skin under the array, got none; move the outline")
+
+    @classmethod
+    def disc(cls, diameter: float = 85e-3, *, pitch: float = 2.5e-3) -> "Palm":
+        """A round one; 85 mm is the breadth of a man's palm."""
+        positive(diameter, "diameter of the palm", "m")
+        place = centred(2 * int(diameter / 2 / positive(pitch, "pitch of the palm", "m")) + 1, pitch)
+        inside = np.hypot(place, place[:, None]) <= diameter / 2
+        return cls(inside=inside, pitch=pitch, name=f"disc of {1e3 * diameter:g} mm")
+
+    @classmethod
+    def within(cls, outline: Array, *, pitch: float = 2.5e-3, name: str = "palm") -> "Palm":
+        """What a closed line goes round.
+
+        Parameters
+        ----------
+        outline : ndarray, shape (corner, 2)
+            x and y of its corners from the middle of the array, in m; it closes by itself.
+        pitch : float
+            As above.
+        name : str
+            As above.
+
+        Raises
+        ------
+        ShapeError
+            If there are fewer than three corners.
+        """
+        corners = frozen_array(outline, "outline of the palm", ("corner", 2))
+        if len(corners) < 3:
+            raise ShapeError(f"outline of the palm: expected three corners or more, got {len(corners)}")
+        half_x, half_y = np.abs(corners).max(axis=0)
+        x, y = (centred(2 * int(half / pitch) + 1, pitch) for half in (half_x, half_y))
+        return cls(inside=_enclosed(corners, *np.meshgrid(x, y)), pitch=pitch, name=name)
+
+    def grid(self, height: float) -> ControlGrid:
+        """The grid that `inside` is of, at a height above the array, in m."""
+        rows, columns = self.inside.shape
+        return ControlGrid(rows=rows, columns=columns, pitch=self.pitch, height=height)
+
+    def beyond(self, reach_x: float, reach_y: float) -> NDArray[np.bool_]:
+        """Which of its skin is farther from the middle than this, in m, shape (row, column)."""
+        rows, columns = self.inside.shape
+        x, y = np.meshgrid(centred(columns, self.pitch), centred(rows, self.pitch))
+        return self.inside & ((np.abs(x) > reach_x + 1e-9) | (np.abs(y) > reach_y + 1e-9))
+
+
+def _enclosed(corners: Array, x: Array, y: Array) -> NDArray[np.bool_]:
+    """Points from which a ray crosses the outline an odd number of times."""
+    odd = np.zeros(x.shape, bool)
+    for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        if y0 != y1:
+            odd ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+    return odd

@@ -1,0 +1,58 @@
+"""What a drive does to a whole palm on the virtual rig: simulated beyond the square, in pressure and in skin."""
+
+from midair.evaluate import PalmFidelity, palm_fidelity
+from midair.model import Acoustics, Drive, Palm, PressureFrames, Progress
+from midair.physics import PlaybackChain, simulate, transfer_matrix
+from midair.rig.names import VirtualRig
+from midair.targets import decouple, interpolation_matrix
+
+
+def palm_of_drive(
+    asked: PressureFrames,
+    drive: Drive,
+    palm: Palm,
+    *,
+    chain: PlaybackChain,
+    rig: VirtualRig,
+    judged: tuple[float, float] | None = None,
+    band: tuple[float, float] = (20.0, 470.0),
+    progress: Progress | None = None,
+) -> PalmFidelity:
+    """Play a drive to a palm, and compare with the pressure that was asked for within the sensor's square.
+
+    Parameters
+    ----------
+    asked : PressureFrames
+        What the cells were to feel, from the drive's first frame on.
+    drive : Drive
+        What the array is told.
+    palm : Palm
+        Where skin is.
+    chain : PlaybackChain
+        What stands between drive and sound.
+    rig : VirtualRig
+        Array, sensor and air.
+    judged : tuple of float, optional
+        (begin, duration) of what is judged, in s; all if None.
+    band : tuple of float
+        (low, high) that counts, in Hz.
+    progress : callable, optional
+        Called with (frames done, frames in all).
+    """
+    grid, sensor = palm.grid(rig.height), asked.sensor
+    skin = palm.inside.ravel()
+    around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
+    G = transfer_matrix(grid.position[skin], rig.array, acoustics=around)
+    rate = rig.skin().rate
+    pressure = simulate(drive, G, chain=chain, rate=rate, acoustics=around, progress=progress)
+    # Of all pressures, the interpolated one of which the cells would hear what they heard.
+    cells = decouple(asked).pressure.reshape(asked.frames, -1)
+    return palm_fidelity(
+        cells @ interpolation_matrix(sensor, grid)[skin].T,
+        pressure,
+        palm,
+        rates=(asked.rate, rate),
+        square=((sensor.columns + 1) / 2 * sensor.pitch, (sensor.rows + 1) / 2 * sensor.pitch),
+        judged=judged,
+        band=band,
+    )

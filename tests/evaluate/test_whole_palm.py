@@ -1,0 +1,70 @@
+import json
+
+import numpy as np
+import pytest
+
+from midair.evaluate import palm_fidelity
+from midair.model import Palm
+from midair.physics import Tissue
+
+PALM, RATE, SQUARE = Palm.disc(60e-3, pitch=5e-3), 2000.0, (15e-3, 15e-3)
+BEYOND = PALM.beyond(*SQUARE)[PALM.inside]
+SKINS = {"soft": Tissue(), "layer": Tissue(depth=5e-3)}
+
+
+def waves(frames, points, seed):
+    """Sines in the band that swell and fade, each point its own."""
+    rng = np.random.default_rng(seed)
+    turns = np.arange(frames)[:, None, None] / RATE * np.arange(40, 400, 40)[:, None]
+    fade = np.hanning(frames)[:, None]
+    return fade * (
+        np.sin(2 * np.pi * turns + rng.uniform(0, 7, (1, 9, points))) * rng.standard_normal((9, points))
+    ).sum(1)
+
+
+@pytest.fixture(scope="module")
+def wanted():
+    return np.where(BEYOND, 0.0, waves(600, BEYOND.size, 0))
+
+
+def judged(wanted, delivered, **more):
+    return palm_fidelity(wanted, delivered, PALM, rates=(RATE, RATE), square=SQUARE, skins=SKINS, **more)
+
+
+def test_the_same_but_later_and_louder_is_whole(wanted):
+    late = np.concatenate([np.zeros((7, wanted.shape[1])), 3.0 * wanted[:-7]])
+    found = judged(wanted, late, judged=(0.1, 0.1))
+    assert found.outside == 0.0
+    assert min(found.pressure, found.square, *found.displacement.values()) > 40
+
+
+def test_a_steady_leak_costs_nothing_and_one_that_flickers_costs_what_it_is(wanted):
+    steady = judged(wanted, wanted + 100.0 * BEYOND, judged=(0.1, 0.1))
+    assert steady.outside < 1e-3
+    leak = np.where(BEYOND, waves(600, BEYOND.size, 1), 0.0)
+    leak *= np.sqrt((wanted[200:400] ** 2).sum() / (leak[200:400] ** 2).sum()) / 2
+    found = judged(wanted, wanted + leak, judged=(0.1, 0.1))
+    # A quarter of the power beside it: a fifth of all, and 6 dB.
+    assert found.outside == pytest.approx(0.2, abs=2e-3)
+    assert found.pressure == pytest.approx(6.02, abs=0.1)
+    assert found.square > 40
+    assert all(ratio < 20 for ratio in found.displacement.values())
+
+
+def test_skin_feels_what_lies_beside_it_and_the_layer_less_far(wanted):
+    # Noise in the whole palm's outermost ring alone.
+    x, y = np.meshgrid(PALM.grid(1.0).x, PALM.grid(1.0).y)
+    ring = (np.hypot(x, y) > 25e-3)[PALM.inside]
+    found = judged(wanted, wanted + ring * waves(600, BEYOND.size, 2), judged=(0.1, 0.1))
+    assert found.range == (min(found.displacement.values()), max(found.displacement.values()))
+    assert found.range[0] < found.range[1]
+
+
+def test_nothing_played_is_no_number_and_no_error(wanted):
+    found = judged(wanted, np.zeros_like(wanted))
+    assert found.outside == 0.0
+    assert found.pressure == -np.inf
+    plain = json.loads(json.dumps(found.plain(), allow_nan=False))
+    assert plain["sdr_pressure_db"] is None
+    assert plain["palm"] == "disc of 60 mm"
+    assert "SIMULATED" in repr(found)

@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+
+from midair.errors import InputError, ShapeError
+from midair.model import Palm
+
+
+def test_a_disc_has_its_area_and_lies_over_the_middle_of_the_array():
+    palm = Palm.disc(85e-3, pitch=1e-3)
+    assert palm.inside.sum() * 1e-6 == pytest.approx(np.pi * 0.0425**2, rel=2e-3)
+    assert palm.inside[42, 42]
+    np.testing.assert_array_equal(palm.inside, palm.inside[::-1, ::-1])
+    assert palm.grid(0.2).position[palm.inside.ravel()].mean(axis=0) == pytest.approx([0, 0, 0.2])
+
+
+def test_an_outline_may_have_dents():
+    # An L of three squares of 20 mm.
+    corners = np.array([[-20, -20], [20, -20], [20, 0], [0, 0], [0, 20], [-20, 20]]) * 1e-3
+    palm = Palm.within(corners, pitch=0.4e-3)
+    assert palm.inside.sum() * 0.16e-6 == pytest.approx(1200e-6, rel=0.02)
+    x, y = palm.grid(0.1).x, palm.grid(0.1).y
+    assert not palm.inside[y > 1e-3][:, x > 1e-3].any()
+    assert palm.inside[(y < -1e-3) & (y > -19e-3)][:, np.abs(x) < 19e-3].all()
+
+
+def test_beyond_a_square_is_what_is_left_of_the_palm():
+    palm = Palm.disc(85e-3)
+    beyond = palm.beyond(27.5e-3, 27.5e-3)
+    # The square lies inside the disc whole; points on its edge belong to it.
+    assert palm.inside.sum() - beyond.sum() == 23**2
+    assert not palm.beyond(42.5e-3, 42.5e-3).any()
+
+
+def test_palms_that_are_none_are_refused():
+    with pytest.raises(InputError, match="some skin under the array"):
+        Palm(inside=np.zeros((3, 3), bool))
+    with pytest.raises(ShapeError, match="three corners or more, got 2"):
+        Palm.within(np.zeros((2, 2)))
+    with pytest.raises(InputError, match="diameter of the palm"):
+        Palm.disc(0.0)
