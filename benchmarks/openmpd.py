@@ -5,6 +5,7 @@ the drive; of what a stand-in of the board puts out, all transducers at the next
 the pulses were spread, some a step longer than others, so that the mean level is right.
 """
 
+import argparse
 import dataclasses
 
 import numpy as np
@@ -25,6 +26,7 @@ ALWAYS = ExposureChoices(profile=profile_named("occupational-110"), override="th
 
 
 def main() -> None:
+    argparse.ArgumentParser(prog="python -m benchmarks.openmpd", description=__doc__.splitlines()[0]).parse_args()
     board = measured_board(3)
     touch = stroke("towel", duration=0.3)
     touch = dataclasses.replace(touch, pressure=touch.pressure[FRAMES])

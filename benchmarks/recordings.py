@@ -42,24 +42,25 @@ def main() -> None:
     ask = argparse.ArgumentParser(prog="python -m benchmarks.recordings", description=__doc__.splitlines()[0])
     ask.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these parts (default all)")
     ask.add_argument("--plain-frames", type=int, default=60, help="of a sequence for the plain form (default 60)")
+    ask.add_argument("--length", type=float, default=1.0, help="of all sequences, times the usual (default 1)")
     said = ask.parse_args()
     kernel = ", ".join(sorted({each["architecture"] for each in threadpool_info() if "numpy" in each["filepath"]}))
     print(f"{load()}; kernel {kernel}")
     with one_blas_thread():
         for part in said.part:
             {
-                "paper": lambda: paper(said.plain_frames),
-                "best": best,
+                "paper": lambda: paper(said.plain_frames, 1.2 * said.length),
+                "best": lambda: best(0.5 * said.length),
                 "skin": skin,
-                "jobs": jobs,
-                "live": live,
+                "jobs": lambda: jobs(said.length),
+                "live": lambda: live(1.2 * said.length),
             }[part]()
 
 
 def sequences(settings: Settings, seconds: float) -> Iterator[tuple[str, PressureFrames]]:
     """Pressure of the cells at the settings' rate, at rest at both ends."""
-    for name, samples in (("chirp that wanders", wander(seconds)), ("rain", rain(seconds)), ("cloth", cloth(seconds))):
-        yield name, at_rate(pressure_of(samples), settings.target.rate)
+    for name, draw, seed in (("chirp that wanders", wander, 31), ("rain", rain, 32), ("cloth", cloth, 33)):
+        yield f"{name} (seed {seed})", at_rate(pressure_of(draw(seconds, seed)), settings.target.rate)
     recording = sample("denim")
     change = float(np.abs(np.asarray(recording.samples) - np.median(recording.samples, axis=0)).max())
     # As `midair import sample:denim --peak 30Pa` and `solve --band 0.5Hz 15Hz` would: its taxels give 36 frames/s.
@@ -120,11 +121,11 @@ def problem(pressure: PressureFrames, settings: Settings, strength: float) -> Pr
     )
 
 
-def paper(plain_frames: int) -> None:
+def paper(plain_frames: int, seconds: float) -> None:
     """Glide, fast and the plain form in the paper's mode."""
     name, reference = plain(None)
     settings = paper_mode()
-    for label, pressure in sequences(settings, 1.2):
+    for label, pressure in sequences(settings, seconds):
         asked = problem(pressure, settings, 0.1)
         frames = len(asked.amplitude)
         print(f"\npaper's mode, {label}, {frames} frames, strength .1; {load()}")
@@ -138,10 +139,10 @@ def paper(plain_frames: int) -> None:
             _row(type(method).__name__.lower(), asked, answer.phase, cost / frames, base)
 
 
-def best() -> None:
+def best(seconds: float) -> None:
     """Glide and what the best mode was, at 4 kHz; and what bare products of the same shape take."""
     settings = best_mode()
-    for label, pressure in sequences(settings, 0.5):
+    for label, pressure in sequences(settings, seconds):
         asked = problem(pressure, settings, 0.15)
         frames = len(asked.amplitude)
         print(f"\nbest mode, {label}, {frames} frames, strength .15; {load()}")
@@ -177,10 +178,10 @@ def skin() -> None:
         line(thing, *ratios, *leaks, *images, digits="112200")
 
 
-def jobs() -> None:
-    """One second of a towel in the best mode by 1, 2 and 4 jobs: wall time, and whether the bits are the same."""
+def jobs(seconds: float) -> None:
+    """A second or so of a towel in the best mode by 1, 2 and 4 jobs: wall time, and whether the bits are the same."""
     settings = best_mode()
-    asked = problem(at_rate(stroke("towel"), settings.target.rate).cut(0.2, 1.0), settings, 0.15)
+    asked = problem(at_rate(stroke("towel"), settings.target.rate).cut(0.2, seconds), settings, 0.15)
     print(
         f"\nbest mode, {len(asked.amplitude)} frames of a towel: {len(asked.amplitude) / 4000:.2f} s of touch; {load()}"
     )
@@ -195,13 +196,18 @@ def jobs() -> None:
         print(f"{'':36}same bits as one job: {'yes' if np.array_equal(phase, first) else 'NO'}")
 
 
-def live() -> None:
+def live(seconds: float) -> None:
     """The live solver on three sequences, and without what is new in a target being put in first."""
     settings = paper_mode()
-    noise = problem(at_rate(pressure_of(_noise(1.2)), settings.target.rate), settings, 0.1)
+    noise = problem(at_rate(pressure_of(_noise(seconds)), settings.target.rate), settings, 0.1)
     print(f"\nlive, 1 kHz, strength .1, E without the first ten frames; garbage collector off; {load()}")
     heading("E mean", "E worst", "CPU p50", "CPU p99", "p50 ms", "p99 ms")
-    spots = (("spot", problem_of(moving_blob(1200), 0.1)), ("towel", towel(1200, 0.1)), ("noise", noise))
+    frames = round(1000 * seconds)
+    spots = (
+        ("spot", problem_of(moving_blob(frames), 0.1)),
+        ("towel", towel(frames, 0.1)),
+        (f"noise (seed {_NOISE})", noise),
+    )
     for label, asked in spots:
         theta, wall, cpu = frame_times(Live(), asked)
         error = error_of(asked, theta)[asked.amplitude.any(axis=1)][10:]
@@ -215,7 +221,10 @@ def live() -> None:
         )
 
 
-def _noise(seconds: float, seed: int = 34) -> np.ndarray:
+_NOISE = 34
+
+
+def _noise(seconds: float, seed: int = _NOISE) -> np.ndarray:
     """Independent noise of 25 to 460 Hz on every cell."""
     rng, frames = np.random.default_rng(seed), round(seconds * RATE)
     frequency = np.fft.rfftfreq(frames, 1 / RATE)

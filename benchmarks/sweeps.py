@@ -6,6 +6,8 @@ is that of the tasks, `workers` all that their processes took meanwhile, `comman
 together, also for each task.
 
     python -m benchmarks.sweeps
+
+With `--more 600`: what so many tasks more, of one pattern each by `naive`, cost scheduler and client on one worker.
 """
 
 from __future__ import annotations
@@ -36,8 +38,14 @@ def main() -> None:
     ask.add_argument("--workers", type=int, nargs="*", default=[1, 2, 4], help="numbers of processes (default 1 2 4)")
     ask.add_argument("--chunk", type=int, nargs="*", default=[16, 512], help="patterns a task (default 16 512)")
     ask.add_argument("--count", type=int, default=2048, help="patterns a sweep (default 2048)")
+    ask.add_argument("--more", type=int, help="tasks; prints only what one costs scheduler and client")
     said = ask.parse_args()
     print(load())
+    if said.more:
+        few, many = (_cost(1, 1, count, method="naive").command for count in (50, 50 + said.more))
+        cost = 1e3 * (many - few) / said.more
+        print(f"{said.more} tasks more: {many - few:.2f} s of scheduler and client, {cost:.1f} ms a task; {load()}")
+        return
     heading("wall s", "patterns/s", "efficiency", "solve s", "workers s", "command s", "ms a task")
     for chunk in said.chunk:
         lone = 0.0
@@ -51,8 +59,8 @@ def main() -> None:
     print(load())
 
 
-def _cost(workers: int, chunk: int, count: int) -> Cost:
-    sweep = PatternSweep(count=count, chunk=chunk, strengths=(0.1,), curve_count=0)
+def _cost(workers: int, chunk: int, count: int, *, method: str = "fast") -> Cost:
+    sweep = PatternSweep(count=count, chunk=chunk, strengths=(0.1,), curve_count=0, method=method)
     warm = PatternSweep(count=workers, chunk=1, strengths=(0.1,), curve_count=0)
     with tempfile.TemporaryDirectory() as folder, cluster(workers=workers) as client:
         address = client.scheduler.address

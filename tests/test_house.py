@@ -31,6 +31,7 @@ WHOLE_SUITES = {
     "devices/test_stopping.py": "silence at any moment, from arrays to the command stop",
     "files/test_mutations.py": "damaged files of every format",
     "files/test_structured_fuzz.py": "files of every kind, damaged with knowledge of their structure",
+    "test_benchmarks.py": "the benchmarks",
     "test_bench_gpu.py": "`make bench-gpu`, where there is no GPU",
     "test_docs.py": "README and the pages of docs",
     "files/test_whole_writers.py": "every writer, killed or refused in the middle",
