@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from midair.devices.admission import Admission
 from midair.devices.safety import Ending, Order, log_end, log_order
 from midair.errors import DeviceError, DeviceStateError, InputError
-from midair.model import Calibration, Drive, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
+from midair.model import Calibration, Drive, Medium, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -231,6 +231,7 @@ class ArrayDevice(ABC):
         delay: float = 0.0,
         progress: Progress | None = None,
         watched: bool | None = None,
+        room: Medium | None = None,
     ) -> PlayReport:
         """Play what was admitted from its first frame to its last, then be silent, whatever happens on the way.
 
@@ -250,6 +251,8 @@ class ArrayDevice(ABC):
         watched : bool, optional
             Whether it is logged and can be stopped from elsewhere, on an array that nobody can hear. Any other always
             is, and such a one is not if None.
+        room : Medium, optional
+            The air that somebody stated, for the log.
 
         Raises
         ------
@@ -291,7 +294,7 @@ class ArrayDevice(ABC):
             return emitted()
         with self._order.held(self.name, self.exclusive, self.silence):
             self._order.check(self.name)
-            number = log_order(source, self.name, admission, simulated=self.simulated)
+            number = log_order(source, self.name, admission, simulated=self.simulated, room=room)
             try:
                 report = emitted()
                 # The last block of a drive needs no order any more that could have been refused.

@@ -1,7 +1,7 @@
 """A study at a terminal: the screen, who presents, and signals that stop."""
 
 import signal
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from functools import lru_cache, partial
 from time import monotonic
@@ -13,7 +13,7 @@ from rich.markup import escape
 from midair.devices import Admission, ExposureChoices, VirtualArray, admit
 from midair.errors import InputError
 from midair.files import load_solution, load_target, printable
-from midair.model import Medium, TransducerArray
+from midair.model import Drive, Medium, TransducerArray
 from midair.rig import ENDING, array_named, handled, room_air, usual_exposure
 from midair.study.design import Plan
 from midair.study.folder import StudyFolder
@@ -77,11 +77,12 @@ def presenter_named(
     *,
     exposure: ExposureChoices | None = None,
     room: Medium | None = None,
+    before: Callable[[Drive], None] | None = None,
 ) -> Generator[Presenter]:
     """What presents: the experimenter, told on the error stream, or an array that plays drives beside the plan.
 
-    Every drive passes the exposure gate before the session begins, and each time it plays is in the log. The
-    experimenter is told what the air of the room does to it.
+    Every drive passes the exposure gate before the session begins, which `before` is called with ahead of that, and
+    each time it plays is in the log. The experimenter is told what the air of the room does to it.
     """
     console = Console(stderr=True, emoji=False)
     by_hand = ExperimenterPresenter(
@@ -98,10 +99,13 @@ def presenter_named(
 
     @lru_cache(maxsize=32)
     def admitted(source: str) -> Admission:
-        return admit(load_solution(folder.path / source).drive, device, choices)
+        drive = load_solution(folder.path / source).drive
+        if before is not None:
+            before(drive)
+        return admit(drive, device, choices)
 
     with device:
-        presenter = ArrayPresenter(array=device, admitted=admitted, by_hand=by_hand)
+        presenter = ArrayPresenter(array=device, admitted=admitted, by_hand=by_hand, room=room)
         presenter.check(plan.design.stimuli)
         for path in dict.fromkeys(folder.path / one.source for one in plan.design.stimuli if one.kind == "drive"):
             air = room_air(load_solution(path).drive, room, partial(load_target, path), simulated=device.simulated)

@@ -41,8 +41,11 @@ def one_line_of(capsys):
     return lines[0]
 
 
-def test_an_iterative_loop_tells_its_passes_and_what_skin_makes_of_it(capsys):
+def test_an_iterative_loop_tells_its_passes_and_what_skin_makes_of_it(capsys, monkeypatch):
+    told = []
+    monkeypatch.setattr("midair.cli.commands.loop.say_how_long_to_come", lambda frames, *_: told.append(frames))
     assert run(["loop", "take.h5", *QUICK, "--iterate", "2", "--json", "--force"]) == 0
+    assert told == [4 * 80], "how long their exposure takes is said of all passes beforehand"
     answer = json.loads(capsys.readouterr().out)
     assert answer["simulated"] is True
     assert len(answer["passes"]) + answer["taken_back"] == 4

@@ -76,8 +76,10 @@ def test_a_loud_drive_is_refused_before_the_device_is_opened(capsys):
     assert list(Path("state").glob("*")) == []
 
 
-def test_an_override_plays_and_stays_in_the_log():
-    assert run(["play", make("loud.drive.h5", level=1.0), *EMULATOR, "--override-exposure", "A Person"]) == 0
+def test_an_override_and_the_air_of_the_room_stay_in_the_log():
+    stated = ["--override-exposure", "A Person", "--temperature", "24C"]
+    assert run(["play", make("loud.drive.h5", level=1.0, frames=20), *EMULATOR, *stated]) == 0
+    assert log()[0]["room"] == {"temperature_c": 24.0, "humidity": 0.5}
     assert log()[0]["override_by"] == "A Person"
     assert log()[0]["excess_db"] > 10
 

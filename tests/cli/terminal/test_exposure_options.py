@@ -1,10 +1,12 @@
+import re
+
 import numpy as np
 import pytest
 
-from midair.cli.terminal import ExposureOptions, say_how_long
+from midair.cli.terminal import ExposureOptions, say_how_long, say_how_long_to_come
 from midair.errors import InputError
 from midair.files import profile_named
-from midair.model import Drive, TransducerArray
+from midair.model import Acoustics, Drive, TransducerArray
 
 PROFILE = profile_named("occupational-110")
 ARRAY = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]]))
@@ -21,6 +23,13 @@ def test_a_long_drive_says_how_many_seconds_it_takes_and_a_short_one_nothing(cap
     assert capsys.readouterr().err.startswith("exposure of 1000 frames: ")
     say_how_long(drive(1000), PROFILE, few=1e6, sample=50)
     assert capsys.readouterr().err == ""
+
+
+def test_frames_that_are_yet_to_come_are_told_in_the_same_words(capsys):
+    say_how_long_to_come(1000, ARRAY, Acoustics(), PROFILE, few=0.0)
+    assert capsys.readouterr().err == ""
+    say_how_long_to_come(10_240, ARRAY, Acoustics(), PROFILE, few=0.0)
+    assert re.fullmatch(r"exposure of 10240 frames: \d+ s\n", capsys.readouterr().err)
 
 
 def test_options_are_one_choice():

@@ -11,7 +11,7 @@ from midair.devices import ExposureChoices, VirtualArray, admit, state_folder
 from midair.devices.safety.play_log import log_end, log_order
 from midair.errors import FileError
 from midair.files import profile_named
-from midair.model import Drive, TransducerArray
+from midair.model import Drive, Medium, TransducerArray
 from midair.physics import focus_phase
 from midair.version import __version__
 
@@ -62,6 +62,13 @@ def test_an_order_says_how_loud_and_who_answers_for_it():
     assert (first["override_by"], first["exposure"], first["repeats"]) == ("A Person", "overridden", 2)
     assert first["places"]["left ear"]["peak_db"] > 110
     assert (second["override_by"], second["exposure"]) == ("", "kept")
+
+
+def test_an_order_has_the_air_of_the_room_where_somebody_stated_it():
+    admission = admitted(0.01)
+    log_order("x.drive.h5", "autd3", admission)
+    log_order("x.drive.h5", "autd3", admission, room=Medium.at(temperature=18.5, humidity=0.3))
+    assert [entry["room"] for entry in entries()] == [None, {"temperature_c": 18.5, "humidity": 0.3}]
 
 
 def test_an_order_can_be_audited(tmp_path, monkeypatch):

@@ -22,11 +22,13 @@ from midair.cli.terminal import (
     print_rows,
     quantity,
     say_air,
+    say_how_long_to_come,
     stages,
 )
 from midair.devices import SilencerChoice
 from midair.errors import InputError
 from midair.files import load_placement
+from midair.flow import lead_of
 from midair.rig import Loop, OpenRig, card_of_loop, open_rig, write_report
 from midair.rig import loop as go_round
 from midair.settings import Settings
@@ -132,6 +134,10 @@ def loop_command(
     original = felt_part(source, settings, start_at, duration)
     banner(opened.array.simulated or original.provenance.simulated)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
+    lead = lead_of(settings) if lead is None else lead
+    # Every pass is another drive, and measured before it plays.
+    frames = (corrections + 1 + iterate) * round((original.frames / original.rate + 2 * lead) * settings.target.rate)
+    say_how_long_to_come(frames, opened.array.array, settings.acoustics, opened.exposure.profile)
     with stages() as stage, opened:
         loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
     again = f" --iterate {iterate}" if iterate else ""

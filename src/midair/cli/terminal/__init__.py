@@ -19,7 +19,7 @@ from midair.cli.terminal.console import (
     talk,
     talking,
 )
-from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long
+from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long, say_how_long_to_come
 from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
 from midair.cli.terminal.keys import Keys, Signals, signals_noted
 from midair.cli.terminal.meter_screen import MeterScreen
@@ -93,6 +93,7 @@ __all__ = [
     "recording_rows",
     "say",
     "say_how_long",
+    "say_how_long_to_come",
     "say_air",
     "say_kept",
     "say_room",

@@ -4,12 +4,13 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 from cyclopts import Parameter
 from rich.console import Console
 
 from midair.devices import ExposureChoices, measure
 from midair.files import DEFAULT_PROFILE, profile_named
-from midair.model import Drive
+from midair.model import Acoustics, Drive, TransducerArray
 from midair.physics import ExposureProfile
 
 
@@ -44,25 +45,39 @@ class ExposureOptions:
         )
 
 
-def say_how_long(drive: Drive, profile: ExposureProfile, *, few: float = 3.0, sample: int = 1024) -> None:
+def say_how_long(
+    drive: Drive, profile: ExposureProfile, *, frames: int | None = None, few: float = 3.0, sample: int = 1024
+) -> None:
     """Say on the error stream how long the exposure of a drive will take, where that is more than a few seconds.
 
     Its first frames are timed, the second time, when what is worked out once an array is there already.
 
     Parameters
     ----------
+    frames : int, optional
+        How many will be measured; those of the drive if None.
     few : float
         Seconds about which nothing is said.
     sample : int
         Frames that are timed.
     """
-    if drive.frames < 10 * sample:
+    count = drive.frames if frames is None else frames
+    if count < 10 * sample:
         return
     level = drive.level[:sample]
     first = replace(drive, phase=drive.phase[:sample], level=level)
     measure(first, drive.array, profile)
     began = time.perf_counter()
     measure(first, drive.array, profile)
-    lasts = (time.perf_counter() - began) * drive.frames / sample
+    lasts = (time.perf_counter() - began) * count / first.frames
     if lasts > few:
-        Console(stderr=True, highlight=False, soft_wrap=True).print(f"exposure of {drive.frames} frames: {lasts:.0f} s")
+        Console(stderr=True, highlight=False, soft_wrap=True).print(f"exposure of {count} frames: {lasts:.0f} s")
+
+
+def say_how_long_to_come(
+    frames: int, array: TransducerArray, acoustics: Acoustics, profile: ExposureProfile, *, few: float = 3.0
+) -> None:
+    """The same of frames that are not there yet, for an array and in an air."""
+    phase = np.zeros((1024, array.count))
+    some = Drive(phase=phase, level=np.ones(1024), rate=1.0, array=array, acoustics=acoustics)
+    say_how_long(some, profile, frames=frames, few=few)

@@ -63,7 +63,9 @@ def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium 
         with stages() as stage, array:
             # Only now the units have said whether they are real.
             banner(array.simulated)
-            report = play_admitted(admission, array, source=source, delay=options.delay, progress=stage("play"))
+            report = play_admitted(
+                admission, array, source=source, delay=options.delay, progress=stage("play"), room=room
+            )
     print_rows(_rows(report, drive, device))
 
 

@@ -16,7 +16,7 @@ from midair.devices.admission import Admission
 from midair.devices.safety.held_files import command, token, user
 from midair.devices.safety.state_folders import make_state_folder
 from midair.errors import FileError
-from midair.model import Drive
+from midair.model import Drive, Medium
 from midair.physics import ExposureProfile
 from midair.reel import blocks
 from midair.version import __version__
@@ -28,7 +28,9 @@ Ending = Literal["played", "stopped", "failed"]
 """To its end; ended by somebody; ended by an error."""
 
 
-def log_order(source: str | Path, device: str, admission: Admission, *, simulated: bool = False) -> str:
+def log_order(
+    source: str | Path, device: str, admission: Admission, *, simulated: bool = False, room: Medium | None = None
+) -> str:
     """Write down what is about to be played, before any sound.
 
     Parameters
@@ -41,6 +43,8 @@ def log_order(source: str | Path, device: str, admission: Admission, *, simulate
         Of the drive, on this array.
     simulated : bool
         Whether the array is an emulator.
+    room : Medium, optional
+        The air in which it plays, if somebody stated it.
 
     Returns
     -------
@@ -69,6 +73,7 @@ def log_order(source: str | Path, device: str, admission: Admission, *, simulate
             "frames": None if drive is None else drive.frames,
             "rate_hz": found.rate,
             "repeats": admission.repeats,
+            "room": None if room is None else {"temperature_c": room.temperature, "humidity": room.humidity},
             "profile": found.profile.name,
             "profile_sha256": hash_of_profile(found.profile),
             "exposure": admission.outcome,

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import FrameType
 
 from midair.devices import Admission, ArrayDevice, PlayReport
-from midair.model import Progress
+from midair.model import Medium, Progress
 from midair.rig.signals import ENDING, handled
 
 
@@ -19,6 +19,7 @@ def play_admitted(
     source: str | Path,
     delay: float = 0.0,
     progress: Progress | None = None,
+    room: Medium | None = None,
 ) -> PlayReport:
     """Play on an open array what has been admitted on it.
 
@@ -33,11 +34,11 @@ def play_admitted(
         Open.
     source : str or Path
         What to call the drive in the log; a file is hashed there.
-    delay, progress
+    delay, progress, room
         As in `ArrayDevice.play`.
     """
     with signals_end_the_program():
-        return array.play(admission, source=source, delay=delay, progress=progress, watched=True)
+        return array.play(admission, source=source, delay=delay, progress=progress, watched=True, room=room)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from typing import Protocol
 
 from midair.devices import Admission, ArrayDevice
 from midair.errors import InputError, SilentFramesError
+from midair.model import Medium
 from midair.rig import play_admitted
 from midair.study.design import Stimulus
 
@@ -59,11 +60,14 @@ class ArrayPresenter:
         From the source of a stimulus to its drive, admitted on this array; asked before the first trial, see `check`.
     by_hand : Presenter
         For real objects.
+    room : Medium, optional
+        The air, where somebody stated it; the log of what was played has it.
     """
 
     array: ArrayDevice
     admitted: Callable[[str], Admission]
     by_hand: Presenter
+    room: Medium | None = None
 
     def check(self, stimuli: tuple[Stimulus, ...]) -> None:
         """Admit every drive once, so that a file that is missing or too loud stops the session before it begins.
@@ -89,7 +93,8 @@ class ArrayPresenter:
             If the array was silent where it should have sounded, at the end or within.
         """
         if stimulus.kind == "drive":
-            report = play_admitted(self.admitted(stimulus.source), self.array, source=stimulus.source)
+            admission = self.admitted(stimulus.source)
+            report = play_admitted(admission, self.array, source=stimulus.source, room=self.room)
             if report.gap:
                 raise SilentFramesError(
                     f"array: expected every frame in time, {report.late} were late after {report.gap:.3f} s of "

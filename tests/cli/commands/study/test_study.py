@@ -195,6 +195,7 @@ def test_the_air_of_the_room_is_told_and_stored(tmp_path, monkeypatch, capsys):
     assert told.count("focus.drive.h5: air: the room has 15 °C, 40 % humidity") == 1
     first = json.loads((folder / "sessions" / "sub-01.jsonl").read_text(encoding="utf-8").splitlines()[0])
     assert first["room"] == {"temperature_c": 15.0, "humidity": 0.4}
+    assert [entry["room"] for entry in played(tmp_path) if entry["event"] == "play"] == [first["room"]] * 2
 
 
 @pytest.mark.parametrize("array", ["virtual", "pyautd3:audit"])
@@ -202,7 +203,10 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     folder = study_of_drives(tmp_path, level=0.001)
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    told = []
+    monkeypatch.setattr("midair.cli.commands.study.study.say_how_long", lambda drive, _: told.append(drive.frames))
     assert study("run", folder, "--participant", 1, "--array", array) == 0
+    assert told == [10], "how long its exposure takes is said of the drive beforehand, and once"
     events = [(entry["event"], entry["drive"], entry["device"]) for entry in played(tmp_path)]
     assert events == [("play", "focus.drive.h5", array), ("end", "focus.drive.h5", array)] * 2
     (progress,) = StudyFolder(folder).sessions()

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from midair.cli.terminal import AirOptions, ExposureOptions, Json, PlainConsole, err, say
+from midair.cli.terminal import AirOptions, ExposureOptions, Json, PlainConsole, err, say, say_how_long
 from midair.errors import InputError
 from midair.files import read_text, whole_file
 from midair.study import (
@@ -126,12 +126,12 @@ def run_command(
         return _run_simulated(folder, plan, participant, policy, d_prime)
     if participant < 1:
         raise InputError("participant: expected --participant N, from 1 on; or --simulate for simulated ones")
-    room = (air or AirOptions()).medium()
+    room, choices = (air or AirOptions()).medium(), (exposure or ExposureOptions()).choices()
     screen = TerminalScreen(PlainConsole(markup=True, soft_wrap=False))
     with (
         stops_on_signals(),
         presenter_named(
-            array, folder, plan, exposure=(exposure or ExposureOptions()).choices(), room=room
+            array, folder, plan, exposure=choices, room=room, before=lambda drive: say_how_long(drive, choices.profile)
         ) as presenter,
     ):
         simulated = isinstance(presenter, ArrayPresenter) and presenter.array.simulated
