@@ -5,7 +5,19 @@ import pytest
 
 from midair.errors import InputError, NonFiniteError, ShapeError
 from midair.model import Recording, SensorGrid
-from midair.reel import BYTES, Moments, Reel, blocks, each_frame, made_of, moments, stretches, told_in_order
+from midair.reel import (
+    BYTES,
+    Moments,
+    Reel,
+    blocks,
+    chained,
+    each_frame,
+    made_of,
+    moments,
+    remembered,
+    stretches,
+    told_in_order,
+)
 from midair.validation import check_finite, frozen_array
 
 X = np.random.default_rng(0).standard_normal((1000, 2, 3)).cumsum(axis=0) + 40
@@ -167,3 +179,24 @@ def test_zeros_follow_as_far_as_is_asked_for():
     np.testing.assert_array_equal(reel.followed(9), np.concatenate([x, np.zeros((3, 2))]))
     np.testing.assert_array_equal(reel.followed(9).read(7, 9), np.zeros((2, 2)))
     assert len(reel.followed(3)) == 6
+
+
+def test_one_after_another_is_a_reel_where_one_is():
+    parts = [X[:300], reel_of(X[300:310]), reel_of(X[310:])]
+    whole = chained(parts)
+    np.testing.assert_array_equal(whole, X)
+    np.testing.assert_array_equal(whole.read(299, 311), X[299:311])
+    assert len(whole.read(310, 310)) == 0
+    assert isinstance(chained([X, X]), np.ndarray)
+    assert chained([reel_of(X, stored="f4"), reel_of(X)]).stored == "f8"
+    assert chained([reel_of(X, stored="f4")] * 2).stored == "f4"
+
+
+def test_short_stretches_one_after_another_are_read_once(monkeypatch):
+    monkeypatch.setattr("midair.reel.BYTES", 48 * 100)
+    asked = []
+    reel = remembered(reel_of(X, asked))
+    for first in range(0, 950, 10):
+        np.testing.assert_array_equal(reel.read(first, first + 50), X[first : first + 50])
+    assert asked == [(first, first + 100) for first in range(0, 1000, 100)]
+    assert remembered(X) is X

@@ -5,7 +5,7 @@ others. What goes through it in `blocks` needs the memory of a block; NumPy take
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
@@ -251,6 +251,24 @@ def each_frame(x: Any, function: Callable[[Array], Any], *, exact: bool = False)
     return x.mapped(function, stored=x.stored if exact else "f8") if isinstance(x, Reel) else function(x)
 
 
+def chained(parts: "Sequence[NDArray[Any] | Reel]") -> Any:
+    """One after another: an array of arrays, a reel where one is a reel."""
+    if not any(isinstance(part, Reel) for part in parts):
+        return np.concatenate(parts)
+    ends = np.cumsum([len(part) for part in parts])
+
+    def read(first: int, last: int) -> Array:
+        inside = [
+            taken(part, max(0, first - begin), min(len(part), last - begin))
+            for part, begin in zip(parts, [0, *ends[:-1].tolist()], strict=True)
+            if first < begin + len(part) and begin < last
+        ]
+        return np.concatenate([*inside, np.zeros((0, *parts[0].shape[1:]))])
+
+    single = all(isinstance(part, Reel) and part.stored == "f4" for part in parts)
+    return Reel(read, (int(ends[-1]), *parts[0].shape[1:]), stored="f4" if single else "f8")
+
+
 def told_in_order(parts: Iterable[Array], shape: tuple[int, ...]) -> Reel:
     """A reel of parts that come once, one after another, and must be read in that order.
 
@@ -316,3 +334,10 @@ def made_of(
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     return Reel(read, shape, stored=stored)
+
+
+def remembered(x: "NDArray[Any] | Reel") -> Any:
+    """A reel of which the last blocks that were read stay in memory: for short stretches one after another."""
+    if not isinstance(x, Reel):
+        return x
+    return made_of(x.read, x.shape, size=next(last for _, last in stretches(x.shape)), kept=2, stored=x.stored)

@@ -1,5 +1,6 @@
 """One contract for every format of recordings, and the doors that lead to them."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -324,3 +325,21 @@ def test_a_streamed_number_that_is_none_is_refused_when_it_is_read(tmp_path):
     assert reel.read(0, 20).shape == (20, 4, 4)
     with pytest.raises(NonFiniteError, match=r"\(20, 1, 2\)"):
         reel.read(10, 30)
+
+
+@each_writer
+def test_a_reel_is_written_as_an_array_is(ending, tmp_path, monkeypatch):
+    """With runs of one value, which MPEG haptics leaves out, over the ends of blocks."""
+    monkeypatch.setattr("midair.reel.BYTES", 2**10)
+    samples = np.round(np.random.default_rng(3).normal(size=(700, 3, 5)).cumsum(axis=0))
+    whole = Recording(samples=samples, rate=1000.0, sensor=SensorGrid(rows=3, columns=5), unit="V")
+    reel = Reel(lambda first, last: samples[first:last], samples.shape, stored="f4")
+    read = Recording(samples=reel, rate=1000.0, sensor=whole.sensor, unit="V")
+    one, two = tmp_path / f"one{ending}", tmp_path / f"two{ending}"
+    assert save(whole, one) == save(read, two)
+    if ending in BOTH:
+        np.testing.assert_array_equal(open_take(one).recording.samples, samples)
+        np.testing.assert_array_equal(open_take(two).recording.samples, samples)
+    else:
+        dated = [re.sub(r'"date":"[^"]*"', "", path.read_text()) for path in (one, two)]
+        assert dated[0] == dated[1]

@@ -53,26 +53,23 @@ class Format:
         What to call it.
     read, write : callable or None
         The doors in and out; None where there is none.
-    streams : bool
-        Whether what is written passes through block by block; other formats get the whole recording in memory.
     """
 
     name: str
     read: Reader | None = None
     write: Writer | None = None
-    streams: bool = False
 
 
-HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording, streams=True)
+HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
 
 FORMATS: Mapping[str, Format] = {
     ".h5": HDF5,
     ".hdf5": HDF5,
-    ".csv": Format(name="CSV", read=read_csv, write=write_csv, streams=True),
-    ".wav": Format(name="WAV", read=read_wav, write=write_wav, streams=True),
-    ".npz": Format(name="NPZ", read=read_npz, write=write_npz, streams=True),
+    ".csv": Format(name="CSV", read=read_csv, write=write_csv),
+    ".wav": Format(name="WAV", read=read_wav, write=write_wav),
+    ".npz": Format(name="NPZ", read=read_npz, write=write_npz),
     ".mat": Format(name="MAT", read=read_mat, write=write_mat),
-    ".nc": Format(name="NetCDF of midair", read=read_recording, write=write_netcdf, streams=True),
+    ".nc": Format(name="NetCDF of midair", read=read_recording, write=write_netcdf),
     ".npy": Format(name="NPY", read=read_npy),
     ".w64": Format(name="Wave64", read=read_wav),
     ".rf64": Format(name="RF64", read=read_wav),
@@ -271,8 +268,6 @@ def save(
     if form.write is None:
         known = ", ".join(ending for ending, each in FORMATS.items() if each.write)
         raise UnknownFormatError(f"{path}: {form.name} is read, not written; what can be written is {known}")
-    if not form.streams and isinstance(recording.samples, Reel):
-        recording = replace(recording, samples=np.asarray(recording.samples))
     if journal and form is HDF5:
         return write_recording(recording, Path(path), calibration, pressure, journal=journal)
     if pressure is None:

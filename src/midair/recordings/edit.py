@@ -9,7 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from midair import dsp
 from midair.errors import InputError, MismatchError, ShapeError
+from midair.medians import medians
 from midair.model import Provenance, Recording, Setting, Step
+from midair.reel import Reel, blocks, chained, each_frame, moments
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -73,7 +75,7 @@ def join(recordings: Sequence[Recording]) -> Recording:
                 raise MismatchError(
                     f"join: expected {name} {want} as in the first, got {have} in number {number}{advice}"
                 )
-    samples = np.concatenate([recording.samples for recording in recordings])
+    samples = chained([recording.samples for recording in recordings])
     return replace(first, samples=samples, provenance=_joined(recordings))
 
 
@@ -139,15 +141,16 @@ def trim(recording: Recording, *, share: float = 0.05, level: float | None = Non
     if not 0 <= margin < np.inf:
         raise InputError(f"trim: expected a margin of 0 s or more, got {margin:g} s")
     # The median is what a channel says at rest, which need not be 0; a mean would follow the touch.
-    change = np.abs(recording.samples - np.median(recording.samples, axis=0)).max(axis=(1, 2))
-    limit = float(share * change.max()) if level is None else float(level)
-    loud = np.flatnonzero(change > limit)
-    if not len(loud):
+    rest, found = medians(recording.samples), moments(recording.samples)
+    most = float(np.maximum(found.greatest - rest, rest - found.least).max())
+    limit = share * most if level is None else float(level)
+    loud = _loud(recording.samples, rest, limit)
+    if loud is None:
         raise InputError(
-            f"trim: expected something above {limit:g} {recording.unit}, got at most {change.max():g}; lower the level"
+            f"trim: expected something above {limit:g} {recording.unit}, got at most {most:g}; lower the level"
         )
     spare = round(margin * recording.rate)
-    first, last = max(0, int(loud[0]) - spare), min(recording.frames, int(loud[-1]) + 1 + spare)
+    first, last = max(0, loud[0] - spare), min(recording.frames, loud[1] + 1 + spare)
     return _part(recording, "trim", first, last, level=limit, margin_s=float(margin))
 
 
@@ -173,7 +176,8 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
         raise ShapeError(f"gain: expected one factor or {recording.sensor.shape}, got shape {shape}")
     factors = frozen_array(factor, "gain", shape)
     setting: Setting = tuple(map(tuple, factors.tolist())) if shape else float(factors)
-    samples = recording.samples * factors
+    two = np.abs(np.frexp(factors)[0]) == 0.5
+    samples = each_frame(recording.samples, lambda block: block * factors, exact=bool(two.all()))
     return replace(recording, samples=samples, provenance=recording.provenance.then("gain", {"factor": setting}))
 
 
@@ -201,14 +205,30 @@ def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") 
     masked = sorted(set(channels))
     for channel in masked:
         recording.sensor.channel_position(channel)
-    samples = recording.samples.reshape(recording.frames, -1).copy()
-    samples[:, masked] = 0
-    if fill == "neighbours":
-        for channel in masked:
-            samples[:, channel] = samples[:, _neighbours(recording, channel, masked)].mean(axis=1)
+    beside = {channel: _neighbours(recording, channel, masked) for channel in masked} if fill == "neighbours" else {}
+
+    def without(block: Array) -> Array:
+        samples = block.reshape(len(block), -1).copy()
+        samples[:, masked] = 0
+        for channel, others in beside.items():
+            samples[:, channel] = samples[:, others].mean(axis=1)
+        return samples.reshape(block.shape)
+
+    samples = each_frame(recording.samples, without, exact=fill == "zero")
     settings: dict[str, Setting] = {"channels": tuple(masked), "fill": fill}
     provenance = recording.provenance.then("mask", settings)
-    return replace(recording, samples=samples.reshape(recording.samples.shape), provenance=provenance)
+    return replace(recording, samples=samples, provenance=provenance)
+
+
+def _loud(samples: "Array | Reel", rest: Array, limit: float) -> tuple[int, int] | None:
+    """First and last frame in which a channel is further from its rest than a limit; None where none is."""
+    first, last, before = -1, -1, 0
+    for block in blocks(samples):
+        loud = np.flatnonzero(np.abs(block - rest).max(axis=(1, 2)) > limit)
+        if len(loud):
+            first, last = before + int(loud[0]) if first < 0 else first, before + int(loud[-1])
+        before += len(block)
+    return None if first < 0 else (first, last)
 
 
 def _part(recording: Recording, stage: str, first: int, last: int, **settings: Setting) -> Recording:

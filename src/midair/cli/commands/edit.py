@@ -80,7 +80,9 @@ def join_command(*files: Path, force: Force = False, json: Json = False) -> None
         raise InputError(f"join: expected two recordings or more and the name of the whole, got {len(files)} names")
     *sources, output = files
     may_write(output, force)
-    _write(recordings.join([open_take(source).recording for source in sources]), sources, output, json=json)
+    _write(
+        recordings.join([open_take(source, streamed=True).recording for source in sources]), sources, output, json=json
+    )
 
 
 def resample_command(
@@ -104,7 +106,7 @@ def resample_command(
     $ midair resample take.h5 fine.h5 --rate 4kHz
     """
     may_write(output, force)
-    _write(recordings.resample(open_take(source).recording, rate), [source], output, json=json)
+    _write(recordings.resample(open_take(source, streamed=True).recording, rate), [source], output, json=json)
 
 
 def trim_command(
@@ -137,7 +139,12 @@ def trim_command(
     $ midair trim take.h5 short.h5
     """
     may_write(output, force)
-    _write(recordings.trim(open_take(source).recording, share=share, margin=margin), [source], output, json=json)
+    _write(
+        recordings.trim(open_take(source, streamed=True).recording, share=share, margin=margin),
+        [source],
+        output,
+        json=json,
+    )
 
 
 def gain_command(
@@ -170,7 +177,7 @@ def gain_command(
     $ midair gain take.h5 louder.h5 --by 6dB
     """
     may_write(output, force)
-    recording = open_take(source).recording
+    recording = open_take(source, streamed=True).recording
     factor = _factor(by)
     factors = np.ones(recording.sensor.count)
     factors[list(_numbers(channels, recording)) or slice(None)] = factor
@@ -208,7 +215,7 @@ def mask_command(
     $ midair mask take.h5 clean.h5 --channels 3,7 --fill neighbours
     """
     may_write(output, force)
-    recording = open_take(source).recording
+    recording = open_take(source, streamed=True).recording
     _write(recordings.mask(recording, _numbers(channels, recording), fill=fill), [source], output, json=json)
 
 
@@ -222,8 +229,9 @@ def _write(recording: Recording, sources: list[Path], output: Path, *, json: boo
         notes.append("The calibration was left out: the recordings do not share one.")
     if any(take.stored and "pressure" in contents(source).parts for take, source in zip(takes, sources, strict=True)):
         notes.append("The calibrated pressure was left out: it belongs to the whole; run midair calibrate again.")
-    lost = keep(recording, output, calibration=calibration)
+    # Before it is written, which may replace the very file that it is read from.
     rows = [("recording", str(output)), *recording_rows(recording)]
+    lost = keep(recording, output, calibration=calibration)
     figures = {"recording": str(output), **recording_figures(recording)}
     say_kept(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
 

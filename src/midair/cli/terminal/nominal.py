@@ -6,6 +6,7 @@ import numpy as np
 
 from midair.cli.terminal.quantities import parse_quantity
 from midair.errors import InputError, MismatchError
+from midair.medians import medians
 from midair.model import Calibration, Provenance, Recording
 from midair.reel import moments
 
@@ -27,7 +28,7 @@ def nominal_calibration(recording: Recording, sensitivity: str | None, peak: flo
         return Calibration.flat(recording.sensor, sensitivity=value, unit=recording.unit)
     if peak is None:
         return None
-    rest, found = np.median(recording.samples, axis=0), moments(recording.samples)
+    rest, found = medians(recording.samples), moments(recording.samples)
     change = np.maximum(found.greatest - rest, rest - found.least).max()
     if change == 0 or peak <= 0:
         raise InputError(

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from midair.files.atomic import whole_file
 from midair.files.loss import Loss, calibration_lost
+from midair.medians import medians
 from midair.model import Calibration, Recording
+from midair.reel import remembered, taken
 
 Array = NDArray[np.float64]
 
@@ -68,18 +70,22 @@ def envelope(recording: Recording) -> tuple[Array, Array, Array]:
     frequency : ndarray, shape (point,)
         Centre of the power spectrum of the same windows over all cells, in Hz; 0 where there is nothing.
     """
-    change = recording.samples.reshape(recording.frames, -1)
-    change = change - np.median(change, axis=0)
+    still = medians(recording.samples).ravel()
     count = max(2, int(np.ceil(recording.duration / STEP)) + 1)
     time = np.linspace(0, recording.duration, count)
     half = max(2, round(STEP * recording.rate))
     window = np.hanning(2 * half + 1)[:, None]
-    # Silence on both sides, so that windows fit around the first and the last point.
-    padded = np.concatenate([np.zeros((half, change.shape[1])), change, np.zeros((half + 1, change.shape[1]))])
+    samples = remembered(recording.samples)
     bins = np.fft.rfftfreq(2 * half + 1, 1 / recording.rate)
     power, frequency = np.zeros(count), np.zeros(count)
     for i, centre in enumerate(np.round(time * recording.rate).astype(int)):
-        spectrum = (np.abs(np.fft.rfft(padded[centre : centre + 2 * half + 1] * window, axis=0)) ** 2).sum(axis=1)
+        first, last = max(0, centre - half), min(recording.frames, centre + half + 1)
+        # Silence on both sides, so that windows fit around the first and the last point.
+        change = np.zeros((2 * half + 1, len(still)))
+        if first < last:
+            there = slice(first - centre + half, last - centre + half)
+            change[there] = taken(samples, first, last).reshape(last - first, -1) - still
+        spectrum = (np.abs(np.fft.rfft(change * window, axis=0)) ** 2).sum(axis=1)
         power[i] = spectrum.sum()
         frequency[i] = spectrum @ bins / power[i] if power[i] else 0.0
     rms = np.sqrt(power)

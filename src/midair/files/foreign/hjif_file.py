@@ -7,6 +7,7 @@ The names follow the files that MPEG's public reference software writes (HapticR
 """
 
 import json
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,16 @@ from numpy.typing import NDArray
 
 from midair.files.atomic import whole_file
 from midair.files.loss import Loss, calibration_lost
+from midair.medians import medians
 from midair.model import Calibration, Recording
+from midair.reel import moments, stretches, taken
 from midair.version import __version__
 
 VERSION = "2023"
 """Edition of the standard that the file names."""
 
 _STEPS = 32767  # of the amplitude, each way
+_LATER = "written later"
 
 
 def write_hjif(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
@@ -33,12 +37,9 @@ def write_hjif(recording: Recording, path: Path, calibration: Calibration | None
     FileError
         If the file cannot be written.
     """
-    still = np.median(recording.samples, axis=0)
-    change = recording.samples - still
-    peak = float(np.abs(change).max())
-    rounded = np.round(change / (peak or 1.0) * _STEPS) / _STEPS
-    timescale, ticks = _ticks(recording)
-    cells = rounded.reshape(recording.frames, -1).T
+    still, found = medians(recording.samples), moments(recording.samples)
+    peak = float(np.maximum(found.greatest - still, still - found.least).max())
+    timescale = _timescale(recording.rate)
     plain: dict[str, Any] = {
         "version": VERSION,
         "profile": "Main",
@@ -57,23 +58,57 @@ def write_hjif(recording: Recording, path: Path, calibration: Calibration | None
                 "perception_unit_exponent": 0,
                 "reference_devices": [],
                 "effect_library": [],
-                "channels": [_channel(recording, i, cell, ticks) for i, cell in enumerate(cells)],
+                "channels": [_LATER],
             }
         ],
         "syncs": [{"timestamp": 0, "timescale": timescale}],
     }
     with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
-        json.dump(plain, file, allow_nan=False, separators=(",", ":"))
+        before, after = _halves(plain)
+        file.write(before)
+        for number in range(recording.sensor.count):
+            file.write("," if number else "")
+            file.writelines(_channel(recording, number, still.ravel()[number], peak or 1.0, timescale))
+        file.write(after)
     return (*_losses(recording, peak, bool(np.any(still)), timescale), *calibration_lost(calibration, "MPEG haptics"))
 
 
-def _channel(recording: Recording, number: int, cell: NDArray[np.float64], ticks: list[int]) -> dict[str, Any]:
+def _halves(plain: dict[str, Any]) -> tuple[str, str]:
+    """JSON before and after a list whose members are written meanwhile, since there may be more than memory holds."""
+    before, _, after = json.dumps(plain, allow_nan=False, separators=(",", ":")).partition(json.dumps(_LATER))
+    return before, after
+
+
+def _channel(recording: Recording, number: int, still: float, peak: float, timescale: int) -> Iterator[str]:
+    """A channel as JSON, piece by piece."""
+    before, after = _halves(_frame(recording, number))
+    yield before
+    comma = ""
+    for first, last in stretches(recording.samples.shape):
+        # With the frames beside, which tell whether the first and the last are inside a run.
+        begin, end = max(0, first - 1), min(recording.frames, last + 1)
+        cell = taken(recording.samples, begin, end).reshape(end - begin, -1)[:, number]
+        steps = np.round((cell - still) / peak * _STEPS) / _STEPS
+        turns = np.arange(begin, end)[_turning(steps)]
+        turns = turns[(turns >= first) & (turns < last)]
+        # Six digits tell the 32767 steps apart.
+        values = steps[turns - begin].round(6).tolist()
+        ticks = np.round(turns / recording.rate * timescale).astype(np.int64).tolist()
+        frames = [
+            {"relative_position": tick, "amplitude_modulation": value}
+            for tick, value in zip(ticks, values, strict=True)
+        ]
+        if frames:
+            yield comma + json.dumps(frames, allow_nan=False, separators=(",", ":"))[1:-1]
+            comma = ","
+    yield after
+
+
+def _frame(recording: Recording, number: int) -> dict[str, Any]:
+    """A channel without its keyframes."""
     row, column = divmod(number, recording.sensor.columns)
     x, y = recording.sensor.channel_position(number)
-    # Six digits tell the 32767 steps apart.
-    values = cell.round(6).tolist()
-    keyframes = [{"relative_position": ticks[i], "amplitude_modulation": values[i]} for i in _turns(cell)]
-    effect = {"effect_type": "Basis", "position": 0, "phase": 0.0, "base_signal": "Sine", "keyframes": keyframes}
+    effect = {"effect_type": "Basis", "position": 0, "phase": 0.0, "base_signal": "Sine", "keyframes": [_LATER]}
     return {
         "id": number,
         "description": f"row {row}, column {column}: x {x * 1e3:.6g} mm, y {y * 1e3:.6g} mm",
@@ -95,18 +130,17 @@ def _channel(recording: Recording, number: int, cell: NDArray[np.float64], ticks
     }
 
 
-def _turns(cell: NDArray[np.float64]) -> list[int]:
-    """The frames of a cell without those inside a run of the same value, which a straight line gives back."""
+def _turning(cell: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Frames of a cell that are not inside a run of the same value, which a straight line gives back."""
     steady = np.zeros(len(cell), bool)
     steady[1:-1] = (cell[1:-1] == cell[:-2]) & (cell[1:-1] == cell[2:])
-    return np.flatnonzero(~steady).tolist()
+    return ~steady
 
 
-def _ticks(recording: Recording) -> tuple[int, list[int]]:
-    """Ticks per second, so that frames fall on ticks where they can, and the tick of each frame."""
-    whole = round(recording.rate)
-    timescale = whole if whole == recording.rate else 1_000_000
-    return timescale, np.round(recording.time * timescale).astype(np.int64).tolist()
+def _timescale(rate: float) -> int:
+    """Ticks per second, so that frames fall on ticks where they can."""
+    whole = round(rate)
+    return whole if whole == rate else 1_000_000
 
 
 def _description(recording: Recording, peak: float) -> str:

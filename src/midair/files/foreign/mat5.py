@@ -7,17 +7,19 @@ padded to 8 bytes; short ones keep their data in the tag. Compressed elements ar
 
 import math
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
 from midair.files.expansion import inflated, room_of
+from midair.reel import Reel, blocks
 
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
@@ -114,3 +116,34 @@ def _numbers(part: _Element, shape: tuple[int, ...], dtype: str, order: str, pat
     if numbers.size != math.prod(shape):
         raise BrokenFileError(f"{path}: expected {math.prod(shape)} numbers, got {numbers.size}; it was cut or edited")
     return numbers.reshape(shape, order="F").astype(dtype)
+
+
+def write_frames(file: BinaryIO, name: str, samples: "NDArray[Any] | Reel") -> None:
+    """An array of float64, shape (frame, ...), as a compressed element; it is read once for each channel.
+
+    MATLAB's arrays lie with the first axis in a row: channel after channel, those of a column together.
+    """
+    length, shape = samples.size * 8, samples.shape
+    letters = name.encode("ascii")
+    parts = [
+        struct.pack("=IIII", 6, 8, 6, 0),
+        struct.pack("=II", 5, 4 * len(shape)) + _padded(np.array(shape, np.int32).tobytes()),
+        struct.pack("=II", 1, len(letters)) + _padded(letters),
+        struct.pack("=II", 9, length),
+    ]
+    begin, packer = file.tell(), zlib.compressobj()
+    head = b"".join(parts)
+    file.write(struct.pack("=II", _COMPRESSED, 0))
+    file.write(packer.compress(struct.pack("=II", _MATRIX, len(head) + length) + head))
+    for place in np.arange(math.prod(shape[1:])).reshape(shape[1:]).ravel(order="F"):
+        for block in blocks(samples):
+            file.write(packer.compress(np.ascontiguousarray(block.reshape(len(block), -1)[:, place]).tobytes()))
+    file.write(packer.flush())
+    end = file.tell()
+    file.seek(begin)
+    file.write(struct.pack("=II", _COMPRESSED, end - begin - 8))
+    file.seek(end)
+
+
+def _padded(data: bytes) -> bytes:
+    return data + bytes(-len(data) % 8)

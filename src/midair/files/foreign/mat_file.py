@@ -8,7 +8,7 @@ import numpy as np
 from midair.errors import BrokenFileError, FileError
 from midair.files.atomic import reason, whole_file
 from midair.files.foreign.header import header_of
-from midair.files.foreign.mat5 import is_mat5, read_mat5
+from midair.files.foreign.mat5 import is_mat5, read_mat5, write_frames
 from midair.files.foreign.named_arrays import from_arrays
 from midair.files.loss import Loss, calibration_lost
 from midair.files.native import open_plain
@@ -28,14 +28,14 @@ def write_mat(recording: Recording, path: Path, calibration: Calibration | None)
 
     if recording.samples.nbytes >= 2**32:
         raise FileError(f"{path}: a MAT v5 array holds less than 4 GiB, got {recording.samples.nbytes}; save to .h5")
-    values = {
-        "samples": recording.samples,
-        "rate": recording.rate,
-        "unit": recording.unit,
-        "midair": header_of(recording),
-    }
+    rest = {"rate": recording.rate, "unit": recording.unit, "midair": header_of(recording)}
     with whole_file(path) as partial:
-        savemat(str(partial), values, appendmat=False, do_compression=True)
+        savemat(str(partial), rest, appendmat=False, do_compression=True)
+        small = partial.read_bytes()
+        with partial.open("wb") as file:
+            file.write(small[:128])
+            write_frames(file, "samples", recording.samples)
+            file.write(small[128:])
     return calibration_lost(calibration, "MAT")
 
 

@@ -1,0 +1,95 @@
+"""The median of every channel of frames that do not fit into memory, exactly: by counting, not by sorting."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.reel import Reel, moments
+
+Array = NDArray[np.float64]
+
+_BINS = 2**14
+_FEW = 2**16
+"""Numbers of one channel that are held and sorted."""
+
+
+def medians(x: "NDArray[Any] | Reel") -> Array:
+    """Median of each channel along the frames: `numpy.median`, to the last bit.
+
+    A reel is read three or four times: for the range of each channel, for the counts of 16384 parts of that range, and
+    for the numbers in the part where the middle lies; once more where those are many.
+
+    Parameters
+    ----------
+    x : ndarray or Reel, shape (frame, ...)
+        At least one frame.
+
+    Returns
+    -------
+    ndarray, shape (...)
+    """
+    if not isinstance(x, Reel):
+        return np.asarray(np.median(x, axis=0), np.float64)
+    found = moments(x)
+    ends = zip(found.least.ravel(), found.greatest.ravel(), strict=True)
+    middles = [_Middle(len(x), float(low), float(high)) for low, high in ends]
+    while waiting := [(channel, each) for channel, each in enumerate(middles) if each.value is None]:
+        for block in x.blocks():
+            values = block.reshape(len(block), -1)
+            for channel, each in waiting:
+                each.look(values[:, channel])
+        for _, each in waiting:
+            each.conclude()
+    return np.array([each.value for each in middles], np.float64).reshape(x.shape[1:])
+
+
+class _Middle:
+    """The middle of numbers that pass by several times: those from `low` to `high` hold it, `below` are smaller."""
+
+    def __init__(self, count: int, low: float, high: float) -> None:
+        self.ranks = ((count - 1) // 2, count // 2)
+        self.value: float | None = None
+        self._narrow(low, high, 0)
+
+    def look(self, values: Array) -> None:
+        """Some of the numbers: counted the first time; the second time those in the parts of the two middle ones."""
+        # A copy in a row: a channel of many lies scattered.
+        inside = np.ascontiguousarray(values)
+        inside = inside[(inside >= self.low) & (inside <= self.high)]
+        # Halves, since the range of two numbers may be more than a number can be. What grows never falls back by it.
+        share = (inside / 2 - self.low / 2) / (self.high / 2 - self.low / 2)
+        part = np.minimum((share * _BINS).astype(np.int64), _BINS - 1)
+        if self._parts is None:
+            self._counts += np.bincount(part, minlength=_BINS)
+        elif self._few:
+            self._held.append(inside[(part == self._parts[0]) | (part == self._parts[1])])
+        else:
+            for side, number in enumerate(self._parts):
+                if len(there := inside[part == number]):
+                    least, greatest = self._ends[side]
+                    self._ends[side] = (min(least, float(there.min())), max(greatest, float(there.max())))
+
+    def conclude(self) -> None:
+        """What one pass has told."""
+        if self._parts is None:
+            reached = self.below + np.cumsum(self._counts)
+            first, last = (int(np.searchsorted(reached, rank, side="right")) for rank in self.ranks)
+            self._parts, self._before = (first, last), int(reached[first] - self._counts[first])
+            self._few = self._counts[first] + self._counts[last] <= _FEW
+        elif self._few:
+            held = np.sort(np.concatenate(self._held))
+            self.value = float(np.mean([held[rank - self._before] for rank in self.ranks]))
+        elif self._parts[0] != self._parts[1]:
+            self.value = float(np.mean([self._ends[0][1], self._ends[1][0]]))
+        else:
+            self._narrow(*self._ends[0], self._before)
+
+    def _narrow(self, low: float, high: float, below: int) -> None:
+        self.low, self.high, self.below = low, high, below
+        self._counts, self._before, self._few = np.zeros(_BINS, np.int64), 0, False
+        self._parts: tuple[int, int] | None = None
+        self._held: list[Array] = []
+        self._ends = [(np.inf, -np.inf), (np.inf, -np.inf)]
+        if low == high:
+            self.value = low
