@@ -27,7 +27,8 @@ def best_mode() -> Settings:
     return Settings().but(
         # At 4 kHz frames are so alike that marks far apart and few iterations do: an error a little larger than that of
         # many, but phases that keep still, of which the skin gets more.
-        method=Glide(coarse=256, near=0.6, smooth=6, wide=32, smooth_wide=20, tolerance=5e-3),
+        method=Glide(coarse=512, near=0.2, smooth=6, wide=32, smooth_wide=20, tolerance=1e-2),
+        fit="windows",
         mapping="slow-bias",
         rate=4000.0,
         precompensate=True,
@@ -40,7 +41,7 @@ def best_mode() -> Settings:
 
 def quick_mode() -> Settings:
     """The best mode with fewer iterations."""
-    return best_mode().but(method=Glide(coarse=256, near=0.6, smooth=4, wide=32, smooth_wide=20, tolerance=5e-3))
+    return best_mode().but(method=Glide(coarse=512, near=0.2, smooth=4, wide=32, smooth_wide=20, tolerance=1e-2))
 
 
 MODES: Mapping[Mode, Callable[[], Settings]] = MappingProxyType(

@@ -51,6 +51,13 @@ def test_an_even_pressure_is_wanted_evenly():
     np.testing.assert_allclose(target.wanted, 4.0, rtol=1e-3)
 
 
+def test_a_faint_frame_is_told_its_error_over_what_phases_at_random_press():
+    """An even pressure of a hundredth of that, met with 3 times as much: wrong by a fiftieth of it, not by twice."""
+    amplitude = np.sqrt(np.array([[1e-5], [4e-2]])) * np.ones((2, GRID.count))
+    target = Windows(faint=1e-3).target(amplitude, GRID, 1.0)
+    np.testing.assert_allclose(target.error(np.sqrt(3) * amplitude), [0.02, 2.0], rtol=0.02)
+
+
 @pytest.mark.parametrize("name", ["aperture", "spread", "pitch", "inset"])
 def test_windows_have_a_size(name):
     with pytest.raises(MidairError, match=f"{name} of the windows"):

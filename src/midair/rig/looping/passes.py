@@ -93,6 +93,21 @@ def play_pass(
 ) -> Pass:
     """Solve for what is asked, play it, re-record it, and compare with the original as a perfect rig would give it."""
     made = reproduce(asked, rig.array.array, settings, progress=stage(f"solve, {name}"))
+    return play_made(original, asked, made, rig, settings, name, stage, step=step)
+
+
+def play_made(
+    original: PressureFrames,
+    asked: PressureFrames,
+    made: Reproduction,
+    rig: Rig,
+    settings: Settings,
+    name: str,
+    stage: Stage,
+    *,
+    step: float | None = None,
+) -> Pass:
+    """The same with a drive that is made already."""
     progress = stage(f"play and re-record, {name}")
     admission = admit(made.solution.drive, rig.array, rig.exposure)
     rerecorded = rerecord(admission, rig.array, rig.sensor, progress=progress)

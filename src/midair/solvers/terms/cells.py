@@ -65,21 +65,25 @@ class CellTarget:
         w, each point's share.
     wanted : ndarray, shape (frame, cell)
         In the unit of amplitude squared.
+    faint : float
+        In the same unit: frames that want less than this of the cells, rms, are told their error over this.
     """
 
     weights: Array
     wanted: Array
+    faint: float = 0.0
 
     def repeated(self, times: int) -> "CellTarget":
         """The same wanted of so many fields, whose points follow one another."""
         if times == 1:
             return self
         weights = np.kron(np.eye(times), self.weights).astype(np.float64)
-        return CellTarget(weights=weights, wanted=np.tile(self.wanted, (1, times)))
+        return CellTarget(weights=weights, wanted=np.tile(self.wanted, (1, times)), faint=self.faint)
 
     def error(self, size: Array) -> Array:
         """|| w |y|^2 - P || / || P || of each frame for the field's magnitude (frame, point); 0 where P is 0."""
         norm = np.linalg.norm(self.wanted, axis=1)
+        norm = np.where(norm > 0, np.maximum(norm, self.faint * np.sqrt(self.wanted.shape[1])), 0.0)
         missed = np.linalg.norm(size**2 @ self.weights.T - self.wanted, axis=1)
         return np.divide(missed, norm, out=np.zeros(len(norm)), where=norm > 0)
 

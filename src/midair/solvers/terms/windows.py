@@ -36,12 +36,16 @@ class Windows:
     inset : float
         From the outermost control points, where pressure has faded to nothing, to the middle of the outermost windows,
         in m.
+    faint : float
+        Pressure over that of the strongest focus, below which the error is told over this: what 996 transducers press
+        whose phases are at random, which none of them can press less than for long.
     """
 
     aperture: float = 8e-3
     spread: float = 1e-3
     pitch: float = 11e-3 / 3
     inset: float = 5.5e-3
+    faint: float = 1e-3
 
     def __post_init__(self) -> None:
         for name in ("aperture", "spread", "pitch", "inset"):
@@ -54,11 +58,12 @@ class Windows:
         return SensorModel(grid=sensor, aperture=self.aperture, spread=self.spread)
 
     def target(self, amplitude: Array, grid: ControlGrid, unit: float) -> CellTarget:  # noqa: ARG002, as `Cells` has it
-        """The weights and what is wanted for a target of amplitude (frame, point); its unit does not matter."""
+        """The weights and what is wanted for a target of amplitude (frame, point); in units of the focus."""
         places = self.places(grid)
         # Radiation pressure goes with the square of the amplitude.
         wanted = amplitude**2 @ cell_weights(places, grid, centre=grid.centre, between="lines").T
-        return CellTarget(weights=cell_weights(places, grid, centre=grid.centre, between="waves"), wanted=wanted)
+        weights = cell_weights(places, grid, centre=grid.centre, between="waves")
+        return CellTarget(weights=weights, wanted=wanted, faint=self.faint)
 
     def _count(self, points: int, pitch: float) -> int:
         """Windows along an axis of so many control points."""

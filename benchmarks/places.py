@@ -1,0 +1,124 @@
+"""What a sensor reads that lies elsewhere: `python -m benchmarks.places`, by points, by windows and by cells.
+
+Signals of the fidelity table, .12 s each in the best mode's way at strength .15, in the paper's air, on transducers as
+modelled and on such that each have their own resonance, quality and strength; signal over distortion in 20 to 470 Hz,
+with a gain for each cell and the delay taken out, between leads that are not judged. `loop`: the same of each pass of a
+loop with correction, with the gain that the passes have. Times are CPU times of this process.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.clock import load, timed
+from midair.evaluate import advance, find_delay, leak
+from midair.evaluate.distortion import decibels, in_band
+from midair.flow import lead_of, reproduce, to_play
+from midair.model import Acoustics, Drive, PressureFrames
+from midair.paper.modes_compared import OBJECTS, SIGNALS, FidelityPlan, at_strength, original_of
+from midair.physics import PlaybackChain, Transducers, cell_weights, simulate, transfer_matrix
+from midair.rig import run_loop
+from midair.settings import Settings, best_mode
+from midair.solvers import Glide, one_blas_thread
+from midair.targets import interpolation_matrix, led_in
+
+PLACES = ((0.0, 0.0), (2e-3, 0.0), (2e-3, 2e-3), (4e-3, 0.0), (4e-3, 4e-3), (5.5e-3, 0.0), (5.5e-3, 5.5e-3))
+BAND = (20.0, 470.0)
+BEFORE = Glide(coarse=256, near=0.6, smooth=6, wide=32, smooth_wide=20, tolerance=5e-3)
+
+
+def main() -> None:
+    ask = argparse.ArgumentParser(prog="python -m benchmarks.places", description=__doc__.splitlines()[0])
+    ask.add_argument("--things", nargs="*", default=[*SIGNALS, *OBJECTS])
+    ask.add_argument("--part", choices=("places", "loop"), nargs="*", default=["places", "loop"])
+    said = ask.parse_args()
+    print(load())
+    with one_blas_thread():
+        for part in said.part:
+            {"places": places, "loop": loops}[part](said.things)
+
+
+def places(things: list[str]) -> None:
+    """Each fit, at each place."""
+    air, plan = Acoustics(), FidelityPlan()
+    best = best_mode().but(acoustics=air)
+    modes = {"points": best.but(fit="points", method=BEFORE), "windows": best, "cells": best.but(fit="cells")}
+    moves = " ".join(f"({1e3 * x:g},{1e3 * y:g})" for x, y in PLACES)
+    print(f"dB on transducers as modelled | each its own, sensor moved by mm {moves}; leak; CPU ms a frame")
+    for thing in things:
+        for name, settings in modes.items():
+            if name == "cells" and thing != "towel":
+                continue
+            original = original_of(thing, plan, settings)
+            alike = at_strength(original, settings, plan)
+            asked = led_in(original, lead_of(alike))
+            made, cost = timed(lambda asked=asked, alike=alike: reproduce(asked, plan.rig.array, alike))
+            drive = made.solution.drive
+            nominal = PlaybackChain(transducers=Transducers.alike(drive.array.count))
+            read = [
+                [_ratio(original, asked, drive, alike, plan, chain, place) for place in PLACES]
+                for chain in (nominal, plan.rig.array_device().chain)
+            ]
+            out = leak(drive, made.target.amplitude, alike.target.grid, acoustics=air).peak
+            shown = " | ".join(" ".join(f"{each:5.1f}" for each in row) for row in read)
+            print(f"{thing:10} {name:8} {shown} ; {out:.2f} ; {1e3 * cost / drive.frames:.2f}", flush=True)
+
+
+def loops(things: list[str]) -> None:
+    """Passes of the loop, two for the gain and three that correct, at each place with the gain that they have."""
+    air, plan = Acoustics(), FidelityPlan()
+    settings = best_mode().but(acoustics=air)
+    print("waveform of the re-recording, dB below the original; the same on the skin, sensor moved as above")
+    for thing in things:
+        original = original_of(thing, plan, settings)
+        skin = plan.rig.skin()
+        with plan.rig.array_device(skin) as array, plan.rig.sensor(skin) as sensor:
+            loop = run_loop(original, array, sensor, settings, corrections=1, iterate=3, lead=lead_of(settings))
+        chain = plan.rig.array_device().chain
+        for number, one in enumerate(loop.passes):
+            drive = one.reproduction.solution.drive
+            read = [_ratio(original, one.asked, drive, settings, plan, chain, place, gains=False) for place in PLACES]
+            shown = " ".join(f"{each:5.1f}" for each in read)
+            told = -20 * np.log10(one.comparison.waveform_error)
+            print(f"{thing:10} pass {number + 1}  {told:5.1f} | {shown}", flush=True)
+
+
+def _ratio(
+    original: PressureFrames,
+    asked: PressureFrames,
+    drive: Drive,
+    settings: Settings,
+    plan: FidelityPlan,
+    chain: PlaybackChain,
+    place: tuple[float, float],
+    *,
+    gains: bool = True,
+) -> float:
+    """Signal over distortion of what a sensor reads there, with the best gain of each cell or as it is."""
+    grid, points, model = settings.target.grid, plan.rig.skin().points, plan.rig.sensor_model
+    signed = to_play(asked, settings).pressure.reshape(asked.frames, -1)
+    wanted = signed @ interpolation_matrix(asked.sensor, grid).T @ _on(model, grid, place, "lines").T
+    G = transfer_matrix(points, drive.array, acoustics=drive.acoustics)
+    read = simulate(drive, G, chain=chain, rate=2 * drive.rate, weights=_on(model, points, place, "waves"))
+    # A moment is at the end of its stretch: every second one, from silence on, is at the time of a frame.
+    read = np.concatenate([np.zeros((1, read.shape[1])), read])[:-1:2]
+    first = (asked.frames - original.frames) // 2
+    x, y = (in_band(each, asked.rate, BAND) for each in (wanted, read))
+    y = advance(y, find_delay(x, y, asked.rate, longest=2e-3), asked.rate)
+    x, y = (each[first : first + original.frames] for each in (x, y))
+    power = (x**2).sum(axis=0)
+    heard = power >= power.max() / 100
+    gain = ((x * y).sum(axis=0) / power if gains else np.ones(len(power)))[heard]
+    missed = y[:, heard] - gain * x[:, heard]
+    return decibels(float((gain**2 * power[heard]).sum()), float((missed**2).sum()))
+
+
+def _on(model: object, grid: object, place: tuple[float, float], between: str) -> np.ndarray:
+    return cell_weights(model, replace(grid, centre=(0.0, 0.0)), centre=place, between=between)
+
+
+if __name__ == "__main__":
+    main()
