@@ -29,7 +29,7 @@ from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
 from midair.physics import focus_amplitude, transfer_matrix
 from midair.rig import BudgetPlan, error_budget
 from midair.settings import Settings, best_mode, paper_mode
-from midair.solvers import Fast, Glide, Guard, Live, Problem, error_of, one_blas_thread, spreading_phase
+from midair.solvers import Fast, Glide, Guard, Live, Problem, Windows, error_of, one_blas_thread, spreading_phase
 from midair.solvers.backend import backend
 from midair.solvers.moves import Machine
 from midair.solvers.terms.guard import GuardField
@@ -112,9 +112,11 @@ def problem(pressure: PressureFrames, settings: Settings, strength: float) -> Pr
     if isinstance(guard, Guard):
         G = transfer_matrix(guard.ring(grid), ARRAY, acoustics=air) / focus
         ring = GuardField(G=G, ceiling=guard.ceiling, weight=guard.weight)
+    amplitude = strength * amplitude / amplitude.max()
     return Problem(
         G=transfer_matrix(grid, ARRAY, acoustics=air) / focus,
-        amplitude=strength * amplitude / amplitude.max(),
+        amplitude=amplitude,
+        cells=Windows().target(amplitude, grid, 1.0) if settings.solver.fit == "windows" else None,
         psi=spreading_phase(grid, ARRAY, air.medium),
         guard=ring,
         position=ARRAY.position,
@@ -147,7 +149,7 @@ def best(seconds: float) -> None:
         frames = len(asked.amplitude)
         print(f"\nbest mode, {label}, {frames} frames, strength .15; {load()}")
         heading("E mean", "E worst", "ms", "ratio", "rad step")
-        before = replace(asked, guard=replace(asked.guard, ceiling=0.6), smooth=0.2)
+        before = replace(asked, cells=None, guard=replace(asked.guard, ceiling=0.6), smooth=0.2)
         short = replace(before, amplitude=before.amplitude[:512])
         answer, cost = timed(lambda short=short: Fast().solve(short))
         base = cost / len(short.amplitude)
@@ -163,7 +165,9 @@ def best(seconds: float) -> None:
 def skin() -> None:
     """Signal over distortion on the skin, by the error budget, for the signals of the fidelity table."""
     plan = FidelityPlan()
-    before = best_mode().but(method="fast", smooth=0.2, guard=Guard(margin=25e-3, pitch=6e-3, ceiling=0.6))
+    before = best_mode().but(
+        method="fast", fit="points", smooth=0.2, guard=Guard(margin=25e-3, pitch=6e-3, ceiling=0.6)
+    )
     print(f"\nbest mode, .12 s of each signal, strength .15, transducers of their own; {load()}")
     heading("SDR dB, was", "now", "leak, was", "now", "images, was", "now")
     for thing in plan.things:

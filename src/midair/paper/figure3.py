@@ -50,7 +50,7 @@ def figure_3(
     acoustics = Acoustics(medium=Medium(attenuation=0.0), directivity="point")
     cold = (paper or paper_mode().but(method="lm", iterations=(50, 50))).but(start="zero", acoustics=acoustics)
     # Patterns are no sequence: phases have nothing to stay near to.
-    still = (best or MODES[mode]()).but(method="fast", acoustics=acoustics)
+    still = (best or MODES[mode]()).but(method="fast", fit="points", acoustics=acoustics)
     modes = beside_paper(mode, cold, still)
     rows: list[Row] = []
     shown: list[FieldRow] = []
