@@ -88,6 +88,9 @@ def test_the_failsafe_of_real_units_spoils_a_presentation_and_the_next_one_sound
         banks._sure(lambda: banks._open.send(order), 2)
 
     def trip():
+        while not device.emitting:
+            time.sleep(0.02)
+        time.sleep(0.3)
         wait(1)  # Heartbeats come every 10 ms.
         time.sleep(0.1)
         wait(500)
@@ -95,11 +98,11 @@ def test_the_failsafe_of_real_units_spoils_a_presentation_and_the_next_one_sound
     long = Drive(phase=np.zeros((1500, 249)), level=np.full(1500, 0.003), rate=1000.0, array=ARRAY)
     with autd3_array("emulator", Placement.grid(columns=1, rows=1)) as device:
         one = presenter(device, lambda _: long, [])
-        timer = threading.Timer(0.5, trip)
-        timer.start()
+        tripping = threading.Thread(target=trip)
+        tripping.start()
         with pytest.raises(SilentFramesError, match=r"failsafe silenced unit 0: frames \d+ to 1499 of 1500"):
             one.present(TONE)
-        timer.join()
+        tripping.join()
         one.present(TONE)
 
 
