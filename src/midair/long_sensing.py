@@ -3,7 +3,7 @@
 import numpy as np
 
 from midair.physics import SensorModel, channel_volts, felt_by_cells, spoken
-from midair.reel import Reel, each_frame
+from midair.reel import Reel, Stored, each_frame
 from midair.spool import Array, Columns, Spool
 
 
@@ -41,13 +41,13 @@ def sense_reel(
     # Noise is drawn in the order of the frames, as it is for all of them at once.
     for block in volts.reel(*model.grid.shape).blocks():
         made.append(spoken(model, block, rate, rng=rng))
-    return Reel(made.read, (frames, *model.grid.shape), stored="f4" if _single(model) else "f8")
+    return Reel(made.read, (frames, *model.grid.shape), stored=stored_of(model))
 
 
 _FRAMES = 2**16
 """Of one channel that are looked at together."""
 
 
-def _single(model: SensorModel) -> bool:
-    """Whether float32 holds every whole number of the converter's steps: 24 binary digits."""
-    return model.step.as_integer_ratio()[0].bit_length() + model.bits <= 24
+def stored_of(model: SensorModel) -> Stored:
+    """Precision that holds every number of a sensor: single where 24 binary digits hold its converter's steps."""
+    return "f4" if model.step.as_integer_ratio()[0].bit_length() + model.bits <= 24 else "f8"

@@ -20,6 +20,7 @@ from midair.devices.admission import Admission
 from midair.devices.safety import Ending, Order, log_end, log_order
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.model import Calibration, Drive, Medium, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
+from midair.reel import Stored
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,6 +76,8 @@ class SensorDevice(ABC):
         Which channel of its source is which cell, where it has a source with channels.
     on_demand : bool
         Whether its time stands still while nobody reads, as that of a replayed file does.
+    stored : {"f4", "f8"}
+        Whether float32 holds every number that it gives.
     """
 
     name: str
@@ -86,6 +89,7 @@ class SensorDevice(ABC):
     full_scale: float | None = None
     wiring: SensorWiring | None = None
     on_demand: bool = False
+    stored: Stored = "f8"
 
     @abstractmethod
     def open(self) -> None:

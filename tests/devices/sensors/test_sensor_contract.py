@@ -105,6 +105,14 @@ def test_device_time_is_that_of_the_first_frame(sensor):
         np.testing.assert_allclose(np.diff(times), 50 / sensor.rate, rtol=1e-6)
 
 
+def test_what_is_said_to_fit_into_float32_does(sensor):
+    with sensor:
+        sensor.start()
+        samples = np.asarray(sensor.read(40).samples)
+        assert sensor.stored == "f8" or np.array_equal(samples.astype(np.float32), samples)
+        assert sensor.stored == "f4" or not sensor.name.startswith("virtual")
+
+
 @pytest.mark.parametrize("make", SIMULATED.values(), ids=SIMULATED.keys())
 def test_the_size_of_the_blocks_does_not_matter(make):
     sensor = make()

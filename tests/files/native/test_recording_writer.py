@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray
 
-from midair.errors import FileError, NonFiniteError, ShapeError, UnitError
+from midair.errors import FileError, InputError, NonFiniteError, ShapeError, UnitError
 from midair.files import RecordingWriter, load, load_calibration, open_take, repair
 from midair.model import Provenance, SensorGrid
 
@@ -172,3 +172,15 @@ def test_no_file_is_made_where_there_is_no_room_for_what_will_come(options, tmp_
     with pytest.raises(FileError, match=r"free on the disk, got .* record for a shorter time"):
         RecordingWriter(tmp_path / "live.h5", **options, expected=10**15).__enter__()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_float32_holds_is_written_in_half_the_room(recording, options, tmp_path):
+    samples = recording.samples.astype(np.float32).astype(np.float64)
+    with RecordingWriter(tmp_path / "live.h5", **options, stored="f4") as writer:
+        writer.append(samples)
+        with pytest.raises(InputError, match="float32 holds"):
+            writer.append(samples + 1e-12)
+        writer.append(samples)
+    seen = open_take(tmp_path / "live.h5", streamed=True).recording.samples
+    assert seen.stored == "f4"
+    np.testing.assert_array_equal(seen, np.concatenate([samples, samples]))

@@ -102,7 +102,7 @@ class AudioSource:
                 "state ?channels= and ?native="
             ) from wrong
         self._described = {"device": str(found["name"]), "driver": _host(found)}
-        return Stream(channels=channels, rate=self._rate, full_scale=1.0)
+        return Stream(channels=channels, rate=self._rate, full_scale=1.0, stored="f4")
 
     def start(self) -> None:
         """Begin to listen; frame 0 is the first one after this."""

@@ -155,7 +155,8 @@ class LslSource:
             channels -= 1
         self._host_name = str(info.hostname())
         unit, scale = _unit(info.get_channel_units(), self._counter)
-        return Stream(channels=channels, rate=self._rate, unit=unit, scale=scale)
+        stored = "f4" if info.channel_format() in (pylsl.cf_float32, pylsl.cf_int16, pylsl.cf_int8) else "f8"
+        return Stream(channels=channels, rate=self._rate, unit=unit, scale=scale, stored=stored)
 
     def _runs(self, samples: Samples, stamps: NDArray[np.float64]) -> Iterator[Run]:
         """The frames whose numbers are known, in runs without a gap; the first one since start is 0."""

@@ -19,7 +19,7 @@ class PacedSensor(SensorDevice):
         self._sensor = sensor
         self.name, self.grid, self.rate, self.unit = sensor.name, sensor.grid, sensor.rate, sensor.unit
         self.calibration, self.simulated, self.full_scale = sensor.calibration, sensor.simulated, sensor.full_scale
-        self.wiring = sensor.wiring
+        self.wiring, self.stored = sensor.wiring, sensor.stored
         self._begin = 0.0
 
     def open(self) -> None:

@@ -23,7 +23,7 @@ class Rewired(SensorDevice):
         self._sensor, self.wiring, self._order = sensor, wiring, wiring
         self.name, self.grid, self.rate, self.unit = sensor.name, wiring.grid, sensor.rate, sensor.unit
         self.simulated, self.full_scale, self.on_demand = sensor.simulated, sensor.full_scale, sensor.on_demand
-        self.calibration = None
+        self.calibration, self.stored = None, sensor.stored
 
     def open(self) -> None:
         """Open the sensor."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Unit
+from midair.reel import Stored
 
 Samples = NDArray[Any]
 """Shape (frame, channel), of any number type."""
@@ -29,6 +30,8 @@ class Stream:
         How much of `unit` one of the source's numbers is.
     full_scale : float or None
         Magnitude at which the source clips, in its own numbers.
+    stored : {"f4", "f8"}
+        Whether float32 holds every number of the source.
     """
 
     channels: int
@@ -36,6 +39,7 @@ class Stream:
     unit: Unit | None = None
     scale: float = 1.0
     full_scale: float | None = None
+    stored: Stored = "f8"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

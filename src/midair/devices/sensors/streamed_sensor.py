@@ -173,6 +173,8 @@ class StreamedSensor(SensorDevice):
         self.wiring = replace(wiring, full_scale=wiring.full_scale or clips)
         self.grid, self.rate, self.unit, self._scale = wiring.grid, stream.rate, wiring.unit, scale
         self.full_scale = self.wiring.full_scale
+        # A power of two leaves every digit as it is.
+        self.stored = stream.stored if abs(np.frexp(scale)[0]) == 0.5 else "f8"
         if wiring.sensitivity is not None:
             self.calibration = Calibration.flat(wiring.grid, sensitivity=wiring.sensitivity, unit=wiring.unit)
 

@@ -7,7 +7,7 @@ import numpy as np
 from midair.devices.interface import FrameBlock, SensorDevice
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError
-from midair.long_sensing import sense_reel
+from midair.long_sensing import sense_reel, stored_of
 from midair.model import PressureFrames
 from midair.physics import calibration_of, sense
 from midair.reel import Reel
@@ -46,6 +46,7 @@ class VirtualSensor(SensorDevice):
     ) -> None:
         self.name, self.grid, self.rate = name, skin.model.grid, rate
         self.calibration, self.full_scale = calibration_of(skin.model), skin.model.full_scale
+        self.stored = stored_of(skin.model)
         self._skin, self._touch, self._seed = skin, touch, seed
         self._oversample = round(skin.rate / rate)
         self._samples: np.ndarray | Reel = np.zeros((0, *self.grid.shape))

@@ -24,6 +24,7 @@ from midair.files.native.hdf5 import (
     stored_group,
     write_group,
 )
+from midair.files.native.precision import single
 from midair.files.native.provenance_json import from_json
 from midair.files.native.stage_stamps import stamps_from, with_stage
 from midair.files.native.unclosed import is_unclosed
@@ -192,15 +193,6 @@ def recording_values(recording: Recording) -> dict[str, Any]:
         "samples": single(recording.samples),
         "finished": 1,
     }
-
-
-def single(samples: "np.ndarray | Reel") -> "np.ndarray | Reel":
-    """Samples as float32 where that holds every one of them; as they are otherwise, and reels always."""
-    if isinstance(samples, Reel):
-        return samples
-    with np.errstate(over="ignore"):
-        small = samples.astype(np.float32)
-    return small if np.array_equal(small, samples) else samples
 
 
 def _bytes(samples: "np.ndarray | Reel") -> int:

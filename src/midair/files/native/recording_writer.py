@@ -14,15 +14,17 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from midair.errors import FileError
+from midair.errors import FileError, InputError
 from midair.files.atomic import reason, writable_path
 from midair.files.native.axes import sensor_values
 from midair.files.native.calibration_file import write_calibration
 from midair.files.native.events import KINDS, event_values
 from midair.files.native.hdf5 import LAYOUT, fixed_text, signature, stored_dataset, write_group
 from midair.files.native.live_file import LiveFile
+from midair.files.native.precision import single
 from midair.files.native.stage_stamps import stage_values
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, StageStamp, Unit
+from midair.reel import Stored
 from midair.validation import frozen_array, positive
 
 if TYPE_CHECKING:
@@ -59,6 +61,8 @@ class RecordingWriter:
         Frames that will come, where that is known: without room for them no file is made.
     staged : bool
         Whether a stage moves meanwhile, whose places are kept too.
+    stored : {"f4", "f8"}
+        Precision of the samples in the file; a block that float32 does not hold is refused where it is "f4".
 
     Examples
     --------
@@ -79,6 +83,7 @@ class RecordingWriter:
         reserve: int = 2**24,
         expected: int = 0,
         staged: bool = False,
+        stored: Stored = "f8",
     ) -> None:
         self.path = writable_path(path)
         self.rate = positive(rate, "rate", "Hz")
@@ -88,6 +93,7 @@ class RecordingWriter:
         self.calibration = calibration
         self.interval = positive(interval, "interval", "s")
         self.reserve, self.expected, self.staged = reserve, expected, staged
+        self.stored: Stored = stored
         self._frames = self._safe = 0
         # Rows of what happened and of where the stage was, now and as they were flushed.
         self._rows = {"event": 0, "stage": 0}
@@ -107,7 +113,7 @@ class RecordingWriter:
         return self._frames
 
     def __enter__(self) -> Self:
-        self._check_room(8 * (self.sensor.count + 1) * self.expected)
+        self._check_room((np.dtype(self.stored).itemsize * self.sensor.count + 8) * self.expected)
         self._live = LiveFile(self.path, self._image())
         return self
 
@@ -133,12 +139,16 @@ class RecordingWriter:
 
         Raises
         ------
-        ShapeError, NonFiniteError
+        ShapeError, NonFiniteError, InputError
             If the block does not fit; nothing of it is written.
         FileError
             If the file is closed, or the disk is full or refuses.
         """
         samples = frozen_array(block, "block", ("frame", *self.sensor.shape))
+        if self.stored == "f4" and single(samples) is samples:
+            raise InputError(
+                f'{self.path}: expected samples that float32 holds, got others; write them with stored="f8"'
+            )
         with self._lock:
             file = self._opened()
             self._check_room()
@@ -218,7 +228,7 @@ class RecordingWriter:
             "rate_hz": self.rate,
             "unit": self.unit,
             "time": np.zeros(0),
-            "samples": np.zeros((0, *self.sensor.shape)),
+            "samples": np.zeros((0, *self.sensor.shape), self.stored),
             "finished": 0,
             **event_values(()),
             **(stage_values(()) if self.staged else {}),

@@ -63,6 +63,7 @@ def capture_recording(
                 provenance=provenance,
                 calibration=sensor.calibration,
                 expected=frames,
+                stored=sensor.stored,
             ) as writer:
                 _blocks(sensor, frames, block, writer, progress)
             return open_take(path).recording

@@ -207,6 +207,7 @@ class _Taking:
             interval=plan.interval,
             expected=0 if self._wanted is None else self._wanted,
             staged=self._companion is not None,
+            stored=sensor.stored,
         )
         self._stack.enter_context(self._writer)
         self._origin = origin
