@@ -111,3 +111,25 @@ def test_what_does_not_fit_into_memory_is_refused_before_it_is_made(monkeypatch,
     monkeypatch.setattr("midair.solvers.solving.transfer_matrix", None)  # which would be called, and is nothing
     with pytest.raises(InputError, match=r"0\.05 GB that are free, got 15936 transducers x 4096 points, .* GB; ask"):
         way(pressure, TransducerArray.autd3(columns=8, rows=8), settings)
+
+
+@pytest.mark.parametrize("mapping", ["half-wave", "slow-bias"])
+def test_a_stated_strength_takes_the_place_of_the_gain(mapping):
+    chosen = Settings().but(iterations=1, mapping=mapping, precompensate=True, strength=0.3, gain=7.0)
+    pressure = felt(recording(), None, chosen).cut(0.1, 0.02)
+    made = reproduce(pressure, SMALL, chosen)
+    assert made.strength() == pytest.approx(0.3)
+    assert reproduce(pressure, SMALL, chosen.but(gain=1.0)).strength() == pytest.approx(0.3)
+    known = Settings.of(made.solution.drive.provenance).target
+    assert known.strength == 0.3
+    again = Settings().but(iterations=1, mapping=mapping, precompensate=True, gain=known.gain)
+    assert reproduce(pressure, SMALL, again).strength() == pytest.approx(0.3)
+
+
+def test_a_strength_that_makes_no_sense_is_refused():
+    for wrong in (0.0, -0.1, 11.0):
+        with pytest.raises(InputError, match="strength: expected above 0"):
+            Settings().but(strength=wrong)
+    silent = PressureFrames(pressure=np.zeros((30, 4, 4)), rate=1000.0)
+    with pytest.raises(InputError, match="got silence"):
+        reproduce(silent, SMALL, Settings().but(strength=0.1))

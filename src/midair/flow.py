@@ -137,6 +137,25 @@ def wanted(pressure: PressureFrames, settings: Settings) -> AmplitudeFrames:
     return target
 
 
+def at_strength(pressure: PressureFrames, array: TransducerArray, settings: Settings) -> Settings:
+    """The settings with the gain at which the target has their strength; as they are where they state none.
+
+    Raises
+    ------
+    InputError
+        If nothing is asked for, which no gain makes louder.
+    """
+    if settings.target.strength is None:
+        return settings
+    plain = settings.but(strength=None, gain=1.0)
+    peak = float(wanted(pressure, plain).amplitude.max())
+    if not peak > 0:
+        raise InputError("strength: expected a pressure that asks for something, got silence; leave --strength out")
+    focus = focus_amplitude(settings.target.grid, array, acoustics=settings.acoustics)
+    # Sound goes with the root of the pressure, and so with that of the gain.
+    return settings.but(gain=(settings.target.strength * focus / peak) ** 2)
+
+
 def solved(
     target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
 ) -> Solution:
@@ -167,6 +186,7 @@ def reproduce_parts(
         If the array cannot take frames at the pressure's rate.
     """
     check_frame_rate(pressure.rate, array.frequency)
+    settings = at_strength(pressure, array, settings)
     target = wanted(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
     _fits(target, array, settings, parts=True)
     parts = solve_parts(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
@@ -186,6 +206,7 @@ def reproduce(
         If the array cannot take frames at the pressure's rate.
     """
     check_frame_rate(pressure.rate, array.frequency)
+    settings = at_strength(pressure, array, settings)
     known = replace(pressure, provenance=settings.noted(pressure.provenance))
     target = wanted(known, settings)
     return Reproduction(pressure=pressure, target=target, solution=solved(target, array, settings, progress=progress))

@@ -45,7 +45,8 @@ def test_from_a_virtual_stroke_to_a_comparison(take, capsys):
     answer = json.loads(capsys.readouterr().out)
     assert answer["simulated"] is True
     assert answer["figures"]["correlation"]["value"] > 0.3
-    assert load_solution("take.drive.h5").drive.frames == 100
+    # 100 frames, and 60 of lead on either side.
+    assert load_solution("take.drive.h5").drive.frames == 220
 
 
 def test_the_air_of_the_room_is_checked_at_play(take, capsys):
@@ -114,7 +115,7 @@ def test_info_tells_the_life_of_a_file(take, capsys):
     capsys.readouterr()
     assert run(["info", "take.drive.h5", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert [step["stage"] for step in answer["steps"]] == ["calibrate", "cut", "settings", "prepare", "solve"]
+    assert [step["stage"] for step in answer["steps"]] == ["calibrate", "cut", "lead", "settings", "prepare", "solve"]
     assert answer["simulated"] is True
     assert run(["info", "take.h5"]) == 0
     captured = capsys.readouterr()

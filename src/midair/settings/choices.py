@@ -93,6 +93,11 @@ CHOICES: tuple[Choice, ...] = (
     ),
     Choice(name="interpolate", path="target.interpolate", help="What is interpolated between the cells."),
     Choice(name="gain", path="target.gain", help="Multiplies the pressure."),
+    Choice(
+        name="strength",
+        path="target.strength",
+        help="In place of a gain: peak over one focus.",
+    ),
     Choice(name="height", path="target.grid.height", unit="m", help="Of the palm above the array."),
     Choice(name="pitch", path="target.grid.pitch", unit="m", help="Between the control points."),
     Choice(name="points", path="target.grid.rows", help="Rows and columns of the control points."),

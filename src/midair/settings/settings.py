@@ -31,6 +31,10 @@ class CalibrationSettings:
     inverse: Literal["fft", "fir"] = "fft"
 
 
+STRONGEST = 10.0
+"""Highest strength that can be asked for: ten times what any array can make."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSettings:
     """From pressure to the sound that is wanted.
@@ -45,6 +49,9 @@ class TargetSettings:
         What is interpolated between the cells (4.1).
     gain : float
         Multiplies the pressure (5.2).
+    strength : float or None
+        Peak of the target's sound over that of one focus of the whole array at full drive; it takes the place of the
+        gain. None for the gain as it is.
     grid : ControlGrid
         The control points (4.1).
     circle : Circle or None
@@ -55,8 +62,16 @@ class TargetSettings:
     mapping: str = "half-wave"
     interpolate: Interpolated = "amplitude"
     gain: float = 1.0
+    strength: float | None = None
     grid: ControlGrid = field(default_factory=ControlGrid)
     circle: Circle | None = None
+
+    def __post_init__(self) -> None:
+        if self.strength is not None and not 0 < self.strength <= STRONGEST:
+            raise InputError(
+                f"strength: expected above 0 and up to {STRONGEST:g} of one focus of the whole array, got "
+                f"{self.strength:g}; .15 is usual"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ from midair.targets.compensation import precompensate, precompensate_sound
 from midair.targets.cost import MappingReport, mapping_report
 from midair.targets.decoupling import coupling, decouple
 from midair.targets.interpolation import interpolation_matrix, moved_interpolation
-from midair.targets.lead import led_in, usual_lead, without_lead
+from midair.targets.lead import led_in, piece_of, usual_lead, without_lead
 from midair.targets.mapping import MAPPINGS, SlowBias, constant_offset, half_wave, mapping_of, slow_bias
 from midair.targets.mapping_stream import MappingStream
 from midair.targets.motion import Circle
@@ -26,6 +26,7 @@ __all__ = [
     "mapping_of",
     "mapping_report",
     "moved_interpolation",
+    "piece_of",
     "precompensate",
     "precompensate_sound",
     "prepare",

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import PressureFrames
+from midair.model import PressureFrames, Provenance
 from midair.segments import swelling
 from midair.targets.mapping import SlowBias, mapping_of
 
@@ -49,6 +49,13 @@ def without_lead(pressure: PressureFrames, frames: int) -> PressureFrames:
     """The `frames` in its middle, which the lead is around."""
     first = (pressure.frames - frames) // 2
     return pressure if first <= 0 else replace(pressure, pressure=pressure.pressure[first : first + frames])
+
+
+def piece_of(provenance: Provenance, frames: int, rate: float) -> slice:
+    """The frames of what was made of a pressure that are not its lead."""
+    told = [step.settings.get("lead_s") for step in provenance.steps if step.stage == "lead"]
+    pad = round(float(told[-1]) * rate) if told and isinstance(told[-1], int | float) else 0
+    return slice(pad, frames - pad) if 2 * pad < frames else slice(0, frames)
 
 
 def _swell(band: Band) -> float:

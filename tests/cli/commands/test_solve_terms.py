@@ -1,5 +1,7 @@
 """The solver's terms as a person types them."""
 
+import json
+
 import pytest
 
 from midair.cli import run
@@ -10,6 +12,7 @@ from midair.model import Medium
 from midair.solvers import Guard
 
 SMALL = ["--mode", "paper", "--points", "6", "--pitch", "11mm", "--start-at", "20ms", "--duration", "10ms"]
+SMALL += ["--lead", "0s"]
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +49,31 @@ def test_a_range_of_temperature_reaches_the_drive_and_its_ends_are_told(stroke, 
     cold = 100 * error_in_air(load_solution(drive).drive, target, Medium.at(temperature=20.0)).mean()
     assert f"{cold:.1f} % at 20 °C, " in told
     assert "at 24 °C" in told
+
+
+def test_a_strength_is_told_in_pascal_and_warned_of_where_it_does_not_come(stroke, tmp_path, capsys):
+    drive = tmp_path / "am.drive.h5"
+    assert run(["solve", str(stroke), str(drive), "--method", "fast", "--strength", "0.1", *SMALL]) == 0
+    told = capsys.readouterr()
+    assert "Pa at most, strength 0.100" in told.out
+    assert "Pa in one focus" in told.out
+    assert "are asked for" not in told.err
+    assert (
+        run(["solve", str(stroke), str(drive), "--method", "fast", "--strength", "1.2", "--force", "--json", *SMALL])
+        == 0
+    )
+    told = capsys.readouterr()
+    level = json.loads(told.out)["level"]
+    assert level["too_loud"]
+    assert level["comes"] < 0.8
+    assert "take --strength" in told.err
+    assert run(["info", str(drive), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["pressure"] == level
+
+
+def test_a_loop_finds_its_own_level(stroke, tmp_path, capsys):
+    assert run(["loop", str(stroke), str(tmp_path / "r.html"), "--strength", "0.1", *SMALL]) == 1
+    assert "strength: expected none in a loop" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

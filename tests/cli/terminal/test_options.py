@@ -35,7 +35,7 @@ def test_the_command_line_of_fidelity(stroke, tmp_path):
     """Rate, mapping, decoupling, pre-compensation and motion reach the drive that is written."""
     drive = tmp_path / "am.drive.h5"
     words = "--rate 4kHz --mapping slow-bias --interpolate pressure --decouple --precompensate --circle 3mm"
-    small = "--points 6 --pitch 11mm --method fast --iterations 2 2 --start-at 20ms --duration 10ms"
+    small = "--points 6 --pitch 11mm --method fast --iterations 2 2 --start-at 20ms --duration 10ms --lead 0s"
     assert run(["solve", str(stroke), str(drive), *words.split(), *small.split()]) == 0
     made = stages(drive)
     assert load_solution(drive).drive.rate == 4000
@@ -110,7 +110,7 @@ def test_the_help_of_a_command_fits_a_hundred_lines(command, capsys, monkeypatch
 
 
 def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_path, capsys):
-    small = "--points 6 --pitch 11mm --method fast --iterations 2 2 --start-at 20ms --duration 10ms"
+    small = "--points 6 --pitch 11mm --method fast --iterations 2 2 --start-at 20ms --duration 10ms --lead 0s"
     drive = tmp_path / "am.drive.h5"
     assert run(["solve", str(stroke), str(drive), *small.split(), "--temperature", "26C", "--humidity", "30%"]) == 0
     assert load_solution(drive).drive.acoustics.medium == Medium.at(temperature=26.0, humidity=0.3)

@@ -67,7 +67,7 @@ def budget_command(
     palm
         TOML with the outline of a palm, which is looked at beside the cells; a disc of 85 mm if not given.
     lead
-        Time before and after it in which pressure swells and a bias rises; what the mapping needs if not given.
+        Time before and after it, to swell and fade; what the mapping needs if not given.
     seed
         Of the virtual rig.
     json
@@ -110,9 +110,9 @@ def print_budget(title: str, budget: Budget) -> None:
     low, high = budget.band
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("stage")
-    for head in ("alone", "so far", "all cells", "images", "place", "leak"):
+    for head in ("alone", "so far", "all cells", "gain", "images", "place", "leak"):
         table.add_column(head, justify="right")
-    table.add_row("", "dB", "dB", "dB", "dB", "", "%", style="dim")
+    table.add_row("", "dB", "dB", "dB", "", "dB", "", "%", style="dim")
     for each in budget.stages:
         so_far = each.so_far
         table.add_row(
@@ -120,6 +120,7 @@ def print_budget(title: str, budget: Budget) -> None:
             f"{each.alone.distortion_ratio:.1f}",
             f"{so_far.distortion_ratio:.1f}",
             f"{so_far.overall_ratio:.1f}",
+            f"{so_far.gain:.2f}",
             "" if so_far.images is None else f"{so_far.images:.0f}",
             f"{so_far.spatial_correlation:.3f}",
             "" if each.leak is None else f"{100 * each.leak.peak:.0f}",

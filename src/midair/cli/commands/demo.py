@@ -3,9 +3,21 @@
 from pathlib import Path
 from typing import Annotated
 
-from midair.cli.terminal import SolveOptions, Time, banner, out, print_figures, print_rows, quantity, say_air, stages
+from midair.cli.terminal import (
+    SolveOptions,
+    Time,
+    banner,
+    level_rows,
+    out,
+    print_figures,
+    print_rows,
+    quantity,
+    say_air,
+    stages,
+)
 from midair.files import check_unclaimed, save, save_solution, whole_file
-from midair.flow import felt
+from midair.flow import felt, lead_of
+from midair.headroom import level_of
 from midair.rig import Loop, VirtualRig, capture_recording, run_loop, write_report
 
 
@@ -62,7 +74,7 @@ def demo_command(
         original = felt(recording, touched.calibration, settings).cut(start_at, duration)
         skin = rig.skin()
         with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-            loop = run_loop(original, array, sensor, settings, stage=stage)
+            loop = run_loop(original, array, sensor, settings, lead=lead_of(settings), stage=stage)
     _keep(loop, output, object_name, f"--start-at {start_at:g}s --duration {duration:g}s")
     print_figures(
         "before and after correction", {f"pass {n + 1}": one.comparison.figures() for n, one in enumerate(loop.passes)}
@@ -79,6 +91,7 @@ def demo_command(
                 "E",
                 f"{100 * last.solution.error.mean():.1f} % on average, the paper reports 5 to 15 % for static patterns",
             ),
+            *level_rows(level_of(last.solution, last.target, band=settings.calibration.band)),
             ("report", str(output / "report.html")),
         ]
     )

@@ -11,6 +11,7 @@ from midair.cli.terminal import (
     banner,
     calibrated_by,
     calibration_figures,
+    level_of_file,
     print_json,
     print_rows,
     recording_figures,
@@ -22,6 +23,7 @@ from midair.files import contents, load_calibration, load_pressure, load_solutio
 from midair.model import Provenance, Setting
 from midair.reel import moments
 from midair.rig import calibration_rows, uncertainty_of
+from midair.targets import piece_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,14 +117,21 @@ def _told_of_drive(source: Path) -> _FileFacts:
     solution = load_solution(source, streamed=True)
     drive = solution.drive
     plays = np.array([status != "silent" for status in solution.status])
-    error, seconds, silent = solution.error[plays], drive.frames / drive.rate, int((~plays).sum())
-    mean, worst = (float(error.mean()), float(error.max())) if plays.any() else (None, None)
+    inside, seconds, silent = (
+        piece_of(drive.provenance, drive.frames, drive.rate),
+        drive.frames / drive.rate,
+        int((~plays).sum()),
+    )
+    error = solution.error[inside][plays[inside]]
+    mean, worst = (float(error.mean()), float(error.max())) if len(error) else (None, None)
+    level = level_of_file(source) if plays.any() else None
     rows = [
         ("drive", str(source)),
         ("source", drive.provenance.source),
         ("frames", f"{drive.frames} at {drive.rate:g} Hz, {seconds:.3f} s, {silent} silent"),
         ("array", f"{drive.array.name}, {drive.array.count} transducers"),
-        ("level", f"{drive.level.min():g} to {drive.level.max():g}"),
+        ("level", f"{drive.level.min():g} to {drive.level.max():g} of full drive"),
+        *([] if level is None else level.rows()),
         ("E", "nothing plays" if mean is None else f"mean {100 * mean:.1f} %, worst {100 * (worst or 0):.1f} %"),
         *((f"note: {name}", text) for name, text in drive.provenance.notes.items()),
     ]
@@ -135,6 +144,7 @@ def _told_of_drive(source: Path) -> _FileFacts:
         "silent_frames": silent,
         "array": {"name": drive.array.name, "transducers": drive.array.count},
         "level": [float(drive.level.min()), float(drive.level.max())],
+        "pressure": None if level is None else level.plain(),
         "E_mean": mean,
         "E_worst": worst,
     }

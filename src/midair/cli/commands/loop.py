@@ -24,11 +24,13 @@ from midair.cli.terminal import (
     say_air,
     say_how_long_to_come,
     stages,
+    warn_level,
 )
 from midair.devices import SilencerChoice
 from midair.errors import InputError
 from midair.files import load_placement
 from midair.flow import lead_of
+from midair.headroom import level_of
 from midair.rig import Loop, OpenRig, card_of_loop, open_rig, write_report
 from midair.rig import loop as go_round
 from midair.settings import Settings
@@ -118,7 +120,7 @@ def loop_command(
     iterate
         How often at most to correct the waveform and play again after that; it ends earlier when nothing helps.
     lead
-        Time before and after it in which pressure swells and a bias rises; what the mapping needs if not given.
+        Time before and after it, to swell and fade; what the mapping needs if not given.
     json
         Print JSON for a program.
 
@@ -146,18 +148,20 @@ def loop_command(
 
 
 def _print(loop: Loop, target: Path, json: bool) -> None:
-    card = card_of_loop(loop)
+    card, made = card_of_loop(loop), loop.passes[-1].reproduction
+    level = level_of(made.solution, made.target, band=loop.settings.calibration.band)
+    warn_level(level)
     if json:
         passes = [plain(one.comparison) | {"step": one.step} for one in loop.passes]
-        made = {"passes": passes, "taken_back": loop.taken_back, "end": loop.end}
+        went = {"passes": passes, "taken_back": loop.taken_back, "end": loop.end, "level": level.plain()}
         perception = None if card is None else card.plain()["figures"]
         simulated = loop.passes[-1].comparison.simulated
-        return print_json({"report": str(target), "simulated": simulated, **made, "perception": perception})
+        return print_json({"report": str(target), "simulated": simulated, **went, "perception": perception})
     figures = {f"pass {number + 1}": one.comparison.figures() for number, one in enumerate(loop.passes)}
     print_figures("before and after correction", figures)
     if card is not None:
         print_card(card)
     ended = [("iteration", f"{loop.end}; {loop.taken_back} steps taken back")] if loop.end else []
     silencer = str(loop.passes[-1].rerecorded.provenance.steps[-1].settings["silencer"])
-    print_rows([*ended, ("silencer", silencer), ("report", str(target))])
+    print_rows([*level.rows(), *ended, ("silencer", silencer), ("report", str(target))])
     return None

@@ -8,27 +8,33 @@ import numpy as np
 from midair.cli.terminal import (
     AirOptions,
     Force,
+    Json,
     PlayOptions,
     SolveOptions,
     Time,
     banner,
     felt_part,
+    level_of_file,
+    level_rows,
     may_write,
     play_on_array,
+    print_json,
     print_rows,
     quantity,
     say_air,
     say_room,
     stages,
+    warn_level,
 )
 from midair.errors import InputError
 from midair.evaluate import error_in_air
 from midair.files import load_placement, load_solution, load_target, save, save_solutions
 from midair.flow import Reproduction, lead_of, reproduce_parts
+from midair.headroom import level_of
 from midair.model import Acoustics
 from midair.rig import ArrayKind, VirtualRig, array_of_kind, rerecord
 from midair.settings import Settings
-from midair.targets import led_in
+from midair.targets import led_in, piece_of
 
 
 def solve_command(
@@ -43,6 +49,7 @@ def solve_command(
     array: ArrayKind = "autd3",
     placement: Path | None = None,
     force: Force = False,
+    json: Json = False,
 ) -> None:
     """Work out the drive with which the array presses as the sensor felt, frame by frame.
 
@@ -59,8 +66,7 @@ def solve_command(
     duration
         How much of the recording; all that is left if not given.
     lead
-        Time before and after it in which pressure swells and a bias rises; what the mapping needs if not given. The
-        drive tells it, and compare leaves it out.
+        Time before and after it, to swell and fade; what the mapping needs if not given.
     array
         autd3: two by two units. openmpd, openmpd-twin (experimental): one board, or two face to face.
     placement
@@ -88,18 +94,32 @@ def solve_command(
     # What was written: to look at the reels again would be to make them again.
     solution = load_solution(target, streamed=True)
     made = Reproduction(pressure=pressure, target=load_target(target, streamed=True) or wanted, solution=solution)
+    level = level_of(solution, made.target, band=settings.calibration.band)
+    inside = piece_of(made.target.provenance, made.target.frames, made.target.rate)
     plays = np.array([status != "silent" for status in solution.status])
-    error = 100 * solution.error[plays] if plays.any() else np.zeros(1)
+    # Of the piece alone: in the lead there is next to nothing to be met, of which any field is far off.
+    error = 100 * solution.error[inside][plays[inside]] if plays[inside].any() else np.zeros(1)
+    warn_level(level)
+    if json:
+        told = {"frames": made.target.frames, "lead_frames": inside.start, "rate_hz": made.target.rate}
+        met = {"E_mean": float(error.mean()) / 100, "E_worst": float(error.max()) / 100}
+        simulated = pressure.provenance.simulated
+        return print_json({"drive": str(target), "simulated": simulated, **told, **met, "level": level.plain()})
     print_rows(
         [
             ("drive", f"{target} for {transducers.name}, {transducers.count} transducers"),
-            ("frames", f"{made.target.frames} at {settings.target.rate:g} Hz, {int((~plays).sum())} silent"),
-            ("strength", f"{made.strength():.3f} of a single full focus"),
+            (
+                "frames",
+                f"{made.target.frames} at {settings.target.rate:g} Hz, {int((~plays).sum())} silent, {inside.start} of "
+                "lead at either end",
+            ),
+            *level.rows(),
             ("E", f"mean {error.mean():.1f} %, worst {error.max():.1f} %"),
             *_over_the_range(made, settings),
             ("solver", f"{settings.solver.name}, {solution.iterations[plays].mean():.1f} iterations a frame"),
         ]
     )
+    return None
 
 
 def _over_the_range(made: Reproduction, settings: Settings) -> list[tuple[str, str]]:
@@ -158,6 +178,7 @@ def play_command(
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
     drive = load_solution(source, streamed=True).drive
+    level = level_rows(level_of_file(source))
     rig = VirtualRig(array=drive.array, acoustics=None if room is None else Acoustics(medium=room), seed=seed)
     skin = rig.skin()
     banner(True)
@@ -174,6 +195,7 @@ def play_command(
             ("played", f"{drive.frames} frames at {drive.rate:g} Hz on {device}"),
             ("re-recorded", f"{target}, {recording.frames} frames at {recording.rate:g} Hz"),
             ("silencer", str(recording.provenance.steps[-1].settings["silencer"])),
+            *level,
             ("exposure", f"on a real array: {admission.exposure.verdict()}"),
         ]
     )

@@ -29,7 +29,15 @@ from midair.cli.terminal.options import BandOptions, Force, Frequency, Json, Len
 from midair.cli.terminal.originals import brought_together, felt_part, kept_aside, made_with
 from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
-from midair.cli.terminal.rows import calibrated_by, calibration_figures, recording_figures, recording_rows
+from midair.cli.terminal.rows import (
+    calibrated_by,
+    calibration_figures,
+    level_of_file,
+    level_rows,
+    recording_figures,
+    recording_rows,
+    warn_level,
+)
 from midair.cli.terminal.stage_options import Drawing, StageOptions, stroke_rows, strokes_of
 from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
 from midair.cli.terminal.take_output import plain_take, take_rows
@@ -72,6 +80,9 @@ __all__ = [
     "given_calibration",
     "keep",
     "made_with",
+    "level_of_file",
+    "level_rows",
+    "warn_level",
     "may_write",
     "nominal_calibration",
     "offer",

@@ -49,6 +49,6 @@ def say_air(medium: Medium, *, stated: bool) -> None:
 
 
 def note_air(line: str, *, warn: bool = False) -> None:
-    """A line about the air on the error stream."""
+    """A line about the air, or about the level, on the error stream."""
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     console.print(line, style="yellow" if warn else None, markup=False)

@@ -9,6 +9,7 @@ from midair.cli.terminal.air_options import note_air
 from midair.cli.terminal.console import banner, print_rows, stages
 from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long
 from midair.cli.terminal.options import Time
+from midair.cli.terminal.rows import level_of_file, level_rows
 from midair.devices import Admission, ArrayDevice, PlayReport, SilencerChoice, admit
 from midair.files import load_placement, load_solution, load_target
 from midair.model import Drive, Medium
@@ -59,7 +60,7 @@ def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium 
         drive = load_solution(source, streamed=array.streams).drive
         admission = options.admit(drive, array)
         say_room(drive, source, room)
-        print_rows([("exposure", admission.verdict())])
+        print_rows([*level_rows(level_of_file(source)), ("exposure", admission.verdict())])
         with stages() as stage, array:
             # Only now the units have said whether they are real.
             banner(array.simulated)

@@ -1,8 +1,13 @@
-"""What commands say of a recording, and of the calibration that it has."""
+"""What commands say of a recording, of the calibration that it has, and of how hard a drive presses."""
+
+from pathlib import Path
 
 import numpy as np
 
+from midair.cli.terminal.air_options import note_air
 from midair.cli.terminal.quantities import spell
+from midair.files import load_solution, load_target
+from midair.headroom import PressureLevel, band_of, level_of
 from midair.model import Calibration, Recording
 from midair.recordings import dead_channels
 
@@ -56,3 +61,23 @@ def calibrated_by(calibration: Calibration | None) -> str:
     if calibration is None:
         return "none; state one with midair calibrate --sensitivity or --peak"
     return " ".join(part for part in (calibration.provenance.source, calibration.date) if part)
+
+
+def level_of_file(source: Path) -> PressureLevel | None:
+    """How hard the drive of a file was asked to press, and what comes of it; None where its file has no target."""
+    target = load_target(source, streamed=True)
+    return None if target is None else level_of(load_solution(source, streamed=True), target, band=band_of(target))
+
+
+def level_rows(level: PressureLevel | None) -> list[tuple[str, str]]:
+    """In words; a warning goes to the error stream."""
+    if level is None:
+        return [("level", "its file does not tell what it was solved for")]
+    warn_level(level)
+    return level.rows()
+
+
+def warn_level(level: PressureLevel) -> None:
+    """Say on the error stream where more is asked for than comes, and what to do."""
+    if level.too_loud:
+        note_air(level.advice(), warn=True)

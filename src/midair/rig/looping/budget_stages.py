@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from midair.devices import SilencerChoice, choose_silencer
 from midair.dsp import band_energy
 from midair.evaluate import Budget, StageOutput, budget, heard_perfectly, leak
-from midair.flow import Reproduction, felt, mapped, reproduce, to_play
+from midair.flow import Reproduction, at_strength, felt, mapped, reproduce, to_play
 from midair.model import Acoustics, Drive, Palm, PressureFrames, Recording
 from midair.physics import (
     PlaybackChain,
@@ -76,6 +76,7 @@ def error_budget(
         Told the name of each stage as it begins.
     """
     asked = led_in(original, plan.lead)
+    plan = replace(plan, settings=at_strength(asked, plan.rig.array, plan.settings))
     made = reproduce(asked, plan.rig.array, plan.settings, progress=stage("solve"))
     outputs = [
         replace(

@@ -161,6 +161,11 @@ def run_loop(
     """
     if corrections < 0 or iterate < 0:
         raise InputError(f"corrections: expected 0 or more of each kind, got {corrections} and {iterate}")
+    if settings.target.strength is not None:
+        raise InputError(
+            f"strength: expected none in a loop, which finds the level at which the original comes back, got "
+            f"{settings.target.strength:g}; leave it out"
+        )
     chosen = exposure or usual_exposure()
     rig = Rig(array=array, sensor=sensor, exposure=chosen, lead=lead)
     beam = beam_test(array, sensor, sensor.calibration, settings, exposure=chosen, progress=stage("beam test"))

@@ -24,6 +24,7 @@ from midair.figures import (
     traces_figure,
 )
 from midair.files import whole_file
+from midair.headroom import level_of
 from midair.physics import propagate
 from midair.rig.looping.correction_loop import Loop
 from midair.settings import Settings
@@ -221,8 +222,16 @@ def _summary(loop: Loop) -> str:
         f"{solution.drive.array.name}, {solution.drive.array.count} transducers, at strength "
         f"{last.reproduction.strength():.2f}. After {len(loop.passes) - 1} correction(s) the re-recorded "
         f"pressure has a correlation of {last.comparison.correlation:.2f} with the original and "
-        f"{last.comparison.gain:.2f} times its amplitude."
+        f"{last.comparison.gain:.2f} times its amplitude. {_level(loop)}"
     )
+
+
+def _level(loop: Loop) -> str:
+    """How hard it was asked to press, what comes of it, and what can be had."""
+    made = loop.passes[-1].reproduction
+    level = level_of(made.solution, made.target, band=loop.settings.calibration.band)
+    said = dict(level.rows())
+    return f"Asked for: {said['asked']}. Of that {said['comes']}. Can be had: {said['can be had']}."
 
 
 def _figures(loop: Loop) -> list[Row]:

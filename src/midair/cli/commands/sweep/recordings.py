@@ -11,7 +11,8 @@ from cyclopts import App, CycloptsError, Parameter
 from midair.cli.terminal import SolveOptions, Time, out, quantity, say_air, show_trials, swept
 from midair.errors import InputError
 from midair.files import open_take
-from midair.flow import felt
+from midair.flow import at_strength, felt
+from midair.model import TransducerArray
 from midair.sweep import RecordingSweep, SweepTrial, load_sweep, trial_report
 
 Choice = tuple[str, Any]
@@ -84,13 +85,9 @@ def _trial(source: Path, variant: str, options: SolveOptions, start: float, dura
     # As midair solve reads it where it is cut: the filters of a reel are those of an array to a few parts in a million.
     take = open_take(source, streamed=settings.solver.name == "glide")
     pressure = felt(take.recording, take.calibration, settings)
-    whole = start == 0 and duration is None
-    return SweepTrial(
-        recording=source.name,
-        variant=variant,
-        pressure=pressure if whole else pressure.cut(start, duration),
-        settings=settings,
-    )
+    part = pressure if start == 0 and duration is None else pressure.cut(start, duration)
+    known = at_strength(part, TransducerArray.autd3(), settings)
+    return SweepTrial(recording=source.name, variant=variant, pressure=part, settings=known)
 
 
 def _variants(options: SolveOptions, vary: Sequence[str]) -> list[tuple[str, SolveOptions]]:

@@ -1,0 +1,102 @@
+"""How hard an array can press, and what a drive is told to."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.headroom import headroom, level_of, linear_range, thinned
+from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance, TransducerArray
+from midair.physics import radiation_pressure, sound_amplitude, transfer_matrix
+from midair.solvers import solve
+
+ARRAY = TransducerArray.autd3()
+GRID = ControlGrid(rows=6, columns=6, pitch=11e-3)
+
+
+@pytest.fixture(scope="module")
+def room():
+    return headroom(ARRAY, GRID)
+
+
+def test_a_focus_presses_with_all_transducers_in_step(room):
+    loudest = np.abs(transfer_matrix(GRID, ARRAY)).sum(axis=1).max()
+    assert room.focus == pytest.approx(float(radiation_pressure(np.array(loudest), Medium())))
+
+
+def test_all_cells_at_once_have_a_small_part_of_it(room):
+    """On the paper's points 33 Pa and 39 at most, against 1487 in a focus; on fewer points more."""
+    paper = headroom(ARRAY, ControlGrid())
+    assert paper.focus == pytest.approx(1487, abs=1)
+    assert 28 < paper.even < 40
+    assert paper.even < paper.most < 1.5 * paper.even
+    assert paper.swing == paper.even / 2
+    assert "1500 Pa in one focus" in str(paper)
+    assert "200 mm" in str(paper)
+    assert paper.even < room.even < room.focus
+
+
+def test_the_second_time_it_is_known(room):
+    assert headroom(TransducerArray.autd3(), GRID) is room
+    louder = replace(ARRAY, pressure=2 * ARRAY.pressure)
+    assert headroom(louder, GRID).focus == pytest.approx(4 * room.focus)
+    assert headroom(louder, GRID).even == pytest.approx(4 * room.even, rel=0.05)
+
+
+def test_a_fine_grid_costs_no_more_than_the_paper_s():
+    fine = ControlGrid(rows=40, columns=31, pitch=55e-3 / 40, centre=(3e-3, 0.0))
+    chosen, part = thinned(fine)
+    assert part.count == len(chosen) <= 256
+    np.testing.assert_allclose(part.position, fine.position[chosen], atol=1e-12)
+    assert thinned(GRID)[1] is GRID
+
+
+def level(asked, lead=0):
+    """A wave between nothing and `asked` Pa all over the grid, in the middle of silence."""
+    time = np.arange(100) / 1000
+    wave = asked / 2 * (1 - np.cos(2 * np.pi * 100 * time))
+    pressure = np.concatenate([np.zeros(lead), wave, np.zeros(lead)])[:, None] * np.ones(GRID.count)
+    life = Provenance().then("lead", {"lead_s": lead / 1000}) if lead else Provenance()
+    target = AmplitudeFrames(amplitude=sound_amplitude(pressure, Medium()), rate=1000.0, grid=GRID, provenance=life)
+    return level_of(solve(target, ARRAY, method="fast", iterations=20), target)
+
+
+def test_a_wave_of_20_pa_comes():
+    told = level(20.0)
+    assert told.asked == pytest.approx(20)
+    assert told.steady == pytest.approx(10, rel=0.01)
+    assert told.vibration == pytest.approx(10 / np.sqrt(2), rel=0.05)
+    assert told.comes == pytest.approx(1, abs=0.03)
+    assert told.strength == pytest.approx(np.sqrt(20 / told.headroom.focus))
+    assert not told.too_loud
+    assert told.advice() == ""
+    assert dict(told.rows())["asked"].startswith("20 Pa at most")
+
+
+def test_the_lead_does_not_count():
+    bare, led = level(20.0), level(20.0, lead=60)
+    assert led.steady == pytest.approx(bare.steady)
+    assert led.vibration == pytest.approx(bare.vibration)
+
+
+def test_above_the_linear_range_it_says_what_would_come():
+    told = level(1000.0)
+    assert told.too_loud
+    assert told.comes < 0.6
+    assert told.linear < 1000
+    assert "--strength" in told.advice()
+    fits = told.strength * np.sqrt(told.linear / told.asked)
+    assert f"--strength {fits:.2g}" in told.advice()
+    again = level(told.linear)
+    assert again.comes > 0.85
+    assert not again.too_loud
+
+
+def test_plain_values_carry_their_units():
+    plain = level(20.0).plain()
+    assert {"strength", "asked_pa", "steady_pa", "vibration_pa", "linear_pa", "comes", "too_loud"} < set(plain)
+    assert {"height_m", "focus_pa", "even_pa", "most_pa", "swing_pa"} == set(plain["can_be_had"])
+
+
+def test_silence_has_no_range():
+    assert linear_range(ARRAY, GRID, np.zeros(GRID.count)) == (0.0, 0.0)
