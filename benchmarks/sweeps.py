@@ -15,10 +15,16 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchmarks.clock import heading, line, load
+import numpy as np
+
+from benchmarks.clock import heading, line, load, timed
+from midair.datasets import stroke
+from midair.flow import at_rate, wanted
+from midair.reel import Reel, blocks
+from midair.settings import best_mode, paper_mode
 from midair.sweep import PatternSweep, load_sweep, run_sweep
 from midair.sweep.run import cluster
 
@@ -39,13 +45,16 @@ def main() -> None:
     ask.add_argument("--chunk", type=int, nargs="*", default=[16, 512], help="patterns a task (default 16 512)")
     ask.add_argument("--count", type=int, default=2048, help="patterns a sweep (default 2048)")
     ask.add_argument("--more", type=int, help="tasks; prints only what one costs scheduler and client")
+    ask.add_argument("--targets", action="store_true", help="prints only what targets of recordings cost the command")
     said = ask.parse_args()
     print(load())
+    if said.targets:
+        return targets()
     if said.more:
         few, many = (_cost(1, 1, count, method="naive").command for count in (50, 50 + said.more))
         cost = 1e3 * (many - few) / said.more
         print(f"{said.more} tasks more: {many - few:.2f} s of scheduler and client, {cost:.1f} ms a task; {load()}")
-        return
+        return None
     heading("wall s", "patterns/s", "efficiency", "solve s", "workers s", "command s", "ms a task")
     for chunk in said.chunk:
         lone = 0.0
@@ -57,6 +66,18 @@ def main() -> None:
             cells = (cost.wall, rate, rate / workers / lone, cost.solve, cost.workers, cost.command, each)
             line(f"{chunk} a task, {workers} workers", *cells, digits="1121121")
     print(load())
+    return None
+
+
+def targets() -> None:
+    """CPU time of working out and reading the targets of a towel, as the command does it twice for `glide`."""
+    for name, settings in (("paper", paper_mode()), ("best", best_mode())):
+        felt = at_rate(stroke("towel"), settings.target.rate)
+        cells = np.tile(felt.pressure, (4, 1, 1))
+        reel: np.ndarray = Reel(lambda first, last, cells=cells: cells[first:last], cells.shape)  # pyright: ignore[reportAssignmentType]
+        target = wanted(replace(felt, pressure=reel), settings).amplitude
+        _, cost = timed(lambda target=target: [block.any(axis=1) for block in blocks(target, 256)])
+        print(f"{name}: {1e3 * cost / len(cells):.0f} us a frame")
 
 
 def _cost(workers: int, chunk: int, count: int, *, method: str = "fast") -> Cost:
