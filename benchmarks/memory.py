@@ -3,14 +3,15 @@
     python -m benchmarks.memory --seconds 600 --folder /somewhere/with/30/GB
 
 The recording has 16 channels of float32 at 48 kHz, as a WAV and as a recording of midair; the drive 996 transducers at
-1 kHz. Each command is a process of its own; its peak is the largest resident set that the system saw (ru_maxrss), the
-interpreter and all libraries included.
+1 kHz. Each command is a process of its own; its peak is the largest resident set that the system saw of it (VmHWM: the
+ru_maxrss of a child begins with the peak of the program that started it), the interpreter and all libraries included.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import subprocess
 import sys
 import tempfile
 import time
@@ -35,15 +36,13 @@ def main() -> None:
     said = ask.parse_args()
     with tempfile.TemporaryDirectory(dir=said.folder) as folder:
         os.chdir(folder)
-        os.environ["MIDAIR_STATE"] = str(Path("state").resolve())
-        make_recording(Path("long.h5"), said.seconds)
-        make_drive(Path("long.drive.h5"), said.seconds)
-        make_wav(Path("brought.wav"), said.seconds)
+        _ENV["MIDAIR_STATE"] = str(Path("state").resolve())
+        make_all(said.seconds)
         print(f"{said.seconds:g} s: recording of 16 channels at 48 kHz, drive of 996 transducers at 1 kHz")
         print(f"{'command':60} {'peak MB':>8} {'s':>7}")
         for name, words in commands(said.seconds):
             if not said.only or name in said.only:
-                peak, lasted, status = weighed(["-m", "midair", *words])
+                peak, lasted, status = weighed(words)
                 said_of = "" if status == 0 else f"  status {status}"
                 print(f"{'midair ' + ' '.join(words):60} {peak:8.0f} {lasted:7.1f}{said_of}", flush=True)
 
@@ -53,29 +52,45 @@ def commands(seconds: float) -> Iterator[tuple[str, list[str]]]:
     middle = f"{seconds / 2:g}s"
     yield "info", ["info", "long.h5"]
     yield "cut", ["cut", "long.h5", "cut.h5", "--start", middle, "--end", f"{seconds / 2 + 1:g}s"]
+    yield "gain", ["gain", "long.h5", "gained.h5", "--by", "0.3"]
     yield "import", ["import", "brought.wav", "brought.h5", "--unit", "V", "--layout", "4x4:11mm"]
-    yield "export", ["export", "long.h5", "long.wav"]
+    yield "import, peak", ["import", "brought.wav", "brought.h5", "--unit", "V", "--peak", "30Pa", "--force"]
+    for ending in ("wav", "npz", "mat", "ahap"):
+        yield f"export, {ending}", ["export", "long.h5", f"long.{ending}"]
     yield "calibrate", ["calibrate", "long.h5", "--sensitivity", "20mV/Pa"]
     yield "info, calibrated", ["info", "long.h5"]
     yield "compare", ["compare", "long.h5", "long.h5"]
     yield "solve a part", ["solve", "long.h5", "part.drive.h5", "--start-at", middle, "--duration", "0.05s"]
-    yield "solve", ["solve", "long.h5", "solved.drive.h5", "--method", "naive", "--guard", "0mm"]
+    yield "solve", ["solve", "long.h5", "solved.drive.h5", "--method", "naive", "--guard", "0mm", "--rate", "1kHz"]
     yield "info, drive", ["info", "long.drive.h5"]
     yield "play", ["play", "long.drive.h5"]
     yield "repair", ["repair", "killed.h5"]
 
 
+_WEIGHED = """
+import atexit, sys
+from pathlib import Path
+from midair.__main__ import main
+
+def told():
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    Path("peak.txt").write_text(status.partition("VmHWM:")[2].split()[0], encoding="ascii")
+
+atexit.register(told)
+sys.argv[0] = "midair"
+main()
+"""
+
+
 def weighed(words: list[str]) -> tuple[float, float, int]:
-    """Peak in MB (10^6 bytes), seconds and exit status of a Python of its own."""
+    """Peak in MB (10^6 bytes), seconds and exit status of `midair` with these words, in the folder that is current."""
     start = time.monotonic()
-    child = os.posix_spawn(
-        sys.executable,
-        [sys.executable, *words],
-        os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-        file_actions=[(os.POSIX_SPAWN_OPEN, 1, "said.txt", os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)],
-    )
-    _, status, used = os.wait4(child, 0)
-    return used.ru_maxrss * 1024 / 1e6, time.monotonic() - start, os.waitstatus_to_exitcode(status)
+    with Path("said.txt").open("ab") as said:
+        done = subprocess.run([sys.executable, "-c", _WEIGHED, *words], stdout=said, stderr=said, check=False, env=_ENV)
+    return 1024 * int(Path("peak.txt").read_text(encoding="ascii")) / 1e6, time.monotonic() - start, done.returncode
+
+
+_ENV = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
 
 
 def noise(first: int, last: int, rate: int) -> np.ndarray:
@@ -84,6 +99,13 @@ def noise(first: int, last: int, rate: int) -> np.ndarray:
     at = np.arange(first, last)
     swell = 0.1 + 0.05 * np.sin(2 * np.pi * 0.3 * at / rate)
     return (swell[:, None, None] * pattern[at % rate]).astype(np.float32).astype(np.float64)
+
+
+def make_all(seconds: float) -> None:
+    """Every file that the commands need, in the folder that is current."""
+    make_recording(Path("long.h5"), seconds)
+    make_drive(Path("long.drive.h5"), seconds)
+    make_wav(Path("brought.wav"), seconds)
 
 
 def make_recording(path: Path, seconds: float) -> None:
@@ -132,7 +154,7 @@ def make_drive(path: Path, seconds: float) -> None:
                 provenance=Provenance(source="random phases", simulated=True),
             )
             status = ("converged",) * count
-            yield Solution(drive=drive, error=np.full(count, 0.1), iterations=np.ones(count), status=status)
+            yield Solution(drive=drive, error=np.full(count, 0.1), iterations=np.ones(count, np.int64), status=status)
 
     save_solutions(parts(), path, frames=frames)
 

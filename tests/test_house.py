@@ -24,6 +24,7 @@ WHOLE_SUITES = {
     "cli/commands/test_play_arrays.py": "the command play on each kind of array",
     "cli/commands/test_play_openmpd.py": "solve, play, stop and doctor on the boards of a second maker",
     "cli/commands/test_solve_terms.py": "the command solve with each term",
+    "cli/test_flat_memory.py": "what each command takes of the memory",
     "cli/test_commands.py": "the whole loop by commands, and what all commands have in common",
     "cli/test_help.py": "the help and the examples of every command",
     "devices/sensors/test_sensor_contract.py": "one contract, each kind of sensor",

@@ -1,5 +1,7 @@
 """What AUTD3's firmware emulator puts out, tick by tick, against the drive that was played."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import amplitude_of, phase_bytes
 from midair.model import Acoustics, Drive, Medium, Placement
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
+from midair.reel import Reel
 from midair.testing import overridden
 
 pytest.importorskip("autd3_emulator")
@@ -49,6 +52,20 @@ def assert_exact(drive, report, out, units, repeats=1):
     assert out.pulse_width[:first].max() == 0
     assert len(out.pulse_width) > first + 40 * frames
     assert out.pulse_width[first + 40 * frames :].max() == 0
+
+
+def test_frames_that_are_read_while_they_play_are_the_drive_s():
+    """No more than one of the pieces that are admitted, 512 frames, is asked for at once."""
+    drive, asked = noise(600), []
+
+    def read(first, last):
+        asked.append(last - first)
+        return drive.phase[first:last]
+
+    report, out = played(replace(drive, phase=Reel(read, drive.phase.shape)))
+    assert (report.frames, report.late, report.gap) == (600, 0, 0)
+    assert_exact(drive, report, out, 1)
+    assert 0 < max(asked) <= 512
 
 
 @pytest.mark.parametrize("frames", [1, 2, 250, 251, 600])
