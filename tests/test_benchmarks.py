@@ -22,6 +22,7 @@ SMALLEST = {
     "benchmarks.playback": ["--seconds", ".02", "--rate", "4000"],
     "benchmarks.air": ["--heights", ".2", "--duration", ".002"],
     "benchmarks.reels": ["--rows", "small 0.1"],
+    "benchmarks.palm": ["--things", "noise", "denim", "towel", "--ways", "quiet palm 0.1", "--duration", ".06"],
     "benchmarks.scale": ["--sizes", "1 4"],
     "benchmarks.sweeps": ["--count", "4", "--chunk", "2", "--workers", "1"],
 }
