@@ -5,16 +5,30 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from midair.datasets import stroke
 from midair.files import profile_named
-from midair.model import Acoustics, Drive, Medium, TransducerArray
-from midair.physics import ExposureProfile, Place, exposure, focus_phase, sound_level, transfer_matrix
-from midair.physics.exposure_search import ALLOWANCE, cone_points, cube_search
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
+from midair.physics import (
+    ExposureProfile,
+    Place,
+    exposure,
+    focus_amplitude,
+    focus_phase,
+    sound_level,
+    transfer_matrix,
+)
+from midair.physics.exposure_search import ALLOWANCE, CubeSearch, cube_search, searched_points
+from midair.solvers import solve
+from midair.targets import prepare
 
 ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")
 EAR = PROFILE.places[0]
 MISSED = 0.5
 """What the docs promise: never further below the loudest place, in dB."""
+
+TOO_MUCH = 1.5
+"""What they promise the other way: never further above it where sound is as loud as a drive makes it, in dB."""
 
 
 def alone(place):
@@ -42,72 +56,108 @@ def grid(place, wavelength=8.5e-3):
     return np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3) + place.position
 
 
-def somewhere(place, count, rng):
-    """Points of its cube, a third of them on its surface."""
+def somewhere(place, count, rng, surface=False):
+    """Points of its cube, a third of them on its surface, or all."""
     share = rng.uniform(-1, 1, (count, 3))
-    face = np.arange(0, count, 3)
+    face = np.arange(0, count, 1 if surface else 3)
     share[face, rng.integers(0, 3, len(face))] = rng.choice([-1, 1], len(face))
     return np.array(place.position) + place.reach * share
 
 
 def test_random_drives_on_a_grid_of_a_tenth_of_a_wavelength():
     place, rng = small(), np.random.default_rng(1)
-    told = drive(rng.uniform(0, 2 * np.pi, (100, ARRAY.count)), rng.random((100, ARRAY.count)))
+    told = drive(rng.uniform(0, 2 * np.pi, (40, ARRAY.count)), rng.random((40, ARRAY.count)))
     true = sound_level(np.abs(told.q @ transfer_matrix(grid(place), ARRAY).T).max(axis=1))
     missed = true - exposure(told, alone(place)).level[:, 0]
     assert missed.max() < MISSED
     # A ceiling that refuses everything would be no gate.
-    assert -2 < np.median(missed) < 0
+    assert np.median(missed) > -TOO_MUCH
 
 
 @pytest.mark.parametrize("place", PROFILE.places[:3], ids=lambda place: place.name)
 def test_foci_anywhere_in_the_cube(place):
     points = somewhere(place, 200, np.random.default_rng(2))
     told = drive(np.stack([focus_phase(ARRAY, point) for point in points]))
-    true = sound_level(np.abs((told.q * transfer_matrix(points, ARRAY)).sum(axis=1)))
+    # A focus far away is loudest somewhere before the point where all are in step.
+    anywhere = np.concatenate([points, grid(place, wavelength=80e-3)])
+    true = sound_level(np.abs(told.q @ transfer_matrix(anywhere, ARRAY).T).max(axis=1))
     over = exposure(told, alone(place)).level[:, 0] - true
     assert over.min() > -MISSED
-    assert over.max() < 2.0
+    assert over.max() < TOO_MUCH
 
 
-def test_a_search_for_gaps_finds_none_of_half_a_decibel():
+def test_sound_that_is_loud_just_outside_the_cube_does_not_count():
+    place = small()
+    beside = np.array([[place.reach + 3e-3, 0, 0], [0, -place.reach - 3e-3, 4e-3]])
+    told = drive(np.stack([focus_phase(ARRAY, np.array(place.position) + each) for each in beside]))
+    true = sound_level(np.abs(told.q @ transfer_matrix(grid(place), ARRAY).T).max(axis=1))
+    over = exposure(told, alone(place)).level[:, 0] - true
+    assert over.max() < TOO_MUCH
+    assert over.min() > -MISSED
+
+
+def hidden(told, wanted, place):
+    """By how much each drive is louder at the point wanted than the gate says, in dB."""
+    true = sound_level(np.abs((told.q * wanted).sum(axis=1)))
+    return true - exposure(told, alone(place)).level[:, 0]
+
+
+def attack(wanted, looked_at, steps):
     """Phases that are changed, step by step, to be loud at one point and quiet wherever the field is looked at."""
-    rng = np.random.default_rng(3)
-    looked_at = transfer_matrix(cone_points(EAR, ARRAY, Acoustics()), ARRAY).astype(np.complex64)
-    wanted = transfer_matrix(somewhere(EAR, 9, rng), ARRAY).astype(np.complex64)
     phase = -np.angle(wanted)
-    at_first, pace = phase.copy(), np.zeros_like(phase)
-    for step in range(60):
+    pace = np.zeros_like(phase)
+    for step in range(steps):
         q = np.exp(1j * phase).astype(np.complex64)
         seen, there = q @ looked_at.T, (q * wanted).sum(axis=1, keepdims=True)
         size = np.abs(seen)
-        weight = (size / size.max(axis=1, keepdims=True)) ** (8 + step)  # Nearly the loudest alone, at the end.
+        # Nearly the loudest alone, at the end.
+        weight = (size / size.max(axis=1, keepdims=True)) ** (8 + 60 * step / steps)
         weight /= weight.sum(axis=1, keepdims=True)
         uphill = wanted / there - (weight / size**2 * seen.conj()) @ looked_at
         slope = -(uphill * q).imag
         pace = 0.9 * pace + 0.03 * slope / np.sqrt((slope**2).mean(axis=1, keepdims=True))
-        phase += pace
-
-    def hidden(phase):
-        told = drive(phase)
-        true = sound_level(np.abs((told.q * wanted).sum(axis=1)))
-        return true - exposure(told, alone(EAR)).level[:, 0]
-
-    assert hidden(phase).max() > hidden(at_first).max() + 0.5  # The search does search.
-    assert hidden(phase).max() < MISSED
+        phase = phase + pace
+    return phase
 
 
-def test_what_modes_leave_out_is_put_on():
-    """The field by modes at its points is the field of the transfer matrix, within what it says that it leaves out."""
-    search, points = cube_search(EAR, ARRAY, Acoustics()), cone_points(EAR, ARRAY, Acoustics())
-    assert search.modes is not None
-    assert search.points == len(points)
-    true = transfer_matrix(points, ARRAY)
-    parts = (search.modes @ search.field).astype(float)
-    made = parts[: ARRAY.count, : len(points)].T + 1j * parts[: ARRAY.count, len(points) :].T
-    most = np.abs(true).sum(axis=1).max()
-    assert np.abs(made - true).sum(axis=1).max() < 1.3 * search.left_out
-    assert search.left_out < 3e-3 * most
+@pytest.mark.parametrize(
+    ("surface", "count", "steps"),
+    [(False, 4, 40), (True, 4, 40), pytest.param(True, 24, 600, marks=pytest.mark.slow)],
+)
+def test_a_search_for_gaps_finds_none_of_half_a_decibel(surface, count, steps):
+    rng = np.random.default_rng(3)
+    looked_at = transfer_matrix(searched_points(EAR, ARRAY, Acoustics()), ARRAY).astype(np.complex64)
+    wanted = transfer_matrix(somewhere(EAR, count, rng, surface), ARRAY).astype(np.complex64)
+    at_first, found = (hidden(drive(attack(wanted, looked_at, n)), wanted, EAR) for n in (0, steps))
+    assert found.max() > at_first.max() + 0.1  # The search does search.
+    assert found.max() < MISSED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("thing", ["towel", "sponge"])
+def test_strokes_are_said_no_more_than_one_and_a_half_decibels_too_loud(thing):
+    control = ControlGrid(height=0.2)
+    amplitude = prepare(stroke(thing), grid=control).amplitude
+    amplitude = amplitude[amplitude.max(axis=1).argsort()[-12:]]
+    amplitude = 0.15 * focus_amplitude(control, ARRAY) * amplitude / amplitude.max()
+    told = solve(AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=control), ARRAY, method="fast").drive
+    loudest = 0.0
+    points = grid(EAR)
+    for part in np.array_split(points, len(points) // 4096):
+        loudest = max(loudest, float(np.abs(told.q @ transfer_matrix(part, ARRAY).T).max()))
+    over = exposure(told, alone(EAR)).peak[0] - sound_level(np.array(loudest))
+    assert -MISSED < over < TOO_MUCH
+
+
+def test_the_field_is_that_of_the_transfer_matrix_at_all_points():
+    """Modes, shapes and planes leave out no more than they say."""
+    search, rng = cube_search(EAR, ARRAY, Acoustics()), np.random.default_rng(8)
+    assert isinstance(search, CubeSearch)
+    q = np.exp(1j * rng.uniform(0, 2 * np.pi, (8, ARRAY.count)))
+    true = np.abs(q @ transfer_matrix(searched_points(EAR, ARRAY, Acoustics()), ARRAY).T).max(axis=1)
+    found = search.loudest(np.concatenate([q.real, q.imag], axis=1).astype(np.float32)) / 10 ** (ALLOWANCE / 20)
+    np.testing.assert_allclose(found, true, atol=search.left_out)
+    assert search.left_out < 3e-3 * search.ceiling.sum()
 
 
 def test_no_more_than_all_transducers_in_step():
@@ -148,7 +198,7 @@ def test_other_arrays_and_airs(array, acoustics):
     field = np.abs(told.q @ transfer_matrix(grid(place), array, acoustics=acoustics).T)
     missed = sound_level(field.max(axis=1)) - exposure(told, alone(place)).level[:, 0]
     assert missed.max() < MISSED
-    assert np.median(missed) > -2 * ALLOWANCE
+    assert np.median(missed) > -TOO_MUCH
 
 
 def test_arrays_of_the_same_numbers_share_a_search_and_others_do_not():

@@ -6,8 +6,9 @@ from midair.physics.directivity import off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
 from midair.physics.exposure_level import Exposure, exposure, greatest_exposure, sound_level
 from midair.physics.exposure_places import ExposureProfile, Place
-from midair.physics.exposure_search import cone_points
+from midair.physics.exposure_search import searched_points
 from midair.physics.field_error import printed_error, relative_error
+from midair.physics.narrow_cone import cone_points
 from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_a_frame
 from midair.physics.propagation import (
     focus_amplitude,
@@ -54,6 +55,7 @@ __all__ = [
     "channel_volts",
     "check_frame_rate",
     "cone_points",
+    "searched_points",
     "envelope",
     "exposure",
     "felt_by_cells",

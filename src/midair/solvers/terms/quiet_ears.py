@@ -41,7 +41,7 @@ class QuietEars:
         """Rows whose fields' squares add up to the mean of |p|^2 over the cubes, shape (row, transducer), in Pa."""
         ears = [Place(name="ear", position=each, reach=self.reach, limit=0.0) for each in self.positions]
         # Half as close as the bound needs them: a mean is smoother than a maximum.
-        points = np.concatenate([cone_points(ear, array, acoustics, step=1.8, margin=0.0) for ear in ears])
+        points = np.concatenate([cone_points(ear, array, acoustics, step=1.8) for ear in ears])
         field = transfer_matrix(points, array, acoustics=acoustics) / np.sqrt(len(points))
         power, vectors = np.linalg.eigh(field @ field.conj().T)
         # 40 dB below the strongest is below what phases can do anything about.
