@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,12 @@ OUT = [ending for ending, form in FORMATS.items() if form.write]
 each_format = pytest.mark.parametrize("ending", BOTH)
 each_reader = pytest.mark.parametrize("ending", IN)
 each_writer = pytest.mark.parametrize("ending", OUT)
+
+
+@pytest.fixture(params=[ending for ending, form in FORMATS.items() if form.read and form.memory])
+def ending_of_whole(request):
+    return request.param
+
 
 numbers = st.floats(-1e9, 1e9, allow_subnormal=False).filter(lambda x: x == 0 or abs(x) > 1e-9)
 leaves = st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False) | st.text(max_size=8)
@@ -343,3 +350,24 @@ def test_a_reel_is_written_as_an_array_is(ending, tmp_path, monkeypatch):
     else:
         dated = [re.sub(r'"date":"[^"]*"', "", path.read_text()) for path in (one, two)]
         assert dated[0] == dated[1]
+
+
+def test_what_is_read_as_a_whole_is_refused_where_memory_is_short(ending_of_whole, tmp_path, monkeypatch):
+    path = tmp_path / f"big{ending_of_whole}"
+    path.write_bytes(bytes(1000))
+    monkeypatch.setattr("midair.ram.available", lambda: 1000)
+    with pytest.raises(InputError, match=r"GB of free memory, since all of it is held at once, got 1e-06 GB; cut it"):
+        open_take(path)
+
+
+@pytest.mark.parametrize("ending", [".csv", ".npz", ".mat"])
+def test_reading_takes_at_least_the_memory_that_is_said(ending, tmp_path):
+    samples = np.random.default_rng(0).normal(size=(3000, 4, 4))
+    path = tmp_path / f"a{ending}"
+    save(Recording(samples=samples, rate=1000.0), path)
+    open_take(path)
+    tracemalloc.start()
+    open_take(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert FORMATS[ending].memory * path.stat().st_size <= peak

@@ -1,6 +1,7 @@
 """Files: recordings, calibrations and drives in HDF5, and recordings in the formats of other programs."""
 
 from midair.files.atomic import refusing, whole_file, whole_folder, writable_path
+from midair.files.fitting import check_fits
 from midair.files.foreign import load_board
 from midair.files.formats import FORMATS, format_of, load, open_take, save
 from midair.files.harmless import no_formula, printable
@@ -46,6 +47,7 @@ __all__ = [
     "Loss",
     "NoLocksWarning",
     "RecordingWriter",
+    "check_fits",
     "check_unclaimed",
     "contents",
     "csv_text",

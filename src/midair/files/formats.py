@@ -9,6 +9,7 @@ import numpy as np
 
 from midair.errors import InputError, UnknownFormatError
 from midair.files.atomic import existing_file, refusing
+from midair.files.fitting import check_fits
 from midair.files.foreign import (
     read_csv,
     read_mat,
@@ -53,11 +54,14 @@ class Format:
         What to call it.
     read, write : callable or None
         The doors in and out; None where there is none.
+    memory : float
+        Bytes that reading takes at least for each byte of a file; 0 where it is read in parts.
     """
 
     name: str
     read: Reader | None = None
     write: Writer | None = None
+    memory: float = 0
 
 
 HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
@@ -65,17 +69,17 @@ HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
 FORMATS: Mapping[str, Format] = {
     ".h5": HDF5,
     ".hdf5": HDF5,
-    ".csv": Format(name="CSV", read=read_csv, write=write_csv),
+    ".csv": Format(name="CSV", read=read_csv, write=write_csv, memory=4),
     ".wav": Format(name="WAV", read=read_wav, write=write_wav),
-    ".npz": Format(name="NPZ", read=read_npz, write=write_npz),
-    ".mat": Format(name="MAT", read=read_mat, write=write_mat),
+    ".npz": Format(name="NPZ", read=read_npz, write=write_npz, memory=3),
+    ".mat": Format(name="MAT", read=read_mat, write=write_mat, memory=3),
     ".nc": Format(name="NetCDF of midair", read=read_recording, write=write_netcdf),
-    ".npy": Format(name="NPY", read=read_npy),
+    ".npy": Format(name="NPY", read=read_npy, memory=2),
     ".w64": Format(name="Wave64", read=read_wav),
     ".rf64": Format(name="RF64", read=read_wav),
-    ".xdf": Format(name="XDF", read=read_xdf),
-    ".tdms": Format(name="TDMS", read=read_tdms),
-    ".mcap": Format(name="MCAP", read=read_mcap),
+    ".xdf": Format(name="XDF", read=read_xdf, memory=3),
+    ".tdms": Format(name="TDMS", read=read_tdms, memory=3),
+    ".mcap": Format(name="MCAP", read=read_mcap, memory=3),
     ".hjif": Format(name="MPEG haptics", write=write_hjif),
     ".ahap": Format(name="AHAP", write=write_ahap),
 }
@@ -208,6 +212,9 @@ def open_take(
         known = ", ".join(ending for ending, each in FORMATS.items() if each.read)
         raise UnknownFormatError(f"{path}: {form.name} holds effects, not a recording; what can be read is {known}")
     file = existing_file(path)
+    if form.memory:
+        advice = "cut it, or bring it as .h5 or WAV, which are read in parts"
+        check_fits(form.memory * file.stat().st_size, f"{path}, a {form.name} file", advice)
     # Damaged numbers may overflow on the way; the recording refuses what is not finite.
     with refusing(file, f"a {form.name} file"), np.errstate(all="ignore"):
         chosen = None if channels is None else tuple(channels)

@@ -11,7 +11,7 @@ from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long
 from midair.cli.terminal.options import Time
 from midair.cli.terminal.rows import level_of_file, level_rows
 from midair.devices import Admission, ArrayDevice, PlayReport, SilencerChoice, admit
-from midair.files import load_placement, load_solution, load_target
+from midair.files import check_fits, load_placement, load_solution, load_target
 from midair.model import Drive, Medium
 from midair.rig import array_named, play_admitted, room_air
 
@@ -57,7 +57,13 @@ def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium 
     array = array_named(device, placement, silencer=options.silencer)
     # Reserved before a long drive is read and checked, so that this can be stopped too, and nobody else gets the units.
     with array.reserved():
-        drive = load_solution(source, streamed=array.streams).drive
+        drive = load_solution(source, streamed=True).drive
+        if not array.streams:
+            # Phases, and what the driver makes of them.
+            check_fits(
+                2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
+            )
+            drive = load_solution(source).drive
         admission = options.admit(drive, array)
         say_room(drive, source, room)
         print_rows([*level_rows(level_of_file(source)), ("exposure", admission.verdict())])
