@@ -5,7 +5,8 @@ BIN := $(VENV)/bin
 # One BLAS thread a process: more of them spin on small matrices and slow each other down.
 export OPENBLAS_NUM_THREADS ?= 1
 export MKL_NUM_THREADS ?= 1
-PARALLEL := --numprocesses 2 --dist worksteal
+# The last lines name the tests that took longest: CONTRIBUTING.md says what a fast one may take.
+PARALLEL := --numprocesses 2 --dist worksteal --durations 15 --durations-min 1
 # With COVERAGE set, as .ci/run does, the one run of the tests measures what they reach and fails below the floor in
 # pyproject.toml. Without: counting lines takes a quarter to a third more processor time on Python 3.11.
 COVER := $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
