@@ -64,7 +64,7 @@ def places(things: list[str]) -> None:
             ]
             out = leak(drive, made.target.amplitude, alike.target.grid, acoustics=air).peak
             shown = " | ".join(" ".join(f"{each:5.1f}" for each in row) for row in read)
-            print(f"{thing:10} {name:8} {shown} ; {out:.2f} ; {1e3 * cost / drive.frames:.2f}", flush=True)
+            print(f"{thing:10} {name:8} {shown} ; {out:.2f} ; {cost / drive.frames:.2f}", flush=True)
 
 
 def loops(things: list[str]) -> None:

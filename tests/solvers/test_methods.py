@@ -2,6 +2,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.solvers import METHODS, solver
+from midair.solvers.methods import check_terms
 
 
 def test_every_name_makes_its_method():
@@ -27,3 +28,8 @@ def test_iterations_and_start_reach_those_that_have_them():
 def test_wrong_settings_say_what_was_expected(call, message):
     with pytest.raises(InputError, match=message):
         solver(call.pop("method"), **call)
+
+
+def test_a_method_that_meets_points_alone_is_told_that_it_may():
+    with pytest.raises(InputError, match=r"method lm: .* got cells; choose fast or glide or fit points"):
+        check_terms("lm", {"cells", "guard"})

@@ -76,7 +76,7 @@ def check_terms(method: str | Method, asked: Iterable[Term]) -> None:
         taken = ", ".join(sorted(TAKES[method])) or "none"
         raise InputError(
             f"method {method}: expected terms that it takes ({taken}), got {', '.join(left)}; "
-            f"choose {' or '.join(able)}"
+            f"choose {' or '.join([*able, *(['fit points'] if 'cells' in left else [])])}"
         )
 
 
