@@ -14,7 +14,7 @@ import xarray
 import zarr
 
 from midair.datasets import am_stimulus
-from midair.errors import MismatchError
+from midair.errors import InputError, MismatchError
 from midair.files import load_solution
 from midair.flow import reproduce_parts
 from midair.model import ControlGrid, TransducerArray
@@ -117,6 +117,11 @@ def test_what_is_short_stands_in_its_own_order():
     whole = replace(SWEEP, trials=SWEEP.trials[1:])
     assert (whole.item, whole.shape) == ("frame", (2, 12))
     assert "blocks" not in whole.settings()
+
+
+def test_less_than_a_block_a_task_is_refused():
+    with pytest.raises(InputError, match="expected 1 block a task or more, got 0"):
+        replace(SWEEP, blocks=0)
 
 
 @pytest.fixture(scope="module")
