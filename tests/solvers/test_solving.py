@@ -260,7 +260,7 @@ def test_memory_of_parts_is_that_of_whole_blocks_of_every_job():
     """A part of a recording by bisection is a block a job, far more than the frames of another method's part."""
     long = target(np.zeros((20000, 16)))
     one, two = (memory_of(long, UNIT, method="glide", parts=True, jobs=jobs) for jobs in (1, 2))
-    assert two - one == pytest.approx(1024 * 249 * 64)
+    assert two - one == pytest.approx(1024 * 249 * 80)
     assert one > memory_of(long, UNIT, method="exact", parts=True)
     assert memory_of(long, UNIT, method="glide", jobs=2) > two
 
