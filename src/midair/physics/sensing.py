@@ -106,6 +106,11 @@ class SensorModel:
         if self.delay.min() < 0:
             raise InputError(f"delay of the sensor: expected 0 s or more, got {self.delay.min():g} s")
 
+    @classmethod
+    def usual(cls, grid: SensorGrid) -> "SensorModel":
+        """The usual sensor with these cells: of another pitch its cells are as much larger or smaller, 8 mm at 11."""
+        return cls(grid=grid, aperture=8e-3 * (grid.pitch / 11e-3))
+
     def with_spread(self, *, seed: int, gain: float = 0.1, corner: float = 0.1) -> "SensorModel":
         """The same sensor with channels that differ, as those of real sensors do.
 

@@ -10,7 +10,17 @@ from midair.devices import ArrayDevice, ExposureChoices, PlayReport, SensorDevic
 from midair.errors import InputError
 from midair.files import OpenedTake, load_calibration, open_take
 from midair.flow import felt, lead_of
-from midair.model import Acoustics, Calibration, Drive, Placement, PressureFrames, Progress, SensorWiring, Solution
+from midair.model import (
+    Acoustics,
+    Calibration,
+    Drive,
+    Placement,
+    PressureFrames,
+    Progress,
+    SensorGrid,
+    SensorWiring,
+    Solution,
+)
 from midair.rig.looping import Loop, Stage, quiet, run_loop
 from midair.rig.names import VirtualRig, array_named, sensor_named
 from midair.rig.playing import play_admitted, rerecord, usual_exposure
@@ -90,6 +100,8 @@ def open_rig(
     silencer: SilencerChoice | None = None,
     exposure: ExposureChoices | None = None,
     height: float = 0.2,
+    cells: SensorGrid | None = None,
+    band: tuple[float, float] = (20.0, 470.0),
     acoustics: Acoustics | None = None,
     seed: int = 0,
 ) -> OpenRig:
@@ -112,6 +124,10 @@ def open_rig(
         That every drive has to keep; the usual profile, with nobody answering for more, if None.
     height : float
         Of a virtual sensor above the array, in m.
+    cells : SensorGrid, optional
+        Of a virtual sensor; the paper's 4 x 4 if None.
+    band : tuple of float
+        (low, high) that a virtual sensor has to hear, in Hz.
     acoustics : Acoustics, optional
         Of the virtual rig: the air in which it plays, whatever a drive was solved for; each drive's own air if None.
     seed : int
@@ -124,7 +140,7 @@ def open_rig(
     InputError
         If a sensor, calibration or placement is given for the virtual array, which brings its own.
     """
-    virtual = VirtualRig(seed=seed, height=height, acoustics=acoustics)
+    virtual = VirtualRig(seed=seed, height=height, cells=cells or SensorGrid(), acoustics=acoustics).hearing(band)
     choices = exposure or usual_exposure()
     if array == "virtual":
         if sensor or calibration or placement:
@@ -285,7 +301,8 @@ def loop(
     if isinstance(original, OpenedTake):
         original = felt(original.recording, original.calibration, chosen)
     if isinstance(rig, str):
-        with open_rig(rig, height=chosen.target.grid.height) as opened:
+        height, band = chosen.target.grid.height, chosen.calibration.band
+        with open_rig(rig, height=height, cells=original.sensor, band=band) as opened:
             return loop(original, chosen, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
     if rig.sensor is None:
         raise InputError(f"loop on {rig.array.name}: expected a rig with a sensor, which must hear the array; got none")

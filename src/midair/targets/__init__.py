@@ -8,7 +8,7 @@ from midair.targets.lead import led_in, piece_of, usual_lead, without_lead
 from midair.targets.mapping import MAPPINGS, SlowBias, constant_offset, half_wave, mapping_of, slow_bias
 from midair.targets.mapping_stream import MappingStream
 from midair.targets.motion import Circle
-from midair.targets.preparing import Interpolated, prepare
+from midair.targets.preparing import Interpolated, cells_of, prepare
 
 __all__ = [
     "Circle",
@@ -17,6 +17,7 @@ __all__ = [
     "MappingReport",
     "MappingStream",
     "SlowBias",
+    "cells_of",
     "constant_offset",
     "coupling",
     "decouple",

@@ -58,7 +58,7 @@ def decouple(
     InputError
         If the cells cannot be told apart with these control points.
     """
-    grid, sensor = grid or ControlGrid(), sensor or SensorModel(grid=pressure.sensor)
+    grid, sensor = grid or ControlGrid(), sensor or SensorModel.usual(pressure.sensor)
     matrix = coupling(sensor, grid)
     condition = float(np.linalg.cond(matrix))
     if not condition <= worst:

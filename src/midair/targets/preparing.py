@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, SensorGrid, Setting
+from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, SensorGrid, Setting
 from midair.physics import sound_amplitude
 from midair.reel import Reel
 from midair.targets.interpolation import interpolation_matrix, moved_interpolation
@@ -87,6 +87,8 @@ def prepare(
         "interpolate": interpolate,
         "gain": gain,
         "alpha": medium.alpha,
+        "cells": pressure.sensor.shape,
+        "cell_pitch_m": pressure.sensor.pitch,
     }
     if circle is not None:
         settings |= {"circle_m": circle.radius, "circle_hz": circle.frequency, "motion": str(circle)}
@@ -103,3 +105,13 @@ def _spread(cells: Array, sensor: SensorGrid, grid: ControlGrid, circle: Circle 
     if circle is None:
         return cells @ interpolation_matrix(sensor, grid).T
     return moved_interpolation(cells, sensor, grid, circle.offset(time))
+
+
+def cells_of(provenance: Provenance) -> SensorGrid:
+    """The cells that a drive was made of, so that a virtual sensor can have the same; the paper's if nothing tells."""
+    for step in reversed(provenance.steps):
+        shape, pitch = step.settings.get("cells"), step.settings.get("cell_pitch_m")
+        if step.stage == "prepare" and isinstance(shape, tuple) and len(shape) == 2 and isinstance(pitch, int | float):
+            rows, columns = (int(length) for length in shape if isinstance(length, int | float))
+            return SensorGrid(rows=rows, columns=columns, pitch=float(pitch))
+    return SensorGrid()

@@ -82,9 +82,10 @@ def budget_command(
     if figure is not None:
         may_write(figure, force)
     original = felt_part(source, settings, start_at, duration)
+    band = settings.calibration.band
     plan = BudgetPlan(
         settings=settings,
-        rig=VirtualRig(seed=seed, height=settings.target.grid.height),
+        rig=VirtualRig(cells=original.sensor, seed=seed, height=settings.target.grid.height).hearing(band),
         silencer=silencer,
         palm=Palm.disc() if palm is None else load_palm(palm),
         lead=lead_of(settings) if lead is None else lead,
@@ -92,9 +93,7 @@ def budget_command(
     banner(True)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
     with stages() as stage:
-        made = error_budget(
-            original, plan, kept=kept_in_band(open_take(source).recording, settings.calibration.band), stage=stage
-        )
+        made = error_budget(original, plan, kept=kept_in_band(open_take(source).recording, band), stage=stage)
     if figure is not None:
         with whole_file(figure) as partial:
             partial.write_bytes(png(budget_figure([(source.name, made)])))

@@ -31,6 +31,7 @@ from midair.errors import InputError
 from midair.files import load_placement
 from midair.flow import lead_of
 from midair.headroom import level_of
+from midair.model import SensorGrid
 from midair.rig import Loop, OpenRig, card_of_loop, open_rig, write_report
 from midair.rig import loop as go_round
 from midair.settings import Settings
@@ -64,8 +65,8 @@ class RigOptions(ExposureOptions):
     placement: Path | None = None
     seed: int = 0
 
-    def rig(self, settings: Settings) -> OpenRig:
-        """Array and sensor, neither open yet."""
+    def rig(self, settings: Settings, cells: SensorGrid) -> OpenRig:
+        """Array and sensor, neither open yet; a virtual one has the cells of the recording and hears its band."""
         rig = open_rig(
             self.device,
             self.sensor,
@@ -74,6 +75,8 @@ class RigOptions(ExposureOptions):
             silencer=self.silencer,
             exposure=self.choices(),
             height=settings.target.grid.height,
+            cells=cells,
+            band=settings.calibration.band,
             seed=self.seed,
         )
         if self.device != "virtual" and (self.sensor is None or self.calibration is None):
@@ -131,9 +134,9 @@ def loop_command(
     target = output or Path(source.name.removesuffix(source.suffix) + ".html")
     options = options or SolveOptions()
     settings = options.settings()
-    opened = (rig or RigOptions()).rig(settings)
     may_write(target, force)
     original = felt_part(source, settings, start_at, duration)
+    opened = (rig or RigOptions()).rig(settings, original.sensor)
     banner(opened.array.simulated or original.provenance.simulated)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
     lead = lead_of(settings) if lead is None else lead

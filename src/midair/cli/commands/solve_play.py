@@ -34,7 +34,7 @@ from midair.headroom import level_of
 from midair.model import Acoustics
 from midair.rig import ArrayKind, VirtualRig, array_of_kind, rerecord
 from midair.settings import Settings
-from midair.targets import led_in, piece_of
+from midair.targets import cells_of, led_in, piece_of
 
 
 def solve_command(
@@ -66,7 +66,7 @@ def solve_command(
     duration
         How much of the recording; all that is left if not given.
     lead
-        Time before and after it, to swell and fade; what the mapping needs if not given.
+        Time around it to swell and fade.
     array
         autd3: two by two units. openmpd, openmpd-twin (experimental): one board, or two face to face.
     placement
@@ -179,7 +179,11 @@ def play_command(
     may_write(target, force)
     drive = load_solution(source, streamed=True).drive
     level = level_rows(level_of_file(source))
-    rig = VirtualRig(array=drive.array, acoustics=None if room is None else Acoustics(medium=room), seed=seed)
+    # The virtual sensor is as the drive was solved for: its cells, where it lies, what it has to hear.
+    known, around = Settings.of(drive.provenance) or Settings(), None if room is None else Acoustics(medium=room)
+    cells, height = cells_of(drive.provenance), known.target.grid.height
+    rig = VirtualRig(array=drive.array, cells=cells, height=height, acoustics=around, seed=seed)
+    rig = rig.hearing(known.calibration.band)
     skin = rig.skin()
     banner(True)
     say_room(drive, source, room, simulated=True)

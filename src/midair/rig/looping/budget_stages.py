@@ -128,7 +128,7 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
     on_cells = radiation_pressure(wanted.amplitude, settings.acoustics.medium) @ drawn.T
     yield StageOutput(
         name="interpolation",
-        what=f"spreads 16 cells over the palm, interpolating {settings.target.interpolate}",
+        what=f"spreads {asked.sensor.count} cells over the palm, interpolating {settings.target.interpolate}",
         pressure=_simulated(replace(asked, pressure=on_cells.reshape(asked.pressure.shape))),
     )
     outside = leak(drive, made.target.amplitude, settings.target.grid, acoustics=settings.acoustics)

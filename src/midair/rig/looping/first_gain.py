@@ -65,7 +65,7 @@ def focus_on_cell(array: TransducerArray, sensor: SensorGrid, channel: int, sett
     middle = np.array([x + grid.centre[0], y + grid.centre[1], grid.height])
     q = np.exp(1j * focus_phase(array, middle, acoustics=settings.acoustics))
     field = transfer_matrix(points, array, acoustics=settings.acoustics) @ q
-    weights = cell_weights(SensorModel(grid=sensor), points, centre=grid.centre)
+    weights = cell_weights(SensorModel.usual(sensor), points, centre=grid.centre)
     return float(weights[channel] @ radiation_pressure(field, settings.acoustics.medium))
 
 
@@ -100,7 +100,7 @@ def _pressed(part: PressureFrames, settings: Settings) -> Array:
             return np.abs(response)[:, None]
 
         target = filter_response(target, part.rate, quieter, reach=0.01)
-    weights = cell_weights(SensorModel(grid=part.sensor), points, centre=points.centre)
+    weights = cell_weights(SensorModel.usual(part.sensor), points, centre=points.centre, between="lines")
     pressed = radiation_pressure(target, settings.acoustics.medium) @ weights.T
     return pressed.reshape(part.pressure.shape)
 

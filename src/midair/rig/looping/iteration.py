@@ -108,7 +108,7 @@ def _nudged(original: PressureFrames, best: Pass, settings: Settings, step: floa
     chosen, grid = settings.compensation, settings.target.grid
     # What is slower than the band is not changed, and what is played late is not late.
     louder = precompensate(lacking, dynamics=chosen.dynamics, ramp=chosen.ramp)
-    weights = cell_weights(SensorModel(grid=original.sensor), grid, centre=grid.centre, between="waves")
+    weights = cell_weights(SensorModel.usual(original.sensor), grid, centre=grid.centre, between="waves")
     drive = MinimumNorm(dynamics=chosen.dynamics).corrected(
         best.reproduction.solution.drive, louder.pressure.reshape(louder.frames, -1), weights, grid
     )

@@ -1,10 +1,10 @@
 """A whole rig that exists only here: array, sensor, and the air between them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from midair.datasets import am_stimulus, stroke, taps
 from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
-from midair.errors import UnknownDeviceError
+from midair.errors import BandError, UnknownDeviceError
 from midair.model import Acoustics, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, TransducerDynamics
 
@@ -17,6 +17,8 @@ class VirtualRig:
     ----------
     array : TransducerArray
         The transducers.
+    cells : SensorGrid
+        The sensor's cells.
     height : float
         Height of the sensor above the array, in m.
     acoustics : Acoustics or None
@@ -35,6 +37,7 @@ class VirtualRig:
     """
 
     array: TransducerArray = field(default_factory=TransducerArray.autd3)
+    cells: SensorGrid = field(default_factory=SensorGrid)
     height: float = 0.2
     acoustics: Acoustics | None = None
     dynamics: TransducerDynamics = field(default_factory=TransducerDynamics)
@@ -46,7 +49,24 @@ class VirtualRig:
     @property
     def sensor_model(self) -> SensorModel:
         """The sensor, each channel a little different."""
-        return SensorModel(grid=SensorGrid(name=f"virtual sensor {self.seed}")).with_spread(seed=self.seed)
+        cells = replace(self.cells, name=f"virtual sensor {self.seed}")
+        return SensorModel.usual(cells).with_spread(seed=self.seed)
+
+    def hearing(self, band: tuple[float, float]) -> "VirtualRig":
+        """The same with a sensor that is fast enough for a band: at 1 kHz up to 487 Hz, at 8 kHz up to 3.9 kHz.
+
+        Raises
+        ------
+        BandError
+            If it reaches beyond that.
+        """
+        for rate in (1e3, 2e3, 4e3, 8e3):
+            if 2.05 * band[1] <= rate:
+                chosen = max(rate, self.rate)
+                return replace(self, rate=chosen, steps=max(2, round(self.rate * self.steps / chosen)))
+        raise BandError(
+            f"band: expected one up to 3900 Hz, which the virtual sensor hears, got {band[0]:g} to {band[1]:g} Hz"
+        )
 
     def skin(self) -> VirtualSkin:
         """The place where the sensor lies."""
