@@ -217,3 +217,12 @@ def test_arrays_of_the_same_numbers_share_a_search_and_others_do_not():
 
 def test_silence_is_silent():
     assert exposure(drive(np.zeros((3, ARRAY.count)), 0.0), PROFILE).peak == pytest.approx(-40)
+
+
+@pytest.mark.parametrize("attenuation", [40.0, 1e3])
+def test_an_air_that_swallows_all_sound(attenuation):
+    told = drive(np.zeros((2, ARRAY.count)), acoustics=Acoustics(medium=Medium(attenuation=attenuation)))
+    level = exposure(told, alone(small())).level
+    true = np.abs(told.q @ transfer_matrix(small().points, ARRAY, acoustics=told.acoustics).T).max(axis=1)
+    assert np.isfinite(level).all()
+    assert (level[:, 0] > sound_level(true) - MISSED).all()
