@@ -23,7 +23,7 @@ $(VENV)/dev: $(VENV)/run
 	touch $@
 
 demo: $(VENV)/run
-	$(BIN)/midair demo
+	$(BIN)/midair demo --force
 
 test: $(VENV)/dev
 	$(BIN)/python -m pytest $(PARALLEL) $(COVER)

@@ -1,6 +1,9 @@
 """The commands as a person types them: what they make, what they print, and their exit status."""
 
+import html
 import json
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -154,6 +157,28 @@ def test_demo_leaves_a_report_and_what_it_shows(capsys):
     assert "SIMULATED" in captured.err
     assert "frames/s" in captured.err
     assert "996 transducers" in captured.out
+
+
+def test_the_same_by_hand_gives_the_same_figures(capsys):
+    assert run(["demo", "out", "--duration", "0.05s", "--object-name", "sponge+groove", "--seed", "3", *QUICK]) == 0
+    page = Path("out/report.html").read_text(encoding="utf-8")
+    (said,) = re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)
+    lines = html.unescape(said).strip().splitlines()
+    assert len(lines) == 2
+    for line in lines:
+        assert run(shlex.split(line)[1:]) == 0
+    again = Path("report.html").read_text(encoding="utf-8")
+    figures = [re.findall(r"<table.*?</table>", text, re.DOTALL)[0] for text in (page, again)]
+    assert figures[0] == figures[1]
+    assert html.escape(lines[1]) in again
+
+
+def test_a_demo_is_not_written_over_in_silence(capsys, monkeypatch):
+    Path("out").mkdir()
+    Path("out/report.html").write_text("mine")
+    assert run(["demo", "out"]) == 1
+    assert "--force" in one_line_of(capsys)
+    assert Path("out/report.html").read_text() == "mine"
 
 
 WRONG = {

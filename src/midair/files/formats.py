@@ -16,6 +16,7 @@ from midair.files.foreign import (
     read_mcap,
     read_npy,
     read_npz,
+    read_sound,
     read_tdms,
     read_wav,
     read_xdf,
@@ -77,6 +78,11 @@ FORMATS: Mapping[str, Format] = {
     ".npy": Format(name="NPY", read=read_npy, memory=2),
     ".w64": Format(name="Wave64", read=read_wav),
     ".rf64": Format(name="RF64", read=read_wav),
+    ".flac": Format(name="FLAC", read=read_sound),
+    ".aiff": Format(name="AIFF", read=read_sound),
+    ".aif": Format(name="AIFF", read=read_sound),
+    ".ogg": Format(name="Ogg", read=read_sound),
+    ".mp3": Format(name="MP3", read=read_sound),
     ".xdf": Format(name="XDF", read=read_xdf, memory=3),
     ".tdms": Format(name="TDMS", read=read_tdms, memory=3),
     ".mcap": Format(name="MCAP", read=read_mcap, memory=3),
@@ -112,7 +118,8 @@ def load(
     Parameters
     ----------
     path : str or PathLike
-        Its ending tells the format: .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .npy, .mat, .nc, .xdf, .tdms or .mcap.
+        Its ending tells the format: .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .npy, .mat, .nc, .flac, .aiff, .ogg,
+        .mp3, .xdf, .tdms or .mcap.
     rate : float, optional
         Frames per second, in Hz.
     unit : {"V", "count", "Pa"}, optional

@@ -8,7 +8,8 @@ import pytest
 import soundfile
 
 from midair.cli import run
-from midair.cli.terminal.bringing import parse_layout, parse_patch
+from midair.cli.terminal.bringing import FileOptions, bring, parse_layout, parse_patch
+from midair.errors import InputError
 from midair.files import load, load_calibration, load_pressure, save, save_pressure
 from midair.model import Calibration, PressureFrames, Provenance, Recording, SensorGrid
 from midair.recordings.footprint import Footprint, covered
@@ -161,3 +162,19 @@ def test_an_imported_recording_of_midair_keeps_what_it_had(calibrated):
     assert run(["import", "take.h5", "again.h5"]) == 0
     assert load_calibration("again.h5") is not None
     np.testing.assert_array_equal(load_pressure("again.h5").pressure, 50 * calibrated.samples)
+
+
+def test_advice_is_in_the_words_of_the_command_line(tmp_path):
+    """What `AS_TYPED` replaces is still what the library says, and none of Python is left."""
+    np.savetxt(tmp_path / "five.csv", np.zeros((9, 5)), delimiter=",", header="a,b,c,d,e", comments="")
+    says = []
+    for given in ({}, {"rate": 1000.0}, {"rate": 1000.0, "unit": "V"}):
+        with pytest.raises(InputError) as refused:
+            bring(tmp_path / "five.csv", FileOptions(**given))
+        says.append(str(refused.value))
+    assert "--rate 1000Hz" in says[0]
+    assert "--unit V, count or Pa" in says[1]
+    assert "--scale 2Pa" in says[1]
+    assert "--layout ROWSxCOLUMNS:PITCH" in says[2]
+    assert "--channels 0,1" in says[2]
+    assert not any("=" in text.split(";")[-1] or "SensorGrid" in text for text in says)

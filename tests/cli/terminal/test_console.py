@@ -53,9 +53,12 @@ def test_stages_of_any_name(capsys):
 
 
 def test_flags_are_taken_out_wherever_they_stand():
-    assert flags_of(["-q", "solve", "-v", "a.h5"]) == (Talk(quiet=True, verbose=True), ["solve", "a.h5"])
-    assert flags_of(["solve", "--verbose"]) == (Talk(verbose=True), ["solve"])
-    assert flags_of(["info", "--", "-q"]) == (Talk(), ["info", "--", "-q"])
+    how, rest = flags_of(["-q", "solve", "-v", "a b.h5"])
+    assert (how.quiet, how.verbose, rest) == (True, True, ["solve", "a b.h5"])
+    assert how.line == "midair solve 'a b.h5'"
+    assert flags_of(["solve", "--verbose"])[0].verbose
+    how, rest = flags_of(["info", "--", "-q"])
+    assert (how.quiet, rest) == (False, ["info", "--", "-q"])
 
 
 @pytest.fixture

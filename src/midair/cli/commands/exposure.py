@@ -6,6 +6,7 @@ from typing import get_args
 
 from midair.cli.terminal import AirOptions, Force, Json, may_write, print_figures, print_json, print_rows, say_how_long
 from midair.devices import feeling, measure
+from midair.errors import InputError
 from midair.figures import exposure_figure, png
 from midair.files import DEFAULT_PROFILE, load_placement, load_solution, profile_named, whole_file
 from midair.model import Drive, TransducerArray
@@ -57,6 +58,8 @@ def exposure_command(
     --------
     $ midair exposure take.drive.h5
     """
+    if repeats < 1:
+        raise InputError(f"--repeats: expected 1 or more, got {repeats}")
     target = figure or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".exposure.png")
     chosen, room = profile_named(profile, profiles), (air or AirOptions()).medium()
     drawn = figure is not None or not json

@@ -24,6 +24,7 @@ from midair.cli.terminal import (
     say_air,
     say_how_long_to_come,
     stages,
+    talk,
     warn_level,
 )
 from midair.devices import SilencerChoice
@@ -134,7 +135,7 @@ def loop_command(
     target = output or Path(source.name.removesuffix(source.suffix) + ".html")
     options = options or SolveOptions()
     settings = options.settings()
-    may_write(target, force)
+    may_write(target, force, ".html")
     original = felt_part(source, settings, start_at, duration)
     opened = (rig or RigOptions()).rig(settings, original.sensor)
     banner(opened.array.simulated or original.provenance.simulated)
@@ -145,8 +146,7 @@ def loop_command(
     say_how_long_to_come(frames, opened.array.array, settings.acoustics, opened.exposure.profile)
     with stages() as stage, opened:
         loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
-    again = f" --iterate {iterate}" if iterate else ""
-    write_report(loop, target, commands=(f"midair loop {source.name} {target.name}{again}",))
+    write_report(loop, target, commands=(talk().line,))
     _print(loop, target, json)
 
 

@@ -83,7 +83,7 @@ def solve_command(
         raise InputError(f"--placement: expected --array autd3, whose units it places, got {array}; leave one out")
     transducers = array_of_kind(array) if placement is None else load_placement(placement).array()
     target = output or Path(source.name.removesuffix(source.suffix) + ".drive.h5")
-    may_write(target, force)
+    may_write(target, force, ".drive.h5")
     piece = felt_part(source, settings, start_at, duration, streamed=True)
     pressure = led_in(piece, lead_of(settings) if lead is None else lead)
     banner(pressure.provenance.simulated)

@@ -1,14 +1,16 @@
 """What a person says about a file that they bring: its channels, its layout, its footprint."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path as File
+from types import MappingProxyType
 from typing import Annotated, Any, get_args
 
 from cyclopts import Parameter, Token
 
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
+from midair.errors import InputError
 from midair.files import OpenedTake, open_take
 from midair.model import Recording, SensorGrid, Unit
 from midair.recordings import Footprint, Mending, Path, Shape, Turn, footprint_field, resample, suspicious
@@ -118,11 +120,38 @@ class FileOptions:
         return self.footprint is not None or self.resample is not None
 
 
+AS_TYPED: Mapping[str, str] = MappingProxyType(
+    {
+        "give it, such as rate=1000 (Hz)": "give it, such as --rate 1000Hz",
+        'give unit="V", "count" or "Pa"': "give --unit V, count or Pa",
+        "such as scale=2 (Pa)": "such as --scale 2Pa",
+        "give sensor=SensorGrid(rows=..., columns=..., pitch=...)": "give --layout ROWSxCOLUMNS:PITCH such as 4x4:11mm",
+        "channels=(...)": "--channels 0,1",
+        "(channels=)": "(--channels 0)",
+    }
+)
+"""What the library says to Python, and what a person types instead."""
+
+
+def as_typed(message: str) -> str:
+    """A message of the library in the words of the command line."""
+    for python, typed in AS_TYPED.items():
+        message = message.replace(python, typed)
+    return re.sub(r"got (rate|unit|scale)=", r"got --\1 ", message)
+
+
 def bring(file: File, options: FileOptions, *, streamed: bool = False, mending: Mending | None = None) -> OpenedTake:
     """The recording in a file, as the options make it, and what was assumed on the way.
 
     With `streamed` its samples may be a reel, as in `open_take`; what is mended or has a footprint is not.
     """
+    try:
+        return _brought(file, options, streamed=streamed, mending=mending)
+    except InputError as wrong:
+        raise type(wrong)(as_typed(str(wrong))) from wrong
+
+
+def _brought(file: File, options: FileOptions, *, streamed: bool, mending: Mending | None) -> OpenedTake:
     taken = open_take(
         file,
         rate=options.rate,

@@ -1,6 +1,7 @@
 """What the commands print: tables, progress, and JSON for programs; and how much of it (-q, -v)."""
 
 import json
+import shlex
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -28,11 +29,14 @@ class Talk:
     quiet : bool
         Neither bars nor meters. Results, warnings and errors are said all the same.
     verbose : bool
-        An error that nobody foresaw comes with its traceback; at the end time, memory and kernel.
+        An error that nobody foresaw comes with its traceback; at the end, the time that it took.
+    line : str
+        What was typed, as a shell takes it again.
     """
 
     quiet: bool = False
     verbose: bool = False
+    line: str = "midair"
 
 
 _talk: ContextVar[Talk | None] = ContextVar("talk", default=None)
@@ -58,7 +62,8 @@ def flags_of(tokens: Sequence[str]) -> tuple[Talk, list[str]]:
     ends = list(tokens).index("--") if "--" in tokens else len(tokens)
     said = {_FLAGS[token] for token in tokens[:ends] if token in _FLAGS}
     rest = [token for token in tokens[:ends] if token not in _FLAGS]
-    return Talk(quiet="quiet" in said, verbose="verbose" in said), [*rest, *tokens[ends:]]
+    rest += tokens[ends:]
+    return Talk(quiet="quiet" in said, verbose="verbose" in said, line=shlex.join(["midair", *rest])), rest
 
 
 class PlainConsole(Console):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from midair.cli.terminal.console import banner, out, print_json, print_rows
 from midair.errors import InputError
-from midair.files import Loss, check_unclaimed, save
+from midair.files import Loss, check_unclaimed, save, writable_path
 from midair.model import Calibration, Event, PressureFrames, Recording
 
 
@@ -54,8 +54,26 @@ def say_kept(
     return None
 
 
-def may_write(path: Path, force: bool) -> None:
-    """Refuse to write over a file unless told to, and over one that is being recorded in any case."""
+def may_write(path: Path, force: bool, *endings: str) -> None:
+    """Refuse a name before the work: without its folder, of a file that is there, or that is being recorded.
+
+    Parameters
+    ----------
+    path : Path
+        What is to be written.
+    force : bool
+        Whether a file may be written over; never one that is being recorded.
+    *endings : str
+        Of names that the writer takes; any if none is given.
+
+    Raises
+    ------
+    MidairError
+        Its leaf that says what is wrong with the name.
+    """
+    if endings and not path.name.lower().endswith(endings):
+        raise InputError(f"{path}: expected a name that ends in {' or '.join(endings)}")
+    writable_path(path)
     if path.exists() and not force:
         raise InputError(f"{path}: is there already; give another name, or --force to write over it")
     check_unclaimed(path)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union, get_
 
 from cyclopts import Parameter
 
-from midair.cli.terminal.quantities import quantity
+from midair.cli.terminal.quantities import quantity, spell
 from midair.errors import InputError
 from midair.files import load_solution
 from midair.settings import CHOICES, MODES, Choice, Mode, Settings, spelt
@@ -22,6 +22,10 @@ Time = Annotated[float, quantity("s")]
 Force = Annotated[bool, Parameter(alias="-f", help="Write over a file that is there.")]
 Json = Annotated[bool, Parameter(alias="-j", help="Print JSON for a program.")]
 Quiet = Annotated[bool, Parameter(help="Show nothing while it runs, as -q does.")]
+
+
+PLAUSIBLE = (20e-3, 1.0)
+"""Heights of a palm above an array, in m; outside of them a unit was mistyped."""
 
 
 class _Chosen:
@@ -48,14 +52,40 @@ class _Chosen:
             value = getattr(self, choice.name.replace("-", "_"), None)
             if value is not None:
                 made = choice.put(made, value)
+        if not PLAUSIBLE[0] <= made.target.grid.height <= PLAUSIBLE[1]:
+            low, high = (spell(each, "m") for each in PLAUSIBLE)
+            height = spell(made.target.grid.height, "m")
+            raise InputError(f"--height: expected {low} to {high} of a palm above the array, got {height}")
         if made.solver.jobs is None:
             made = made.but(jobs=_cores())
         return made
+
+    def typed(self) -> list[str]:
+        """What a person types to choose the same."""
+        words: list[str] = []
+        mode, path = getattr(self, "mode", None), getattr(self, "settings_file", None)
+        words += [] if mode is None else ["--mode", mode]
+        words += [] if path is None else ["--settings", str(path)]
+        for choice in CHOICES:
+            value = getattr(self, choice.name.replace("-", "_"), None)
+            if isinstance(value, bool):
+                words.append(f"--{choice.name}" if value else f"--no-{choice.name}")
+            elif value is not None:
+                many = value if isinstance(value, tuple) else (value,)
+                words += [f"--{choice.name}", *(_word(each, choice.unit) for each in many)]
+        return words
 
     @property
     def air_is_stated(self) -> bool:
         """Whether the air is a person's: by an option, or by the file that it is to be made like."""
         return getattr(self, "temperature", None) is not None or getattr(self, "settings_file", None) is not None
+
+
+def _word(value: Any, unit: str) -> str:
+    """A value as it is typed, exactly."""
+    if not unit:
+        return str(value)
+    return f"{100 * value!r}%" if unit == "%" else f"{value!r}{unit}"
 
 
 def _cores() -> int:

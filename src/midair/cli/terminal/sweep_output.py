@@ -6,12 +6,15 @@ from contextlib import contextmanager
 from rich.table import Table as Shown
 
 from midair.cli.terminal.console import banner, bars, err, out
+from midair.errors import InputError
 from midair.model import Progress as Advance
 from midair.sweep import PatternReport, Sweep, TrialReport, run_sweep
 
 
 def swept(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | None) -> int:
     """Run a sweep with a progress bar; its exit status."""
+    if not where.rstrip("/").endswith(".zarr"):
+        raise InputError(f"{where}: expected a name that ends in .zarr for a sweep")
     try:
         with sweep_bar("patterns" if sweep.kind == "patterns" else "frames") as progress:
             run_sweep(sweep, where, scheduler=scheduler, workers=workers, progress=progress)

@@ -78,7 +78,7 @@ def read_wav(path: Path, given: Given) -> OpenedTake:
             raise BrokenFileError(f"{path}: expected PCM, float or µ-law in a WAV, got {file.format} with {subtype}")
         samples: Any = _reel(path, file) if given.streamed else file.read(dtype="float64", always_2d=True)
     if header is None:
-        return _foreign(samples, subtype, float(rate), given, path).settle(given, path)
+        return sound_of(samples, subtype, float(rate), given, path).settle(given, path)
     parsed = parse_header(header.decode("ascii"), path)
     exponent = parsed["scale_exponent"]
     recording = recording_from(parsed, each_frame(samples, lambda block: np.ldexp(block, exponent), exact=True), path)
@@ -104,16 +104,32 @@ def _reel(path: Path, file: "soundfile.SoundFile") -> Reel:
     return Reel(read, (file.frames, file.channels), stored="f4" if fits else "f8")
 
 
-def _foreign(samples: Any, subtype: str, rate: float, given: Given, path: Path) -> Foreign:
-    """The rate given may be the exact one of which a WAV holds the nearest whole number."""
+def sound_of(samples: Any, subtype: str, rate: float, given: Given, path: Path, *, form: str = "WAV") -> Foreign:
+    """What a sound file says: samples below full scale, and its rate, of which it holds the nearest whole number.
+
+    Parameters
+    ----------
+    samples : ndarray or Reel, shape (frame, channel)
+        As a part of full scale.
+    subtype : str
+        As libsndfile calls it.
+    rate : float
+        That the file says, in Hz; the one given may be the exact one.
+    given : Given
+        What a person stated.
+    path : Path
+        For messages.
+    form : str
+        What to call the format.
+    """
     exact = given.rate if given.rate is not None and round(given.rate) == rate else rate
     full = f"1 {given.unit}" if given.scale is None else f"{given.scale:g} Pa"
-    scale, remark = 1.0, f"Full scale of the WAV ({subtype}) was taken as {full}."
+    scale, remark = 1.0, f"Full scale of the {form} ({subtype}) was taken as {full}."
     if given.unit == "count" and given.scale is None:
         scale, remark = _counts(subtype, path)
     return Foreign(
         samples=each_frame(samples, lambda block: block * scale, exact=of_two(scale)),
-        form="WAV",
+        form=form,
         rate=exact,
         settings={"subtype": subtype, "scale": scale},
         report=(remark,),

@@ -12,8 +12,8 @@ _DESCENT = 40
 """Rows of single precision, one number a transducer, that a frame of a batch has on the way."""
 _ROWS = 128
 _ANSWER = 10
-"""Rows of double precision that a frame of the answer has: its phases as found, held and rounded, the drive, that of the
-part before, and two complex numbers a transducer while the error is worked out; the rest is what blocks leave behind."""
+"""Rows of double precision that a frame of the answer has: its phases as found, held and rounded, the drive, that of
+the part before, and two complex numbers a transducer while the error is worked out; the rest is what blocks leave."""
 _PLAIN = 6
 """Matrices of 2 M x 2 M halves of a complex number, in the plain form of the paper's step."""
 

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from midair.cli.terminal import say
+from midair.errors import InputError
 from midair.figures import png
 from midair.files import whole_file
 from midair.study import (
@@ -56,6 +57,8 @@ def power_command(
     --------
     $ midair study power paired --effect 0.8
     """
+    if not 0 < power < 1:
+        raise InputError(f"--power: expected between 0 and 1, got {power:g}")
     if test == "paired":
         say(f"{participants_for_paired_t(d_z=effect, power=power)} pairs for power {power:g} at d_z = {effect:g}.")
         return

@@ -49,7 +49,7 @@ def new_command(
     /,
     *,
     source: Path | None = None,
-    participants: int = 0,
+    participants: int | None = None,
     seed: int | None = None,
 ) -> None:
     """Draw the plan of a new study into the folder NAME.
@@ -69,10 +69,14 @@ def new_command(
     --------
     $ midair study new touch --participants 3
     """
+    if participants is not None and participants < 1:
+        raise InputError(f"--participants: expected 1 or more, got {participants}")
     text = paper_design_text() if source is None else read_text(source, "the TOML of a study")
     path = Path(name)
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum())
-    design = read_design(text, name=kept, participants=participants, seed=seed)
+    if not kept:
+        raise InputError(f"NAME: expected letters or digits in the last part of it, got {name!r}")
+    design = read_design(text, name=kept, participants=participants or 0, seed=seed)
     plan = StudyFolder.create(path, text, design).plan()
     say(f"{path}: {len(plan.of(1))} trials for each of {design.participants} participants, plan {plan.digest}.")
     for number in range(1, design.participants + 1):

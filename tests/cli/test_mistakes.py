@@ -1,0 +1,287 @@
+"""What people type wrong, all in one table: one line that says so, the status, nothing left, nothing changed."""
+
+import os
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from midair.cli import run
+from midair.files import save
+from midair.model import Recording, SensorGrid
+
+MISTAKES = (
+    ("slove take.h5", 2, 'Unknown command "slove". Did you'),
+    ("--verison", 2, 'Unknown command "--verison".'),
+    ("record", 2, 'Command "record" parameter SENSOR'),
+    ("record virtual:towel x.h5 --duration 1", 2, "expected a quantity such as 0.5s,"),
+    ("record virtual:towel x.h5 --duration -1s", 2, 'Command "record" parameter'),
+    ("record virtual: x.h5", 2, "expected virtual:OBJECT,"),
+    ("record towel x.h5", 2, "expected virtual:OBJECT,"),
+    ("record virtual:towel x.wav", 1, "expected NAME.h5, or a folder that"),
+    ("record virtual:towel nowhere/x.h5", 1, "expected the folder"),
+    ("record virtual:towel there.h5", 1, "there.h5: is there already; give"),
+    ("record virtual:towel x.h5 --repeats 0", 1, "expected 1 or more, got 0"),
+    ("record virtual:towel x.h5 --sensor nothing.toml", 1, "expected a TOML file that"),
+    ("record virtual:towel x.h5 --sensor broken.toml", 1, "expected a TOML file that"),
+    ("record replay:nothing.h5 x.h5", 1, "expected a file, found none; check"),
+    ("record lsl: x.h5", 2, "expected virtual:OBJECT,"),
+    ("record serial:/dev/nothing x.h5", 1, "expected a port /dev/nothing, got:"),
+    ("record virtual:towel x.h5 --trigger 3mm", 1, "expected a quantity such as 1V,"),
+    (
+        "record virtual:towel x.h5 --stage grbl:/dev/nothing --stroke 120mm --speed 50mm/s",
+        1,
+        "expected a TOML file that says",
+    ),
+    ("info", 2, 'Command "info" parameter SOURCE'),
+    ("info nothing.h5", 1, "expected a file, found none; check"),
+    ("info .", 1, "expected a name that ends in .h5,"),
+    ("info text.csv", 1, "expected a number, got 'no"),
+    ("info nothing.txt", 1, "expected a name that ends in .h5,"),
+    ("info take.h5 take.h5", 2, "Unused Tokens: ['take.h5']."),
+    ("info take.h5 --jsn", 2, "Unknown option: --jsn. Did you"),
+    ("import", 2, 'Command "import" parameter SOURCE'),
+    ("import nothing.wav", 1, "expected a file, found none; check"),
+    ("import song.wav", 1, "give --unit V, count or Pa, or"),
+    ("import song.wav --unit Volt", 2, 'Invalid value "Volt" for --unit.'),
+    ("import song.wav --scale 30", 2, "expected a quantity such as 30Pa,"),
+    ("import song.wav --scale 30mm", 2, "expected a quantity such as 30Pa,"),
+    ("import song.wav --unit V --footprint circle", 2, "expected SHAPE:SIZE such as"),
+    ("import song.wav --unit V --footprint circle:20", 2, "expected a quantity such as 200mm,"),
+    ("import song.wav --unit V --footprint star:20mm", 2, "expected SHAPE:SIZE such as"),
+    ("import song.wav --unit V --footprint circle:20mm --speed 50", 2, "expected a quantity such as"),
+    ("import song.wav --unit V --layout 4x4", 2, "expected ROWSxCOLUMNS:PITCH such"),
+    ("import song.wav --unit V --layout 4x4:11mm", 1, "song.wav: the file has 1 channels,"),
+    ("import song.wav --unit V --channels 7", 1, "expected a channel by name (no"),
+    ("import song.wav x.txt --unit V", 1, "expected a name that ends in .h5,"),
+    ("import song.wav x.drive.h5 --unit V", 1, "expected a recording; names that"),
+    ("import song.wav --unit V --rate 44100Hz", 1, "got --rate 44100; leave rate out"),
+    ("import song.wav --unit V --path z", 2, 'Invalid value "z" for --path.'),
+    ("import five.csv", 1, "five.csv: the file does not say"),
+    ("import five.csv --unit V", 1, "five.csv: the file does not say"),
+    (
+        "import five.csv --unit V --rate 1kHz",
+        1,
+        "give --layout ROWSxCOLUMNS:PITCH such as 4x4:11mm, or choose some with --channels 0,1",
+    ),
+    ("import gaps.csv --unit V", 1, "expected finite numbers, got nan"),
+    ("import x.hjif", 1, "x.hjif: MPEG haptics holds"),
+    ("import x.m4a", 1, "expected a name that ends in .h5,"),
+    ("import sample:fur", 1, "expected one of denim, got 'fur'"),
+    ("import sample:", 1, "expected one of denim, got ''"),
+    ("import take.h5 --peak 30", 2, "expected a quantity such as 30Pa,"),
+    ("import take.h5 --peak -30Pa", 2, 'Command "import" parameter --peak'),
+    ("import take.h5 --sensitivity 20", 1, "take.h5: is there already; give"),
+    ("import take.h5 --sensitivity 20mV", 1, "take.h5: is there already; give"),
+    ("mend gaps.csv --unit V --longest 20", 2, "expected a quantity such as 0.5s,"),
+    ("mend gaps.csv --unit V --fill magic", 2, 'Invalid value "magic" for --fill.'),
+    ("export take.h5", 2, 'Command "export" parameter OUTPUT'),
+    ("export take.h5 take.h5", 1, "take.h5: is there already; give"),
+    ("export take.h5 take", 1, "expected a name that ends in .h5,"),
+    ("export take.h5 take.xlsx", 1, "expected a name that ends in .h5,"),
+    ("export take.h5 nowhere/take.csv", 1, "expected the folder"),
+    ("export raw.h5 x.csv --pressure", 1, "expected calibrated pressure in"),
+    ("cut take.h5", 2, 'Command "cut" parameter OUTPUT'),
+    ("cut take.h5 x.h5 --start 5s", 1, "expected a part of 0 to 0.3 s, got"),
+    ("cut take.h5 x.h5 --start 0.2s --end 0.1s", 1, "expected a part of 0 to 0.3 s, got"),
+    ("cut take.h5 x.h5 --start 100", 2, "expected a quantity such as 0.5s,"),
+    ("cut take.h5 take.h5", 1, "take.h5: is there already; give"),
+    ("join take.h5", 1, "expected two recordings or more"),
+    ("join take.h5 small.h5 x.h5", 1, "expected sensor <SensorGrid 4 x 4"),
+    ("join take.h5 nothing.h5 x.h5", 1, "expected a file, found none; check"),
+    ("resample take.h5 x.h5", 2, 'Command "resample" parameter'),
+    ("resample take.h5 x.h5 --rate 0Hz", 1, "expected a number above 0 Hz, got"),
+    ("resample take.h5 x.h5 --rate -1kHz", 2, 'Command "resample" parameter'),
+    ("resample take.h5 x.h5 --rate 1GHz", 1, "0.3 s at 1e+09 Hz take 38.4 GB, expected less"),
+    ("resample take.h5 x.h5 --rate 4000", 2, "expected a quantity such as 20Hz,"),
+    ("gain take.h5 x.h5", 2, 'Command "gain" parameter --by'),
+    ("gain take.h5 x.h5 --by loud", 1, "expected a factor such as 2 or"),
+    ("gain take.h5 x.h5 --by 2 --channels 16", 1, "expected numbers of 0 to 15 with"),
+    ("mask take.h5 x.h5 --channels 16", 1, "expected numbers of 0 to 15 with"),
+    ("mask take.h5 x.h5 --channels one", 1, "expected numbers of 0 to 15 with"),
+    ("mask take.h5 x.h5 --channels 1 --fill magic", 2, 'Invalid value "magic" for --fill.'),
+    ("trim take.h5 x.h5 --share 2", 1, "expected a share of 0 to below 1,"),
+    ("repair nothing.h5", 1, "expected a file, found none; check"),
+    ("repair text.csv", 1, "expected an HDF5 file of midair,"),
+    ("calibrate", 2, 'Command "calibrate" parameter'),
+    ("calibrate raw.h5", 1, "expected a calibration for a"),
+    ("calibrate raw.h5 --sensitivity 0mV/Pa", 1, "expected a number other than 0"),
+    ("calibrate raw.h5 --peak 0Pa", 1, "expected a pressure above 0 and a"),
+    ("calibrate raw.h5 --peak 30Pa --sensitivity 20mV/Pa", 1, "expected --sensitivity or --peak,"),
+    ("calibrate raw.h5 --calibration nothing.calibration.h5", 1, "expected a file, found none; check"),
+    ("calibrate raw.h5 --calibration raw.h5", 1, "expected a calibration in it,"),
+    ("calibrate take.h5 --band 20Hz", 2, 'Command "calibrate" parameter'),
+    ("calibrate take.h5 --band 20Hz 470Hz 500Hz", 2, "Unused Tokens: ['500Hz']."),
+    ("calibrate take.h5 --band 20Hz 1kHz", 1, "expected 0 <= low < high <= 500"),
+    ("calibrate show raw.h5", 1, "expected a calibration in it,"),
+    ("calibrate show take.h5 page.pdf", 1, "expected a name that ends in .png"),
+    ("calibrate measure take.h5", 1, "expected either files of its own"),
+    (
+        "calibrate measure take.h5 --reference nothing.h5 --reference-sensitivity 50mV/Pa",
+        1,
+        "expected a file, found none; check",
+    ),
+    ("calibrate tone take.h5", 2, 'Command "calibrate tone" parameter'),
+    ("calibrate tone take.h5 --pressure loud", 1, "expected a quantity such as 30Pa,"),
+    ("calibrate tone take.h5 --pressure 114dB --frequency 900Hz", 1, "expected below 500 Hz, half the"),
+    ("calibrate beam lsl: --device nothing", 2, "expected virtual:OBJECT,"),
+    ("solve raw.h5", 1, "expected a calibration for a"),
+    ("solve take.h5 out.h5", 1, "expected a name that ends in"),
+    ("solve take.h5 nowhere/out.drive.h5", 1, "expected the folder"),
+    ("solve take.h5 there.drive.h5", 1, "there.drive.h5: is there already;"),
+    ("solve take.h5 x.drive.h5 --height 200m", 1, "expected 20mm to 1m of a palm"),
+    ("solve take.h5 x.drive.h5 --height 200parsec", 1, "expected 20mm to 1m of a palm"),
+    ("solve take.h5 x.drive.h5 --height 2mm", 1, "expected 20mm to 1m of a palm"),
+    ("solve take.h5 x.drive.h5 --height nan", 2, "expected a quantity such as 200mm,"),
+    ("solve take.h5 x.drive.h5 --points 3.5", 1, "expected cells that the control"),
+    ("solve take.h5 x.drive.h5 --rate 3kHz", 1, "expected 40000 Hz over a whole"),
+    ("solve take.h5 x.drive.h5 --rate 0Hz", 1, "expected a number above 0 Hz, got"),
+    ("solve take.h5 x.drive.h5 --mode bestest", 2, 'Invalid value "bestest" for'),
+    ("solve take.h5 x.drive.h5 --mode best --settings there.drive.h5", 1, "expected --mode or --settings, got"),
+    ("solve take.h5 x.drive.h5 --settings nothing.toml", 1, "expected settings in TOML; it is"),
+    ("solve take.h5 x.drive.h5 --settings broken.toml", 1, "expected settings in TOML, got:"),
+    ("solve take.h5 x.drive.h5 --guard 20", 2, "expected a quantity such as 200mm,"),
+    ("solve take.h5 x.drive.h5 --guard -20mm", 2, 'Command "solve" parameter --guard'),
+    ("solve take.h5 x.drive.h5 --smooth -1", 1, "expected 0 or more, got -1"),
+    ("solve take.h5 x.drive.h5 --robust 2mm", 2, "expected a quantity such as 2C,"),
+    ("solve take.h5 x.drive.h5 --humidity 50", 2, "expected a quantity such as 50%,"),
+    ("solve take.h5 x.drive.h5 --humidity 150%", 1, "expected 0 to 1 (0 % to 100 %),"),
+    ("solve take.h5 x.drive.h5 --temperature 22K", 1, "expected 0 to 50 degrees Celsius,"),
+    ("solve take.h5 x.drive.h5 --backend cuda", 1, "expected one of numpy, torch,"),
+    ("solve take.h5 x.drive.h5 --jobs 0", 1, "expected 1 or more, got 0"),
+    ("solve take.h5 x.drive.h5 --duration 0s", 1, "expected a part of 0 to 0.3 s, got"),
+    ("solve take.h5 x.drive.h5 --start-at 2s", 1, "expected a part of 0 to 0.3 s, got"),
+    ("solve take.h5 x.drive.h5 --array ultrahaptics", 2, 'Invalid value "ultrahaptics" for'),
+    ("solve take.h5 x.drive.h5 --placement nothing.toml", 1, "expected a TOML file with the"),
+    ("solve take.h5 x.drive.h5 --placement broken.toml", 1, "expected a TOML file with the"),
+    ("solve take.h5 x.drive.h5 --fit skin", 2, 'Invalid value "skin" for --fit.'),
+    ("solve take.h5 x.drive.h5 --amplitudes loud", 2, 'Invalid value "loud" for'),
+    ("solve take.h5 x.drive.h5 --level loud", 2, "Invalid value for --level: unable"),
+    ("solve take.h5 x.drive.h5 --start zeros", 2, 'Invalid value "zeros" for --start.'),
+    ("play", 2, 'Command "play" parameter SOURCE'),
+    ("play take.h5", 1, "expected a midair drive, got"),
+    ("play there.drive.h5 there.h5", 2, "Unused Tokens: ['there.h5']."),
+    ("play there.drive.h5 --device autd", 2, "expected virtual, autd3,"),
+    ("play there.drive.h5 --output nowhere/x.h5", 1, "expected the folder"),
+    ("play there.drive.h5 --temperature 22", 2, "expected a quantity such as 22C,"),
+    ("play there.drive.h5 --profile nothing", 1, "expected one of occupational-110,"),
+    ("play there.drive.h5 --profiles broken.toml", 1, "expected TOML, got: Invalid value"),
+    ("exposure take.h5", 1, "expected a midair drive, got"),
+    ("exposure there.drive.h5 --profile nothing", 1, "expected one of occupational-110,"),
+    ("exposure there.drive.h5 --repeats 0", 1, "--repeats"),
+    ("stop --device nothing", 2, "expected virtual, autd3,"),
+    ("compare take.h5", 2, 'Command "compare" parameter'),
+    ("compare take.h5 small.h5", 1, "expected the original's (4, 4)"),
+    ("compare take.h5 raw.h5", 1, "expected a calibration for a"),
+    ("compare take.h5 there.drive.h5", 1, "expected a recording; names that"),
+    ("loop raw.h5", 1, "expected a calibration for a"),
+    ("loop take.h5 report.pdf", 1, ".html"),
+    ("loop take.h5 report.html --corrections -1", 1, "expected 0 or more of each kind,"),
+    ("loop take.h5 nowhere/report.html", 1, "expected the folder"),
+    ("budget raw.h5", 1, "expected a calibration for a"),
+    ("budget take.h5 --silencer loud", 2, 'Invalid value "loud" for'),
+    ("demo there", 1, "there: holds an earlier demo; give"),
+    ("demo x --object-name cat", 2, "cat"),
+    ("demo x --duration 0s", 1, "--duration"),
+    ("paper --figure 5", 2, 'Invalid value "5" for --figure.'),
+    ("paper --mode loud", 2, 'Invalid value "loud" for --mode.'),
+    ("paper --things cat --fidelity", 1, "expected the folder"),
+    ("identify", 2, 'Command "identify" parameter'),
+    ("identify virtual:cats", 2, "expected brush, sponge or towel"),
+    ("doctor --verbos", 2, "Unknown option: --verbos."),
+    ("study new t --participants 0", 1, "expected 1 or more, got 0"),
+    ("study new t --source nothing.toml", 1, "expected the TOML of a study; it"),
+    ("study new t --source broken.toml", 1, "expected TOML, got: Invalid value"),
+    ("study new !!!", 1, "letters"),
+    ("study run nothing", 1, "expected a study with a plan.json;"),
+    ("study run nothing --participant 1", 1, "expected a study with a plan.json;"),
+    ("study analyse nothing", 1, "expected a table, got no such file"),
+    ("study analyse five.csv", 1, "expected `presented` and"),
+    ("study export nothing out", 1, "expected a study with a plan.json;"),
+    ("study power paired", 2, 'Command "study power" parameter'),
+    ("study power guess --effect 0.8", 2, 'Invalid value "guess" for TEST.'),
+    ("study power paired --effect 0", 1, "expected to reach 0.8 with d_z = 0"),
+    ("study power paired --effect 0.8 --power 2", 1, "--power"),
+    ("sweep patterns", 2, 'Command "sweep patterns" parameter'),
+    ("sweep patterns x.zarr --count 0", 1, "expected 1 to 65535 (curves: from"),
+    ("sweep patterns x.zarr --strength loud", 2, "Invalid value for --strength:"),
+    ("sweep patterns x.txt", 1, ".zarr"),
+    ("sweep recordings x.zarr", 1, "expected recordings after the name"),
+    ("sweep recordings x.zarr nothing.h5", 1, "expected a file, found none; check"),
+    ("sweep recordings x.zarr take.h5 --vary heigth=150mm", 1, "--vary heigth: Unknown option:"),
+    ("sweep recordings x.zarr take.h5 --vary height", 1, "expected OPTION=VALUE,VALUE such"),
+    ("sweep report nothing.zarr", 1, "expected a sweep, found none; make"),
+    ("completion tcsh", 2, 'Invalid value "tcsh" for SHELL.'),
+)
+"""What is typed in a folder of `files`, the status, and words of the one line that comes."""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Recordings with and without a calibration, a drive, files of other programs, damaged ones."""
+    folder, before = tmp_path_factory.mktemp("mistakes"), os.getcwd()
+    os.chdir(folder)
+    try:
+        rng = np.random.default_rng(3)
+        samples = rng.normal(size=(300, 4, 4))
+        for name in ("raw.h5", "take.h5", "there.h5"):
+            save(Recording(samples=samples, rate=1000), name)
+        assert run(["calibrate", "take.h5", "--peak", "30Pa"]) == 0
+        assert (
+            run(
+                [
+                    "solve",
+                    "take.h5",
+                    "there.drive.h5",
+                    "--mode",
+                    "paper",
+                    "--method",
+                    "naive",
+                    "--duration",
+                    "10ms",
+                    "--lead",
+                    "0s",
+                ]
+            )
+            == 0
+        )
+        small = SensorGrid(rows=2, columns=2)
+        save(Recording(samples=samples[:, :2, :2], rate=1000, unit="Pa", sensor=small), "small.h5")
+        soundfile.write("song.wav", 0.5 * np.sin(np.arange(4000) / 9), 8000)
+        Path("text.csv").write_text("this is\nno recording\n")
+        Path("broken.toml").write_text("a = = 3\n")
+        np.savetxt("five.csv", rng.normal(size=(50, 5)), delimiter=",", header="a,b,c,d,e", comments="")
+        gaps = rng.normal(size=(50, 16))
+        gaps[3, 3] = np.nan
+        np.savetxt("gaps.csv", gaps, delimiter=",")
+        Path("x.hjif").write_text("{}")
+        Path("x.m4a").write_text("x")
+        Path("there").mkdir()
+        Path("there/report.html").write_text("x")
+    finally:
+        os.chdir(before)
+    return folder
+
+
+def state(folder):
+    return {path: path.stat().st_mtime_ns for path in sorted(folder.rglob("*"))}
+
+
+@pytest.mark.parametrize(("typed", "status", "words"), MISTAKES, ids=[typed for typed, _, _ in MISTAKES])
+def test_a_mistake_is_one_line(files, monkeypatch, capsys, typed, status, words):
+    monkeypatch.chdir(files)
+    before = state(files)
+    capsys.readouterr()
+    assert run(shlex.split(typed)) == status
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("midair: ")]
+    assert len(lines) == 1
+    assert words in lines[0]
+    assert "error in midair" not in lines[0]
+    assert state(files) == before
+
+
+def test_there_are_as_many_as_were_tried():
+    assert len(MISTAKES) >= 150
+    assert len({typed for typed, _, _ in MISTAKES}) == len(MISTAKES)
