@@ -121,7 +121,7 @@ CHOICES: tuple[Choice, ...] = (
     Choice(
         name="compensate",
         path="compensation.compensate",
-        help="Where: on the sound at all frequencies, or on the pressure within 20 to 480 Hz.",
+        help="On the sound, or on the pressure within 20 to 480 Hz.",
     ),
     Choice(name="method", path="solver.method", help="The solver; lm is the paper's, exact its cheaper form."),
     Choice(
@@ -129,7 +129,7 @@ CHOICES: tuple[Choice, ...] = (
         path="solver.iterations",
         help="At most, for the first frame and for each later one; 50 and 20 in the paper.",
     ),
-    Choice(name="start", path="solver.start", help="Where a frame starts: from the one before, or zero."),
+    Choice(name="start", path="solver.start", help="Where a frame starts."),
     Choice(
         name="level", path="solver.level", help="Drive of all transducers, 0 to 1; auto: what the loudest frame needs."
     ),
@@ -149,9 +149,7 @@ CHOICES: tuple[Choice, ...] = (
         path="solver.fit",
         help="What is met: points; windows, wherever a palm lies; or cells, for one place of a sensor alone.",
     ),
-    Choice(
-        name="smooth", path="solver.smooth", help="Weight of the change of phase from frame to frame; 0.01 is much."
-    ),
+    Choice(name="smooth", path="solver.smooth", help="Weight of phases that change; 0.01 is much."),
     Choice(
         name="robust",
         path="solver.robust",
@@ -171,14 +169,14 @@ CHOICES: tuple[Choice, ...] = (
     Choice(
         name="backend",
         path="solver.backend",
-        help="What does the arithmetic of fast and glide: numpy, torch, torch:cuda or cupy.",
+        help="Of fast and glide: numpy, torch, torch:cuda or cupy.",
     ),
-    Choice(name="jobs", path="solver.jobs", help="Blocks of glide that are solved at once; all cores if not given."),
+    Choice(name="jobs", path="solver.jobs", help="Blocks of glide at once; all cores if not given."),
     Choice(
         name="temperature",
         path="acoustics.medium.temperature",
         unit="C",
-        help="Of the air; the paper's 340 m/s, which is 14C, if none.",
+        help="Of the air; none: the paper's 340 m/s, 14C.",
     ),
     Choice(name="humidity", path="acoustics.medium.humidity", unit="%", help="Of the air, relative."),
     Choice(name="directivity", path="acoustics.directivity", help="Of a transducer."),
