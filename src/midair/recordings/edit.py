@@ -11,7 +11,6 @@ from midair import dsp
 from midair.errors import InputError, MismatchError, ShapeError
 from midair.medians import medians
 from midair.model import Provenance, Recording, Setting, Step
-from midair.ram import available
 from midair.reel import Reel, blocks, chained, each_frame, moments
 from midair.validation import frozen_array, positive
 
@@ -96,16 +95,10 @@ def resample(recording: Recording, rate: float) -> Recording:
     Raises
     ------
     InputError
-        If the rate is not above 0, or so high that the memory does not hold the result.
+        If the rate is not above 0.
     """
     rate = positive(rate, "rate", "Hz")
     exact = _rate_of(recording.rate, rate)
-    needed, free = 8 * recording.samples.size * exact / recording.rate, available()
-    if free is not None and needed > free:
-        raise InputError(
-            f"rate: {recording.duration:.3g} s at {exact:.6g} Hz take {needed / 1e9:.3g} GB, expected less than the "
-            f"{free / 1e9:.3g} GB that are free; choose a lower rate or cut the recording"
-        )
     settings: dict[str, Setting] = {"from_hz": recording.rate, "to_hz": exact}
     samples = dsp.resample(recording.samples, recording.rate, rate)
     return replace(recording, samples=samples, rate=exact, provenance=recording.provenance.then("resample", settings))

@@ -23,7 +23,7 @@ from midair.cli.terminal import (
     say_kept,
 )
 from midair.errors import InputError
-from midair.files import contents, open_take
+from midair.files import check_fits, contents, open_take
 from midair.model import Calibration, Recording
 
 Names = Annotated[tuple[str, ...], parsed(parse_names, "NUMBERS")]
@@ -106,7 +106,13 @@ def resample_command(
     $ midair resample take.h5 fine.h5 --rate 4kHz
     """
     may_write(output, force)
-    _write(recordings.resample(open_take(source, streamed=True).recording, rate), [source], output, json=json)
+    recording = open_take(source, streamed=True).recording
+    check_fits(
+        8 * recording.samples.size * max(rate, 0) / recording.rate,
+        f"--rate: {recording.duration:.3g} s at {rate:.6g} Hz",
+        "choose a lower rate or cut the recording",
+    )
+    _write(recordings.resample(recording, rate), [source], output, json=json)
 
 
 def trim_command(

@@ -65,7 +65,7 @@ def focus_on_cell(array: TransducerArray, sensor: SensorGrid, channel: int, sett
     middle = np.array([x + grid.centre[0], y + grid.centre[1], grid.height])
     q = np.exp(1j * focus_phase(array, middle, acoustics=settings.acoustics))
     field = transfer_matrix(points, array, acoustics=settings.acoustics) @ q
-    weights = cell_weights(SensorModel.usual(sensor), points, centre=grid.centre)
+    weights = cell_weights(SensorModel.usual(sensor), points, centre=grid.centre, between="waves")
     return float(weights[channel] @ radiation_pressure(field, settings.acoustics.medium))
 
 
@@ -100,7 +100,10 @@ def _pressed(part: PressureFrames, settings: Settings) -> Array:
             return np.abs(response)[:, None]
 
         target = filter_response(target, part.rate, quieter, reach=0.01)
-    weights = cell_weights(SensorModel.usual(part.sensor), points, centre=points.centre, between="lines")
+    # Sound rounds the peaks of an amplitude that is interpolated, and presses more beside them than lines say: of one
+    # modulated focus a first pass is 1.13 times too strong by lines, .99 by steps, .89 by waves.
+    between = "lines" if settings.target.interpolate == "pressure" else "steps"
+    weights = cell_weights(SensorModel.usual(part.sensor), points, centre=points.centre, between=between)
     pressed = radiation_pressure(target, settings.acoustics.medium) @ weights.T
     return pressed.reshape(part.pressure.shape)
 
