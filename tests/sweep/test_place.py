@@ -11,7 +11,7 @@ import zarr
 from midair.errors import InputError, MismatchError, MissingExtraError, MissingFileError
 from midair.sweep.pattern_sweep import PatternSweep
 from midair.sweep.place import SweepFolder, place_of
-from midair.sweep.run import run_sweep
+from midair.sweep.run import do, run_sweep
 from midair.sweep.store import load_sweep, open_sweep
 
 SWEEP = PatternSweep(count=10, curve_count=4, chunk=4, strengths=(0.1,), curve_heights=(0.3,), method="naive")
@@ -45,6 +45,39 @@ def test_an_object_store_holds_what_a_folder_holds(bucket, tmp_path, finished, t
     assert there.settings == here.settings
     with pytest.raises(MismatchError, match="seed"), open_sweep(bucket, replace(SWEEP, seed=1)):
         pass
+
+
+@pytest.fixture
+def s3(monkeypatch):
+    """An address in a bucket that a server on loopback holds, by packages that the tests do not ask for."""
+    pytest.importorskip("s3fs")
+    server = pytest.importorskip("moto.server").ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    for name, value in {
+        "AWS_ENDPOINT_URL": f"http://{host}:{port}",
+        "AWS_ACCESS_KEY_ID": "nobody",
+        "AWS_SECRET_ACCESS_KEY": "nothing",
+        "AWS_DEFAULT_REGION": "us-east-1",
+    }.items():
+        monkeypatch.setenv(name, value)
+    fsspec.filesystem("s3").mkdir("bucket")
+    yield "s3://bucket/all.zarr"
+    server.stop()
+
+
+@pytest.mark.slow
+def test_s3_holds_what_a_folder_holds_written_by_workers_and_gone_on_with(s3, tmp_path, finished):
+    here = finished(tmp_path / "s.zarr", SWEEP)
+    with open_sweep(s3, SWEEP) as store:
+        first = store.missing()[0]
+        store.write(do(SWEEP.job(first), first))
+    assert load_sweep(s3).known == first.count
+    assert run_sweep(SWEEP, s3, workers=2) == here.known - first.count
+    there = load_sweep(s3)
+    for name in ("error", "rounded_error", "strength"):
+        np.testing.assert_array_equal(getattr(there, name), getattr(here, name))
+    assert run_sweep(SWEEP, s3, workers=2) == 0
 
 
 def test_a_beginning_that_was_interrupted_is_made_whole(bucket, monkeypatch, finished):
