@@ -100,3 +100,21 @@ def test_of_reels_all_figures_are_the_same():
     for read, whole in zip(perceptual_card(*kept).figures, perceptual_card(original, later).figures, strict=True):
         assert read.overall == pytest.approx(whole.overall, rel=1e-12)
         np.testing.assert_allclose(read.channels, whole.channels, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (1.0, "A palm would feel it, as strong as the original and with much the same spectrum"),
+        (4.0, "A palm would feel it, stronger than the original"),
+        (0.3, "A palm would feel it, weaker than the original"),
+        (1e-4, "A palm would not feel it"),
+    ],
+)
+def test_a_verdict_in_one_sentence(factor, said):
+    time = np.arange(400) / 1000
+    wave = 20 * np.sin(2 * np.pi * 200 * time)[:, None, None] * np.ones((1, 4, 4))
+    original = PressureFrames(pressure=wave, rate=1000.0)
+    verdict = perceptual_card(original, PressureFrames(pressure=factor * wave, rate=1000.0)).verdict()
+    assert verdict.startswith(said)
+    assert "not tried on people" in verdict

@@ -66,6 +66,7 @@ class PerceptualCard:
         """Plain values for JSON; cells that are not compared are null."""
         return {
             "simulated": self.simulated,
+            "verdict": self.verdict(),
             "figures": [
                 {
                     "name": each.name,
@@ -77,6 +78,25 @@ class PerceptualCard:
                 for each in self.figures
             ],
         }
+
+    def verdict(self) -> str:
+        """One sentence: whether a palm would feel it by this model, and whether it would be like the original.
+
+        Felt from 0 dB over the threshold on; as strong within one just noticeable difference (Forta, Griffin and
+        Morioka 2012); of the same felt spectrum where SPQI is .5 or more, a difference of a fifth of the power. A model
+        says so, not people.
+        """
+        felt, steps = (
+            self.figure(name).overall
+            for name in ("Pacinian power, reproduced", "the same in just noticeable differences")
+        )
+        simulated = "simulated, " if self.simulated else ""
+        said = f"by a model of skin ({simulated}not tried on people)"
+        if felt < 0:
+            return f"A palm would not feel it, {said}."
+        strong = "as strong as" if abs(steps) <= 1 else f"{'stronger' if steps > 0 else 'weaker'} than"
+        alike = "much the same" if self.figure("SPQI").overall >= 0.5 else "another"
+        return f"A palm would feel it, {strong} the original and with {alike} spectrum, {said}."
 
     def __repr__(self) -> str:
         cells = f"{int(self.compared.sum())} of {self.compared.size} cells"

@@ -16,7 +16,8 @@ def card_of(original: PressureFrames, reproduced: PressureFrames) -> PerceptualC
 
 def print_card(card: PerceptualCard) -> None:
     """Each figure over all cells, and what it means."""
-    out().print("\nwhat skin makes of it, over all cells")
+    out().print(f"\n{card.verdict()}")
+    out().print("what skin makes of it, over all cells")
     for each in card.figures:
         unit = f" {each.unit}" if each.unit else ""
         out().print(f"  {each.name}: {each.overall:.3g}{unit}", style="bold")
