@@ -14,16 +14,18 @@ from midair.cli.terminal import (
     level_rows,
     out,
     print_figures,
+    print_palm,
     print_rows,
     quantity,
     say_air,
     stages,
 )
 from midair.errors import InputError
+from midair.evaluate import PalmFidelity
 from midair.files import check_unclaimed, save, save_solution, whole_file
 from midair.flow import felt
 from midair.headroom import level_of
-from midair.rig import Loop, VirtualRig, capture_recording, open_rig, write_report
+from midair.rig import Loop, VirtualRig, capture_recording, open_rig, palm_of_loop, write_report
 from midair.rig import loop as go_round
 
 _STROKE = 1.28
@@ -96,10 +98,12 @@ def demo_command(
         ["midair", "record", f"virtual:{object_name}", "stroke.h5", "--duration", f"{_STROKE}s", *same],
         ["midair", "loop", "stroke.h5", "report.html", *part, *options.typed(), *same],
     )
-    _keep(loop, output, object_name, tuple(shlex.join(words) for words in commands))
+    palm = palm_of_loop(loop, rig)
+    _keep(loop, output, object_name, tuple(shlex.join(words) for words in commands), palm)
     print_figures(
         "before and after correction", {f"pass {n + 1}": one.comparison.figures() for n, one in enumerate(loop.passes)}
     )
+    print_palm(palm)
     last = loop.passes[-1].reproduction
     warm = int(last.solution.iterations[1:].max(initial=0))
     print_rows(
@@ -129,11 +133,11 @@ def _ask_to_write_over(output: Path, force: bool) -> None:
     raise InputError(f"{output}: holds an earlier demo; give another folder, or --force to write over it")
 
 
-def _keep(loop: Loop, output: Path, name: str, commands: tuple[str, ...]) -> None:
+def _keep(loop: Loop, output: Path, name: str, commands: tuple[str, ...], palm: PalmFidelity) -> None:
     """Write everything that came of the loop into the folder."""
     last = loop.passes[-1]
     save_solution(last.reproduction.solution, output / f"{name}.drive.h5", target=last.reproduction.target)
     save(last.rerecorded, output / "rerecorded.h5")
-    shown = write_report(loop, output / "report.html", commands=commands)
+    shown = write_report(loop, output / "report.html", commands=commands, palm=palm)
     with whole_file(output / "field.png") as partial:
         partial.write_bytes(shown[2].data)

@@ -3,6 +3,7 @@
 from midair.rig.looping.budget_stages import BudgetPlan, error_budget, kept_in_band
 from midair.rig.looping.correction_loop import Loop, run_loop
 from midair.rig.looping.loop_report import Picture, card_of_loop, pictures, write_report
+from midair.rig.looping.palm_simulation import palm_of_loop
 from midair.rig.looping.passes import Stage, quiet
 
 __all__ = [
@@ -13,6 +14,7 @@ __all__ = [
     "card_of_loop",
     "error_budget",
     "kept_in_band",
+    "palm_of_loop",
     "pictures",
     "quiet",
     "run_loop",

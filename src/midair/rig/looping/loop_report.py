@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from midair.errors import ShapeError
-from midair.evaluate import PerceptualCard, perceptual_card, printed_error, relative_error
+from midair.evaluate import PalmFidelity, PerceptualCard, perceptual_card, printed_error, relative_error
 from midair.figures import (
     beam_figure,
     card_figure,
@@ -46,7 +46,9 @@ class Picture:
         return "data:image/png;base64," + base64.b64encode(self.data).decode()
 
 
-def write_report(loop: Loop, path: Path, *, commands: tuple[str, ...] = ()) -> list[Picture]:
+def write_report(
+    loop: Loop, path: Path, *, commands: tuple[str, ...] = (), palm: PalmFidelity | None = None
+) -> list[Picture]:
     """Write the report of a loop; the pictures that are in it.
 
     Parameters
@@ -57,16 +59,20 @@ def write_report(loop: Loop, path: Path, *, commands: tuple[str, ...] = ()) -> l
         Path of the HTML file.
     commands : tuple of str
         With which the same can be done again.
+    palm : PalmFidelity, optional
+        What a whole palm gets of the last pass, where that was simulated.
     """
     # Drawn once, since that takes longer than solving does.
     shown = [*pictures(loop), *further_pictures(loop, card_of_loop(loop))]
-    page = render(loop, shown, commands=commands)
+    page = render(loop, shown, commands=commands, palm=palm)
     with whole_file(path) as partial:
         partial.write_text(page, encoding="utf-8")
     return shown
 
 
-def render(loop: Loop, shown: Sequence[Picture], *, commands: tuple[str, ...] = ()) -> str:
+def render(
+    loop: Loop, shown: Sequence[Picture], *, commands: tuple[str, ...] = (), palm: PalmFidelity | None = None
+) -> str:
     """The report with these pictures as HTML that needs nothing from outside."""
     last, card = loop.passes[-1], card_of_loop(loop)
     name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
@@ -78,6 +84,7 @@ def render(loop: Loop, shown: Sequence[Picture], *, commands: tuple[str, ...] = 
         pictures=shown,
         figures=_figures(loop),
         card=() if card is None else card.figures,
+        palm={} if palm is None else palm.figures(),
         passes=[f"pass {number + 1}" for number in range(len(loop.passes))],
         rectified=loop.settings.target.mapping == "half-wave",
         settings=settings_rows(loop.settings),

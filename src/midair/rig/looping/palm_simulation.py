@@ -1,10 +1,14 @@
 """What a drive does to a whole palm on the virtual rig: simulated beyond the square, in pressure and in skin."""
 
+from dataclasses import replace
+
+from midair.devices import choose_silencer
 from midair.evaluate import PalmFidelity, palm_fidelity
 from midair.model import Acoustics, Drive, Palm, PressureFrames, Progress
 from midair.physics import PlaybackChain, simulate, transfer_matrix
+from midair.rig.looping.correction_loop import Loop
 from midair.rig.names import VirtualRig
-from midair.targets import decouple, interpolation_matrix
+from midair.targets import decouple, interpolation_matrix, led_in
 
 
 def palm_of_drive(
@@ -55,4 +59,22 @@ def palm_of_drive(
         square=((sensor.columns + 1) / 2 * sensor.pitch, (sensor.rows + 1) / 2 * sensor.pitch),
         judged=judged,
         band=band,
+    )
+
+
+def palm_of_loop(loop: Loop, rig: VirtualRig, palm: Palm | None = None) -> PalmFidelity:
+    """What a palm, a disc of 85 mm if None, gets of a loop's last pass on the virtual rig."""
+    last, original = loop.passes[-1], loop.original
+    lead = (last.asked.frames - original.frames) // 2 / original.rate
+    drive = last.reproduction.solution.drive
+    silencer = choose_silencer("auto", drive)
+    chain = replace(rig.array_device().chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
+    return palm_of_drive(
+        led_in(original, lead),
+        drive,
+        palm or Palm.disc(),
+        chain=chain,
+        rig=rig,
+        judged=(lead, original.frames / original.rate),
+        band=loop.settings.calibration.band,
     )
