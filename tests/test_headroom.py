@@ -1,13 +1,15 @@
 """How hard an array can press, and what a drive is told to."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from midair.headroom import headroom, level_of, linear_range, thinned
+from midair.headroom import _at_point, headroom, level_of, linear_range, thinned
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance, TransducerArray
 from midair.physics import radiation_pressure, sound_amplitude, transfer_matrix
+from midair.reel import BYTES, Reel
 from midair.solvers import solve
 
 ARRAY = TransducerArray.autd3()
@@ -100,3 +102,17 @@ def test_plain_values_carry_their_units():
 
 def test_silence_has_no_range():
     assert linear_range(ARRAY, GRID, np.zeros(GRID.count)) == (0.0, 0.0)
+
+
+def test_one_point_of_many_does_not_keep_the_frames_it_was_read_from():
+    def read(first, last):
+        return np.ones((last - first, 16))
+
+    target = AmplitudeFrames(amplitude=Reel(read, (200_000, 16)), rate=1000.0, grid=ControlGrid(rows=4, columns=4))
+    tracemalloc.start()
+    wave = _at_point(target, slice(0, 200_000), 3)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(wave) == 200_000
+    # The wave and the parts that it is put together from, and two blocks; all frames would be sixteen times the wave.
+    assert most < 5 * wave.nbytes + 2 * BYTES

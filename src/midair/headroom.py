@@ -292,7 +292,8 @@ def _loud_frames(target: AmplitudeFrames, piece: slice, *, count: int = 16) -> l
 
 
 def _at_point(target: AmplitudeFrames, piece: slice, point: int) -> Array:
-    return np.concatenate([block[:, point] for _, block in _stretches(target, piece)])
+    # Copies: a view would keep the whole block that it is of.
+    return np.concatenate([block[:, point].copy() for _, block in _stretches(target, piece)])
 
 
 def _stretches(target: AmplitudeFrames, piece: slice) -> Iterator[tuple[int, Array]]:
