@@ -1,7 +1,7 @@
 """Calibrate: from a recording in volts or counts to pressure in Pa, within the band in which the sensor hears.
 
 And before that: measure the calibration, against a reference (`measure_calibration`, `measure_tone`) or by a focused
-beam (`midair.calibration.measure.beam`).
+beam (`midair.calibration.measure.beam`); and the transducers of an array, by codes (`fit_array`).
 """
 
 from midair.calibration.apply import (
@@ -15,15 +15,22 @@ from midair.calibration.apply import (
     undo_matrix,
 )
 from midair.calibration.measure import (
+    ArrayCodes,
+    ArrayField,
+    ArrayPlan,
     BeamPlan,
     BeamReading,
     BeamSetting,
     MeasureSettings,
     Reference,
     ReferencedTake,
+    SensorPlace,
+    Usual,
     anchored,
+    array_codes,
     beam_field,
     find_lag,
+    fit_array,
     focus_of,
     measure_beam,
     measure_calibration,
@@ -37,6 +44,9 @@ from midair.calibration.measure import (
 )
 
 __all__ = [
+    "ArrayCodes",
+    "ArrayField",
+    "ArrayPlan",
     "BeamPlan",
     "BeamReading",
     "BeamSetting",
@@ -45,11 +55,15 @@ __all__ = [
     "Reference",
     "ReferencedTake",
     "StreamingInverse",
+    "SensorPlace",
+    "Usual",
     "anchored",
+    "array_codes",
     "beam_field",
     "calibrate",
     "default_taps",
     "find_lag",
+    "fit_array",
     "focus_of",
     "inverse_fir",
     "inverse_response",

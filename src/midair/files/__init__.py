@@ -9,13 +9,16 @@ from midair.files.holding import NoLocksWarning, check_unclaimed, hold
 from midair.files.listing import Contents, contents
 from midair.files.loss import Loss
 from midair.files.native import (
+    ARRAY_SUFFIX,
     CALIBRATION_SUFFIX,
     RecordingWriter,
+    load_array_calibration,
     load_calibration,
     load_pressure,
     load_solution,
     load_target,
     repair,
+    save_array_calibration,
     save_calibration,
     save_pressure,
     save_solution,
@@ -39,6 +42,7 @@ from midair.files.toml import (
 )
 
 __all__ = [
+    "ARRAY_SUFFIX",
     "CALIBRATION_SUFFIX",
     "Contents",
     "DEFAULT_PROFILE",
@@ -58,6 +62,7 @@ __all__ = [
     "json_of",
     "load",
     "load_board",
+    "load_array_calibration",
     "load_calibration",
     "load_pressure",
     "load_palm",
@@ -76,6 +81,7 @@ __all__ = [
     "refusing",
     "repair",
     "save",
+    "save_array_calibration",
     "save_calibration",
     "save_pressure",
     "save_sensor",

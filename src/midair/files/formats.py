@@ -29,6 +29,7 @@ from midair.files.foreign import (
 )
 from midair.files.loss import Loss
 from midair.files.native import (
+    ARRAY_SUFFIX,
     CALIBRATION_SUFFIX,
     DRIVE_SUFFIX,
     load_solution,
@@ -93,6 +94,7 @@ FORMATS: Mapping[str, Format] = {
 
 OTHERS: Mapping[str, str] = {
     DRIVE_SUFFIX: "a drive: load_solution() and save_solution()",
+    ARRAY_SUFFIX: "an array's calibration: load_array_calibration() and save_array_calibration()",
     CALIBRATION_SUFFIX: "a calibration: load_calibration() and save_calibration()",
 }
 """Names that end like a recording's and mean something else."""

@@ -15,14 +15,14 @@ class Contents:
 
     Attributes
     ----------
-    kind : {"recording", "calibration", "drive"}
+    kind : {"recording", "calibration", "drive", "array"}
         Of the file.
     created : str
         ISO 8601, UTC.
     created_by : str
         Program and version.
     frames : int or None
-        Number of frames; None for a calibration.
+        Number of frames; None for a calibration of a sensor or an array.
     finished : bool
         Whether it was closed in order.
     parts : tuple of str
@@ -52,7 +52,7 @@ def contents(path: str | os.PathLike[str]) -> Contents:
             kind=kind,
             created=plain_text(file.attrs.get("created")),
             created_by=plain_text(file.attrs.get("created_by")),
-            frames=None if kind == "calibration" else int(stored_dataset(file, "time").shape[0]),
+            frames=None if kind in ("calibration", "array") else int(stored_dataset(file, "time").shape[0]),
             finished=kind != "recording" or bool(stored_dataset(file, "finished")[()]),
             parts=tuple(part for part in ("calibration", "pressure", "target") if part in file),
         )

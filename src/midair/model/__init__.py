@@ -1,6 +1,7 @@
 """The nouns: frozen dataclasses on NumPy arrays that the stages hand to each other."""
 
 from midair.model.acoustics import Acoustics, Directivity
+from midair.model.array_calibration import ArrayCalibration
 from midair.model.board import Board, array_of_boards
 from midair.model.calibration import Calibration
 from midair.model.drive import Drive, Solution, Status
@@ -18,6 +19,7 @@ from midair.model.stage import Heading, Place, StageSetup, StageStamp, check_rea
 from midair.model.wiring import SensorWiring
 
 __all__ = [
+    "ArrayCalibration",
     "Acoustics",
     "AmplitudeFrames",
     "Board",

@@ -4,7 +4,7 @@ Origin at the centre of the array, z towards the palm, metres. x grows with the 
 maps are drawn with row 0 at the top, so that channel 0 is the top left corner, as in the paper's Fig. 4.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,9 @@ class TransducerArray:
         4.38590 is the T4010A1's value in the AUTD3 emulator; on a real array it is a parameter to calibrate.
     frequency : float
         Of the ultrasound, in Hz.
+    response : ndarray of complex, shape (transducer,)
+        What each one radiates under full drive, over what `pressure` says, where it was measured
+        (`ArrayCalibration`); empty for 1 everywhere.
     name : str
         What to call the array in messages and files.
     """
@@ -43,6 +46,7 @@ class TransducerArray:
     unit: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     pressure: float = 275.574246625 * 200e-3 / (4 * np.pi)
     frequency: float = 40e3
+    response: NDArray[np.complex128] = field(default_factory=lambda: np.zeros(0, np.complex128))
     name: str = "array"
 
     def __post_init__(self) -> None:
@@ -55,6 +59,8 @@ class TransducerArray:
         object.__setattr__(self, "position", position)
         object.__setattr__(self, "normal", normal)
         object.__setattr__(self, "unit", frozen_array(unit, "transducer unit", (count,), np.int64))
+        response = self.response if len(self.response) else np.ones(count)
+        object.__setattr__(self, "response", frozen_array(response, "transducer response", (count,), np.complex128))
         positive(self.pressure, "pressure of one transducer", "Pa m")
         positive(self.frequency, "frequency of the ultrasound", "Hz")
 
@@ -100,6 +106,16 @@ class TransducerArray:
     def count(self) -> int:
         """Number of transducers."""
         return len(self.position)
+
+    @property
+    def alike(self) -> bool:
+        """Whether all transducers are taken for what the model says: nobody has measured them."""
+        return bool((self.response == 1).all())
+
+    @property
+    def nominal(self) -> "TransducerArray":
+        """The same without what was measured of it."""
+        return self if self.alike else replace(self, response=np.ones(self.count, np.complex128))
 
     def same_as(self, other: "TransducerArray") -> bool:
         """Whether phases made for one are right for the other: same places, normals and frequency, to 1 µm."""

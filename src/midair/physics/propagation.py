@@ -47,7 +47,7 @@ def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoust
     step = max(_AT_ONCE // array.count, 1)
     for first in range(0, len(places), step):
         matrix[first : first + step] = _rows(places[first : first + step], array, acoustics)
-    return matrix
+    return matrix if array.alike else matrix * array.response
 
 
 _AT_ONCE = 2**16
@@ -90,9 +90,13 @@ def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = Non
 def focus_phase(
     array: TransducerArray, point: NDArray[np.float64], *, acoustics: Acoustics | None = None
 ) -> NDArray[np.float64]:
-    """Phases with which all transducers meet in step at one point: theta_n = -k r_n, shape (transducer,), in rad."""
+    """Phases with which all transducers meet in step at one point, shape (transducer,), in rad.
+
+    theta_n = -k r_n, less what a transducer that was measured is ahead.
+    """
     distance = np.linalg.norm(np.asarray(point, float) - array.position, axis=1)
-    return np.mod(-wavenumber(array, (acoustics or Acoustics()).medium) * distance, 2 * np.pi)
+    late = wavenumber(array, (acoustics or Acoustics()).medium) * distance + np.angle(array.response)
+    return np.mod(-late, 2 * np.pi)
 
 
 def focus_amplitude(points: Points, array: TransducerArray, *, acoustics: Acoustics | None = None) -> float:

@@ -20,6 +20,7 @@ from midair.model import (
     SensorGrid,
     SensorWiring,
     Solution,
+    TransducerArray,
 )
 from midair.rig.looping import Loop, Stage, quiet, run_loop
 from midair.rig.names import VirtualRig, array_named, sensor_named
@@ -42,11 +43,14 @@ class OpenRig:
         That hears it, with its calibration; None where nothing listens.
     exposure : ExposureChoices
         That every drive has to keep.
+    measured : TransducerArray or None
+        The array's transducers as they were measured, for which `loop` solves; None takes the model's.
     """
 
     array: ArrayDevice
     sensor: SensorDevice | None
     exposure: ExposureChoices
+    measured: TransducerArray | None = None
     _open: ExitStack = field(default_factory=ExitStack, repr=False)
 
     def __enter__(self) -> Self:
@@ -315,5 +319,6 @@ def loop(
         iterate=iterate,
         exposure=rig.exposure,
         lead=lead_of(chosen) if lead is None else lead,
+        measured=rig.measured,
         stage=stage,
     )

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from midair.errors import BrokenFileError, InputError
 from midair.files import from_plain, read_toml, to_plain, whole_file
-from midair.model import Acoustics, ControlGrid, Medium, Provenance, Setting
+from midair.model import Acoustics, ArrayCalibration, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
 from midair.solvers import Amplitudes, Fit, Guard, Method, name_of
 from midair.solvers import solver as solver_of
@@ -203,6 +203,11 @@ class Settings:
         for name, value in changes.items():
             groups.setdefault(_GROUPS[name], {})[name] = value
         return replace(self, **{group: replace(getattr(self, group), **some) for group, some in groups.items()})
+
+    def measured(self, calibration: ArrayCalibration) -> "Settings":
+        """The same for an array that was measured: what its transducers make quieter on average is undone."""
+        pole = calibration.pole[~calibration.dead].mean()
+        return self.but(dynamics=TransducerDynamics(time_constant=float(-1 / pole.real), detuning=float(pole.imag)))
 
     def plain(self) -> dict[str, Any]:
         """As nested dicts of numbers and texts, without what is None; `from_plain` makes it again.

@@ -1,6 +1,10 @@
 """Measure a calibration: against a reference, with a tone of known pressure, or by a focused beam."""
 
 from midair.calibration.measure.against_reference import measure_calibration, measure_response
+from midair.calibration.measure.array_field import ArrayField, SensorPlace
+from midair.calibration.measure.array_fit import fit_array
+from midair.calibration.measure.array_place import Usual
+from midair.calibration.measure.array_plan import ArrayCodes, ArrayPlan, array_codes
 from midair.calibration.measure.beam import BeamReading, find_lag, measure_beam, tones_of
 from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting, beam_field, focus_of
 from midair.calibration.measure.evidence import MeasureSettings
@@ -11,6 +15,9 @@ from midair.calibration.measure.referenced_take import Reference, ReferencedTake
 from midair.calibration.measure.tone import anchored, measure_tone
 
 __all__ = [
+    "ArrayCodes",
+    "ArrayField",
+    "ArrayPlan",
     "BeamPlan",
     "BeamReading",
     "BeamSetting",
@@ -18,9 +25,13 @@ __all__ = [
     "MeasureSettings",
     "Reference",
     "ReferencedTake",
+    "SensorPlace",
+    "Usual",
     "anchored",
+    "array_codes",
     "beam_field",
     "find_lag",
+    "fit_array",
     "focus_of",
     "measure_beam",
     "measure_calibration",

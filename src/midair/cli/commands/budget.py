@@ -10,6 +10,7 @@ from midair.cli.terminal import (
     Json,
     SolveOptions,
     Time,
+    as_measured,
     banner,
     felt_part,
     may_write,
@@ -41,6 +42,7 @@ def budget_command(
     silencer: SilencerChoice = "auto",
     palm: Path | None = None,
     lead: Annotated[float | None, quantity("s")] = None,
+    array_calibration: Path | None = None,
     seed: int = 0,
     force: Force = False,
     json: Json = False,
@@ -68,6 +70,8 @@ def budget_command(
         TOML with the outline of a palm, which is looked at beside the cells; a disc of 85 mm if not given.
     lead
         Time before and after it, to swell and fade; what the mapping needs if not given.
+    array_calibration
+        NAME.array.h5 of midair calibrate array: solves for its transducers as they were measured.
     seed
         Of the virtual rig.
     json
@@ -83,9 +87,12 @@ def budget_command(
         may_write(figure, force)
     original = felt_part(source, settings, start_at, duration)
     band = settings.calibration.band
+    virtual = VirtualRig(cells=original.sensor, seed=seed, height=settings.target.grid.height).hearing(band)
+    measured, settings, original = as_measured(array_calibration, virtual.array, settings, original)
     plan = BudgetPlan(
         settings=settings,
-        rig=VirtualRig(cells=original.sensor, seed=seed, height=settings.target.grid.height).hearing(band),
+        rig=virtual,
+        measured=None if array_calibration is None else measured,
         silencer=silencer,
         palm=Palm.disc() if palm is None else load_palm(palm),
         lead=lead_of(settings) if lead is None else lead,

@@ -8,6 +8,7 @@ import numpy as np
 
 from midair.cli.terminal import (
     Json,
+    array_rows,
     banner,
     calibrated_by,
     calibration_figures,
@@ -19,7 +20,7 @@ from midair.cli.terminal import (
     stroke_rows,
     strokes_of,
 )
-from midair.files import contents, load_calibration, load_pressure, load_solution, open_take
+from midair.files import contents, load_array_calibration, load_calibration, load_pressure, load_solution, open_take
 from midair.model import Provenance, Setting
 from midair.reel import moments
 from midair.rig import calibration_rows, uncertainty_of
@@ -67,7 +68,7 @@ def _told_of_file(source: Path) -> _FileFacts:
     if not source.name.lower().endswith((".h5", ".hdf5", ".nc")):
         return _told_of_take(source)
     held = contents(source)
-    readers = {"drive": _told_of_drive, "calibration": _told_of_calibration}
+    readers = {"drive": _told_of_drive, "calibration": _told_of_calibration, "array": _told_of_array}
     told = readers.get(held.kind, _told_of_take)(source)
     told.rows.append(
         ("written", f"{held.created} by {held.created_by}" + ("" if held.finished else ", not closed in order"))
@@ -83,6 +84,12 @@ def _told_of_calibration(source: Path) -> _FileFacts:
     rows = calibration_rows(calibration)
     figures: dict[str, object] = {"kind": "calibration", "calibration": calibration_figures(calibration), **dict(rows)}
     return _FileFacts(rows=rows, figures=figures, provenance=calibration.provenance)
+
+
+def _told_of_array(source: Path) -> _FileFacts:
+    known = load_array_calibration(source)
+    rows = array_rows(known)
+    return _FileFacts(rows=rows, figures={"kind": "array", **dict(rows)}, provenance=known.provenance)
 
 
 def _told_of_take(source: Path) -> _FileFacts:

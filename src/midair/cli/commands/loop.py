@@ -1,6 +1,6 @@
 """The command `loop`: solve, play, re-record, correct, play again, compare, report."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +12,7 @@ from midair.cli.terminal import (
     Json,
     SolveOptions,
     Time,
+    as_measured,
     banner,
     felt_part,
     may_write,
@@ -55,6 +56,8 @@ class RigOptions(ExposureOptions):
         How the array spreads phase steps, the virtual one as well: auto takes the least simulated error.
     placement
         TOML file with position and rotation of the units; two by two side by side if not given.
+    array_calibration
+        NAME.array.h5 of midair calibrate array: solves for its transducers as they were measured.
     seed
         Of the virtual rig's strengths and noise.
     """
@@ -64,6 +67,7 @@ class RigOptions(ExposureOptions):
     calibration: Path | None = None
     silencer: SilencerChoice | None = None
     placement: Path | None = None
+    array_calibration: Path | None = None
     seed: int = 0
 
     def rig(self, settings: Settings, cells: SensorGrid) -> OpenRig:
@@ -137,7 +141,11 @@ def loop_command(
     settings = options.settings()
     may_write(target, force, ".html")
     original = felt_part(source, settings, start_at, duration)
-    opened = (rig or RigOptions()).rig(settings, original.sensor)
+    chosen = rig or RigOptions()
+    opened = chosen.rig(settings, original.sensor)
+    if chosen.array_calibration is not None:
+        measured, settings, original = as_measured(chosen.array_calibration, opened.array.array, settings, original)
+        opened = replace(opened, measured=measured)
     banner(opened.array.simulated or original.provenance.simulated)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
     lead = lead_of(settings) if lead is None else lead

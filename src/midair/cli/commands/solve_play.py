@@ -12,6 +12,7 @@ from midair.cli.terminal import (
     PlayOptions,
     SolveOptions,
     Time,
+    as_measured,
     banner,
     felt_part,
     level_of_file,
@@ -48,6 +49,7 @@ def solve_command(
     lead: Annotated[float | None, quantity("s")] = None,
     array: ArrayKind = "autd3",
     placement: Path | None = None,
+    array_calibration: Path | None = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -71,6 +73,8 @@ def solve_command(
         autd3: two by two units. openmpd, openmpd-twin (experimental): one board, or two face to face.
     placement
         TOML file with position and rotation of other AUTD3 units.
+    array_calibration
+        NAME.array.h5 of midair calibrate array: solves for its transducers as they were measured.
 
     Examples
     --------
@@ -86,6 +90,7 @@ def solve_command(
     may_write(target, force, ".drive.h5")
     piece = felt_part(source, settings, start_at, duration, streamed=True)
     pressure = led_in(piece, lead_of(settings) if lead is None else lead)
+    transducers, settings, pressure = as_measured(array_calibration, transducers, settings, pressure)
     banner(pressure.provenance.simulated)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
     with stages() as stage:
@@ -182,7 +187,7 @@ def play_command(
     # The virtual sensor is as the drive was solved for: its cells, where it lies, what it has to hear.
     known, around = Settings.of(drive.provenance) or Settings(), None if room is None else Acoustics(medium=room)
     cells, height = cells_of(drive.provenance), known.target.grid.height
-    rig = VirtualRig(array=drive.array, cells=cells, height=height, acoustics=around, seed=seed)
+    rig = VirtualRig(array=drive.array.nominal, cells=cells, height=height, acoustics=around, seed=seed)
     rig = rig.hearing(known.calibration.band)
     skin = rig.skin()
     banner(True)

@@ -1,6 +1,7 @@
 """What commands share: options, quantities, what is printed, keys and meters."""
 
 from midair.cli.terminal.air_options import AirOptions, say_air
+from midair.cli.terminal.array_output import array_rows, as_measured
 from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
 from midair.cli.terminal.calibration_output import OutputOptions, given_calibration, prepare_page, tell
 from midair.cli.terminal.comparisons import card_of, plain, print_card, print_palm
@@ -43,6 +44,8 @@ from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
 from midair.cli.terminal.take_output import plain_take, take_rows
 
 __all__ = [
+    "array_rows",
+    "as_measured",
     "AirOptions",
     "BandOptions",
     "Drawing",

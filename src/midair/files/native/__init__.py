@@ -1,5 +1,6 @@
 """midair's own files: HDF5 by one table of names, and NetCDF."""
 
+from midair.files.native.array_file import ARRAY_SUFFIX, load_array_calibration, save_array_calibration
 from midair.files.native.calibration_file import CALIBRATION_SUFFIX, load_calibration, save_calibration
 from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution, load_target, save_solution, save_solutions
 from midair.files.native.hdf5 import check_kind, kind_of, open_file, open_plain, plain_text, stored_dataset
@@ -10,6 +11,7 @@ from midair.files.native.recording_writer import RecordingWriter
 from midair.files.native.schema import FORMAT, Kind
 
 __all__ = [
+    "ARRAY_SUFFIX",
     "CALIBRATION_SUFFIX",
     "DRIVE_SUFFIX",
     "FORMAT",
@@ -18,6 +20,7 @@ __all__ = [
     "check_kind",
     "from_plain",
     "kind_of",
+    "load_array_calibration",
     "load_calibration",
     "load_pressure",
     "load_solution",
@@ -27,6 +30,7 @@ __all__ = [
     "plain_text",
     "read_recording",
     "repair",
+    "save_array_calibration",
     "save_calibration",
     "save_pressure",
     "save_solution",

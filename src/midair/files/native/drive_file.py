@@ -251,6 +251,7 @@ def _drive_values(drive: Drive) -> dict[str, Any]:
         "transducer_position": array.position,
         "transducer_normal": array.normal,
         "transducer_unit": array.unit,
+        **({} if array.alike else {"response_real": array.response.real, "response_imag": array.response.imag}),
         "phase": drive.phase,
         "level" if drive.level.ndim == 1 else "transducer_level": drive.level,
     }
@@ -298,12 +299,16 @@ def _drive_from(values: Mapping[str, Any], path: Path) -> Drive:
     level = values.get("level", values.get("transducer_level"))
     if level is None or ("level" in values and "transducer_level" in values):
         raise BrokenFileError(f"{path}: expected either level or transducer_level; the file is damaged")
+    if ("response_real" in values) != ("response_imag" in values):
+        raise BrokenFileError(f"{path}: expected response_real and response_imag together; the file is damaged")
+    measured = np.asarray(values.get("response_real", np.zeros(0)) + 1j * values.get("response_imag", np.zeros(0)))
     array = TransducerArray(
         position=values["transducer_position"],
         normal=values["transducer_normal"],
         unit=values["transducer_unit"],
         pressure=values["array_pressure_pa_m"],
         frequency=values["array_frequency_hz"],
+        response=measured,
         name=values["array_name"],
     )
     provenance = from_json(values["provenance"])

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["recording", "calibration", "pressure", "drive"]
+Kind = Literal["recording", "calibration", "pressure", "drive", "array"]
 """What a file, or a group of one, holds."""
 
 FORMAT = 1
@@ -68,7 +68,7 @@ def indices(
 
 
 _SIGNED = (
-    attribute("kind", "text", "what the file or group holds: midair recording, calibration, pressure or drive"),
+    attribute("kind", "text", "what the file or group holds: midair recording, calibration, pressure, drive or array"),
     attribute("format", "i8", "version of this table"),
     attribute("created", "text", "when the file was made, ISO 8601, UTC"),
     attribute("created_by", "text", "midair and its version"),
@@ -141,6 +141,17 @@ _LINEARITY = (
     ),
 )
 
+_ARRAY = (
+    attribute("array_name", "text", "which array"),
+    attribute("array_pressure_pa_m", "f8", "peak pressure of one transducer on its axis times distance, Pa m"),
+    attribute("array_frequency_hz", "f8", "of the ultrasound, Hz"),
+    indices("transducer", "transducer", "of the array, from 0"),
+    indices("axis", "axis", "0, 1, 2 for x, y, z"),
+    numbers("transducer_position", "transducer axis", "m", "from the centre of the array; z towards the palm"),
+    numbers("transducer_normal", "transducer axis", "1", "unit vector along which it radiates"),
+    indices("transducer_unit", "transducer", "device of the array that it belongs to, from 0"),
+)
+
 TABLE: Mapping[Kind, tuple[Entry, ...]] = {
     "recording": (
         *_SIGNED,
@@ -179,9 +190,7 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
     "drive": (
         *_SIGNED,
         *_TIME,
-        attribute("array_name", "text", "which array"),
-        attribute("array_pressure_pa_m", "f8", "peak pressure of one transducer on its axis times distance, Pa m"),
-        attribute("array_frequency_hz", "f8", "of the ultrasound, Hz"),
+        *_ARRAY,
         attribute("directivity", "text", "of a transducer, that the phases are for", required=False),
         attribute("air_density_kg_m3", "f8", "of the air that the phases are for, kg/m3", required=False),
         attribute("air_speed_m_s", "f8", "of sound in it, m/s", required=False),
@@ -189,11 +198,8 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         attribute("air_alpha", "f8", "1 + power reflection coefficient of the surface", required=False),
         attribute("air_temperature_c", "f8", "where it was stated, degrees Celsius", required=False),
         attribute("air_humidity", "f8", "relative, where it was stated, 0 to 1", required=False),
-        indices("transducer", "transducer", "of the array, from 0"),
-        indices("axis", "axis", "0, 1, 2 for x, y, z"),
-        numbers("transducer_position", "transducer axis", "m", "from the centre of the array; z towards the palm"),
-        numbers("transducer_normal", "transducer axis", "1", "unit vector along which it radiates"),
-        indices("transducer_unit", "transducer", "device of the array that it belongs to, from 0"),
+        numbers("response_real", "transducer", "1", "of each that was measured, over the model's", required=False),
+        numbers("response_imag", "transducer", "1", "its imaginary part", required=False),
         numbers("phase", "time transducer", "rad", "of the drive"),
         numbers("level", "time", "1", "of full drive, 0 to 1, when a frame has one level", required=False),
         numbers("transducer_level", "time transducer", "1", "of full drive, 0 to 1, otherwise", required=False),
@@ -209,6 +215,21 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         attribute("target_provenance", "text", "of the target, JSON", required=False),
         indices("point", "point", "of the control grid, row by row, from 0", required=False),
         numbers("target", "time point", "Pa", "peak sound pressure that was wanted", required=False),
+    ),
+    "array": (
+        *_SIGNED,
+        *_ARRAY,
+        attribute("date", "text", "when it was measured, ISO 8601, or empty"),
+        attribute("level_uncertainty", "f8", "what the magnitudes of the responses share, a part of them, k = 1"),
+        numbers("response_real", "transducer", "1", "settled under full drive, over the model's"),
+        numbers("response_imag", "transducer", "1", "its imaginary part"),
+        numbers("pole_real", "transducer", "rad/s", "less one over the time constant"),
+        numbers("pole_imag", "transducer", "rad/s", "resonance less drive"),
+        numbers("strength_uncertainty", "transducer", "1", "of the magnitude of the response, k = 1"),
+        numbers("phase_uncertainty", "transducer", "rad", "of its phase, k = 1"),
+        numbers("resonance_uncertainty", "transducer", "Hz", "of the resonance, k = 1"),
+        numbers("quality_uncertainty", "transducer", "1", "of the quality factor, a part of it, k = 1"),
+        indices("dead", "transducer", "1 where nothing was heard", dtype="i1"),
     ),
 }
 """What each kind holds."""

@@ -1,5 +1,6 @@
 """The bench: measure a calibration, and find out which channel is which cell."""
 
+from midair.rig.bench.array_bench import calibrate_array
 from midair.rig.bench.beam_bench import calibrate_by_beam
 from midair.rig.bench.calibration_page import calibration_rows, check_page_name, uncertainty_of, write_calibration_page
 from midair.rig.bench.identify import Identity, findings
@@ -11,6 +12,7 @@ __all__ = [
     "Identity",
     "ReferenceChoice",
     "TapTest",
+    "calibrate_array",
     "calibrate_by_beam",
     "calibration_rows",
     "check_page_name",

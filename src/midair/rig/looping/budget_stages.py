@@ -10,7 +10,7 @@ from midair.devices import SilencerChoice, choose_silencer
 from midair.dsp import band_energy
 from midair.evaluate import Budget, StageOutput, budget, heard_perfectly, leak
 from midair.flow import Reproduction, at_strength, felt, mapped, reproduce, to_play
-from midair.model import Acoustics, Drive, Palm, PressureFrames, Recording
+from midair.model import Acoustics, Drive, Palm, PressureFrames, Recording, TransducerArray
 from midair.physics import (
     PlaybackChain,
     calibration_of,
@@ -45,6 +45,8 @@ class BudgetPlan:
         Silence that swells into the original before it and fades after it, in s; it is not judged.
     palm : Palm or None
         What is looked at beside the cells; the cells alone if None.
+    measured : TransducerArray or None
+        The rig's transducers as they were measured, to be solved for; None takes the model's.
     """
 
     settings: Settings
@@ -52,6 +54,7 @@ class BudgetPlan:
     silencer: SilencerChoice = "auto"
     lead: float = 0.0
     palm: Palm | None = None
+    measured: TransducerArray | None = None
 
 
 def error_budget(
@@ -76,8 +79,8 @@ def error_budget(
         Told the name of each stage as it begins.
     """
     asked = led_in(original, plan.lead)
-    plan = replace(plan, settings=at_strength(asked, plan.rig.array, plan.settings))
-    made = reproduce(asked, plan.rig.array, plan.settings, progress=stage("solve"))
+    plan = replace(plan, settings=at_strength(asked, plan.measured or plan.rig.array, plan.settings))
+    made = reproduce(asked, plan.measured or plan.rig.array, plan.settings, progress=stage("solve"))
     outputs = [
         replace(
             output,
@@ -134,10 +137,13 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
     outside = leak(drive, made.target.amplitude, settings.target.grid, acoustics=settings.acoustics)
     around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
     G = transfer_matrix(skin.points, rig.array, acoustics=around)
+    # Before the transducers come, they are as they were solved for.
+    believed = G * drive.array.response
     cells = on_cells
     for name, what, chain in _chains(drive, plan):
+        way = believed if chain.transducers is None else G
         pressure = simulate(
-            drive, G, chain=chain, rate=skin.rate, acoustics=around, weights=weights, progress=stage(name)
+            drive, way, chain=chain, rate=skin.rate, acoustics=around, weights=weights, progress=stage(name)
         )
         cells = pressure.reshape(-1, *asked.sensor.shape)
         played = _simulated(replace(asked, pressure=cells, rate=skin.rate))

@@ -10,7 +10,7 @@ from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, admit
 from midair.errors import InputError
 from midair.evaluate import heard_perfectly
 from midair.flow import felt
-from midair.model import Calibration, PressureFrames, Progress
+from midair.model import Calibration, PressureFrames, Progress, TransducerArray
 from midair.rig.looping.first_gain import expected_gain, focus_on_cell, played_part
 from midair.rig.looping.iteration import iterated
 from midair.rig.looping.passes import Pass, Rig, Stage, play_pass, quiet
@@ -77,6 +77,7 @@ def beam_test(
     top: float = 100.0,
     levels: int = 6,
     exposure: ExposureChoices | None = None,
+    transducers: TransducerArray | None = None,
     progress: Progress | None = None,
 ) -> BeamTest:
     """Measure the gain of the beam: a beating focus on the channel nearest to the centre, at several levels.
@@ -98,17 +99,20 @@ def beam_test(
         Number of levels, 5 or more, evenly spread in pressure.
     exposure : ExposureChoices, optional
         Limits that the beam has to keep; the usual profile if None.
+    transducers : TransducerArray, optional
+        The array's as they were measured; the model's if None.
     progress : callable, optional
         Called with (frames played, frames in all).
     """
     frequency, cycles = _beat(settings)
+    transducers = transducers or array.array
     channel = (sensor.grid.rows - 1) // 2 * sensor.grid.columns + (sensor.grid.columns - 1) // 2
     point = np.array([*sensor.grid.channel_position(channel), settings.target.grid.height])
     point[:2] += settings.target.grid.centre
-    full = float(commanded_pressure(array.array, point, np.ones(1), acoustics=settings.acoustics)[0])
+    full = float(commanded_pressure(transducers, point, np.ones(1), acoustics=settings.acoustics)[0])
     drives = np.sqrt(np.linspace(1 / levels, 1, levels) * min(top / full, 1.0))
     drive = beam_drive(
-        array.array,
+        transducers,
         point,
         drives,
         frequency=frequency,
@@ -121,7 +125,7 @@ def beam_test(
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
     measured = beat_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
     # Half peak to peak, which is what `beat_amplitude` reads; of what the cell reads, which is wider than the focus.
-    on_cell = focus_on_cell(array.array, sensor.grid, channel, settings) * played_part(frequency, settings)
+    on_cell = focus_on_cell(transducers, sensor.grid, channel, settings) * played_part(frequency, settings)
     commanded = on_cell * drives**2 / 2
     return BeamTest(channel=channel, commanded=commanded, measured=measured, line=beam_gain(commanded, measured))
 
@@ -136,6 +140,7 @@ def run_loop(
     iterate: int = 0,
     exposure: ExposureChoices | None = None,
     lead: float = 0.0,
+    measured: TransducerArray | None = None,
     stage: Stage = quiet,
 ) -> Loop:
     """Take what was felt of an object through the rest of the paper's pipeline on an open array and sensor.
@@ -148,7 +153,7 @@ def run_loop(
     ----------
     original : PressureFrames
         What was felt, in the settings' band and at their rate (`flow.felt`).
-    array, sensor, exposure, lead
+    array, sensor, exposure, lead, measured
         As in `Rig`.
     settings : Settings
         Settings of every stage.
@@ -167,8 +172,11 @@ def run_loop(
             f"{settings.target.strength:g}; leave it out"
         )
     chosen = exposure or usual_exposure()
-    rig = Rig(array=array, sensor=sensor, exposure=chosen, lead=lead)
-    beam = beam_test(array, sensor, sensor.calibration, settings, exposure=chosen, progress=stage("beam test"))
+    rig = Rig(array=array, sensor=sensor, exposure=chosen, lead=lead, measured=measured)
+    progress = stage("beam test")
+    beam = beam_test(
+        array, sensor, sensor.calibration, settings, exposure=chosen, transducers=measured, progress=progress
+    )
     asked = led_in(original, lead)
     # What the model expects of this recording, and what the beam presses of what the model expects.
     expected = expected_gain(original, asked, settings)

@@ -140,7 +140,7 @@ def _asked(
     delay: float,
 ) -> PressureFrames:
     """What to ask for next: what the best pass asked for, and what it lacked."""
-    focus = focus_amplitude(settings.target.grid, rig.array.array, acoustics=settings.acoustics)
+    focus = focus_amplitude(settings.target.grid, rig.transducers, acoustics=settings.acoustics)
     top = float(radiation_pressure(np.array(focus), settings.acoustics.medium)) / best.gain
     asked, rate = playable(best.asked.pressure, mapping=settings.target.mapping, top=top), original.rate
     heard = _fitted(advance(best.heard.pressure, delay, rate), len(asked))

@@ -7,7 +7,7 @@ from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, admit
 from midair.errors import InputError
 from midair.evaluate import Comparison, compare, find_delay
 from midair.flow import Reproduction, at_rate, felt, reproduce
-from midair.model import PressureFrames, Progress, Recording
+from midair.model import PressureFrames, Progress, Recording, TransducerArray
 from midair.rig.playing import rerecord, usual_exposure
 from midair.settings import Settings
 
@@ -27,16 +27,24 @@ class Rig:
         Limits that every drive has to keep on an array that can be heard.
     lead : float
         Silence that swells into the original before it and fades after it, in s, so that a bias has time to rise.
+    measured : TransducerArray or None
+        The array's transducers as they were measured, to be solved for; None takes the model's.
     """
 
     array: ArrayDevice
     sensor: SensorDevice
     exposure: ExposureChoices = field(default_factory=usual_exposure)
     lead: float = 0.0
+    measured: TransducerArray | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.lead < 10:
             raise InputError(f"lead: expected 0 to 10 s, got {self.lead:g} s")
+
+    @property
+    def transducers(self) -> TransducerArray:
+        """What is solved for."""
+        return self.measured or self.array.array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,7 +100,7 @@ def play_pass(
     step: float | None = None,
 ) -> Pass:
     """Solve for what is asked, play it, re-record it, and compare with the original as a perfect rig would give it."""
-    made = reproduce(asked, rig.array.array, settings, progress=stage(f"solve, {name}"))
+    made = reproduce(asked, rig.transducers, settings, progress=stage(f"solve, {name}"))
     return play_made(original, asked, made, rig, settings, name, stage, step=step)
 
 

@@ -4,12 +4,13 @@ from cyclopts import App
 
 from midair.cli.commands.calibrate.apply import apply_command, show_command
 from midair.cli.commands.calibrate.measure import beam_command, bench_command, measure_command, tone_command
+from midair.cli.commands.calibrate.measure_array import array_command
 from midair.cli.terminal import epilogue, examples_of, offer
 
 calibrate_app = App(
     name="calibrate",
     help="Turn a recording into pressure: midair calibrate RECORDING. What a calibration is measured with: against a "
-    "reference (measure), by a tone of known level (tone), by a focused beam (beam).",
+    "reference (measure), by a tone of known level (tone), by a beam (beam). And an array's transducers (array).",
     help_epilogue=epilogue(examples_of(apply_command)),
 )
 calibrate_app.default(apply_command)
@@ -17,6 +18,7 @@ offer(calibrate_app, show_command, "show")
 offer(calibrate_app, measure_command, "measure")
 offer(calibrate_app, tone_command, "tone")
 offer(calibrate_app, beam_command, "beam")
+offer(calibrate_app, array_command, "array")
 offer(calibrate_app, bench_command, "bench")
 
 __all__ = ["calibrate_app"]

@@ -1,0 +1,89 @@
+"""What was measured of an array's transducers: a file of its own, `name.array.h5`."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from midair.errors import UnknownFormatError
+from midair.files.native.hdf5 import check_kind, new_file, open_file, read_group, signature, write_group
+from midair.files.native.provenance_json import from_json
+from midair.model import ArrayCalibration, TransducerArray
+
+ARRAY_SUFFIX = ".array.h5"
+"""Of the file of an array's calibration."""
+
+_ERRORS = ("strength_uncertainty", "phase_uncertainty", "resonance_uncertainty", "quality_uncertainty")
+
+
+def save_array_calibration(calibration: ArrayCalibration, path: str | os.PathLike[str]) -> None:
+    """Write what was measured of an array, whole or not at all.
+
+    Parameters
+    ----------
+    calibration : ArrayCalibration
+        What was measured.
+    path : str or PathLike
+        Ends in ``.array.h5``; replaced in one piece if it is there.
+
+    Raises
+    ------
+    UnknownFormatError
+        If the name ends differently.
+    FileError
+        If the file cannot be written.
+    """
+    if not os.fspath(path).lower().endswith(ARRAY_SUFFIX):
+        raise UnknownFormatError(f"{path}: expected a name that ends in {ARRAY_SUFFIX} for an array's calibration")
+    array = calibration.array
+    values = {
+        **signature("array", calibration.provenance),
+        "array_name": array.name,
+        "array_pressure_pa_m": array.pressure,
+        "array_frequency_hz": array.frequency,
+        "date": calibration.date,
+        "level_uncertainty": calibration.level_uncertainty,
+        "transducer": np.arange(array.count),
+        "axis": np.arange(3),
+        "transducer_position": array.position,
+        "transducer_normal": array.normal,
+        "transducer_unit": array.unit,
+        "response_real": calibration.response.real,
+        "response_imag": calibration.response.imag,
+        "pole_real": calibration.pole.real,
+        "pole_imag": calibration.pole.imag,
+        **{name: getattr(calibration, name) for name in _ERRORS},
+        "dead": calibration.dead.astype(np.int8),
+    }
+    with new_file(path) as file:
+        write_group(file, "array", values)
+
+
+def load_array_calibration(path: str | os.PathLike[str]) -> ArrayCalibration:
+    """What was measured of an array.
+
+    Raises
+    ------
+    MissingFileError, BrokenFileError, UnknownFormatError
+        If the file is not there, is damaged or of another kind, or is newer than this midair.
+    """
+    with open_file(path) as file:
+        check_kind(file, "array", Path(path))
+        values = read_group(file, "array", Path(path))
+    return ArrayCalibration(
+        array=TransducerArray(
+            position=values["transducer_position"],
+            normal=values["transducer_normal"],
+            unit=values["transducer_unit"],
+            pressure=values["array_pressure_pa_m"],
+            frequency=values["array_frequency_hz"],
+            name=values["array_name"],
+        ),
+        response=values["response_real"] + 1j * values["response_imag"],
+        pole=values["pole_real"] + 1j * values["pole_imag"],
+        dead=values["dead"].astype(bool),
+        level_uncertainty=values["level_uncertainty"],
+        date=values["date"],
+        provenance=from_json(values["provenance"]),
+        **{name: values[name] for name in _ERRORS},
+    )

@@ -1,0 +1,143 @@
+"""Transducers measured blind: an array whose secrets only the simulation knows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from midair.calibration import ArrayField, ArrayPlan, array_codes, fit_array
+from midair.errors import InputError, ShapeError
+from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
+from midair.physics import (
+    PlaybackChain,
+    SensorModel,
+    Transducers,
+    calibration_of,
+    cell_weights,
+    sense,
+    simulate,
+    transfer_matrix,
+)
+
+ACOUSTICS = Acoustics(medium=Medium.at(temperature=22.0, humidity=0.5))
+
+
+@dataclass(frozen=True)
+class Secret:
+    array: TransducerArray
+    transducers: Transducers
+    dead: np.ndarray
+
+    @property
+    def response(self):
+        """Without the phase that all share, which nobody can hear."""
+        return self.transducers.response * np.exp(-1j * np.angle(self.transducers.response[~self.dead].sum()))
+
+
+def secret(count, *, seed, dead=1):
+    whole = TransducerArray.autd3(columns=1, rows=1)
+    rng = np.random.default_rng((seed, 1))
+    near = np.sort(np.argsort(np.linalg.norm(whole.position, axis=1))[:count])
+    array = TransducerArray(position=whole.position[near], normal=whole.normal[near], name=f"secret {seed}")
+    drawn = Transducers.varied(count, seed=seed, gain=0.9, gain_spread=0.05, resonance_spread=50, quality_spread=0.05)
+    off = np.isin(np.arange(count), rng.permutation(count)[:dead])
+    late = np.exp(0.05j * rng.standard_normal(count))
+    return Secret(array, Transducers(pole=drawn.pole, response=np.where(off, 0, drawn.response * late)), off)
+
+
+def measured(known, plan, *, seed, noise, away=(0.0, 0.0, 0.2)):
+    """What comes out of a blind measurement by a sensor that lies somewhere near."""
+    model = SensorModel(noise=noise, bits=32).with_spread(seed=seed)
+    codes = array_codes(known.array, model.grid, plan, acoustics=ACOUSTICS, height=0.2)
+    drive = Drive(
+        phase=codes.phase, level=np.full(codes.frames, codes.level), rate=1000, array=known.array, acoustics=ACOUSTICS
+    )
+    # Finer than what the fit takes, and only where the beam is.
+    points = ControlGrid(rows=16, columns=16, pitch=1.6e-3, height=away[2], centre=away[:2])
+    felt = simulate(
+        drive,
+        transfer_matrix(points, known.array, acoustics=ACOUSTICS),
+        chain=PlaybackChain(transducers=known.transducers, precision="double"),
+        rate=8000,
+        weights=cell_weights(model, points, centre=away[:2], between="waves"),
+    ).reshape(-1, 4, 4)
+    felt = np.concatenate([felt, np.repeat(felt[-1:], 400, axis=0)])
+    volts = sense(model, felt, 1000, rng=np.random.default_rng(seed), oversample=8).reshape(-1, 16)
+    field = ArrayField(array=known.array, codes=codes, acoustics=ACOUSTICS, calibration=calibration_of(model))
+    return fit_array(field, volts)
+
+
+def scores(found, known):
+    """Errors over standard uncertainties of what lives, by name; the level of all apart."""
+    alive = ~known.dead
+    level = found.strength[alive].mean() / np.abs(known.response[alive]).mean()
+    pole = known.transducers.pole
+    resonance = 40e3 + pole.imag / (2 * np.pi)
+    errors = {
+        "strength": found.strength / level - np.abs(known.response),
+        "phase": np.angle(found.response * known.response.conj() + known.dead),
+        "resonance": found.resonance - resonance,
+        "quality": found.quality / (-np.pi * resonance / pole.real) - 1,
+    }
+    return {name: (error / getattr(found, f"{name}_uncertainty"))[alive] for name, error in errors.items()} | {
+        "level": np.array([(level - 1) / max(found.level_uncertainty, 1e-9)])
+    }
+
+
+def test_most_of_what_a_few_transducers_differ_by_is_found():
+    known = secret(40, seed=2)
+    found = measured(known, ArrayPlan(duration=0.5, group=20), seed=2, noise=1e-7)
+    np.testing.assert_array_equal(found.dead, known.dead)
+    assert (found.response[known.dead] == 0).all()
+    alive = ~known.dead
+    level = found.strength[alive].mean() / np.abs(known.response[alive]).mean()
+    left = (found.response / level - known.response)[alive]
+    assert np.std(left) < 0.35 * np.std(known.response[alive])
+    pole = known.transducers.pole
+    assert np.std((found.pole - pole).imag[alive]) < 0.3 * np.std(pole.imag)
+    assert np.std((found.pole - pole).real[alive]) < 0.6 * np.std(pole.real)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("away", [(0.0, 0.0, 0.2), (0.6e-3, -0.4e-3, 0.2008)], ids=["in place", "beside"])
+def test_uncertainties_hold_for_95_percent(away):
+    found = {}
+    for seed in range(3):
+        known = secret(120, seed=seed, dead=2)
+        calibration = measured(known, ArrayPlan(duration=2.0, group=60), seed=seed, noise=1e-6, away=away)
+        np.testing.assert_array_equal(calibration.dead, known.dead)
+        for name, score in scores(calibration, known).items():
+            found.setdefault(name, []).extend(score)
+    shares = {name: float((np.abs(score) < 2).mean()) for name, score in found.items()}
+    for name in ("strength", "phase", "resonance", "quality"):
+        assert shares[name] > 0.93, shares
+
+
+def test_codes_are_refused_that_are_too_short_to_tell_the_transducers_apart():
+    array = TransducerArray.autd3(columns=1, rows=1)
+    with pytest.raises(InputError, match=r"or more for 249 transducers, got 0\.1 s"):
+        array_codes(array, SensorModel().grid, ArrayPlan(duration=0.1), acoustics=ACOUSTICS, height=0.2)
+
+
+def test_what_is_no_beam_is_refused():
+    known, model = secret(8, seed=0), SensorModel()
+    codes = array_codes(known.array, model.grid, ArrayPlan(duration=0.2), acoustics=ACOUSTICS, height=0.2)
+    field = ArrayField(array=known.array, codes=codes, acoustics=ACOUSTICS, calibration=calibration_of(model))
+    noise = np.random.default_rng(0).standard_normal((codes.frames, 16))
+    with pytest.raises(InputError, match="hear what the model says"):
+        fit_array(field, noise)
+    with pytest.raises(ShapeError, match="frames of codes or more"):
+        fit_array(field, noise[:100])
+
+
+def test_the_first_group_begins_when_the_sensor_has_forgotten_the_start():
+    codes = array_codes(
+        secret(8, seed=0).array, SensorModel().grid, ArrayPlan(duration=0.4, group=4), acoustics=ACOUSTICS, height=0.2
+    )
+    assert codes.starts == (300, 650)
+    assert codes.frames == 1000
+    phase = codes.phase
+    assert (phase[:300] == codes.still).all()
+    np.testing.assert_allclose(
+        phase[300:500, codes.groups[0]] - codes.still[codes.groups[0]], codes.codes[0] * np.pi / 2, atol=1e-12
+    )
