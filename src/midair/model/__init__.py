@@ -12,11 +12,11 @@ from midair.model.measurement import Crosstalk, Linearity, Measurement
 from midair.model.medium import Medium
 from midair.model.palm import Palm
 from midair.model.placement import UNIT, Placement
-from midair.model.progress import Progress
 from midair.model.provenance import Provenance, Setting, Step
 from midair.model.recording import Recording, Unit
 from midair.model.stage import Heading, Place, StageSetup, StageStamp, check_reached, speed_of
 from midair.model.wiring import SensorWiring
+from midair.progress import Progress
 
 __all__ = [
     "ArrayCalibration",

@@ -1,9 +1,15 @@
 """What commands share: options, quantities, what is printed, keys and meters."""
 
 from midair.cli.terminal.air_options import AirOptions, say_air
-from midair.cli.terminal.array_output import array_rows, as_measured
 from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
-from midair.cli.terminal.calibration_output import OutputOptions, given_calibration, prepare_page, tell
+from midair.cli.terminal.calibration_output import (
+    OutputOptions,
+    array_rows,
+    as_measured,
+    given_calibration,
+    prepare_page,
+    tell,
+)
 from midair.cli.terminal.comparisons import card_of, plain, print_card, print_palm
 from midair.cli.terminal.console import (
     PlainConsole,

@@ -1,7 +1,7 @@
-"""Where a calibration that was measured goes, and how far it is from the one whose place it takes."""
+"""Where a calibration that was measured goes, how far it is from the one before, and what is known of an array."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -12,9 +12,10 @@ from midair.cli.terminal.console import banner, print_json, print_rows
 from midair.cli.terminal.keeping import may_write
 from midair.cli.terminal.options import Force, Json
 from midair.errors import MismatchError, MissingFileError
-from midair.files import CALIBRATION_SUFFIX, load_calibration, save_calibration
-from midair.model import Calibration, SensorGrid
+from midair.files import CALIBRATION_SUFFIX, load_array_calibration, load_calibration, save_calibration
+from midair.model import ArrayCalibration, Calibration, PressureFrames, SensorGrid, TransducerArray
 from midair.rig import calibration_rows, check_page_name, write_calibration_page
+from midair.settings import Settings
 
 
 @Parameter(name="*")
@@ -146,3 +147,45 @@ def tell(
     banner(simulated)
     print_rows([*rows, *(("note", note) for note in notes or [])])
     return None
+
+
+def as_measured(
+    path: Path | None, array: TransducerArray, settings: Settings, pressure: PressureFrames
+) -> tuple[TransducerArray, Settings, PressureFrames]:
+    """Array, settings and pressure for an array that was measured, if a file says so; as they are if not.
+
+    Raises
+    ------
+    MismatchError
+        If it is another array's.
+    """
+    if path is None:
+        return array, settings, pressure
+    known = load_array_calibration(path)
+    told = {"file": path.name, "id": known.identifier, "date": known.date}
+    life = pressure.provenance.then("array calibration", told, simulated=known.provenance.simulated)
+    return known.applied(array), settings.measured(known), replace(pressure, provenance=life)
+
+
+def array_rows(known: ArrayCalibration) -> list[tuple[str, str]]:
+    """What was measured of an array, with expanded uncertainties (k = 2)."""
+    alive = ~known.dead
+
+    def of(values: np.ndarray, errors: np.ndarray, unit: str, digits: int) -> str:
+        some = values[alive]
+        sure = 2 * float(np.median(errors[alive]))
+        return f"{some.mean():.{digits}f} {unit}, each ± {some.std():.2g}, known to {sure:.2g} {unit} (k = 2)"
+
+    quality = known.quality_uncertainty * known.quality
+    dead = np.flatnonzero(known.dead)
+    named = ", ".join(str(number) for number in dead[:20]) + (" and more" if len(dead) > 20 else "")
+    return [
+        ("array", f"{known.array.name}, {known.array.count} transducers"),
+        ("dead", f"{len(dead)}: {named}" if len(dead) else "none"),
+        ("strength", of(known.strength, known.strength_uncertainty, "of the model's", 3)),
+        ("level of all", f"known to {200 * known.level_uncertainty:.2g} % (k = 2)"),
+        ("phase", of(known.phase, known.phase_uncertainty, "rad", 3)),
+        ("resonance", of(known.resonance, known.resonance_uncertainty, "Hz", 0)),
+        ("quality factor", of(known.quality, quality, "", 1)),
+        ("calibration id", f"{known.identifier}, {known.date or 'no date'}"),
+    ]
