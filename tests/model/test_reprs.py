@@ -11,6 +11,7 @@ from midair import model
 from midair.model import (
     Acoustics,
     AmplitudeFrames,
+    ArrayCalibration,
     Board,
     Calibration,
     ControlGrid,
@@ -20,6 +21,7 @@ from midair.model import (
     Linearity,
     Measurement,
     Medium,
+    Palm,
     Placement,
     PressureFrames,
     Provenance,
@@ -71,6 +73,17 @@ def solution(drive, status="converged"):
 ORDINARY = {
     "Acoustics": Acoustics(),
     "AmplitudeFrames": AmplitudeFrames(amplitude=RNG.uniform(0, 3800, (50, 256)), rate=1000.0, provenance=TOWEL),
+    "ArrayCalibration": ArrayCalibration(
+        array=TransducerArray.autd3(),
+        response=1 + 0.05 * RNG.standard_normal(996),
+        pole=np.full(996, -5000 + 300j),
+        strength_uncertainty=np.full(996, 0.01),
+        phase_uncertainty=np.full(996, 0.01),
+        resonance_uncertainty=np.full(996, 20.0),
+        quality_uncertainty=np.full(996, 0.03),
+        dead=np.arange(996) < 3,
+        provenance=TOWEL,
+    ),
     "Board": replace(Board.nominal(), offset=np.ones(256), serial="FT000003"),
     "Calibration": Calibration(
         sensor=SENSOR,
@@ -88,6 +101,7 @@ ORDINARY = {
     "Linearity": linearity(4, 4),
     "Measurement": measurement(257, 4, 4, reference="microphone", takes=3),
     "Medium": Medium.at(),
+    "Palm": Palm.disc(),
     "Placement": Placement.grid(),
     "PressureFrames": PressureFrames(
         pressure=RNG.standard_normal((1280, 4, 4)), rate=1000.0, sensor=SENSOR, band=(20.0, 470.0), provenance=TOWEL
@@ -115,6 +129,7 @@ ORDINARY["Solution"] = solution(ORDINARY["Drive"])
 SAYS = {
     "Acoustics": ["t4010a1", "340"],
     "AmplitudeFrames": ["50 frames at 1000 Hz, 0.05 s", "16 x 16 points 200 mm above", "Pa", "from virtual:towel"],
+    "ArrayCalibration": ["996 transducers", "3 dead", "strength 1", "from virtual:towel"],
     "Board": ["FT000003", "256 transducers", "offsets known"],
     "Calibration": ["257 bins 0 to 500 Hz", "4 x 4 'virtual sensor 0'", "V/Pa", "measured", "version 1 2026-01-31"],
     "ControlGrid": ["rows=16", "height=0.2"],
@@ -124,6 +139,7 @@ SAYS = {
     "Linearity": ["5 levels of 4 x 4 cells", "0.5 to 20 Pa rms", "curvature 2 %"],
     "Measurement": ["257 bins of 4 x 4", "2.1 % (median, k = 1)", "0.125 ms", "by microphone", "3 takes"],
     "Medium": ["speed=34", "humidity=0.5"],
+    "Palm": ["disc of 85 mm", "cm2", "2.5 mm apart"],
     "Placement": ["4 units", "AUTD3 2 x 2"],
     "PressureFrames": ["1280 frames at 1000 Hz, 1.28 s", " Pa,", "band 20 to 470 Hz"],
     "Provenance": ["from virtual:towel", "1 step: cut", "1 note: object"],

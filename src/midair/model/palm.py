@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
 from midair.model.geometry import ControlGrid, centred
+from midair.model.reprs import clipped, told
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -36,6 +37,10 @@ class Palm:
         positive(self.pitch, "pitch of the palm", "m")
         if not self.inside.any():
             raise InputError("palm: expected some skin under the array, got none; move the outline")
+
+    def __repr__(self) -> str:
+        area = 1e4 * self.inside.sum() * self.pitch**2
+        return told(self, clipped(self.name), f"{area:.3g} cm2", f"points {1e3 * self.pitch:g} mm apart")
 
     @classmethod
     def disc(cls, diameter: float = 85e-3, *, pitch: float = 2.5e-3) -> "Palm":
