@@ -129,7 +129,7 @@ ORDINARY["Solution"] = solution(ORDINARY["Drive"])
 SAYS = {
     "Acoustics": ["t4010a1", "340"],
     "AmplitudeFrames": ["50 frames at 1000 Hz, 0.05 s", "16 x 16 points 200 mm above", "Pa", "from virtual:towel"],
-    "ArrayCalibration": ["996 transducers", "3 dead", "strength 1", "from virtual:towel"],
+    "ArrayCalibration": ["996 transducers", "3 dead", "strength 0.999 ± 0.051", "from virtual:towel"],
     "Board": ["FT000003", "256 transducers", "offsets known"],
     "Calibration": ["257 bins 0 to 500 Hz", "4 x 4 'virtual sensor 0'", "V/Pa", "measured", "version 1 2026-01-31"],
     "ControlGrid": ["rows=16", "height=0.2"],
@@ -153,7 +153,16 @@ SAYS = {
     "TransducerArray": ["AUTD3 2 x 2, 996 transducers in 4 units, 365 x 283 mm, 40 kHz, 4.39 Pa m each"],
 }
 
-SIMULATED = {"AmplitudeFrames", "Calibration", "Drive", "PressureFrames", "Provenance", "Recording", "Solution"}
+SIMULATED = {
+    "AmplitudeFrames",
+    "ArrayCalibration",
+    "Calibration",
+    "Drive",
+    "PressureFrames",
+    "Provenance",
+    "Recording",
+    "Solution",
+}
 
 BUSY = Provenance(
     source=LONG,
