@@ -38,6 +38,7 @@ SLOW = (
     "midair paper",
     "midair solve take.h5",
     "midair sweep",
+    "midair calibrate array",
     "midair calibrate beam",
     "midair calibrate bench",
     "midair calibrate measure",

@@ -42,7 +42,22 @@ def solved(path, *words):
     """A felt stroke solved for, 30 frames."""
     assert run(["record", "virtual:towel", "towel.h5", "--duration", "0.3s"]) == 0
     assert (
-        run(["solve", "towel.h5", str(path), "--start-at", "100ms", "--duration", "30ms", "--mode", "paper", *words])
+        run(
+            [
+                "solve",
+                "towel.h5",
+                str(path),
+                "--start-at",
+                "100ms",
+                "--duration",
+                "30ms",
+                "--lead",
+                "0s",
+                "--mode",
+                "paper",
+                *words,
+            ]
+        )
         == 0
     )
     return load_solution(path)

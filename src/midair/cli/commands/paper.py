@@ -123,7 +123,8 @@ def paper_command(
 
 def _check(folder: Path, name: str, force: bool) -> None:
     """Refuse before the work begins."""
-    may_write(folder / f"{name}.json", force)
+    if folder.is_dir():
+        may_write(folder / f"{name}.json", force)
 
 
 def _print(result: PaperResult, written: list[Path]) -> None:
