@@ -24,9 +24,16 @@ def _folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recorded") / "take.h5"
+    assert run(["record", "virtual:towel", str(path), "--duration", "0.3s"]) == 0
+    return path.read_bytes()
+
+
 @pytest.fixture
-def take():
-    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.3s"]) == 0
+def take(recorded):
+    Path("take.h5").write_bytes(recorded)
     return Path("take.h5")
 
 

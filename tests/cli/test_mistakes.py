@@ -187,7 +187,7 @@ MISTAKES = (
     ("demo x --duration 0s", 1, "--duration"),
     ("paper --figure 5", 2, 'Invalid value "5" for --figure.'),
     ("paper --mode loud", 2, 'Invalid value "loud" for --mode.'),
-    ("paper --things cat --fidelity", 1, "expected the folder"),
+    ("paper --things cat --fidelity", 1, "cat"),
     ("identify", 2, 'Command "identify" parameter'),
     ("identify virtual:cats", 2, "expected brush, sponge or towel"),
     ("doctor --verbos", 2, "Unknown option: --verbos."),
