@@ -124,11 +124,8 @@ def _told_of_drive(source: Path) -> _FileFacts:
     solution = load_solution(source, streamed=True)
     drive = solution.drive
     plays = np.array([status != "silent" for status in solution.status])
-    inside, seconds, silent = (
-        piece_of(drive.provenance, drive.frames, drive.rate),
-        drive.frames / drive.rate,
-        int((~plays).sum()),
-    )
+    inside = piece_of(drive.provenance, drive.frames, drive.rate)
+    seconds, silent = drive.frames / drive.rate, int((~plays).sum())
     error = solution.error[inside][plays[inside]]
     mean, worst = (float(error.mean()), float(error.max())) if len(error) else (None, None)
     level = level_of_file(source) if plays.any() else None
