@@ -12,7 +12,7 @@ from midair.devices import (
     autd3_standing,
     pyautd3_array,
 )
-from midair.errors import DeviceStateError, InputError, MismatchError
+from midair.errors import DeviceStateError, InputError, MismatchError, StoppedError
 from midair.model import Board, Drive, Placement, TransducerArray
 from midair.physics import focus_phase
 from midair.physics.sensing import SensorModel
@@ -137,6 +137,19 @@ def test_there_is_no_way_round_play(array):
         with pytest.raises(DeviceStateError, match="nothing sounds unchecked"):
             array.emit(drive(array), None)
         assert not array.emitting
+        assert array.play(overridden(drive(array), array)).frames == 5
+
+
+def test_an_array_asks_whoever_may_refuse_before_it_lets_anything_sound(array):
+    def refused():
+        raise StoppedError("not armed")
+
+    with array:
+        array.allowing(refused)
+        with pytest.raises(StoppedError, match="not armed"):
+            array.play(overridden(drive(array), array))
+        assert not array.emitting
+        array.allowing(None)
         assert array.play(overridden(drive(array), array)).frames == 5
 
 

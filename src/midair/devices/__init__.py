@@ -23,6 +23,7 @@ from midair.devices.safety import (
     process_began,
     state_folder,
     stop_playing,
+    uptime,
 )
 from midair.devices.sensors import Decimated, PacedSensor, ReplaySensor, Rewired, Source, Stream, StreamedSensor
 from midair.devices.stages import StageDevice
@@ -73,4 +74,5 @@ __all__ = [
     "process_began",
     "state_folder",
     "stop_playing",
+    "uptime",
 ]

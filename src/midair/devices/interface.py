@@ -6,7 +6,7 @@ on errors too. A new device is a subclass in a file of its own that fills in the
 
 import contextlib
 from abc import ABC, abstractmethod
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -197,11 +197,13 @@ class ArrayDevice(ABC):
     _order: Order
     _entered: contextlib.ExitStack
     _plays: bool
+    _allowed: Callable[[], None] | None
 
     def __new__(cls, *_: Any, **__: Any) -> Self:
         """Every array has its order from the beginning, whatever a driver's __init__ does."""
         made = super().__new__(cls)
         made._order, made._entered, made._plays = Order(), contextlib.ExitStack(), False
+        made._allowed = None
         return made
 
     @abstractmethod
@@ -341,11 +343,19 @@ class ArrayDevice(ABC):
             If somebody asked for silence.
         DeviceStateError
             If this is not `play`, where it can be heard.
+        MidairError
+            Whatever the check of `allowing` raises.
         """
         if self.gated and not self._plays:
             raise DeviceStateError(f"{self.name}: expected play() with an admission; nothing sounds unchecked")
         with self._order.sounding(self.name):
+            if self._allowed is not None:
+                self._allowed()
             yield
+
+    def allowing(self, check: Callable[[], None] | None) -> None:
+        """Have something called before every frame or switch, which raises where nothing may sound."""
+        self._allowed = check
 
     def __enter__(self) -> Self:
         with contextlib.ExitStack() as stack:

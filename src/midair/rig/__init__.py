@@ -33,6 +33,7 @@ from midair.rig.looping import (
     write_report,
 )
 from midair.rig.names import ArrayKind, VirtualRig, array_named, array_of_kind, sensor_named, stage_named
+from midair.rig.permit import Leave, Permit, Permitted, permitted
 from midair.rig.playing import play_admitted, rerecord, room_air, stop_playing, usual_exposure
 from midair.rig.recorder import OpenRig, Played, loop, open_rig, play, record
 from midair.rig.signals import ENDING, handled
@@ -70,8 +71,11 @@ __all__ = [
     "Companion",
     "Drift",
     "Identity",
+    "Leave",
     "Levels",
     "Loop",
+    "Permit",
+    "Permitted",
     "Picture",
     "ReferenceChoice",
     "Stage",
@@ -98,6 +102,7 @@ __all__ = [
     "identify_by_tones",
     "kept_in_band",
     "palm_of_loop",
+    "permitted",
     "pictures",
     "play_admitted",
     "problems",

@@ -4,7 +4,7 @@ from midair.devices.safety.device_locks import device_lock
 from midair.devices.safety.orders import Order
 from midair.devices.safety.play_log import Ending, log_end, log_order
 from midair.devices.safety.state_folders import make_state_folder, state_folder
-from midair.devices.safety.stop_lines import Stopped, ordered_at, playing_now, process_began, stop_playing
+from midair.devices.safety.stop_lines import Stopped, ordered_at, playing_now, process_began, stop_playing, uptime
 
 __all__ = [
     "Ending",
@@ -19,4 +19,5 @@ __all__ = [
     "process_began",
     "state_folder",
     "stop_playing",
+    "uptime",
 ]

@@ -160,7 +160,8 @@ class VirtualArray(ArrayDevice):
             path.skin.press(simulate(drive, path.matrix, chain=chain, rate=path.skin.rate, acoustics=path.acoustics))
         done = 0
         for q, now in radiate(drive, chain, steps, start=self._now):
-            self._now = now
+            with self.sounding():
+                self._now = now
             done += len(q) // steps
             if chain.hold == "step" and path is not None:
                 path.skin.press(path.spread.pressure(q))
