@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         sweep,
         targets,
         testing,
+        view,
     )
     from midair.calibration import calibrate
     from midair.evaluate import compare
@@ -111,6 +112,7 @@ __all__ = [
     "sweep",
     "targets",
     "testing",
+    "view",
 ]
 
 _ELSEWHERE = {

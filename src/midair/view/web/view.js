@@ -1,0 +1,763 @@
+/* The view of midair: every canvas, and the frames that they draw. One file without imports, since a notebook needs one.
+
+   decode(buffer)            the sections of wire.py: [{kind, type, number, time, first, frames, width, unit, values}]
+   Track                     frames of one kind that follow each other: all of a take, or the last ones of a live feed
+   SparseTrack               frames that come now and then (phases at 15 Hz): `at(frame)` is the last one up to it
+   Picture(box, {...})       a canvas as large as its box; `.draw(state)` paints; `.summary` says it in words
+     FieldPicture            complex field or magnitude: colours by magnitude or by phase, finer by two real matrices
+     CellsPicture            what each cell of the sensor feels
+     TracesPicture           every channel around the playhead, one track over another
+     PhasesPicture           phases of the array's transducers, where they are
+     SpectrogramPicture      one channel, frequency over time
+     OverviewPicture         the whole take: playhead, loop, marks; scrubs
+     BarPicture              what the colours mean
+
+   state: {frame, from, channel, span, phase, loop: {from, to, on}, marks}. `from` to `frame` are the frames since the last
+   picture: fields and cells show their rms, a single frame where both are the same. Every picture holds what it drew last. */
+
+export const KINDS = { samples: 1, field: 2, phases: 3, meters: 4, marks: 5 };
+const TYPES = { 1: Int8Array, 2: Int16Array, 3: Float32Array, 4: Uint8Array };
+const HEADER = 32;
+
+/** Sections of bytes as wire.py packs them. */
+export function decode(buffer) {
+  const bytes = buffer instanceof ArrayBuffer ? buffer : buffer.buffer.slice(buffer.byteOffset, buffer.byteOffset + buffer.byteLength);
+  const view = new DataView(bytes), sections = [];
+  for (let at = 0; at < bytes.byteLength;) {
+    if (bytes.byteLength - at < HEADER) throw new Error(`section at byte ${at}: expected a header of ${HEADER} bytes`);
+    const kind = view.getUint8(at + 2), type = view.getUint8(at + 3), Values = TYPES[type];
+    if (view.getUint8(at) !== 0x6d || view.getUint8(at + 1) !== 1 || !(kind >= 1 && kind <= 5) || !Values)
+      throw new Error(`section at byte ${at}: not of this version; reload the page`);
+    const frames = view.getUint16(at + 24, true), width = view.getUint16(at + 26, true);
+    const end = at + HEADER + frames * width * Values.BYTES_PER_ELEMENT;
+    if (end > bytes.byteLength) throw new Error(`section at byte ${at}: cut off`);
+    sections.push({
+      kind, type, frames, width,
+      number: view.getUint32(at + 4, true),
+      time: view.getFloat64(at + 8, true),
+      first: Number(view.getBigUint64(at + 16, true)),
+      unit: view.getFloat32(at + 28, true),
+      // A copy: sections lie back to back, and typed arrays must begin at a multiple of their size.
+      values: new Values(bytes.slice(at + HEADER, end)),
+    });
+    at = end;
+  }
+  return sections;
+}
+
+/** Bytes of a base64 text. */
+export function bytesOf(text) {
+  const raw = atob(text), bytes = new Uint8Array(raw.length);
+  for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
+  return bytes;
+}
+
+/** Frames of one kind that follow each other; `capacity` of them are kept. A frame that never came is NaN. */
+export class Track {
+  constructor({ rate, capacity, unit = "", name = "", label = "" }) {
+    Object.assign(this, { rate, capacity, unit, name, label });
+    this.first = this.last = 0; // kept: first to last - 1
+    this.width = 0;
+    this.lost = 0;
+  }
+  add(section) {
+    if (!this.values) {
+      this.width = section.width;
+      this.values = new section.values.constructor(this.capacity * section.width);
+      this.units = new Float32Array(this.capacity);
+      this.first = this.last = section.first;
+    }
+    if (section.first > this.last) {
+      this.lost += section.first - this.last;
+      for (let f = Math.max(this.last, section.first - this.capacity); f < section.first; f++) this.units[f % this.capacity] = NaN;
+    }
+    for (let i = 0; i < section.frames; i++) {
+      const slot = (section.first + i) % this.capacity;
+      this.values.set(section.values.subarray(i * this.width, (i + 1) * this.width), slot * this.width);
+      this.units[slot] = section.unit;
+    }
+    this.last = Math.max(this.last, section.first + section.frames);
+    this.first = Math.max(this.first, this.last - this.capacity);
+    this.version = (this.version ?? 0) + 1;
+    return this;
+  }
+  has(frame) { return frame >= this.first && frame < this.last; }
+  /** One value of one frame; NaN where there is none. */
+  value(frame, index) {
+    if (!this.has(frame)) return NaN;
+    const slot = frame % this.capacity;
+    return this.values[slot * this.width + index] * this.units[slot];
+  }
+  /** A frame's values into `out`; false where there is none. */
+  read(frame, out) {
+    if (!this.has(frame)) return false;
+    const slot = frame % this.capacity, unit = this.units[slot], at = slot * this.width;
+    if (Number.isNaN(unit)) return false;
+    for (let i = 0; i < this.width; i++) out[i] = this.values[at + i] * unit;
+    return true;
+  }
+  /** Largest magnitude of one frame. */
+  loudness(frame) {
+    if (!this.has(frame)) return 0;
+    const slot = frame % this.capacity, at = slot * this.width;
+    let most = 0;
+    for (let i = 0; i < this.width; i++) most = Math.max(most, Math.abs(this.values[at + i]));
+    return most * this.units[slot] || 0;
+  }
+  /** Largest magnitude of all frames that are kept: the top of a scale. */
+  get top() {
+    if (this._toppedAt !== this.version) {
+      this._top = 0;
+      for (let f = this.first; f < this.last; f++) this._top = Math.max(this._top, this.loudness(f));
+      this._toppedAt = this.version;
+    }
+    return this._top;
+  }
+}
+
+/** Frames that come now and then. */
+export class SparseTrack {
+  constructor({ capacity = Infinity } = {}) { this.capacity = capacity; this.rows = []; }
+  add(section) {
+    for (let i = 0; i < section.frames; i++)
+      this.rows.push({ frame: section.first + i, values: section.values.subarray(i * section.width, (i + 1) * section.width) });
+    if (this.rows.length > this.capacity) this.rows.splice(0, this.rows.length - this.capacity);
+    return this;
+  }
+  at(frame) {
+    let low = 0, high = this.rows.length;
+    while (low < high) { const middle = (low + high) >> 1; if (this.rows[middle].frame <= frame) low = middle + 1; else high = middle; }
+    return low ? this.rows[low - 1].values : null;
+  }
+}
+
+/** A table of 256 colours (768 bytes: red, green, blue) for pixels and for CSS. */
+export class Colours {
+  constructor(bytes) {
+    this.pixels = new Uint32Array(256); // little-endian: alpha, blue, green, red
+    this.css = [];
+    for (let i = 0; i < 256; i++) {
+      const [r, g, b] = bytes.subarray(3 * i, 3 * i + 3);
+      this.pixels[i] = (255 << 24) | (b << 16) | (g << 8) | r;
+      this.css.push(`rgb(${r} ${g} ${b})`);
+    }
+  }
+}
+
+const INK = { ink: "--view-ink", quiet: "--view-quiet", line: "--view-line", ground: "--view-ground", trace: "--view-trace", second: "--view-second", accent: "--view-accent" };
+const FALLBACK = { ink: "#1b1f24", quiet: "#57606a", line: "#8c959f", ground: "#ffffff", trace: "#0b62a8", second: "#b4500a", accent: "#b35900" };
+
+/** A canvas that is as large as its box, in the device's own pixels, and says in words what it shows. */
+export class Picture {
+  constructor(box, { label, role = "img" }) {
+    this.box = box;
+    this.label = label;
+    this.canvas = box.ownerDocument.createElement("canvas");
+    Object.assign(this.canvas.style, { position: "absolute", inset: "0", width: "100%", height: "100%", display: "block" });
+    if (getComputedStyle(box).position === "static") box.style.position = "relative";
+    this.canvas.setAttribute("role", role);
+    this.canvas.tabIndex = 0;
+    this.said = box.ownerDocument.createElement("span"); // the value under pointer or arrows
+    this.said.className = "view-said";
+    this.said.setAttribute("aria-live", "polite");
+    box.append(this.canvas, this.said);
+    this.context = this.canvas.getContext("2d");
+    this.state = null;
+    this._watch = new ResizeObserver(([entry]) => this._fit(entry));
+    try { this._watch.observe(box, { box: "device-pixel-content-box" }); } catch { this._watch.observe(box); }
+    this._schemes = ["(prefers-color-scheme: dark)", "print"].map((query) => matchMedia(query));
+    this._repaint = () => { this._ink = null; this._stale?.(); this.draw(); };
+    for (const scheme of this._schemes) scheme.addEventListener("change", this._repaint);
+    this.canvas.addEventListener("pointermove", (event) => this._tell(event.offsetX, event.offsetY));
+    this.canvas.addEventListener("pointerleave", () => { this.said.textContent = ""; });
+    this._name();
+  }
+  /** Paint a state, or the last one again. */
+  draw(state = this.state) {
+    this.state = state;
+    if (!state || !this.canvas.width || !this.canvas.height) return;
+    this.paint(this.context, this.canvas.width, this.canvas.height, state);
+    const now = performance.now();
+    // Names are for people who listen: once a second at most, and the last one after that.
+    clearTimeout(this._later);
+    if (!(now - this._named < 1000)) this._name();
+    else this._later = setTimeout(() => this._name(), 1000);
+  }
+  remove() {
+    clearTimeout(this._later);
+    this._watch.disconnect();
+    for (const scheme of this._schemes) scheme.removeEventListener("change", this._repaint);
+    this.canvas.remove();
+    this.said.remove();
+  }
+  get summary() { return ""; }
+  /** What stands at a place of the canvas, in CSS pixels. */
+  valueAt() { return ""; }
+  /** CSS pixel in the device's. */
+  get ratio() { return this.canvas.width / (this.canvas.clientWidth || this.canvas.width) || 1; }
+  get colour() {
+    if (!this._ink) {
+      const style = getComputedStyle(this.box);
+      this._ink = Object.fromEntries(Object.entries(INK).map(([name, property]) => [name, style.getPropertyValue(property).trim() || FALLBACK[name]]));
+    }
+    return this._ink;
+  }
+  text(words, x, y, { align = "left", base = "middle", size = 11, weight = "", colour = this.colour.quiet } = {}) {
+    const { context } = this;
+    context.font = `${weight} ${size * this.ratio}px system-ui, sans-serif`;
+    context.textAlign = align;
+    context.textBaseline = base;
+    context.fillStyle = colour;
+    context.fillText(words, x, y);
+  }
+  clear(width, height, colour = this.colour.ground) {
+    this.context.fillStyle = colour;
+    this.context.fillRect(0, 0, width, height);
+  }
+  say(words) {
+    const now = performance.now();
+    clearTimeout(this._saying);
+    const put = () => { this._said = performance.now(); this.said.textContent = words; };
+    if (!(now - this._said < 1000)) put(); else this._saying = setTimeout(put, 1000 - (now - this._said));
+  }
+  _tell(x, y) { const words = this.valueAt(x, y); if (words) this.say(words); }
+  _name() {
+    this._named = performance.now();
+    const words = this.summary ? `${this.label}: ${this.summary}` : this.label;
+    if (this.canvas.getAttribute("aria-label") !== words) this.canvas.setAttribute("aria-label", words);
+  }
+  _fit(entry) {
+    const device = entry.devicePixelContentBoxSize?.[0], ratio = devicePixelRatio || 1;
+    const width = device ? device.inlineSize : Math.round(entry.contentRect.width * ratio);
+    const height = device ? device.blockSize : Math.round(entry.contentRect.height * ratio);
+    if (width === this.canvas.width && height === this.canvas.height) return;
+    this.canvas.width = width;
+    this.canvas.height = height;
+    this._stale?.();
+    this.draw();
+  }
+}
+
+/** A map of rows and columns: pixels, cells over it, values under pointer and arrows. */
+class MapPicture extends Picture {
+  /* `place`: {pitch, x, y} in mm: of neighbours of the track's grid, and of its middle. */
+  constructor(box, options) {
+    super(box, options);
+    const { rows, columns, place, unit = "Pa", cells = null } = options;
+    Object.assign(this, { rows, columns, place, unit, cells });
+    this._small = box.ownerDocument.createElement("canvas");
+    this.chosen = null; // the place that the arrows chose
+    this.peak = null;
+    this.canvas.addEventListener("keydown", (event) => this._arrow(event));
+  }
+  size(rows, columns) {
+    if (this.shownRows === rows && this.shownColumns === columns) return;
+    Object.assign(this, { shownRows: rows, shownColumns: columns });
+    this._small.width = columns;
+    this._small.height = rows;
+    this._image = this._small.getContext("2d").createImageData(columns, rows);
+    this.pixels = new Uint32Array(this._image.data.buffer);
+    this.shown = new Float32Array(rows * columns);
+  }
+  /** Show `this.pixels`, as large as whole squares allow. */
+  put(context, width, height) {
+    const scale = Math.min(width / this.columns, height / this.rows);
+    const [w, h] = [scale * this.columns, scale * this.rows];
+    const area = (this.area = { x: (width - w) / 2, y: (height - h) / 2, w, h });
+    this._small.getContext("2d").putImageData(this._image, 0, 0);
+    this.clear(width, height);
+    context.imageSmoothingEnabled = false;
+    context.drawImage(this._small, area.x, area.y, w, h);
+    if (this.cells) this._cells(context, area, scale / this.place.pitch);
+    if (this.chosen) this._ring(context, area);
+  }
+  findPeak() {
+    let at = -1, most = 0;
+    for (let i = 0; i < this.shown.length; i++) if (this.shown[i] > most) { most = this.shown[i]; at = i; }
+    this.peak = at < 0 ? null : { value: most, row: Math.floor(at / this.shownColumns), column: at % this.shownColumns, ...this.whereIs(at % this.shownColumns, Math.floor(at / this.shownColumns)) };
+  }
+  /** Place of a pixel's middle, in mm. */
+  whereIs(column, row) {
+    const { pitch, x, y } = this.place;
+    return {
+      x: x + ((column + 0.5) / this.shownColumns - 0.5) * this.columns * pitch,
+      y: y + ((row + 0.5) / this.shownRows - 0.5) * this.rows * pitch,
+    };
+  }
+  get summary() {
+    if (!this.peak) return "silent";
+    return `peak ${said(this.peak.value)} ${this.unit} at ${said(this.peak.x, 2)}, ${said(this.peak.y, 2)} mm`;
+  }
+  valueAt(x, y) {
+    const { area, ratio } = this;
+    if (!area) return "";
+    const column = Math.floor(((x * ratio - area.x) / area.w) * this.shownColumns), row = Math.floor(((y * ratio - area.y) / area.h) * this.shownRows);
+    return column >= 0 && row >= 0 && column < this.shownColumns && row < this.shownRows ? this._words(column, row) : "";
+  }
+  _words(column, row) {
+    const where = this.whereIs(column, row);
+    return `${said(this.shown[row * this.shownColumns + column])} ${this.unit} at ${said(where.x, 2)}, ${said(where.y, 2)} mm`;
+  }
+  _arrow(event) {
+    const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (!step || !this.shownColumns || event.ctrlKey || event.altKey || event.metaKey) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const from = this.chosen ?? { column: this.shownColumns >> 1, row: this.shownRows >> 1 };
+    const clip = (value, most) => Math.min(most - 1, Math.max(0, value));
+    this.chosen = { column: clip(from.column + step[0], this.shownColumns), row: clip(from.row + step[1], this.shownRows) };
+    this.say(this._words(this.chosen.column, this.chosen.row));
+    this.draw();
+  }
+  _cells(context, area, scale) {
+    const { rows, columns, pitch } = this.cells, left = area.x + area.w / 2 - (columns / 2 * pitch + this.place.x) * scale, top = area.y + area.h / 2 - (rows / 2 * pitch + this.place.y) * scale;
+    context.strokeStyle = "rgb(255 255 255 / .45)";
+    context.lineWidth = Math.max(1, this.ratio);
+    context.beginPath();
+    for (let i = 0; i <= columns; i++) { context.moveTo(left + i * pitch * scale, top); context.lineTo(left + i * pitch * scale, top + rows * pitch * scale); }
+    for (let i = 0; i <= rows; i++) { context.moveTo(left, top + i * pitch * scale); context.lineTo(left + columns * pitch * scale, top + i * pitch * scale); }
+    context.stroke();
+  }
+  _ring(context, area) {
+    const w = area.w / this.shownColumns, h = area.h / this.shownRows;
+    context.lineWidth = 3 * this.ratio;
+    context.strokeStyle = "#000";
+    context.strokeRect(area.x + this.chosen.column * w, area.y + this.chosen.row * h, w, h);
+    context.lineWidth = this.ratio;
+    context.strokeStyle = "#fff";
+    context.strokeRect(area.x + this.chosen.column * w, area.y + this.chosen.row * h, w, h);
+  }
+}
+
+/** The field in a plane. A track of 2 values a point is complex, of 1 a magnitude.
+    `down`, `across`: Float32Array of (finer row, row), (finer column, column); without them a pixel is a point. */
+export class FieldPicture extends MapPicture {
+  constructor(box, options) {
+    super(box, options);
+    const { track, colours, phaseColours = null, down = null, across = null, top = null, quiet = 0.05 } = options;
+    Object.assign(this, { track, colours, phaseColours, down, across, top, quiet });
+  }
+  get complex() { return this.track.width === 2 * this.rows * this.columns; }
+  paint(context, width, height, state) {
+    const { rows, columns, track } = this, finer = this.complex && this.down && this.across;
+    const R = finer ? this.down.length / rows : rows, C = finer ? this.across.length / columns : columns;
+    this.size(R, C);
+    this._frame ??= new Float32Array(track.width || 2 * rows * columns);
+    this.field ??= new Float32Array(2 * R * C);
+    const byPhase = state.phase && this.complex && this.phaseColours, power = this.shown.fill(0);
+    let count = 0;
+    for (let f = byPhase ? state.frame : Math.min(state.from ?? state.frame, state.frame); f <= state.frame; f++) {
+      if (!track.read(f, this._frame)) continue;
+      count++;
+      if (!this.complex) { for (let i = 0; i < power.length; i++) power[i] += this._frame[i] ** 2; continue; }
+      if (finer) this._finer(this._frame, R, C); else this.field.set(this._frame);
+      const field = this.field;
+      for (let i = 0, j = 0; i < power.length; i++, j += 2) power[i] += field[j] * field[j] + field[j + 1] * field[j + 1];
+    }
+    for (let i = 0; i < power.length; i++) power[i] = Math.sqrt(power[i] / (count || 1));
+    this.findPeak();
+    const top = this.top ?? track.top;
+    if (byPhase) this._byPhase(top); else this._byMagnitude(top);
+    this.put(context, width, height);
+  }
+  /** field = down frame across', complex pairs; the matrices are real. */
+  _finer(frame, R, C) {
+    const { rows, columns, down, across, field } = this, half = (this._half ??= new Float32Array(2 * R * columns));
+    half.fill(0);
+    for (let r = 0; r < R; r++)
+      for (let k = 0; k < rows; k++) {
+        const weight = down[r * rows + k], from = 2 * k * columns, to = 2 * r * columns;
+        for (let c = 0; c < 2 * columns; c++) half[to + c] += weight * frame[from + c];
+      }
+    for (let r = 0; r < R; r++)
+      for (let c = 0; c < C; c++) {
+        let re = 0, im = 0;
+        for (let k = 0, h = 2 * r * columns, a = c * columns; k < columns; k++, h += 2) { re += across[a + k] * half[h]; im += across[a + k] * half[h + 1]; }
+        field[2 * (r * C + c)] = re;
+        field[2 * (r * C + c) + 1] = im;
+      }
+  }
+  _byMagnitude(top) {
+    const { shown, pixels } = this, table = this.colours.pixels, scale = top > 0 ? 255 / top : 0;
+    for (let i = 0; i < pixels.length; i++) pixels[i] = table[Math.min(255, Math.round(shown[i] * scale))];
+  }
+  _byPhase(top) {
+    const { shown, pixels, field } = this, table = this.phaseColours.pixels, least = this.quiet * top;
+    for (let i = 0; i < pixels.length; i++)
+      // Where nothing sounds there is no phase: transparent, so that the ground shows.
+      pixels[i] = shown[i] > least ? table[Math.floor((Math.atan2(field[2 * i + 1], field[2 * i]) / (2 * Math.PI) + 1) * 256) & 255] : 0;
+  }
+  _words(column, row) {
+    const words = super._words(column, row), i = 2 * (row * this.shownColumns + column);
+    if (!this.state?.phase || !this.complex) return words;
+    return `${words}, phase ${said(Math.atan2(this.field[i + 1], this.field[i]), 2)} rad`;
+  }
+}
+
+/** What each cell of the sensor feels: rms of the frames since the last picture. */
+export class CellsPicture extends MapPicture {
+  constructor(box, options) {
+    super(box, options);
+    const { track, colours, top = null } = options;
+    Object.assign(this, { track, colours, top });
+  }
+  paint(context, width, height, state) {
+    this.size(this.rows, this.columns);
+    this._frame ??= new Float32Array(this.track.width);
+    const power = this.shown.fill(0);
+    let count = 0;
+    for (let f = Math.min(state.from ?? state.frame, state.frame); f <= state.frame; f++)
+      if (this.track.read(f, this._frame)) { count++; for (let i = 0; i < power.length; i++) power[i] += this._frame[i] ** 2; }
+    const scale = 255 / (this.top ?? this.track.top) || 0;
+    for (let i = 0; i < power.length; i++) {
+      power[i] = Math.sqrt(power[i] / (count || 1));
+      this.pixels[i] = this.colours.pixels[Math.min(255, Math.round(power[i] * scale))];
+    }
+    this.findPeak();
+    this.put(context, width, height);
+  }
+}
+
+/** Every channel, `state.span` seconds around the playhead, one scale for all; a second track lies over the first. */
+export class TracesPicture extends Picture {
+  constructor(box, options) {
+    super(box, options);
+    const { track, over = null, names = null, choose = null, seek = null } = options;
+    Object.assign(this, { track, over, names, choose, seek });
+    this.canvas.addEventListener("pointerdown", (event) => this._press(event));
+    this.canvas.addEventListener("keydown", (event) => {
+      const step = { ArrowUp: -1, ArrowDown: 1 }[event.key];
+      if (!step || !this.choose) return;
+      event.preventDefault();
+      event.stopPropagation();
+      this.choose(Math.min(this.track.width - 1, Math.max(0, (this.state?.channel ?? 0) + step)));
+      this._name();
+    });
+  }
+  get summary() {
+    const { state, track } = this;
+    if (!state) return "";
+    const channel = state.channel ?? 0, value = track.value(state.frame, channel);
+    return `${said((state.frame - track.first) / track.rate, 4)} s, ${this._channelName(channel)} ${Number.isNaN(value) ? "lost" : `${said(value)} ${track.unit}`}`;
+  }
+  _channelName(channel) { return this.names?.[channel] ?? `channel ${channel}`; }
+  paint(context, width, height, state) {
+    const { ratio, colour, track } = this, left = 34 * ratio, bottom = 18 * ratio, span = (state.span ?? 1) * track.rate;
+    const begin = state.frame - span / 2, w = width - left - 4 * ratio, lane = (height - bottom) / (track.width || 1);
+    this.lanes = { left, w, lane, begin, span };
+    this.clear(width, height);
+    this._axis(context, left, w, height - bottom, begin, span);
+    const top = Math.max(track.top, this.over?.top ?? 0), scale = top > 0 ? (0.48 * lane * Math.min(4, Math.max(1, track.width / 4))) / top : 0;
+    context.save();
+    context.beginPath();
+    context.rect(left, 0, w, height - bottom);
+    context.clip();
+    this._lines(context, track, colour.trace, scale, ratio);
+    if (this.over) this._lines(context, this.over, colour.second, scale, ratio);
+    context.fillStyle = colour.ink;
+    context.fillRect(left + w / 2 - ratio / 2, 0, ratio, height - bottom);
+    context.restore();
+    for (let c = 0; c < track.width; c++)
+      this.text(this.names?.[c] ?? String(c), left - 6 * ratio, (c + 0.5) * lane, c === state.channel ? { align: "right", weight: "700", colour: colour.ink } : { align: "right" });
+    this._bar(context, width, top, scale, ratio);
+  }
+  _lines(context, track, colour, scale, ratio) {
+    const { left, w, lane, begin, span } = this.lanes, step = w / span, per = Math.max(1, Math.floor(span / w / 2));
+    context.strokeStyle = colour;
+    context.lineJoin = "round";
+    const first = Math.max(track.first, Math.floor(begin)), last = Math.min(track.last - 1, Math.ceil(begin + span));
+    for (let c = 0; c < track.width; c++) {
+      context.lineWidth = (c === this.state.channel ? 1.6 : 1) * ratio;
+      context.beginPath();
+      let pen = false;
+      for (let f = first; f <= last; f += per) {
+        let low = Infinity, high = -Infinity;
+        for (let k = f; k < f + per && k <= last; k++) { const v = track.value(k, c); if (v < low) low = v; if (v > high) high = v; }
+        if (low === Infinity) { pen = false; continue; } // lost: a gap
+        const x = left + (f - begin) * step, y = (c + 0.5) * lane;
+        if (pen) context.lineTo(x, y - high * scale); else context.moveTo(x, y - high * scale);
+        if (per > 1) context.lineTo(x, y - low * scale);
+        pen = true;
+      }
+      context.stroke();
+    }
+  }
+  _axis(context, left, w, base, begin, span) {
+    const { rate, first } = this.track, { ratio, colour } = this, step = nice((span / rate / w) * 90 * ratio);
+    context.strokeStyle = colour.line;
+    context.lineWidth = Math.max(1, ratio / 2);
+    context.globalAlpha = 0.35;
+    context.beginPath();
+    const ticks = [];
+    for (let k = Math.ceil((begin - first) / rate / step - 1e-9); k * step <= (begin - first + span) / rate; k++) {
+      const x = left + ((k * step * rate + first - begin) * w) / span;
+      if (k < 0) continue;
+      context.moveTo(x, 0);
+      context.lineTo(x, base);
+      ticks.push([x, k * step]);
+    }
+    context.stroke();
+    context.globalAlpha = 1;
+    ticks.forEach(([x, time], i) => this.text(said(time, 4) + (i === ticks.length - 1 ? " s" : ""), x, base + 10 * ratio, { align: "center" }));
+  }
+  /** A bar that tells the scale. */
+  _bar(context, width, top, scale, ratio) {
+    if (!(top > 0)) return;
+    const value = nice(top / 2), h = value * scale, x = width - 8 * ratio;
+    this.barOf = value;
+    context.fillStyle = this.colour.ink;
+    context.fillRect(x, 6 * ratio, 2 * ratio, h);
+    this.text(`${said(value)} ${this.track.unit}`, x - 4 * ratio, 6 * ratio + h / 2, { align: "right", colour: this.colour.ink });
+  }
+  _at(x, y) {
+    const { left, w, lane, begin, span } = this.lanes ?? {}, { ratio } = this;
+    if (!lane) return null;
+    const channel = Math.floor((y * ratio) / lane), frame = Math.round(begin + ((x * ratio - left) / w) * span);
+    return channel >= 0 && channel < this.track.width && x * ratio >= left ? { channel, frame } : null;
+  }
+  valueAt(x, y) {
+    const at = this._at(x, y);
+    if (!at || !this.track.has(at.frame)) return "";
+    const over = this.over?.has(at.frame) ? `, ${this.over.label || "over it"} ${said(this.over.value(at.frame, at.channel))} ${this.over.unit}` : "";
+    return `${this._channelName(at.channel)}, ${said((at.frame - this.track.first) / this.track.rate, 4)} s: ${said(this.track.value(at.frame, at.channel))} ${this.track.unit}${over}`;
+  }
+  _press(event) {
+    const at = this._at(event.offsetX, event.offsetY);
+    if (!at) return;
+    this.choose?.(at.channel);
+    this.seek?.(at.frame);
+  }
+}
+
+/** Phases of the transducers, each where it is: `positions` is [x, y, x, y, ...] in mm, y downwards as in the maps. */
+export class PhasesPicture extends Picture {
+  constructor(box, options) {
+    super(box, options);
+    const { track, colours, positions, pitch = 10.16 } = options;
+    Object.assign(this, { track, colours, positions, pitch });
+    let [x0, y0, x1, y1] = [Infinity, Infinity, -Infinity, -Infinity];
+    for (let i = 0; i < positions.length; i += 2) {
+      x0 = Math.min(x0, positions[i]); x1 = Math.max(x1, positions[i]);
+      y0 = Math.min(y0, positions[i + 1]); y1 = Math.max(y1, positions[i + 1]);
+    }
+    this.extent = { x: x0 - pitch / 2, y: y0 - pitch / 2, w: x1 - x0 + pitch, h: y1 - y0 + pitch };
+  }
+  get summary() { return this.phases ? `${this.positions.length / 2} transducers` : "silent"; }
+  paint(context, width, height, state) {
+    const { extent, positions, pitch } = this, scale = Math.min(width / extent.w, height / extent.h);
+    this.fit = { scale, x: (width - extent.w * scale) / 2 - extent.x * scale, y: (height - extent.h * scale) / 2 - extent.y * scale };
+    this.phases = this.track.at(state.frame);
+    this.clear(width, height);
+    if (!this.phases) return;
+    const size = Math.max(1, pitch * scale * 0.94), { css } = this.colours;
+    for (let n = 0; n < this.phases.length; n++) {
+      context.fillStyle = css[this.phases[n]];
+      context.fillRect(this.fit.x + positions[2 * n] * scale - size / 2, this.fit.y + positions[2 * n + 1] * scale - size / 2, size, size);
+    }
+  }
+  valueAt(x, y) {
+    if (!this.fit || !this.phases) return "";
+    const { fit, positions, ratio } = this, px = (x * ratio - fit.x) / fit.scale, py = (y * ratio - fit.y) / fit.scale;
+    for (let n = 0; n < this.phases.length; n++)
+      if (Math.abs(positions[2 * n] - px) < this.pitch / 2 && Math.abs(positions[2 * n + 1] - py) < this.pitch / 2)
+        return `transducer ${n}: ${said((this.phases[n] / 128) * Math.PI, 3)} rad`;
+    return "";
+  }
+}
+
+/** Power of one channel over frequency and time, `state.span` seconds around the playhead, 60 dB deep. */
+export class SpectrogramPicture extends Picture {
+  constructor(box, options) {
+    super(box, options);
+    const { track, colours, length = 128, hop = 8, depth = 60 } = options;
+    Object.assign(this, { track, colours, length, hop, depth });
+    this.columns = new Map();
+    this._transform = transform(length);
+    this._small = box.ownerDocument.createElement("canvas");
+  }
+  get summary() { return this.state ? `channel ${this.state.channel ?? 0}, 0 to ${said(this.track.rate / 2)} Hz` : ""; }
+  _stale() { this.columns?.clear(); }
+  paint(context, width, height, state) {
+    const { track, hop, ratio } = this, span = (state.span ?? 1) * track.rate, left = 34 * ratio, bottom = 18 * ratio, w = width - left - 4 * ratio, h = height - bottom;
+    const key = `${state.channel}/${track.capacity}`;
+    if (this._key !== key) { this.columns.clear(); this._key = key; }
+    const begin = Math.floor((state.frame - span / 2) / hop), count = Math.ceil(span / hop) + 1, bins = this.length / 2;
+    if (this._small.width !== count || this._small.height !== bins) {
+      this._small.width = count;
+      this._small.height = bins;
+      this._image = this._small.getContext("2d").createImageData(count, bins);
+      this._pixels = new Uint32Array(this._image.data.buffer);
+    }
+    this._pixels.fill(0);
+    for (let i = 0; i < count; i++) {
+      const column = this._column(begin + i, state.channel ?? 0);
+      if (column) for (let b = 0; b < bins; b++) this._pixels[(bins - 1 - b) * count + i] = column[b];
+    }
+    this._small.getContext("2d").putImageData(this._image, 0, 0);
+    this.clear(width, height);
+    context.save();
+    context.beginPath();
+    context.rect(left, 0, w, h);
+    context.clip();
+    const step = (w / span) * hop;
+    context.imageSmoothingEnabled = false;
+    context.drawImage(this._small, left + (begin * hop - state.frame + span / 2) * (w / span), 0, step * count, h);
+    context.fillStyle = this.colour.ink;
+    context.fillRect(left + w / 2 - ratio / 2, 0, ratio, h);
+    context.restore();
+    const top = track.rate / 2;
+    this.text(said(top), left - 4 * ratio, 6 * ratio, { align: "right" });
+    this.text(said(top / 2), left - 4 * ratio, h / 2, { align: "right" });
+    this.text("0 Hz", left - 4 * ratio, h - 6 * ratio, { align: "right" });
+    this.text(`${said((state.frame - track.first) / track.rate, 4)} s`, left + w / 2, h + 10 * ratio, { align: "center" });
+  }
+  _column(index, channel) {
+    const { track, hop, length } = this, middle = index * hop, from = middle - length / 2;
+    if (this.columns.has(index)) return this.columns.get(index);
+    if (middle < track.first || middle >= track.last) return null;
+    const real = new Float32Array(length), imaginary = new Float32Array(length);
+    let whole = true;
+    for (let i = 0; i < length; i++) {
+      const value = track.value(from + i, channel);
+      if (Number.isNaN(value)) { if (from + i >= track.last) whole = false; continue; }
+      real[i] = value * (0.5 - 0.5 * Math.cos((2 * Math.PI * i) / length));
+    }
+    this._transform(real, imaginary);
+    // A full tone of the track's top is 0 dB.
+    const column = new Uint32Array(length / 2), full = (track.top * length) / 4 || 1;
+    for (let b = 0; b < column.length; b++) {
+      const level = 20 * Math.log10(Math.hypot(real[b], imaginary[b]) / full + 1e-9);
+      column[b] = this.colours.pixels[Math.max(0, Math.min(255, Math.round((level / this.depth + 1) * 255)))];
+    }
+    if (whole || track.last === track.capacity) this.columns.set(index, column); // what is still to come changes it
+    if (this.columns.size > 4096) this.columns.delete(this.columns.keys().next().value);
+    return column;
+  }
+}
+
+/** The whole take: loudest of all channels, playhead, loop and marks. Scrubs; a slider to those who do not see it. */
+export class OverviewPicture extends Picture {
+  constructor(box, options) {
+    super(box, { ...options, role: "slider" });
+    const { track, seek = null, frames = null } = options;
+    Object.assign(this, { track, seek, frames });
+    const { canvas } = this;
+    canvas.style.touchAction = "none";
+    canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); this._scrub(event); });
+    canvas.addEventListener("pointermove", (event) => { if (event.buttons) this._scrub(event); });
+    canvas.addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: -1, ArrowRight: 1, PageDown: -100, PageUp: 100 }[event.key];
+      if (!step || !this.state) return;
+      event.preventDefault();
+      event.stopPropagation();
+      this.seek?.(this.state.frame + step);
+    });
+  }
+  get length() { return this.frames ?? (this.track.last - this.track.first); }
+  _stale() { this._curve = null; }
+  _name() {
+    super._name();
+    const { canvas, state, track } = this;
+    if (!track) return;
+    canvas.setAttribute("aria-valuemin", track.first);
+    canvas.setAttribute("aria-valuemax", track.first + Math.max(0, this.length - 1));
+    canvas.setAttribute("aria-valuenow", state?.frame ?? track.first);
+    canvas.setAttribute("aria-valuetext", `${said(((state?.frame ?? track.first) - track.first) / track.rate, 4)} s, frame ${state?.frame ?? track.first}`);
+  }
+  _x(frame) { return ((frame - this.track.first + 0.5) / (this.length || 1)) * this.canvas.width; }
+  paint(context, width, height, state) {
+    const { ratio, colour, track } = this, base = height - 14 * ratio;
+    if (!this._curve || this._version !== track.version) { this._curve = this._loudness(width); this._version = track.version; }
+    this.clear(width, height);
+    context.fillStyle = colour.trace;
+    const top = track.top || 1;
+    for (let x = 0; x < width; x++) { const h = (this._curve[x] / top) * (base - 4 * ratio); context.fillRect(x, base - h, 1, Math.max(1, h)); }
+    const { loop } = state;
+    if (loop && loop.to > loop.from) {
+      const [from, to] = [this._x(loop.from), this._x(loop.to)];
+      context.globalAlpha = loop.on ? 0.22 : 0.08;
+      context.fillStyle = colour.accent;
+      context.fillRect(from, 0, to - from, base);
+      context.globalAlpha = 1;
+      for (const x of [from, to]) context.fillRect(x - ratio, 0, 2 * ratio, base);
+    }
+    for (const mark of state.marks ?? []) {
+      const x = this._x(mark);
+      context.fillStyle = colour.second;
+      context.beginPath();
+      context.moveTo(x - 5 * ratio, 0); context.lineTo(x + 5 * ratio, 0); context.lineTo(x, 8 * ratio);
+      context.fill();
+    }
+    context.fillStyle = colour.ink;
+    context.fillRect(this._x(state.frame) - ratio, 0, 2 * ratio, base);
+    const seconds = this.length / track.rate, step = nice((seconds / width) * 110 * ratio);
+    for (let k = 0; k * step <= seconds * (1 - 30 * ratio / width); k++)
+      this.text(`${said(k * step, 4)}${k ? "" : " s"}`, Math.max(2 * ratio, (k * step / seconds) * width), height - 6 * ratio, { align: k ? "center" : "left", size: 10 });
+  }
+  _loudness(width) {
+    const { track, length } = this, curve = new Float32Array(width);
+    for (let i = 0; i < length; i++) {
+      const x = Math.min(width - 1, Math.floor((i / length) * width));
+      curve[x] = Math.max(curve[x], track.loudness(track.first + i));
+    }
+    // Where there are fewer frames than pixels, a frame is as wide as it lasts.
+    if (length < width) for (let x = 0; x < width; x++) curve[x] = track.loudness(track.first + Math.floor((x / width) * length));
+    return curve;
+  }
+  valueAt(x) { return `${said((x / (this.canvas.clientWidth || 1)) * (this.length / this.track.rate), 4)} s`; }
+  _scrub(event) {
+    const share = event.offsetX / (this.canvas.clientWidth || 1);
+    this.seek?.(this.track.first + Math.max(0, Math.min(this.length - 1, Math.floor(share * this.length))));
+  }
+}
+
+/** What the colours mean: 0 to `top` in `unit`, or a turn. */
+export class BarPicture extends Picture {
+  constructor(box, options) {
+    super(box, options);
+    const { colours, phaseColours = null, top = 1, unit = "Pa" } = options;
+    Object.assign(this, { colours, phaseColours, top, unit });
+  }
+  get summary() { return this.state?.phase ? "0 to 2 pi rad" : `0 to ${said(this.top)} ${this.unit}`; }
+  paint(context, width, height, state) {
+    const table = state.phase && this.phaseColours ? this.phaseColours : this.colours, edge = 14 * this.ratio, h = height - 2 * edge;
+    this.clear(width, height);
+    for (let i = 0; i < 256; i++) {
+      context.fillStyle = table.css[i];
+      context.fillRect(0, edge + h - ((i + 1) / 256) * h, width, h / 256 + 1);
+    }
+    const words = { align: "center", size: 10, colour: this.colour.ink };
+    this.text(state.phase ? "2π" : said(this.top), width / 2, edge / 2, words);
+    this.text("0", width / 2, height - edge / 2, words);
+  }
+}
+
+/** A number in as few letters as its reader needs. */
+export function said(value, digits = 3) {
+  if (value === 0 || Math.abs(value) < 1e-12) return "0";
+  return String(Number(value.toPrecision(digits)));
+}
+
+/** 1, 2 or 5 times a power of ten: at least `value`. */
+export function nice(value) {
+  const ten = 10 ** Math.floor(Math.log10(value));
+  return [1, 2, 5, 10].map((step) => step * ten).find((step) => step >= value * (1 - 1e-9)) ?? 10 * ten;
+}
+
+/** Fourier transform in place of `length` numbers, a power of two (Cooley and Tukey 1965). */
+export function transform(length) {
+  const cosine = Float32Array.from({ length: length / 2 }, (_, i) => Math.cos((2 * Math.PI * i) / length));
+  const sine = Float32Array.from({ length: length / 2 }, (_, i) => Math.sin((2 * Math.PI * i) / length));
+  const bits = Math.log2(length), mirrored = Array.from({ length }, (_, i) => { let m = 0; for (let b = 0; b < bits; b++) m |= ((i >> b) & 1) << (bits - 1 - b); return m; });
+  return (real, imaginary) => {
+    mirrored.forEach((m, i) => { if (m > i) { [real[i], real[m]] = [real[m], real[i]]; [imaginary[i], imaginary[m]] = [imaginary[m], imaginary[i]]; } });
+    for (let size = 2; size <= length; size *= 2)
+      for (let at = 0; at < length; at += size)
+        for (let k = 0, turn = 0; k < size / 2; k++, turn += length / size) {
+          const i = at + k, j = i + size / 2;
+          const re = real[j] * cosine[turn] + imaginary[j] * sine[turn], im = imaginary[j] * cosine[turn] - real[j] * sine[turn];
+          real[j] = real[i] - re; imaginary[j] = imaginary[i] - im;
+          real[i] += re; imaginary[i] += im;
+        }
+  };
+}

@@ -1,0 +1,177 @@
+"""Frames on their way to a page: binary sections back to back, little-endian, the same over a socket and in a file.
+
+====== ========= ==================================================================================================
+offset type      what
+====== ========= ==================================================================================================
+0      u8 x 4    0x6D; version 1; kind (1 samples, 2 field, 3 phases, 4 meters, 5 marks);
+                 type (1 i8, 2 i16, 3 f32, 4 u8)
+4      u32       message number
+8      f64       time of the newest frame, s
+16     u64       first frame
+24     u16 x 2   frames, values a frame
+28     f32       unit of one count
+32               values
+====== ========= ==================================================================================================
+
+A field of n points is 2 n values a frame (real, imaginary, point by point), or n where it is a magnitude alone. Phases
+are one count a transducer, of 2 pi / 256 rad. A mark is one value a frame: its frame, counted from the first.
+`web/view.js` reads the same table.
+"""
+
+import struct
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, ShapeError
+
+HEADER = struct.Struct("<4BIdQHHf")
+"""The first 32 bytes of a section."""
+
+MAGIC, VERSION = 0x6D, 1
+
+TYPES: dict[int, np.dtype[Any]] = {1: np.dtype("i1"), 2: np.dtype("<i2"), 3: np.dtype("<f4"), 4: np.dtype("u1")}
+"""Of the values, by the number that stands in the header."""
+
+LONGEST = 2**16 - 1
+"""Frames of a section, and values of a frame."""
+
+
+class Kind(IntEnum):
+    """What the values of a section are."""
+
+    SAMPLES = 1
+    FIELD = 2
+    PHASES = 3
+    METERS = 4
+    MARKS = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Section:
+    """Frames that follow each other.
+
+    Attributes
+    ----------
+    kind : Kind
+        What they are.
+    values : ndarray of int8, int16, float32 or uint8, shape (frame, value)
+        Counts of `unit`.
+    unit : float
+        What one count is: V, Pa, rad.
+    first : int
+        Number of the first frame.
+    time : float
+        Of the newest frame, in s.
+    number : int
+        Of the message, from 0; a page answers with it.
+    """
+
+    kind: Kind
+    values: NDArray[Any]
+    unit: float = 1.0
+    first: int = 0
+    time: float = 0.0
+    number: int = 0
+
+    def __post_init__(self) -> None:
+        if self.values.ndim != 2 or max(self.values.shape) > LONGEST:
+            raise ShapeError(f"section: expected (frame, value), each up to {LONGEST}, got {self.values.shape}")
+        _type_number(self.values.dtype)
+
+
+def pack(sections: Iterable[Section]) -> bytes:
+    """Sections as bytes, back to back.
+
+    Raises
+    ------
+    InputError
+        If a number does not fit its place in the header.
+    """
+    return b"".join(_packed(section) for section in sections)
+
+
+def unpack(data: bytes | bytearray | memoryview) -> list[Section]:
+    """The sections that these bytes are.
+
+    Raises
+    ------
+    InputError
+        If they are anything else: another version, a kind or type that is not in the table, or not whole.
+    """
+    return list(_sections(memoryview(data)))
+
+
+def counted(values: NDArray[Any], kind: Kind, *, dtype: str = "<i2", first: int = 0, rate: float) -> Section:
+    """Numbers as a section of counts, whose unit is the smallest in which the largest of them fits.
+
+    Parameters
+    ----------
+    values : ndarray, shape (frame, value)
+        In V, Pa or whatever the page is to show; complex numbers become pairs.
+    dtype : {"i1", "<i2", "<f4"}
+        Of the counts. Half a count is the largest error, in "<f4" none but rounding.
+    first : int
+        Number of the first frame.
+    rate : float
+        Frames per second, in Hz: frame i is at i / rate.
+    """
+    pairs = np.ascontiguousarray(values, np.complex128).view(np.float64) if np.iscomplexobj(values) else values
+    time, kept = (first + len(values) - 1) / rate, np.dtype(dtype)
+    if kept.kind == "f":
+        return Section(kind=kind, values=np.asarray(pairs, kept), first=first, time=time)
+    # As the header keeps it, so that both sides multiply by the same number.
+    unit = float(np.float32(np.abs(pairs).max(initial=0) / np.iinfo(kept).max)) or 1.0
+    counts = np.clip(np.rint(pairs / unit), -np.iinfo(kept).max, np.iinfo(kept).max)
+    return Section(kind=kind, values=counts.astype(kept), unit=unit, first=first, time=time)
+
+
+def phase_counts(phase: NDArray[np.float64], *, first: int = 0, rate: float) -> Section:
+    """Phases in rad, shape (frame, transducer), as the firmware holds them: 256 steps a turn."""
+    steps = np.mod(np.rint(phase / (2 * np.pi) * 256), 256).astype(np.uint8)
+    time = (first + len(phase) - 1) / rate
+    return Section(kind=Kind.PHASES, values=steps, unit=2 * np.pi / 256, first=first, time=time)
+
+
+def _packed(section: Section) -> bytes:
+    frames, values = section.values.shape
+    number, rest = _type_number(section.values.dtype), (section.number, section.time, section.first)
+    try:
+        head = HEADER.pack(MAGIC, VERSION, int(section.kind), number, *rest, frames, values, section.unit)
+    except (struct.error, OverflowError) as wrong:
+        raise InputError(
+            f"section: expected a message number below 2^32, a first frame from 0 on and a unit of float32, "
+            f"got {section.number}, {section.first} and {section.unit:g}"
+        ) from wrong
+    return head + np.ascontiguousarray(section.values, TYPES[number]).tobytes()
+
+
+def _sections(data: memoryview) -> Iterator[Section]:
+    at = 0
+    while at < len(data):
+        if len(data) - at < HEADER.size:
+            raise InputError(f"section at byte {at}: expected a header of {HEADER.size} bytes, got {len(data) - at}")
+        magic, version, kind, kept, number, time, first, frames, width, unit = HEADER.unpack_from(data, at)
+        if (magic, version) != (MAGIC, VERSION) or kind not in list(Kind) or kept not in TYPES:
+            raise InputError(
+                f"section at byte {at}: expected {MAGIC:#x}, version {VERSION}, a kind of 1 to {len(Kind)} and a type "
+                f"of 1 to {len(TYPES)}, got {magic:#x}, {version}, {kind}, {kept}; is the page from this midair?"
+            )
+        dtype, at = TYPES[kept], at + HEADER.size
+        size = frames * width * dtype.itemsize
+        if len(data) - at < size:
+            raise InputError(f"section of frame {first}: expected {size} bytes of values, got {len(data) - at}")
+        values = np.frombuffer(data, dtype, frames * width, at).reshape(frames, width)
+        yield Section(kind=Kind(kind), values=values, unit=unit, first=first, time=time, number=number)
+        at += size
+
+
+def _type_number(dtype: np.dtype[Any]) -> int:
+    for number, known in TYPES.items():
+        if dtype == known:
+            return number
+    raise InputError(f"section: expected values of int8, int16, float32 or uint8, got {dtype}")

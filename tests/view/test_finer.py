@@ -1,0 +1,48 @@
+"""The field between the points it was worked out for."""
+
+import numpy as np
+import pytest
+
+from midair.model import ControlGrid, Drive, TransducerArray
+from midair.physics import focus_phase, propagate, transfer_matrix
+from midair.view import finer, finer_grid
+
+ARRAY = TransducerArray.autd3()
+GRID = ControlGrid()
+
+
+@pytest.fixture(scope="module")
+def made():
+    return finer(GRID, ARRAY)
+
+
+def miss(found, true):
+    return np.linalg.norm(found - true) / np.linalg.norm(true)
+
+
+@pytest.mark.parametrize("place", [(0, 0), (-6e-3, 6e-3), (20e-3, -20e-3)])
+def test_a_focus_is_within_two_per_cent_of_its_field(made, place):
+    phase = focus_phase(ARRAY, np.array([*place, GRID.height]))[None]
+    drive = Drive(phase=phase, level=np.ones(1), rate=1000, array=ARRAY)
+    true = propagate(drive, finer_grid(GRID)).reshape(64, 64)
+    assert miss(made(propagate(drive, GRID).reshape(16, 16)), true) < 0.02
+
+
+def test_any_phases_are_within_one_per_cent_and_magnitudes_alone_are_not(made):
+    q = np.exp(2j * np.pi * np.random.default_rng(0).random((4, ARRAY.count)))
+    coarse = (q @ transfer_matrix(GRID, ARRAY).T).reshape(-1, 16, 16)
+    true = (q @ transfer_matrix(finer_grid(GRID), ARRAY).T).reshape(-1, 64, 64)
+    assert miss(made(coarse), true) < 0.01
+    assert miss(np.abs(made(np.abs(coarse))), np.abs(true)) > 0.1
+
+
+def test_a_grid_that_is_not_square(made):
+    grid = ControlGrid(rows=8, columns=12)
+    phase = focus_phase(ARRAY, np.array([5e-3, -3e-3, grid.height]))[None]
+    drive = Drive(phase=phase, level=np.ones(1), rate=1000, array=ARRAY)
+    found = finer(grid, ARRAY, times=3)(propagate(drive, grid).reshape(8, 12))
+    assert miss(found, propagate(drive, finer_grid(grid, 3)).reshape(24, 36)) < 0.02
+
+
+def test_a_row_alone_has_no_neighbours_to_be_fitted_from():
+    assert finer(ControlGrid(rows=1, columns=4), ARRAY).down.shape == (4, 1)
