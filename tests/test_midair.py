@@ -13,7 +13,7 @@ NAMES = {
     "Settings Solution TransducerArray",
     "verbs": "calibrate compare load load_calibration loop open_rig open_take play prepare propagate record save solve",
     "rooms": "calibration correct datasets devices dsp errors evaluate figures files flow model paper physics "
-    "recordings rig settings solvers study sweep targets testing",
+    "recordings rig settings solvers study sweep targets testing view",
 }
 
 
