@@ -26,18 +26,21 @@ def read(name):
     return {column: [row[column] for row in rows] for column in rows[0]}
 
 
-@pytest.mark.parametrize("name", DESIGNS)
+@pytest.mark.parametrize("name", [*DESIGNS, "between"])
 def test_equals_afex(name):
     data = read(name)
     data["score"] = np.array(data["score"], float)
-    table = rm_anova(data, value="score", participant="participant", within=DESIGNS[name])
+    # The groups of "between" differ in size: with sums of squares of another type than III the numbers would differ.
+    within, between = (["surface", "object"], ["hand", "site"]) if name == "between" else (DESIGNS[name], [])
+    table = rm_anova(data, value="score", participant="participant", within=within, between=between)
     reference = read(f"{name}_r")
+    table = table.set_index("effect", drop=False).loc[reference["effect"]] if between else table
     assert table["effect"].tolist() == reference["effect"]
     for column in ("df1", "df2", "F", "p", "np2", "ges", "eps_GG", "p_GG", "eps_HF", "p_HF", "W", "p_W"):
-        for mine, text, df1 in zip(table[column], reference[column], table["df1"], strict=True):
+        for mine, text, df1, p in zip(table[column], reference[column], table["df1"], table["p"], strict=True):
             if text == "NA":  # R leaves out what is 1 by definition
                 assert df1 == 1
-                assert mine == (table["p"][table["df1"] == 1].iloc[0] if column in ("p_GG", "p_HF") else 1)
+                assert mine == (p if column in ("p_GG", "p_HF") else 1)
             elif column == "p_W" and df1 > 2:  # R's mauchly.test has 3 p for 3 d in Box's second-order term
                 assert mine == pytest.approx(float(text), abs=0.01)
             else:
@@ -110,6 +113,39 @@ def small(**changes):
     return rm_anova(table, value="y", participant="who", within=["x"])
 
 
+def test_a_group_that_cannot_be_is_refused():
+    data = read("between")
+    data["score"] = np.array(data["score"], float)
+    options = {"value": "score", "participant": "participant", "within": ["surface", "object"]}
+    first = data["participant"].index("s01")
+    moved = [*data["hand"]]
+    moved[first] = "right"
+    with pytest.raises(InputError, match="got more from participant s01"):
+        rm_anova(data | {"hand": moved}, between=["hand"], **options)
+    none = [hand if hand == "right" else site for hand, site in zip(data["hand"], data["site"], strict=True)]
+    with pytest.raises(InputError, match="got none with hand="):
+        rm_anova(data | {"hand": none}, between=["hand", "site"], **options)
+    with pytest.raises(InputError, match="in both"):
+        rm_anova(data, between=["surface"], **options)
+    everyone = rm_anova(data | {"own": data["participant"]}, between=["hand"], **options)
+    assert everyone["effect"].tolist()[:2] == ["hand", "surface"]
+    with pytest.raises(InputError, match="another person to compare with"):
+        rm_anova(data | {"own": data["participant"]}, between=["own"], **options)
+
+
+def test_a_factor_between_people_alone_is_a_test_of_two_groups():
+    from scipy.stats import ttest_ind
+
+    rng = np.random.default_rng(4)
+    y = rng.normal(size=(9, 2))
+    who, x = np.indices(y.shape).reshape(2, -1)
+    table = {"y": y.ravel(), "who": who, "x": x, "hand": (who < 4).astype(int)}
+    row = rm_anova(table, value="y", participant="who", within=["x"], between=["hand"]).iloc[0]
+    t = ttest_ind(y[:4].mean(axis=1), y[4:].mean(axis=1))
+    assert row["F"] == pytest.approx(t.statistic**2)
+    assert row["p"] == pytest.approx(t.pvalue)
+
+
 def test_says_what_is_missing():
     with pytest.raises(InputError, match="got none from participant c at x=t"):
         small(y=[1.0, 2, 3, 4, 6, 5], x=list("ststss"))
@@ -136,5 +172,5 @@ def test_too_few_people_for_mauchly_has_a_note():
     table = {"y": rng.normal(size=15), "who": np.repeat([0, 1, 2], 5), "x": [*range(5)] * 3}
     row = rm_anova(table, value="y", participant="who", within=["x"]).iloc[0]
     assert np.isnan(row["W"])
-    assert "more than 4 participants" in row["note"]
+    assert "4 or more people beyond one" in row["note"]
     assert np.isfinite([row["F"], row["p_GG"], row["p_HF"]]).all()

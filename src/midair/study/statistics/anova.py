@@ -1,7 +1,8 @@
-"""Repeated-measures analysis of variance with any number of factors, and its corrections for sphericity."""
+"""Repeated-measures analysis of variance with any number of factors, within people and between groups of them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.study.statistics.cell_averages import CellMeans, cell_means
+from midair.study.statistics.columns import column, frame_of, levels
+from midair.study.statistics.sphericity import sphericity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -19,16 +22,51 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def rm_anova(table: DataFrame | Mapping[str, Any], *, value: str, participant: str, within: Sequence[str]) -> DataFrame:
-    """Analysis of variance of a design in which every participant sees every cell.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Groups:
+    """Who belongs to which group of a design between people.
 
-    Each effect is the Kronecker product of orthonormal Helmert contrasts of its factors and of averages over the
-    others: Z = Y C'. With n participants and d = df1 contrasts, S is the covariance of Z.
+    Attributes
+    ----------
+    number : ndarray of int, shape (participant,)
+        Group of each person, counted through the levels of the factors.
+    shape : tuple of int
+        Levels of each factor between people; empty without one.
+    """
 
-    - F = n |mean Z|^2 / tr S, on d and d (n - 1) degrees of freedom.
+    number: NDArray[np.int64]
+    shape: tuple[int, ...]
+
+    @property
+    def sizes(self) -> Array:
+        """People in each group."""
+        return np.bincount(self.number, minlength=int(np.prod(self.shape))).astype(float)
+
+    def means(self, z: Array) -> Array:
+        """Mean of each group, shape (group, contrast)."""
+        sums = np.array([np.bincount(self.number, column, minlength=len(self.sizes)) for column in z.T])
+        return (sums / self.sizes).T
+
+
+def rm_anova(
+    table: DataFrame | Mapping[str, Any],
+    *,
+    value: str,
+    participant: str,
+    within: Sequence[str],
+    between: Sequence[str] = (),
+) -> DataFrame:
+    """Analysis of variance of a design in which every participant sees every cell; people may belong to groups.
+
+    Each effect within people is the Kronecker product of orthonormal Helmert contrasts of its factors and of averages
+    over the others: Z = Y C'. With n people in G groups, d contrasts within and c (r of them) between groups, M the
+    means of Z in the groups, D the diagonal of 1 / (people in a group), and S the covariance of Z within groups:
+
+    - F = tr[(c M)' (c D c')^-1 (c M)] / (r tr S), on r d and d (n - G) degrees of freedom. These are sums of squares of
+      type III: means of groups count alike, however many people are in each.
     - Greenhouse and Geisser (1959): eps_GG = tr(S)^2 / (d sum S^2).
-    - Huynh and Feldt (1976): eps_HF = (n d eps_GG - 2) / (d (n - 1 - d eps_GG)), as it comes out, even above 1; its
-      p-value takes 1 then.
+    - Huynh and Feldt (1976): eps_HF = ((n - G + 1) d eps_GG - 2) / (d (n - G - d eps_GG)), as it comes out, even above
+      1; its p-value takes 1 then.
     - Mauchly (1940): W = det S / (tr S / d)^d, with p from the second-order expansion of Box (1949).
     - Partial eta squared np2, and generalised eta squared ges of Olejnik and Algina (2003) with every factor
       manipulated.
@@ -42,7 +80,9 @@ def rm_anova(table: DataFrame | Mapping[str, Any], *, value: str, participant: s
     value, participant : str
         Names of the columns of the answer and of who gave it.
     within : sequence of str
-        Names of the columns of the factors.
+        Names of the columns of the factors that vary within each person.
+    between : sequence of str
+        Names of the columns of the factors by which people differ, such as the dominant hand.
 
     Returns
     -------
@@ -54,19 +94,24 @@ def rm_anova(table: DataFrame | Mapping[str, Any], *, value: str, participant: s
     Raises
     ------
     InputError
-        If there is one participant, a cell is empty, a factor has one level, or every answer is the same.
+        If there is one participant more than groups or fewer, a cell or a group is empty, a factor has one level, a
+        person is in two groups, or every answer is the same.
     """
     from pandas import DataFrame
 
     if not within:
         raise InputError("within: expected one factor or more, got none")
+    if both := set(within) & set(between):
+        raise InputError(f"factors: expected each within or between people, got {sorted(both)} in both")
     cells = cell_means(table, value=value, participant=participant, within=within)
-    people = len(cells.participants)
-    if people < 2:
-        raise InputError(f"participants: expected two or more, got {people}; one person has no error term")
+    groups = _groups(frame_of(table), cells, participant, list(between))
+    people, needed = len(cells.participants), len(groups.sizes) + 1
+    if people < needed:
+        what = "one person has no error term" if needed == 2 else "a group needs another person to compare with"
+        raise InputError(f"participants: expected {'two' if needed == 2 else needed} or more, got {people}; {what}")
     if np.ptp(cells.mean) == 0:
         raise InputError(f"column {value!r}: expected answers that vary, got {cells.mean.flat[0]:g} everywhere")
-    return DataFrame(_rows(cells, list(within)))
+    return DataFrame(_rows(cells, groups, list(within), list(between)))
 
 
 def effects(factors: Sequence[str]) -> list[tuple[int, ...]]:
@@ -93,78 +138,74 @@ def contrasts(shape: Sequence[int], effect: Sequence[int]) -> Array:
     return product
 
 
-def _rows(cells: CellMeans, within: list[str]) -> list[dict[str, object]]:
-    people = len(cells.participants)
-    answers = cells.mean.reshape(people, -1)
-    shape = cells.mean.shape[1:]
-    projected = {effect: answers @ contrasts(shape, effect).T for effect in effects(within)}
-    errors = {effect: float(((z - z.mean(axis=0)) ** 2).sum()) for effect, z in projected.items()}
-    between = answers.shape[1] * float(((answers.mean(axis=1) - answers.mean()) ** 2).sum())
-    noise = between + sum(errors.values())
-    return [
-        {"effect": ":".join(within[i] for i in effect), **_row(z, noise, scale=float(np.abs(answers).max()))}
-        for effect, z in projected.items()
-    ]
+def _groups(data: DataFrame, cells: CellMeans, participant: str, between: list[str]) -> _Groups:
+    person = levels(column(data, participant))[1]
+    _, first = np.unique(person, return_index=True)
+    numbers: list[NDArray[np.int64]] = []
+    orders: list[list[Any]] = []
+    for name in between:
+        order, number = levels(column(data, name))
+        if len(order) < 2:
+            raise InputError(f"factor {name!r}: expected two or more levels, got {order}; leave it out of `between`")
+        if (strange := number != number[first][person]).any():
+            who = cells.participants[person[strange][0]]
+            raise InputError(f"factor {name!r}: expected one level a person, got more from participant {who}")
+        numbers.append(number[first])
+        orders.append(order)
+    shape = tuple(len(order) for order in orders)
+    where = np.ravel_multi_index(tuple(numbers), shape) if between else np.zeros(len(first), np.int64)
+    found = _Groups(number=np.asarray(where, np.int64), shape=shape)
+    if (found.sizes == 0).any():
+        empty = np.unravel_index(int(np.argmin(found.sizes)), shape)
+        what = ", ".join(f"{name}={order[i]}" for name, order, i in zip(between, orders, empty, strict=True))
+        raise InputError(f"groups: expected people in each, got none with {what}; leave a factor out of `between`")
+    return found
 
 
-def _row(z: Array, noise: float, *, scale: float) -> dict[str, object]:
-    """One effect from its contrasts `z` (participant, contrast); `noise`: all sums of squares that are no effect."""
+def _rows(cells: CellMeans, groups: _Groups, within: list[str], between: list[str]) -> list[dict[str, object]]:
+    answers = cells.mean.reshape(len(cells.participants), -1)
+    inside = [(), *effects(within)]
+    projected = {effect: answers @ contrasts(cells.mean.shape[1:], effect).T for effect in inside}
+    rest = {effect: z - groups.means(z)[groups.number] for effect, z in projected.items()}
+    noise = sum(float((error**2).sum()) for error in rest.values())
+    scale = float(np.abs(answers).max())
+    rows: list[dict[str, object]] = []
+    for effect in effects([*between, *within]):
+        outer = tuple(i for i in effect if i < len(between))
+        inner = tuple(i - len(between) for i in effect if i >= len(between))
+        row = _row(projected[inner], rest[inner], groups, contrasts(groups.shape, outer), noise, scale)
+        rows.append({"effect": ":".join([*between, *within][i] for i in effect), **row})
+    return rows
+
+
+def _row(z: Array, rest: Array, groups: _Groups, outer: Array, noise: float, scale: float) -> dict[str, object]:
+    """One effect from its contrasts `z` within people (participant, contrast), `rest` of them within groups.
+
+    `outer` are the contrasts between groups; `noise`: all sums of squares that are no effect.
+    """
     from scipy.stats import f as f_distribution
 
-    people, d = z.shape
-    df1, df2 = d, d * (people - 1)
-    between = people * float((z.mean(axis=0) ** 2).sum())
-    within = float(((z - z.mean(axis=0)) ** 2).sum())
+    d, degrees = z.shape[1], len(z) - len(groups.sizes)
+    df1, df2 = d * len(outer), d * degrees
+    shown = outer @ groups.means(z)
+    weight = np.linalg.inv((outer / groups.sizes) @ outer.T)
+    effect, error = float(np.einsum("ij,ik,kj->", shown, weight, shown)), float((rest**2).sum())
     # Sums of squares as small as this are the rounding of the answers.
-    negligible = people * d * (1e-12 * scale) ** 2
+    negligible = len(z) * d * (1e-12 * scale) ** 2
     shares = {
-        "np2": between / (between + within) if between + within > negligible else np.nan,
-        "ges": between / (between + noise) if between + noise > negligible else np.nan,
+        "np2": effect / (effect + error) if effect + error > negligible else np.nan,
+        "ges": effect / (effect + noise) if effect + noise > negligible else np.nan,
     }
-    if within <= negligible:
+    if error <= negligible:
         void = dict.fromkeys(("F", "p", "eps_GG", "p_GG", "eps_HF", "p_HF", "W", "p_W"), np.nan)
         note = "every participant shows the same effect: no error to compare it with"
         return {"df1": df1, "df2": df2, **void, **shares, "note": note}
-    ratio = (between / df1) / (within / df2)
-    sphericity, note = _sphericity(np.atleast_2d(np.cov(z, rowvar=False)), people)
+    ratio = (effect / df1) / (error / df2)
+    round_, note = sphericity(rest.T @ rest / degrees, degrees)
     p = {
         name: float(f_distribution.sf(ratio, df1 * min(1, epsilon), df2 * min(1, epsilon)))
-        for name, epsilon in (("p", 1.0), ("p_GG", sphericity["eps_GG"]), ("p_HF", sphericity["eps_HF"]))
+        for name, epsilon in (("p", 1.0), ("p_GG", round_["eps_GG"]), ("p_HF", round_["eps_HF"]))
     }
     row: dict[str, object] = {"df1": df1, "df2": df2, "F": ratio, "p": p["p"]}
-    row |= {"eps_GG": sphericity["eps_GG"], "p_GG": p["p_GG"], "eps_HF": sphericity["eps_HF"], "p_HF": p["p_HF"]}
-    return row | {"W": sphericity["W"], "p_W": sphericity["p_W"], **shares, "note": note}
-
-
-def _sphericity(covariance: Array, people: int) -> tuple[dict[str, float], str]:
-    """Epsilons, W and its p from the covariance of the contrasts; the note says what could not be had."""
-    d = len(covariance)
-    if d == 1:
-        return {"eps_GG": 1.0, "eps_HF": 1.0, "W": 1.0, "p_W": 1.0}, ""
-    trace = float(np.trace(covariance))
-    gg = trace**2 / (d * float((covariance**2).sum()))
-    room = people - 1 - d * gg
-    # Where the estimate has no finite value there is nothing to correct by: 1.
-    hf = (people * d * gg - 2) / (d * room) if room > 1e-9 else 1.0
-    if people - 1 < d:
-        note = f"Mauchly's test needs more than {d} participants, got {people}"
-        return {"eps_GG": gg, "eps_HF": hf, "W": np.nan, "p_W": np.nan}, note
-    sign, logarithm = np.linalg.slogdet(covariance / (trace / d))
-    if sign <= 0 or logarithm < -200:
-        note = "contrasts that depend on each other: Mauchly's test does not exist"
-        return {"eps_GG": gg, "eps_HF": hf, "W": 0.0, "p_W": np.nan}, note
-    return {"eps_GG": gg, "eps_HF": hf, "W": float(np.exp(logarithm)), "p_W": _mauchly(logarithm, d, people - 1)}, ""
-
-
-def _mauchly(log_w: float, d: int, df: int) -> float:
-    """P-value of Mauchly's W by Box's expansion to second order (Anderson, Multivariate Analysis, 10.7).
-
-    R's mauchly.test writes the number of cells for d in one term of it: beyond d = 2 the third decimal differs.
-    """
-    from scipy.stats import chi2
-
-    rho = 1 - (2 * d**2 + d + 2) / (6 * d * df)
-    weight = (d + 2) * (d - 1) * (d - 2) * (2 * d**3 + 6 * d**2 + 3 * d + 2) / (288 * (df * d * rho) ** 2)
-    z, f = -df * rho * log_w, d * (d + 1) / 2 - 1
-    first, second = chi2.sf(z, f), chi2.sf(z, f + 4)
-    return float(np.clip(first + weight * (second - first), 0, 1))
+    row |= {"eps_GG": round_["eps_GG"], "p_GG": p["p_GG"], "eps_HF": round_["eps_HF"], "p_HF": p["p_HF"]}
+    return row | {"W": round_["W"], "p_W": round_["p_W"], **shares, "note": note}

@@ -17,3 +17,5 @@ go("one_way", score ~ Error(participant/object))
 go("two_way", score ~ Error(participant/(surface*object)))
 go("levels_2_3_5", score ~ Error(participant/(a*b*c)))
 go("rm3", score ~ Error(participant/(surface*presented*rated)))
+# Groups of unequal size: afex takes sum contrasts and sums of squares of type III.
+go("between", score ~ hand * site + Error(participant/(surface*object)))
