@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.study import logistic_mixed, logistic_posterior
-from midair.study.statistics.mixed import _design, fit_logistic
+from midair.study import logistic_mixed, logistic_posterior, rm_anova
+from midair.study.statistics.mixed import right_answers
 
 WITHIN = ["surface", "object"]
 
@@ -21,24 +21,86 @@ def choices():
 
 def test_equals_lme4(choices):
     # mixed/reference.R: glmer with 25 nodes, likelihood ratios.
-    table = logistic_mixed(choices, correct="correct", participant="participant", within=WITHIN)
+    options = {"correct": "correct", "participant": "participant", "within": WITHIN}
+    table = logistic_mixed(choices, slopes=False, **options)
     assert table["effect"].tolist() == ["surface", "object", "surface:object"]
     assert table["df"].tolist() == [1, 2, 2]
     assert table["chi2"].tolist() == pytest.approx([1.06548834475, 12.3522151121, 1.72448220711], rel=1e-5)
     assert table["p"].tolist() == pytest.approx([0.301966750132, 0.00207850258406, 0.422214794152], rel=1e-5)
-    y, person, blocks = _design(choices, "correct", "participant", WITHIN)
-    fit = fit_logistic(y, np.hstack(blocks), person)
-    assert fit.spread == pytest.approx(0.460044343208, rel=1e-4)
+    fit = right_answers(choices, **options).fit(slopes=False)
+    assert fit.spread[0] == pytest.approx(0.460044343208, rel=1e-4)
     assert fit.coefficient[0] == pytest.approx(0.787014903593, rel=1e-4)
+
+
+def sizes(name):
+    with open(Path(__file__).parent / "mixed" / name, newline="") as file:
+        return [{key: text.strip() for key, text in row.items()} for row in csv.DictReader(file)]
+
+
+@pytest.mark.parametrize("model", ["levels", "slopes"])
+@pytest.mark.parametrize("trials", ["48", "200", "400", "1000"])
+def test_equals_lme4_from_few_trials_to_many(trials, model):
+    # mixed/sizes.R. With quadrature that does not follow the people, 6 x 1000 gave a spread of .76 for 1.07.
+    rows = [row for row in sizes("sizes.csv") if row["trials"] == trials]
+    reference = next(row for row in sizes("sizes_r.csv") if row["trials"] == trials and row["model"] == model)
+    right, total = (np.array([int(row[key]) for row in rows]) for key in ("right", "total"))
+    table = {key: np.repeat([row[key] for row in rows], total) for key in ("participant", *WITHIN)}
+    table["correct"] = np.concatenate([np.arange(n) < k for k, n in zip(right, total, strict=True)]).astype(float)
+    options = {"correct": "correct", "participant": "participant", "within": WITHIN}
+    found = logistic_mixed(table, slopes=model == "slopes", **options)
+    chi2 = [float(reference[key]) for key in ("surface", "object", "both")]
+    assert found["chi2"].tolist() == pytest.approx(chi2, rel=1e-3, abs=1e-4)
+    spread = right_answers(table, **options).fit(slopes=model == "slopes").spread
+    if model == "levels":
+        assert spread.tolist() == pytest.approx([float(reference["sd_person"])], rel=1e-3)
+        return
+    # lme4 has a level for each person in each surface, object and cell: the same model, of other variances.
+    person, surface, thing, both = (
+        float(reference[f"sd_{key}"]) ** 2 for key in ("person", "surface", "object", "both")
+    )
+    level = person + surface / 2 + thing / 3 + both / 6
+    same = np.sqrt([level, (3 * surface + both) / 6, (2 * thing + both) / 6, both / 6])
+    assert spread.tolist() == pytest.approx(same.tolist(), rel=5e-3, abs=1e-3)
+    assert found["spread"].tolist() == pytest.approx((same[1:] * np.sqrt([1, 2, 2])).tolist(), rel=5e-3, abs=1e-3)
 
 
 def test_agrees_with_statsmodels(choices):
     pytest.importorskip("statsmodels")
-    posterior = logistic_posterior(choices, correct="correct", participant="participant", within=WITHIN)
-    y, person, blocks = _design(choices, "correct", "participant", WITHIN)
-    fit = fit_logistic(y, np.hstack(blocks), person)
+    options = {"correct": "correct", "participant": "participant", "within": WITHIN}
+    posterior = logistic_posterior(choices, **options)
+    fit = right_answers(choices, **options).fit(slopes=False)
     assert posterior["term"][0] == "intercept"
     assert (np.abs(posterior["mean"][:-1] - fit.coefficient) < posterior["sd"][:-1] / 2).all()
+
+
+def test_people_who_differ_are_not_taken_for_an_effect():
+    # Five people feel one surface better and three the other, each of them without a doubt.
+    who, surface, trial = np.indices((8, 2, 50)).reshape(3, -1)
+    better = np.where(who < 5, surface == 0, surface == 1)
+    table = {"correct": (trial < np.where(better, 40, 25)) * 1.0, "who": who, "surface": surface}
+    options = {"correct": "correct", "participant": "who", "within": ["surface"]}
+    plain, slopes = (logistic_mixed(table, slopes=slopes, **options).iloc[0] for slopes in (False, True))
+    assert plain["p"] < 0.05
+    assert slopes["p"] > 0.2
+    assert slopes["spread"] > 0.5
+
+
+def test_f_is_that_of_a_linear_model_where_trials_are_many():
+    # With many trials a person's logits are all but known: an analysis of variance of them is the same test.
+    from scipy.special import expit
+
+    rng = np.random.default_rng(0)
+    who, thing, _ = np.indices((7, 2, 1)).reshape(3, -1)
+    logit = rng.normal(0, 0.5, (7, 1)) + rng.normal([0.3, -0.3], 0.4, (7, 2))
+    right = np.rint(20_000 * expit(logit)).astype(int).ravel()
+    repeated = {"who": np.repeat(who, 20_000), "thing": np.repeat(thing, 20_000)}
+    correct = np.concatenate([np.arange(20_000) < k for k in right]).astype(float)
+    row = logistic_mixed(repeated | {"correct": correct}, correct="correct", participant="who", within=["thing"]).iloc[
+        0
+    ]
+    known = rm_anova({"y": logit.ravel(), "who": who, "thing": thing}, value="y", participant="who", within=["thing"])
+    assert row["F"] == pytest.approx(known["F"][0], rel=0.01)
+    assert row["p"] == pytest.approx(known["p"][0], rel=0.02)
 
 
 def test_says_what_is_wrong(choices):

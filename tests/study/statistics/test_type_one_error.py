@@ -68,12 +68,13 @@ def macro_f(rng):
     return chance_macro_f(confusion, rng=rng, draws=399).p
 
 
-def mixed(rng):
-    thing = np.tile(np.repeat(OBJECTS, 4), PEOPLE)
-    who = np.repeat(np.arange(PEOPLE), 12)
-    logit = 0.4 + rng.normal(0, 0.7, PEOPLE)[who]
-    correct = (rng.random(who.size) < 1 / (1 + np.exp(-logit))).astype(float)
-    table = {"correct": correct, "who": who, "object": thing}
+def mixed(rng, trials, differ):
+    """Right answers that do not depend on the object over all people; each has a level, and may have a best object."""
+    thing = np.tile(np.repeat(OBJECTS, trials // 3), PEOPLE)
+    who = np.repeat(np.arange(PEOPLE), trials)
+    logit = 0.4 + rng.normal(0, 0.7, (PEOPLE, 1)) + rng.normal(0, differ, (PEOPLE, 3))
+    correct = (rng.random((PEOPLE, 3, trials // 3)) < 1 / (1 + np.exp(-logit))[..., None]).astype(float)
+    table = {"correct": correct.ravel(), "who": who, "object": thing}
     return logistic_mixed(table, correct="correct", participant="who", within=["object"])["p"][0]
 
 
@@ -93,14 +94,19 @@ EXACT = {
     "ranks, three levels": lambda rng: ranks(rng, "object"),
     "ranks, interaction": lambda rng: ranks(rng, "surface:object"),
     "macro F": macro_f,
-    "mixed model": mixed,
+    "mixed model, 12 trials": lambda rng: mixed(rng, 12, 0.8),
+    "mixed model, 48 trials": lambda rng: mixed(rng, 48, 0.8),
+    "mixed model, 400 trials": lambda rng: mixed(rng, 399, 0.8),
+    "mixed model, 1000 trials": lambda rng: mixed(rng, 999, 0.4),
     "identification": lambda rng: IDENTIFICATION(PEOPLE, rng),
     "rating of two levels": lambda rng: RATING(PEOPLE, rng),
     "anova, uneven, GG": lambda rng: anova(rng, "p_GG", "object", UNEVEN),
     "anova, uneven, HF": lambda rng: anova(rng, "p_HF", "object", UNEVEN),
 }
-# Greenhouse and Geisser's correction is known to be shy when there is nothing to correct.
+# Greenhouse and Geisser's correction is known to be shy when there is nothing to correct, and so is the mixed model
+# when people do not differ.
 SHY = {
+    "mixed model, people alike": lambda rng: mixed(rng, 48, 0),
     "anova, GG": lambda rng: anova(rng, "p_GG", "object"),
     "anova, interaction, GG": lambda rng: anova(rng, "p_GG", "surface:object"),
 }
@@ -128,7 +134,7 @@ def test_finds_nothing_in_nineteen_of_twenty(name):
 @pytest.mark.parametrize("name", SHY)
 def test_corrections_are_shy(name):
     _, high = interval(2000)
-    assert 2000 * 0.02 <= found(SHY[name], 2000) <= high
+    assert 2000 * 0.01 <= found(SHY[name], 2000) <= high
 
 
 @pytest.mark.slow
