@@ -5,9 +5,12 @@ beam (`midair.calibration.measure.beam`); and the transducers of an array, by co
 """
 
 from midair.calibration.apply import (
+    CausalInverse,
     Method,
     StreamingInverse,
     calibrate,
+    causal_error,
+    causal_fir,
     default_taps,
     inverse_fir,
     inverse_response,
@@ -50,6 +53,7 @@ __all__ = [
     "BeamPlan",
     "BeamReading",
     "BeamSetting",
+    "CausalInverse",
     "MeasureSettings",
     "Method",
     "Reference",
@@ -61,6 +65,8 @@ __all__ = [
     "array_codes",
     "beam_field",
     "calibrate",
+    "causal_error",
+    "causal_fir",
     "default_taps",
     "find_lag",
     "fit_array",

@@ -40,12 +40,16 @@ def inverse_response(
         In Pa per unit of the output; 0 where a channel hears nothing at all.
     """
     response = calibration.response_at(frequency)
-    power = np.abs(response) ** 2
+    below = heard_power(calibration, response, floor)
+    return response.conj() * band_window(frequency, band, edges=edges)[:, None, None] / below
+
+
+def heard_power(calibration: Calibration, response: Complex, floor: float) -> Array:
+    """|H|^2 + eps of every channel, same shape as the response, by which the regularised inverse divides."""
     eps = (calibration.noise / positive(floor, "floor", "Pa/sqrt(Hz)")) ** 2
     # Without any noise a channel that answers 0 would be 0 / 0: -240 dB of its best answer is as good as nothing.
     nothing = 1e-24 * (np.abs(calibration.response) ** 2).max(axis=0)
-    below = power + np.maximum(eps, np.where(nothing > 0, nothing, 1.0))
-    return response.conj() * band_window(frequency, band, edges=edges)[:, None, None] / below
+    return np.abs(response) ** 2 + np.maximum(eps, np.where(nothing > 0, nothing, 1.0))
 
 
 def inverse_fir(
