@@ -9,8 +9,10 @@ from midair.devices import (
     VirtualSkin,
     autd3_array,
     autd3_firmware,
+    autd3_immediate,
     autd3_standing,
     pyautd3_array,
+    virtual_immediate,
 )
 from midair.errors import DeviceStateError, InputError, MismatchError, StoppedError
 from midair.model import Board, Drive, Placement, TransducerArray
@@ -32,6 +34,8 @@ ARRAYS = {
     "autd3:firmware": lambda: autd3_firmware(ONE),
     "autd3:emulator": lambda: autd3_array("emulator", ONE),
     "autd3, a frame that stands": lambda: autd3_standing("emulator", ONE, failsafe=0.5),
+    "autd3, frame by frame": lambda: autd3_immediate("emulator", ONE, failsafe=0.5),
+    "virtual, frame by frame": lambda: virtual_immediate(ONE),
     "pyautd3:audit": lambda: pyautd3_array("audit", ONE),
     "pyautd3:nop": lambda: pyautd3_array("nop", ONE),
     "openmpd": openmpd,

@@ -3,10 +3,13 @@
 from midair.devices.admission import Admission, ExposureChoices, admit, admit_level, admit_parts, feeling, measure
 from midair.devices.arrays import (
     BankedArray,
+    ImmediateArray,
     OpenMpdArray,
+    Put,
     SilencerChoice,
     autd3_array,
     autd3_firmware,
+    autd3_immediate,
     autd3_standing,
     choose_silencer,
     pyautd3_array,
@@ -27,7 +30,7 @@ from midair.devices.safety import (
 )
 from midair.devices.sensors import Decimated, PacedSensor, ReplaySensor, Rewired, Source, Stream, StreamedSensor
 from midair.devices.stages import StageDevice
-from midair.devices.virtual import VirtualArray, VirtualSensor, VirtualSkin
+from midair.devices.virtual import VirtualArray, VirtualSensor, VirtualSkin, VirtualUnits, virtual_immediate
 
 __all__ = [
     "Admission",
@@ -35,9 +38,11 @@ __all__ = [
     "BankedArray",
     "Decimated",
     "FrameBlock",
+    "ImmediateArray",
     "OpenMpdArray",
     "PacedSensor",
     "PlayReport",
+    "Put",
     "ReplaySensor",
     "Rewired",
     "Seam",
@@ -51,6 +56,7 @@ __all__ = [
     "VirtualArray",
     "VirtualSensor",
     "VirtualSkin",
+    "VirtualUnits",
     "admit",
     "admit_level",
     "admit_parts",
@@ -60,6 +66,7 @@ __all__ = [
     "measure",
     "autd3_array",
     "autd3_firmware",
+    "autd3_immediate",
     "autd3_standing",
     "choose_silencer",
     "gapless",
@@ -74,5 +81,6 @@ __all__ = [
     "process_began",
     "state_folder",
     "stop_playing",
+    "virtual_immediate",
     "uptime",
 ]

@@ -106,6 +106,23 @@ class Admission:
         if _key is not _ONLY_HERE:
             raise DeviceStateError("admission: expected one from admit(), which checks exposure; it cannot be made up")
 
+    def check_array(self, device: Sounding) -> None:
+        """Refuse a device that it was not admitted on.
+
+        Raises
+        ------
+        MismatchError
+            If the device's array is another, or louder, than the one that was measured.
+        DeviceStateError
+            If it was admitted where nothing sounds and the device can be heard.
+        """
+        if not self.array.same_as(device.array) or device.array.pressure > self.array.pressure * (1 + 1e-9):
+            raise MismatchError(f"{device.name}: expected what was admitted for it, got it for {self.array.name}")
+        if device.gated and not self.gated:
+            raise DeviceStateError(
+                f"{device.name}: expected what was admitted on a device that can be heard; admit again"
+            )
+
     def check_for(self, device: Sounding) -> Drive:
         """The drive, for a device that it was admitted on.
 
@@ -116,15 +133,17 @@ class Admission:
         DeviceStateError
             If it was admitted where nothing sounds and the device can be heard, or its frames are yet to come.
         """
-        if not self.array.same_as(device.array) or device.array.pressure > self.array.pressure * (1 + 1e-9):
-            raise MismatchError(f"{device.name}: expected what was admitted for it, got it for {self.array.name}")
-        if device.gated and not self.gated:
-            raise DeviceStateError(
-                f"{device.name}: expected what was admitted on a device that can be heard; admit again"
-            )
+        self.check_array(device)
         if self.drive is None:
             raise DeviceStateError(f"{device.name}: expected frames to play, got an admission for frames to come")
         return self.drive
+
+    @property
+    def strongest(self) -> int:
+        """The strongest intensity byte, 0 to 255, of frames that come later: none that is above `level` in any way."""
+        steps = np.arange(256, dtype=np.uint8)
+        # To a hair, so that a level that is a step is that step.
+        return int(np.flatnonzero(np.maximum(steps / 255, amplitude_of(steps)) <= self.level * (1 + 1e-9))[-1])
 
     def frames(self, drive: Drive) -> "Admission":
         """Frames that were read or made after the admission, as something that may be played.

@@ -6,7 +6,8 @@ from typing import Any
 from midair.devices.arrays.autd3_places import autd3_place
 from midair.devices.arrays.banked_array import BankedArray
 from midair.devices.arrays.banks import Banks
-from midair.devices.arrays.silencer import SilencerChoice
+from midair.devices.arrays.immediate import ImmediateArray, ImmediateUnits
+from midair.devices.arrays.silencer import SilencerChoice, named_silencer
 from midair.devices.arrays.standing_array import StandingArray, StandingUnits
 from midair.errors import MissingExtraError
 from midair.model import Placement
@@ -70,6 +71,54 @@ def autd3_standing(where: str = "auto", placement: Placement | None = None, *, f
         return module.Autd3Udp(placement, place, failsafe=failsafe, heartbeat=False)
 
     return StandingArray(connect, placement or Placement.grid(), name=place.device, exclusive=place.exclusive)
+
+
+def autd3_immediate(
+    where: str = "auto",
+    placement: Placement | None = None,
+    *,
+    silencer: SilencerChoice = "off",
+    rate: float = 1000.0,
+    hold: float = 0.006,
+    failsafe: float = 0.05,
+) -> ImmediateArray:
+    """Units as `autd3_array` has them, for frames that are made while they play.
+
+    Parameters
+    ----------
+    where, placement
+        As for `autd3_array`; not a server, whose own word would keep the units sounding.
+    silencer : {"off", "quarter", "half", "default"}
+        Over how long the firmware spreads steps; not "auto", which hangs on a drive.
+    rate : float
+        Frames per second, in Hz.
+    hold : float
+        How long before its instant a frame is sent at most, in s.
+    failsafe : float
+        After how long without a frame the units go silent, in s.
+
+    Raises
+    ------
+    UnknownDeviceError
+        If an address or a port is none.
+    InputError
+        If there is no such silencer.
+    """
+    place = autd3_place(where)
+
+    def connect(placement: Placement) -> ImmediateUnits:
+        module = _module("midair.devices.arrays.autd3_single_frames", "autd3")
+        return module.Autd3Immediate(placement, place, failsafe=failsafe)
+
+    return ImmediateArray(
+        connect,
+        placement or Placement.grid(),
+        name=place.device,
+        silencer=named_silencer(silencer, rate),
+        hold=hold,
+        simulated=place.simulated,
+        exclusive=place.exclusive,
+    )
 
 
 def autd3_firmware(placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> BankedArray:
