@@ -59,7 +59,7 @@ def places(things: list[str]) -> None:
             drive = made.solution.drive
             nominal = PlaybackChain(transducers=Transducers.alike(drive.array.count))
             read = [
-                [_ratio(original, asked, drive, alike, plan, chain, place) for place in PLACES]
+                [ratio_at(original, asked, drive, alike, plan, chain, place) for place in PLACES]
                 for chain in (nominal, plan.rig.array_device().chain)
             ]
             out = leak(drive, made.target.amplitude, alike.target.grid, acoustics=air).peak
@@ -80,13 +80,13 @@ def loops(things: list[str]) -> None:
         chain = plan.rig.array_device().chain
         for number, one in enumerate(loop.passes):
             drive = one.reproduction.solution.drive
-            read = [_ratio(original, one.asked, drive, settings, plan, chain, place, gains=False) for place in PLACES]
+            read = [ratio_at(original, one.asked, drive, settings, plan, chain, place, gains=False) for place in PLACES]
             shown = " ".join(f"{each:5.1f}" for each in read)
             told = -20 * np.log10(one.comparison.waveform_error)
             print(f"{thing:10} pass {number + 1}  {told:5.1f} | {shown}", flush=True)
 
 
-def _ratio(
+def ratio_at(
     original: PressureFrames,
     asked: PressureFrames,
     drive: Drive,

@@ -96,5 +96,5 @@ def test_the_fidelity_table_has_both_modes_of_each_thing_and_both_loops():
 
 
 def test_an_unknown_thing_is_refused_before_any_work():
-    with pytest.raises(InputError, match="brush, sponge, towel, got carpet"):
+    with pytest.raises(InputError, match="got carpet"):
         FidelityPlan(things=("noise", "carpet"))

@@ -11,6 +11,7 @@ from midair.evaluate.other_air import error_in_air
 from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
 from midair.evaluate.stage_loss import Budget, StageLoss, StageOutput, budget
+from midair.evaluate.timbre import THIRD_OCTAVES, third_octaves
 from midair.evaluate.whole_palm import PalmFidelity, palm_fidelity
 from midair.physics import printed_error, relative_error
 
@@ -25,6 +26,7 @@ __all__ = [
     "SkinModel",
     "StageLoss",
     "StageOutput",
+    "THIRD_OCTAVES",
     "advance",
     "budget",
     "compare",
@@ -47,4 +49,5 @@ __all__ = [
     "spqi",
     "st_sim",
     "surroundings",
+    "third_octaves",
 ]

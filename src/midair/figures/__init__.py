@@ -5,6 +5,7 @@ from midair.figures.card_maps import card_figure
 from midair.figures.error_spread import ErrorSpread, trials_figure
 from midair.figures.loudness import exposure_figure
 from midair.figures.maps import maps_figure, phase_figure
+from midair.figures.mistaken import Mistaken, mistaken_figure
 from midair.figures.page import render_page
 from midair.figures.paper_figures import FieldRow, fields_figure, objects_figure, stimuli_figure
 from midair.figures.pattern_curves import Curve, Example, curve_figure, examples_figure, histogram_figure
@@ -19,6 +20,7 @@ __all__ = [
     "ErrorSpread",
     "Example",
     "FieldRow",
+    "Mistaken",
     "Style",
     "beam_figure",
     "budget_figure",
@@ -31,6 +33,7 @@ __all__ = [
     "fields_figure",
     "histogram_figure",
     "maps_figure",
+    "mistaken_figure",
     "new_figure",
     "objects_figure",
     "passes_figure",

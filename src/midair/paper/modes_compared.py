@@ -1,12 +1,16 @@
 """Both modes side by side on test signals and objects: what a palm gets of what the sensor felt."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
 
 from midair.datasets import probe_signal
 from midair.errors import InputError
-from midair.evaluate import Budget
+from midair.evaluate import Budget, in_band
 from midair.figures import budget_figure, passes_figure, png
+from midair.files import open_take
 from midair.flow import felt, lead_of, wanted
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
@@ -35,7 +39,7 @@ class FidelityPlan:
     Attributes
     ----------
     things : tuple of str
-        Test signals and objects.
+        Test signals, objects, and files of calibrated recordings.
     paper, best : Settings
         The two modes; the other mode's own settings if None.
     mode : {"paper", "best", "quick"}
@@ -63,9 +67,13 @@ class FidelityPlan:
     rig: VirtualRig = field(default_factory=VirtualRig)
 
     def __post_init__(self) -> None:
-        unknown = [thing for thing in self.things if thing not in (*SIGNALS, *OBJECTS)]
+        known = (*SIGNALS, *OBJECTS)
+        unknown = [thing for thing in self.things if thing not in known and not Path(thing).is_file()]
         if unknown or not self.things:
-            raise InputError(f"things: expected some of {', '.join((*SIGNALS, *OBJECTS))}, got {', '.join(unknown)}")
+            raise InputError(
+                f"things: expected some of {', '.join(known)}, or files of calibrated recordings, "
+                f"got {', '.join(unknown) or 'none'}"
+            )
 
     @property
     def modes(self) -> Mapping[str, Settings]:
@@ -87,16 +95,17 @@ def fidelity_table(plan: FidelityPlan | None = None, *, stage: Stage = quiet) ->
     rows: list[Row] = []
     pictures: dict[str, bytes] = {}
     for thing in plan.things:
+        called = thing if thing in (*SIGNALS, *OBJECTS) else Path(thing).stem
         made: list[tuple[str, Budget]] = []
         for mode, settings in plan.modes.items():
             original = original_of(thing, plan, settings)
             alike = at_strength(original, settings, plan)
             lead = lead_of(alike)
-            at = BudgetPlan(settings=alike, rig=plan.rig, lead=lead)
-            budget = error_budget(original, at, stage=lambda what, m=mode, t=thing: stage(f"{t}, {m}: {what}"))
-            made.append((f"{thing}, {mode} mode", budget))
-            rows.append(_row(thing, mode, budget))
-        name = "".join(letter if letter.isalnum() else "-" for letter in thing).lower()
+            at = BudgetPlan(settings=alike, rig=replace(plan.rig, cells=original.sensor), lead=lead)
+            budget = error_budget(original, at, stage=lambda what, m=mode, t=called: stage(f"{t}, {m}: {what}"))
+            made.append((f"{called}, {mode} mode", budget))
+            rows.append(_row(called, mode, budget))
+        name = "".join(letter if letter.isalnum() else "-" for letter in called).lower()
         pictures[f"budget-{name}.png"] = png(budget_figure(made))
     about: dict[str, object] = {"strength": plan.strength, "duration_s": plan.duration}
     if plan.passes:
@@ -118,8 +127,14 @@ def fidelity_table(plan: FidelityPlan | None = None, *, stage: Stage = quiet) ->
 
 
 def original_of(thing: str, plan: FidelityPlan, settings: Settings) -> PressureFrames:
-    """What the virtual sensor feels of a test signal, or of the middle of a stroke, at the rate of a mode."""
+    """What the virtual sensor feels of a test signal or of the middle of a stroke, at the rate of a mode.
+
+    Of a recording it is the part in which there is most to feel.
+    """
     rig, skin = plan.rig, plan.rig.skin()
+    if thing not in (*SIGNALS, *OBJECTS):
+        take = open_take(thing)
+        return strongest_part(felt(take.recording, take.calibration, settings), plan.duration)
     if thing in OBJECTS:
         with rig.touched_by(thing) as sensor:
             pressure = felt(capture_recording(sensor, 1.26), sensor.calibration, settings)
@@ -128,6 +143,17 @@ def original_of(thing: str, plan: FidelityPlan, settings: Settings) -> PressureF
     with rig.sensor(skin, touch=touch, name=f"virtual:{thing}") as sensor:
         pressure = felt(capture_recording(sensor, plan.duration + 0.2), sensor.calibration, settings)
     return pressure.cut(0.1, plan.duration)
+
+
+def strongest_part(pressure: PressureFrames, duration: float) -> PressureFrames:
+    """The part of so many seconds that has most power in 20 to 470 Hz; all of what is no longer."""
+    frames = round(duration * pressure.rate)
+    if pressure.frames <= frames:
+        return pressure
+    power = (in_band(pressure.pressure, pressure.rate, (20.0, 470.0)) ** 2).sum(axis=(1, 2))
+    so_far = np.concatenate([[0.0], power.cumsum()])
+    first = int(np.argmax(so_far[frames:] - so_far[:-frames]))
+    return pressure.cut(first / pressure.rate, duration)
 
 
 def at_strength(original: PressureFrames, settings: Settings, plan: FidelityPlan) -> Settings:

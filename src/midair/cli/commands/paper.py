@@ -19,7 +19,17 @@ from midair.cli.terminal import (
     stages,
 )
 from midair.model import Acoustics
-from midair.paper import FidelityPlan, PaperResult, StimuliPlan, fidelity_table, figure_3, figure_4, figure_9
+from midair.paper import (
+    FidelityPlan,
+    MaterialsPlan,
+    PaperResult,
+    StimuliPlan,
+    fidelity_table,
+    figure_3,
+    figure_4,
+    figure_9,
+    materials_table,
+)
 from midair.rig import VirtualRig
 from midair.settings import Mode, paper_mode
 
@@ -32,6 +42,9 @@ def paper_command(
     *,
     figure: Annotated[tuple[Number, ...], Parameter(consume_multiple=True)] = (),
     fidelity: bool = False,
+    materials: bool = False,
+    recordings: Path | None = None,
+    strokes: int = MaterialsPlan().strokes,
     mode: Mode = "best",
     things: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = FidelityPlan().things,
     strength: float = 0.15,
@@ -57,14 +70,23 @@ def paper_command(
         All three and the fidelity if neither is given.
     fidelity
         Error budgets of test signals and objects in both modes at one strength, and iterative correction in both.
+    materials
+        Strokes of several things through the paper's, the best and the live mode, and what a classifier that knows the
+        originals takes each for. Not among all.
+    recordings
+        Of the materials: a folder of calibrated recordings, each in a folder of its material's name or named
+        MATERIAL_anything; synthetic brush, sponge and towel if not given.
+    strokes
+        Of each synthetic thing.
     mode
         What is put beside the paper's mode: best or quick; paper for nothing.
     things
-        Of the fidelity: 25+250 Hz, noise, bursts, brush, sponge, towel.
+        Of the fidelity: 25+250 Hz, noise, bursts, brush, sponge, towel, and files of calibrated recordings.
     strength
         Of the targets of figure 3 and of the fidelity: their peak over a single focus of the whole array.
     duration
-        Of each signal of figure 4, where it is to be a multiple of 40 ms, and of the fidelity.
+        Of each signal of figure 4, where it is to be a multiple of 40 ms, and of the fidelity; of strokes for
+        the materials it is .3 s.
     iterate
         Passes at most of the iterative correction in the fidelity; the best mode of figure 4 makes one, if any.
     air
@@ -77,13 +99,14 @@ def paper_command(
     Examples
     --------
     $ midair paper --figure 9
+    $ midair paper --materials
     """
-    everything = not figure and not fidelity
+    everything = not figure and not fidelity and not materials
     chosen = {3, 4, 9} if everything else set(figure)
     rig, medium = VirtualRig(seed=seed), (air or AirOptions()).medium()
     paper = paper_mode() if medium is None else paper_mode().but(acoustics=Acoustics(medium=medium))
     banner(True)
-    if everything or fidelity or 4 in chosen:
+    if everything or fidelity or materials or 4 in chosen:
         say_air(paper.acoustics.medium, stated=medium is not None)
     results: list[PaperResult] = []
     with stages() as stage:
@@ -113,6 +136,18 @@ def paper_command(
                 paper=paper,
             )
             results.append(fidelity_table(plan, stage=stage))
+        if materials:
+            _check(folder, "materials", force)
+            told = MaterialsPlan(
+                folder=recordings,
+                strokes=strokes,
+                strength=strength,
+                rig=rig,
+                mode=mode,
+                # Solved as a whole: about the error of one frame after another, in a fortieth of the time.
+                paper=paper.but(method="glide"),
+            )
+            results.append(materials_table(told, stage=stage))
     for result in results:
         written = result.write(folder)
         if not json:

@@ -1,0 +1,98 @@
+"""Materials: what is apart is told apart, what is not is not, and folders are taken by their names."""
+
+import numpy as np
+import pytest
+
+from midair.datasets import stroke
+from midair.errors import InputError
+from midair.files import save
+from midair.model import Calibration, ControlGrid, PressureFrames, Recording, SensorGrid
+from midair.paper.materials_apart import (
+    MaterialsPlan,
+    left_out_names,
+    material_of,
+    materials_table,
+    recorded,
+    share_between,
+)
+from midair.paper.modes_compared import strongest_part
+from midair.settings import Settings
+
+COARSE = Settings().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), method="glide")
+
+
+def test_a_classifier_names_what_is_apart_and_guesses_what_is_not():
+    rng = np.random.default_rng(0)
+    truth = np.repeat([0, 1, 2], 30)
+    apart = rng.standard_normal((90, 13)) + 4 * truth[:, None]
+    assert np.mean(left_out_names(apart, apart, truth) == truth) > 0.95
+    alike = rng.standard_normal((90, 13))
+    assert np.mean(left_out_names(alike, alike, truth) == truth) < 0.55
+
+
+def test_what_is_asked_never_was_learnt():
+    # One stroke that is like nothing else, under a name of its own kind: who has seen it would know it.
+    rng = np.random.default_rng(3)
+    truth = np.repeat([0, 1], 10)
+    shapes = rng.standard_normal((20, 5)) + 6 * truth[:, None]
+    shapes[0] += 6
+    assert left_out_names(shapes, shapes, truth)[0] == 1
+
+
+def test_limits_are_those_of_wilson():
+    assert share_between(10, 12) == pytest.approx((0.552, 0.953), abs=1e-3)  # Newcombe 1998, by his formula
+    assert share_between(0, 12)[0] == 0
+    assert share_between(12, 12)[1] == 1
+
+
+def test_the_strongest_part_is_found():
+    pressure = np.zeros((3000, 1, 1))
+    pressure[1700:1900, 0, 0] = np.cos(2 * np.pi * 100 * np.arange(200) / 1000)
+    frames = PressureFrames(pressure=pressure, rate=1000.0, sensor=SensorGrid(rows=1, columns=1))
+    assert strongest_part(frames, 0.2).pressure == pytest.approx(pressure[1700:1900], abs=0.05)
+    assert strongest_part(frames, 5.0) is frames
+
+
+def write(path, seed):
+    felt = stroke("towel", seed=seed)
+    recording = Recording(samples=felt.pressure, rate=felt.rate, unit="Pa")
+    path.parent.mkdir(exist_ok=True)
+    save(recording, path, calibration=Calibration.flat(recording.sensor, sensitivity=1.0, unit="Pa"))
+
+
+def test_recordings_are_named_by_folder_or_by_what_their_names_begin_with(tmp_path):
+    for number in range(3):
+        write(tmp_path / f"denim_{number}.h5", number)
+        write(tmp_path / "old wool" / f"take {number}.h5", number)
+    strokes = recorded(tmp_path, 0.3)
+    assert sorted({one.material for one in strokes}) == ["denim", "old wool"]
+    assert strokes[0].original(COARSE).frames == 300
+    assert material_of(tmp_path / "cork.h5", tmp_path) == "cork"
+
+
+@pytest.mark.parametrize(
+    "names", [[], ["wool_1.h5", "wool_2.h5", "wool_3.h5"], ["a_1.h5", "a_2.h5", "a_3.h5", "b_1.h5"]]
+)
+def test_too_few_recordings_are_refused_with_what_was_found(tmp_path, names):
+    for number, name in enumerate(names):
+        write(tmp_path / name, number)
+    with pytest.raises(InputError, match="three or more recordings of each of two or more materials"):
+        recorded(tmp_path, 0.3)
+
+
+def test_too_few_strokes_are_refused():
+    with pytest.raises(InputError, match="three or more"):
+        MaterialsPlan(strokes=2)
+
+
+@pytest.mark.slow
+def test_the_table_has_a_row_for_the_originals_and_each_mode():
+    result = materials_table(MaterialsPlan(strokes=3, duration=0.1, mode="quick", paper=COARSE))
+    assert [row["mode"] for row in result.rows] == ["original", "paper", "quick", "live"]
+    assert set(result.pictures) == {"materials.png"}
+    for row in result.rows:
+        counted = [value for name, value in row.items() if "_as_" in name and not name.startswith("as_")]
+        assert sum(counted) == row["strokes"] == 9
+        assert 0 <= row["named_right_low"] <= row["named_right"] <= row["named_right_high"] <= 1
+    assert result.rows[0]["shape_off_db"] == 0
+    assert result.rows[2]["shape_off_db"] < result.rows[1]["shape_off_db"]
