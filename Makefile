@@ -6,7 +6,8 @@ BIN := $(VENV)/bin
 export OPENBLAS_NUM_THREADS ?= 1
 export MKL_NUM_THREADS ?= 1
 # The last lines name the tests that took longest: CONTRIBUTING.md says what a fast one may take.
-PARALLEL := --numprocesses 2 --dist worksteal --durations 15 --durations-min 1
+# Twice as many processes as the smallest machine has cores: much of a test of a device is waiting.
+PARALLEL := --numprocesses 4 --dist worksteal --durations 15 --durations-min 1
 # With COVERAGE set, as .ci/run does, the one run of the tests measures what they reach and fails below the floor in
 # pyproject.toml. Without: counting lines takes a quarter to a third more processor time on Python 3.11.
 COVER := $(if $(COVERAGE),--cov --cov-report=term:skip-covered)

@@ -50,8 +50,8 @@ def main() -> None:
 def takes(data: Path, folder: Path) -> list[str]:
     """One calibrated take of each collection, as files."""
     denim = fast(open_take(data / "fabricslide" / "fabric" / "Denim_F180_V-50mmps_0.csv").recording)
-    stick = fast(open_take(data / "hapmat" / "Fabric 1.csv", channels=["accel_z"]).recording)
-    effect = open_take(data / "audio-to-tactile" / "tactile_pattern_connect.wav").recording
+    stick = fast(open_take(data / "hapmat" / "Fabric 1.csv", channels=["accel_z"], unit="count").recording)
+    effect = open_take(data / "audio-to-tactile" / "tactile_pattern_connect.wav", unit="count").recording
     made = {"denim": denim, "hapmat-fabric": over_the_sensor(stick), "connect": over_the_sensor(effect)}
     return [str(kept(recording, folder / f"{name}.h5")) for name, recording in made.items()]
 

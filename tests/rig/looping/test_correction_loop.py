@@ -49,7 +49,9 @@ def check(done, stimulus):
     assert last.comparison.simulated
 
 
-@pytest.mark.parametrize("stimulus", PEAKS)
+@pytest.mark.parametrize(
+    "stimulus", [pytest.param(each, marks=[] if each == "am-iii" else pytest.mark.slow) for each in PEAKS]
+)
 def test_right_place_right_frequency_and_better_after_correction(stimulus):
     check(loop(stimulus, COARSE, 0.12), stimulus)
 
