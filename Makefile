@@ -12,7 +12,7 @@ PARALLEL := --numprocesses 4 --dist worksteal --durations 15 --durations-min 1
 # pyproject.toml. Without: counting lines takes a quarter to a third more processor time on Python 3.11.
 COVER := $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
 
-.PHONY: demo test coverage test-slow check bench bench-gpu docs format clean
+.PHONY: demo test coverage test-slow test-browser check bench bench-gpu docs format clean
 
 $(VENV)/run: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -34,6 +34,9 @@ coverage:
 
 test-slow: $(VENV)/dev
 	$(BIN)/python -m pytest -m slow $(PARALLEL)
+
+test-browser: $(VENV)/dev
+	$(BIN)/python -m pytest -m browser
 
 check: $(VENV)/dev
 	$(BIN)/ruff check

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import shutil
 import signal
 import sys
 
@@ -37,3 +38,16 @@ def _states(tmp_path_factory):
 def _own_state(_states, monkeypatch):
     """Logs and lines of playing go to a folder of the test's own."""
     monkeypatch.setenv("MIDAIR_STATE", next(_states))
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    """The machine's own Chromium, driven from here."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="no Playwright here")
+    found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if found is None:
+        pytest.skip("no Chromium here")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield browser
+        browser.close()

@@ -2,20 +2,47 @@
 
 from midair.view.colours import TABLES, colour_table
 from midair.view.finer import Finer, finer, finer_grid
-from midair.view.pages import WEB
+from midair.view.pages import WEB, inlined, one_module, sealed, show_page, style
+from midair.view.showing import (
+    Channels,
+    Showing,
+    Sound,
+    played_field,
+    show_comparison,
+    show_drive,
+    show_recording,
+    show_target,
+)
+from midair.view.told import about, sections, size_of
 from midair.view.wire import Kind, Section, counted, pack, phase_counts, unpack
 
 __all__ = [
+    "Channels",
     "Finer",
     "Kind",
     "Section",
+    "Showing",
+    "Sound",
     "TABLES",
     "WEB",
+    "about",
     "colour_table",
     "counted",
     "finer",
     "finer_grid",
+    "inlined",
+    "one_module",
     "pack",
     "phase_counts",
+    "played_field",
+    "sealed",
+    "sections",
+    "show_comparison",
+    "show_drive",
+    "show_page",
+    "show_recording",
+    "show_target",
+    "size_of",
+    "style",
     "unpack",
 ]

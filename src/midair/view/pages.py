@@ -1,6 +1,78 @@
-"""The page's own files."""
+"""Pages that stand alone: the view with its frames inside, which asks nobody for anything."""
 
+import base64
+import hashlib
+import json
+import re
 from pathlib import Path
+
+from midair.figures import render_page
+from midair.view.showing import Showing
+from midair.view.told import about, sections
 
 WEB = Path(__file__).parent / "web"
 """Folder of view.js (canvases), transport.js (time) and page.js (a whole page of both): ES modules without others."""
+
+
+def one_module() -> str:
+    """view.js, transport.js and page.js as one module, for where there is no second file to ask for."""
+    parts = [(WEB / name).read_text(encoding="utf-8") for name in ("view.js", "transport.js", "page.js")]
+    return "\n".join(re.sub(r'^import .* from "\./\w+\.js";$', "", part, flags=re.MULTILINE) for part in parts)
+
+
+def style() -> str:
+    """How the view looks."""
+    return (WEB / "page.css").read_text(encoding="utf-8")
+
+
+def inlined(showing: Showing) -> dict[str, str]:
+    """What a page holds of a view: ``style``, ``module`` (its script), and ``blocks``, the elements with the frames.
+
+    The script shows every element of class ``midair-view`` from the blocks inside it.
+    """
+    held = {"about": json.dumps(about(showing), ensure_ascii=True).replace("<", "\\u003c")}
+    held |= {name: base64.b64encode(data).decode() for name, data in sections(showing).items()}
+    blocks = "\n".join(
+        f'<script type="application/midair" data-name="{name}">{text}</script>' for name, text in held.items()
+    )
+    begin = 'for (const root of document.querySelectorAll(".midair-view")) root.midair = mountInlined(root);'
+    return {"style": style(), "module": f"{one_module()}\n{begin}", "blocks": blocks}
+
+
+def show_page(showing: Showing, *, commands: tuple[str, ...] = ()) -> str:
+    """The view as HTML that needs nothing from outside, and whose browser lets it ask for nothing.
+
+    Parameters
+    ----------
+    showing : Showing
+        What it shows.
+    commands : tuple of str
+        With which the same can be made again.
+    """
+    page = render_page(
+        "view/show.html.j2",
+        title=showing.title[:1].upper() + showing.title[1:],
+        simulated=showing.simulated,
+        lead=f"{showing.frames} frames at {showing.rate:.6g} Hz, {showing.duration:.4g} s",
+        facts=showing.facts,
+        commands=commands,
+        **inlined(showing),
+    )
+    return sealed(page)
+
+
+def sealed(page: str) -> str:
+    """The page with a content policy of its own: its scripts and styles by their sums, pictures and sound inside it."""
+
+    def sums(element: str, given: str) -> str:
+        # What a browser does not run, such as the frames, needs no leave.
+        found = re.findall(rf"<{element}{given}>(.*?)</{element}>", page, re.DOTALL)
+        return " ".join(
+            f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'" for text in found
+        )
+
+    policy = f"default-src 'none'; img-src data:; media-src data:; style-src {sums('style', '')}"
+    scripts = sums("script", ' type="module"')
+    policy += f"; script-src {scripts}" if scripts else ""
+    head = '<meta charset="utf-8">'
+    return page.replace(head, f'{head}\n<meta http-equiv="Content-Security-Policy" content="{policy}">', 1)

@@ -113,7 +113,7 @@ def counted(values: NDArray[Any], kind: Kind, *, dtype: str = "<i2", first: int 
     ----------
     values : ndarray, shape (frame, value)
         In V, Pa or whatever the page is to show; complex numbers become pairs.
-    dtype : {"i1", "<i2", "<f4"}
+    dtype : {"i1", "<i2", "<f4", "u1"}
         Of the counts. Half a count is the largest error, in "<f4" none but rounding.
     first : int
         Number of the first frame.
@@ -126,7 +126,8 @@ def counted(values: NDArray[Any], kind: Kind, *, dtype: str = "<i2", first: int 
         return Section(kind=kind, values=np.asarray(pairs, kept), first=first, time=time)
     # As the header keeps it, so that both sides multiply by the same number.
     unit = float(np.float32(np.abs(pairs).max(initial=0) / np.iinfo(kept).max)) or 1.0
-    counts = np.clip(np.rint(pairs / unit), -np.iinfo(kept).max, np.iinfo(kept).max)
+    least, most = max(np.iinfo(kept).min, -np.iinfo(kept).max), np.iinfo(kept).max
+    counts = np.clip(np.rint(pairs / unit), least, most)
     return Section(kind=kind, values=counts.astype(kept), unit=unit, first=first, time=time)
 
 

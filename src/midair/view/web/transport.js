@@ -102,7 +102,7 @@ export class Transport extends EventTarget {
     const far = shiftKey ? 10 : 1;
     const act = {
       " ": () => this.toggle(), k: () => this.pause(), j: () => this.rung(-1), l: () => this.rung(1),
-      ",": () => this.step(-1), ".": () => this.step(1), "<": () => this.step(-10), ">": () => this.step(10), ";": () => this.step(-far), ":": () => this.step(far),
+      ",": () => this.step(-far), ".": () => this.step(far), "<": () => this.step(-10), ">": () => this.step(10), ";": () => this.step(-far), ":": () => this.step(far),
       Home: () => this.seek(this.first), End: () => this.seek(this.last),
       1: () => this.setSpeed(1), 2: () => this.setSpeed(0.1), 3: () => this.setSpeed(0.01),
       i: () => this.setLoop({ from: this.frame, on: true }), o: () => this.setLoop({ to: this.frame, on: true }), "\\": () => this.setLoop({ on: !this.loop.on }),

@@ -170,7 +170,7 @@ export class Picture {
     for (const scheme of this._schemes) scheme.addEventListener("change", this._repaint);
     this.canvas.addEventListener("pointermove", (event) => this._tell(event.offsetX, event.offsetY));
     this.canvas.addEventListener("pointerleave", () => { this.said.textContent = ""; });
-    this._name();
+    this.canvas.setAttribute("aria-label", label); // what it shows is said with the first picture
   }
   /** Paint a state, or the last one again. */
   draw(state = this.state) {
@@ -269,6 +269,7 @@ class MapPicture extends Picture {
     context.imageSmoothingEnabled = false;
     context.drawImage(this._small, area.x, area.y, w, h);
     if (this.cells) this._cells(context, area, scale / this.place.pitch);
+    this._ruler(context, area, scale / this.place.pitch);
     if (this.chosen) this._ring(context, area);
   }
   findPeak() {
@@ -317,6 +318,21 @@ class MapPicture extends Picture {
     for (let i = 0; i <= columns; i++) { context.moveTo(left + i * pitch * scale, top); context.lineTo(left + i * pitch * scale, top + rows * pitch * scale); }
     for (let i = 0; i <= rows; i++) { context.moveTo(left, top + i * pitch * scale); context.lineTo(left + columns * pitch * scale, top + i * pitch * scale); }
     context.stroke();
+  }
+  /** How long 10 mm are. */
+  _ruler(context, area, scale) {
+    const { ratio } = this, long = nice(Math.max((this.columns * this.place.pitch) / 8, 1e-9)), x = area.x + 8 * ratio, y = area.y + area.h - 9 * ratio;
+    context.fillStyle = "#000";
+    context.fillRect(x - ratio, y - ratio, long * scale + 2 * ratio, 4 * ratio);
+    context.fillStyle = "#fff";
+    context.fillRect(x, y, long * scale, 2 * ratio);
+    context.strokeStyle = "#000";
+    context.lineWidth = 3 * ratio;
+    context.font = `${11 * ratio}px system-ui, sans-serif`;
+    context.textAlign = "left";
+    context.textBaseline = "bottom";
+    context.strokeText(`${said(long)} mm`, x, y - 2 * ratio);
+    context.fillText(`${said(long)} mm`, x, y - 2 * ratio);
   }
   _ring(context, area) {
     const w = area.w / this.shownColumns, h = area.h / this.shownRows;
@@ -658,7 +674,6 @@ export class OverviewPicture extends Picture {
   _name() {
     super._name();
     const { canvas, state, track } = this;
-    if (!track) return;
     canvas.setAttribute("aria-valuemin", track.first);
     canvas.setAttribute("aria-valuemax", track.first + Math.max(0, this.length - 1));
     canvas.setAttribute("aria-valuenow", state?.frame ?? track.first);
@@ -673,7 +688,7 @@ export class OverviewPicture extends Picture {
     const top = track.top || 1;
     for (let x = 0; x < width; x++) { const h = (this._curve[x] / top) * (base - 4 * ratio); context.fillRect(x, base - h, 1, Math.max(1, h)); }
     const { loop } = state;
-    if (loop && loop.to > loop.from) {
+    if (loop && loop.to > loop.from && loop.to - loop.from < this.length - 1) {
       const [from, to] = [this._x(loop.from), this._x(loop.to)];
       context.globalAlpha = loop.on ? 0.22 : 0.08;
       context.fillStyle = colour.accent;

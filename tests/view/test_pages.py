@@ -1,0 +1,56 @@
+"""Pages that stand alone."""
+
+import base64
+import hashlib
+import json
+import re
+import subprocess
+from dataclasses import replace
+
+import pytest
+from tests.view.shown import focus, recording
+from tests.view.test_wire import node
+
+from midair.view import WEB, one_module, sealed, show_page, show_recording, unpack
+
+
+def test_what_is_sent_to_a_browser_is_small():
+    assert sum(path.stat().st_size for path in WEB.iterdir()) < 80_000
+
+
+@pytest.mark.parametrize("part", ["view.js", "transport.js", "page.js", "all"])
+def test_scripts_are_modules_without_mistakes(part):
+    text = one_module() if part == "all" else (WEB / part).read_text(encoding="utf-8")
+    checked = subprocess.run([*node(), "--check", "--input-type=module"], input=text, capture_output=True, text=True)
+    assert checked.stderr == ""
+    assert part != "all" or "import " not in re.sub(r"/\*.*?\*/|//.*", "", text, flags=re.DOTALL)
+
+
+def test_a_page_names_no_other_place():
+    page = show_page(focus(), commands=("midair show x.drive.h5",))
+    assert re.findall(r'(?:src|href|url)\s*[=(]\s*["\']?(?!data:)[^"\'\s)]+', page) == []
+    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", page)
+    assert "SIMULATED" in page
+    assert "midair show x.drive.h5" in page
+
+
+def test_the_frames_are_inside():
+    page = show_page(show_recording(recording()))
+    (held,) = re.findall(r'data-name="samples">([^<]*)<', page)
+    assert unpack(base64.b64decode(held))[0].values.shape == (60, 16)
+
+
+def test_words_of_strangers_stay_words():
+    said = replace(recording().provenance, notes={"object": "</script><b>x"})
+    page = show_page(show_recording(replace(recording(), provenance=said)))
+    assert "<b>x" not in page
+    (held,) = re.findall(r'data-name="about">([^<]*)<', page)
+    assert json.loads(held)["title"] == "</script><b>x"
+
+
+def test_only_its_own_scripts_and_styles_may_run():
+    page = sealed('<meta charset="utf-8"><style>p {}</style><script type="module">let a</script>')
+    for text in ("p {}", "let a"):
+        assert base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() in page
+    assert "default-src 'none'" in page
+    assert "unsafe" not in page

@@ -1,0 +1,50 @@
+"""What a view shows of each noun."""
+
+import numpy as np
+import pytest
+from tests.view.shown import GRID, focus, focus_drive, focus_target, pressure, recording
+
+from midair.errors import RateError
+from midair.physics import propagate
+from midair.view import played_field, show_comparison, show_recording, show_target
+
+
+def test_a_recording_begins_with_its_loudest_channel():
+    shown = show_recording(recording())
+    assert (shown.title, shown.frames, shown.channel, shown.samples.unit) == ("tone", 60, 6, "V")
+    assert shown.sound is None
+
+
+def test_a_calibrated_recording_is_shown_in_pascals():
+    shown = show_recording(recording(), pressure=pressure(scale=3))
+    assert shown.samples.unit == "Pa"
+    assert shown.samples.values.max() == pytest.approx(3, rel=0.05)
+
+
+def test_the_field_is_the_one_that_the_drive_makes():
+    drive = focus_drive(600)
+    assert np.allclose(played_field(drive, GRID), propagate(drive, GRID))
+
+
+def test_a_drive_shows_wanted_and_played_on_one_scale():
+    shown = focus()
+    assert shown.simulated, "the field is a model's"
+    assert shown.sound.top == pytest.approx(max(3000, np.abs(shown.sound.played).max()))
+    assert np.abs(shown.sound.played[0]).argmax() == 9 * 16 + 6
+
+
+def test_a_target_has_nothing_played():
+    shown = show_target(focus_target())
+    assert shown.sound.played is None
+    assert shown.samples is None
+
+
+def test_a_comparison_is_as_long_as_both():
+    shown = show_comparison(pressure(60), pressure(50))
+    assert (shown.frames, len(shown.samples.values), len(shown.again.values)) == (50, 50, 50)
+
+
+def test_two_rates_are_not_compared():
+    other = pressure(60)
+    with pytest.raises(RateError, match="at one rate"):
+        show_comparison(pressure(60), type(other)(pressure=other.pressure, rate=500))

@@ -1,0 +1,49 @@
+"""What a page is told."""
+
+import base64
+import json
+
+import numpy as np
+import pytest
+from matplotlib import colormaps
+from tests.view.shown import ARRAY, focus, focus_drive, recording
+
+from midair.view import about, sections, show_recording, size_of, unpack
+
+
+def test_samples_come_in_sections_of_a_quarter_of_a_second():
+    shown = show_recording(recording(600))
+    parts = unpack(sections(shown)["samples"])
+    assert [(part.first, len(part.values), part.values.dtype.str) for part in parts] == [
+        (0, 250, "<i2"),
+        (250, 250, "<i2"),
+        (500, 100, "<i2"),
+    ]
+    found = np.concatenate([part.values * part.unit for part in parts])
+    assert np.abs(found - shown.samples.values).max() < 1e-4
+
+
+def test_field_wanted_and_phases_of_a_drive():
+    shown = focus()
+    held = {name: unpack(data) for name, data in sections(shown).items()}
+    assert set(held) == {"wanted", "played", "phases"}
+    (played,) = held["played"]
+    pairs = (played.values * played.unit).reshape(8, 256, 2)
+    assert np.abs(pairs[..., 0] + 1j * pairs[..., 1] - shown.sound.played).max() < shown.sound.top / 30000
+    assert [part.first for part in held["phases"]] == list(range(8))
+    turned = held["phases"][0].values[0] * held["phases"][0].unit
+    assert np.abs(np.exp(1j * turned) - np.exp(1j * focus_drive().phase[0])).max() < 2 * np.pi / 256
+
+
+def test_the_size_is_told_before_it_is_made():
+    for shown in (focus(), show_recording(recording(600))):
+        made = sum(map(len, sections(shown).values()))
+        assert size_of(shown) == pytest.approx(made, rel=0.05)
+
+
+def test_words_and_tables_fit_json():
+    told = json.loads(json.dumps(about(focus())))
+    assert len(told["positions"]) == 2 * ARRAY.count
+    assert len(base64.b64decode(told["field"]["down"])) == 4 * 64 * 16
+    table = np.frombuffer(base64.b64decode(told["colours"]["inferno"]), np.uint8).reshape(256, 3)
+    assert np.abs(table - 255 * np.array(colormaps["inferno"].colors)).max() <= 1

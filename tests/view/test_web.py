@@ -1,0 +1,221 @@
+"""The canvases in a real browser."""
+
+import numpy as np
+import pytest
+from tests.view.shown import FOCUS, GRID, focus, focus_drive, pressure, recording
+
+from midair.physics import propagate
+from midair.view import colour_table, finer_grid, show_comparison, show_page, show_recording
+
+pytestmark = pytest.mark.browser
+
+VIEW = "const {transport, pictures, tracks} = document.querySelector('.midair-view').midair;"
+SECOND_TICK = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
+
+@pytest.fixture
+def opened(chromium, tmp_path):
+    """A page that shows something; what it complained of or asked for is an error."""
+    contexts = []
+
+    def open_page(shown, **how):
+        path = tmp_path / "page.html"
+        path.write_text(show_page(shown), encoding="utf-8")
+        contexts.append(chromium.new_context(viewport={"width": 1280, "height": 900}, **how))
+        page = contexts[-1].new_page()
+        page.wrong = []
+        page.on("console", lambda said: page.wrong.append(said.text))
+        page.on("pageerror", lambda wrong: page.wrong.append(str(wrong)))
+        page.on("request", lambda asked: page.wrong.append(asked.url) if asked.url != path.as_uri() else None)
+        page.goto(path.as_uri())
+        page.wait_for_function("document.querySelector('.midair-view').midair?.transport.drawn > 0")
+        return page
+
+    yield open_page
+    for context in contexts:
+        wrong = [each for page in context.pages for each in page.wrong]
+        context.close()
+        assert wrong == []
+
+
+def held(page, frame):
+    """Stop at a frame, and wait until it is drawn."""
+    page.evaluate(
+        f"frame => {{ {VIEW} transport.pause(); transport.seek(frame); return {SECOND_TICK}; }}",
+        frame,
+    )
+
+
+def picture(page, title):
+    """What is painted in a picture's pixels, and where its peak is."""
+    return page.evaluate(
+        f"""title => {{ {VIEW} const p = pictures.find(each => each.label === title);
+        return {{shown: Array.from(p.shown), rows: p.shownRows, columns: p.shownColumns, peak: p.peak,
+            pixels: Array.from(p.pixels), name: p.summary}}; }}""",
+        title,
+    )
+
+
+def test_a_known_focus_is_where_it_was_put(opened):
+    page = opened(focus(), reduced_motion="reduce")
+    held(page, 2)
+    played = picture(page, "Played, simulated")
+    x, y = 1e3 * FOCUS[:2]
+    assert (played["rows"], played["columns"]) == (64, 64)
+    assert abs(played["peak"]["x"] - x) < 0.6
+    assert abs(played["peak"]["y"] - y) < 0.6
+    true = np.abs(propagate(focus_drive(), finer_grid(GRID))[2])
+    shown = np.array(played["shown"])
+    assert np.linalg.norm(shown - true) / np.linalg.norm(true) < 0.02
+    assert np.argmax(picture(page, "Wanted")["shown"]) == 9 * 16 + 6
+
+
+def test_phase_is_masked_where_it_is_quiet_and_right_where_it_is_not(opened):
+    shown = focus()
+    page = opened(shown, reduced_motion="reduce")
+    held(page, 2)
+    found = picture(page, "Phase of the field")
+    field = propagate(focus_drive(), finer_grid(GRID))[2]
+    pixels, loud = np.array(found["pixels"]), np.abs(field) > 0.06 * shown.sound.top
+    assert (pixels[np.abs(field) < 0.04 * shown.sound.top] == 0).all()
+
+    table = colour_table("twilight").astype(int)
+    turn = np.floor((np.angle(field[loud]) / (2 * np.pi) + 1) * 256).astype(int) & 255
+    wanted = table[turn]
+    got = np.stack([pixels[loud] & 255, pixels[loud] >> 8 & 255, pixels[loud] >> 16 & 255], axis=1)
+    assert np.abs(got - wanted).max() < 20, "within two of 256 colours or so"
+    held(page, 7)
+    assert set(picture(page, "Phase of the field")["pixels"]) == {0}, "silence has no phase"
+    assert picture(page, "Played, simulated")["name"] == "silent"
+
+
+def test_reduced_motion_begins_paused(opened):
+    page = opened(show_recording(recording()), reduced_motion="reduce")
+    assert page.get_by_role("button", name="play (Space)").count() == 1
+    assert not page.evaluate("document.querySelector('.midair-view').midair.transport.playing")
+
+
+def test_every_key_of_the_transport(opened):
+    page = opened(show_recording(recording(600)), reduced_motion="reduce")
+
+    def state(name):
+        return page.evaluate(f"document.querySelector('.midair-view').midair.transport.{name}")
+
+    page.keyboard.press("End")
+    assert state("frame") == 599
+    page.keyboard.press("Home")
+    for key, frame in ((".", 1), (">", 11), (",", 10), ("<", 0)):
+        page.keyboard.press(key)
+        assert state("frame") == frame
+    page.keyboard.press("m")
+    page.keyboard.press("Shift+.")
+    page.keyboard.press("Shift+M")
+    assert (state("marks"), state("frame")) == ([0], 0)
+    for key, speed in (("2", 0.1), ("3", 0.01), ("1", 1)):
+        page.keyboard.press(key)
+        assert state("speed") == speed
+    page.keyboard.press("i")
+    for _ in range(3):
+        page.keyboard.press("Shift+.")
+    page.keyboard.press("o")
+    assert state("loop") == {"from": 0, "to": 30, "on": True}
+    page.keyboard.press("\\")
+    assert state("loop.on") is False
+    page.keyboard.press("p")
+    assert state("phase") is True
+    page.keyboard.press("f")
+    channel = state("channel")
+    page.keyboard.press("ArrowDown")
+    assert state("channel") == channel + 1
+    span = state("span")
+    page.keyboard.press("+")
+    assert state("span") == span / 2
+    page.keyboard.press("0")
+    assert state("span") == span
+    page.keyboard.press("j")
+    assert (state("playing"), state("speed")) == (True, -1)
+    page.keyboard.press("k")
+    assert state("playing") is False
+    page.keyboard.press("Space")
+    assert state("playing") is True
+
+
+def test_at_full_speed_a_picture_is_the_rms_of_its_frames_and_in_slow_motion_one_of_them(opened):
+    page = opened(show_recording(recording(600)))
+    found = page.evaluate(
+        f"""() => {{ {VIEW} const Transport = transport.constructor, told = [];
+        const t = new Transport({{frames: 600, rate: 1000, still: false}});
+        for (const [speed, at] of [[1, 0], [1, 17], [1, 33], [.1, 50], [.1, 67], [.01, 84], [.01, 184]]) {{
+            t.setSpeed(speed); t.advance(at); told.push([t.from, t.frame]);
+        }}
+        return told; }}"""
+    )
+    assert found == [[0, 0], [1, 17], [18, 33], [34, 34], [36, 36], [36, 36], [37, 37]]
+
+
+def test_rms_over_frames_is_the_rms(opened):
+    page = opened(show_recording(recording(600)), reduced_motion="reduce")
+    found = page.evaluate(
+        f"""() => {{ {VIEW} const p = pictures[0];
+        p.draw({{...p.state, from: 100, frame: 109}}); return p.shown[6]; }}"""
+    )
+    assert found == pytest.approx(np.sqrt(0.5), rel=1e-3)
+
+
+def test_a_lost_frame_is_a_gap_and_silence_is_not(opened):
+    page = opened(show_recording(recording()), reduced_motion="reduce")
+    found = page.evaluate(
+        f"""() => {{ {VIEW} const t = new tracks.samples.constructor({{rate: 1000, capacity: 100}});
+        const two = (first, v) => ({{first, frames: 2, width: 1, unit: .5, values: new Int16Array([v, v])}});
+        t.add(two(0, 4)).add(two(5, 0));
+        return [[0, 1, 2, 4, 5, 7].map(f => String(t.value(f, 0))), t.lost, t.last]; }}"""
+    )
+    assert found == [["2", "2", "NaN", "NaN", "0", "NaN"], 3, 7]
+
+
+def test_a_live_track_keeps_its_last_frames(opened):
+    page = opened(show_recording(recording()), reduced_motion="reduce")
+    found = page.evaluate(
+        f"""() => {{ {VIEW} const t = new tracks.samples.constructor({{rate: 1000, capacity: 10}});
+        for (let f = 0; f < 25; f++) t.add({{first: f, frames: 1, width: 1, unit: 1, values: new Int16Array([f])}});
+        return [t.first, t.last, t.value(15, 0), t.value(24, 0), String(t.value(14, 0))]; }}"""
+    )
+    assert found == [15, 25, 15, 24, "NaN"]
+
+
+def test_pictures_have_names_and_say_values_under_the_arrows(opened):
+    page = opened(focus(), reduced_motion="reduce")
+    held(page, 2)
+    page.wait_for_timeout(1100)
+    played = page.get_by_role("img", name="Played, simulated")
+    assert "peak" in played.get_attribute("aria-label")
+    assert "mm" in played.get_attribute("aria-label")
+    played.focus()
+    page.keyboard.press("ArrowLeft")
+    said = page.locator(".view-map .view-said").nth(1)
+    assert "Pa at" in said.text_content()
+    assert said.get_attribute("aria-live") == "polite"
+    assert page.get_by_role("slider", name="The whole").get_attribute("aria-valuemax") == "7"
+
+
+def test_the_spectrogram_finds_a_tone(opened):
+    """Against NumPy's own transform."""
+    page = opened(show_recording(recording(600)), reduced_motion="reduce")
+    found = page.evaluate(
+        f"""() => {{ {VIEW} const p = pictures.find(p => p.label === 'Spectrogram');
+        const real = Float32Array.from({{length: 128}}, (_, i) => Math.sin(i * .7) + i / 100);
+        const given = Array.from(real), imaginary = new Float32Array(128);
+        p._transform(real, imaginary); return [given, Array.from(real), Array.from(imaginary)]; }}"""
+    )
+    given, real, imaginary = map(np.array, found)
+    assert np.abs(np.fft.fft(given) - (real + 1j * imaginary)).max() < 1e-3
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_is_wider_than_the_page(opened, width):
+    page = opened(show_comparison(pressure(), pressure()), reduced_motion="reduce")
+    page.set_viewport_size({"width": width, "height": 800})
+    page.wait_for_timeout(100)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    sizes = page.evaluate("[...document.querySelectorAll('canvas')].map(c => [c.width, c.height, c.clientWidth])")
+    assert all(wide > 20 and high > 20 and abs(wide - css) <= 1 for wide, high, css in sizes)
