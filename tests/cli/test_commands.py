@@ -182,6 +182,36 @@ def test_the_same_by_hand_gives_the_same_figures(capsys):
     assert html.escape(lines[1]) in again
 
 
+@pytest.mark.slow
+def test_a_demo_shows_the_paper_s_mode_beside_the_best_and_both_again_by_hand(capsys):
+    coarse = ["--points", "6", "--pitch", "11mm", "--rate", "2kHz", "--mode", "quick"]
+    assert run(["demo", "out", "--duration", "0.08s", *coarse]) == 0
+    said = capsys.readouterr().out
+    page = html.unescape(Path("out/report.html").read_text(encoding="utf-8"))
+    assert "In the quick mode a palm would feel it" in page
+    beside = re.findall(r"<tr><td>signal to distortion on the sensor</td><td>(.*?)</td><td>(.*?)</td>", page)
+    assert "leak: power beside the recorded square" in page
+    assert "side by side" in said
+    (lines,) = re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)
+    for line in lines.strip().splitlines():
+        assert run([*shlex.split(line)[1:], "--force"][: None if "loop" in line else -1]) == 0
+    for mine, name in zip(beside[0], ("report.html", "paper.html"), strict=True):
+        again = re.findall(r"signal to distortion</td>.*?<td class=\"n\">([\d.]+)</td><td>dB", Path(name).read_text())
+        assert float(again[0]) == pytest.approx(float(mine), abs=0.06)
+
+
+@pytest.mark.slow
+def test_the_paper_s_mode_by_glide_is_that_by_its_own_solver(capsys):
+    run(["record", "virtual:towel", "stroke.h5", "--duration", "1.28s"])
+    heard = []
+    for method in ("exact", "glide"):
+        capsys.readouterr()
+        part = ["--start-at", "0.5s", "--duration", "0.1s", "--corrections", "0"]
+        assert run(["loop", "stroke.h5", "--mode", "paper", "--method", method, *part, "--json", "--force"]) == 0
+        heard.append(json.loads(capsys.readouterr().out)["passes"][-1]["figures"]["signal to distortion"]["value"])
+    assert heard[0] == pytest.approx(heard[1], abs=0.2)
+
+
 def test_a_demo_is_not_written_over_in_silence(capsys, monkeypatch):
     Path("out").mkdir()
     Path("out/report.html").write_text("mine")

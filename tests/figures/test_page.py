@@ -1,7 +1,10 @@
+import base64
+
 import pytest
 from jinja2 import UndefinedError
 
-from midair.figures.page import render_page
+from midair.figures.page import Picture, render_page
+from midair.figures.style import new_figure, png
 
 
 @pytest.mark.parametrize("simulated", [True, False])
@@ -14,3 +17,17 @@ def test_says_simulated_when_it_is(simulated):
 def test_a_value_that_is_missing_is_an_error():
     with pytest.raises(UndefinedError):
         render_page("study/report.html.j2", title="A", simulated=False)
+
+
+def test_a_picture_tells_its_size_and_holds_its_bytes():
+    picture = Picture(title="one", data=png(new_figure(2.0, 1.0, simulated=False), dpi=50))
+    assert picture.size == (100, 50)
+    assert base64.b64decode(picture.source.partition(",")[2]) == picture.data
+
+
+@pytest.mark.parametrize(
+    "wanted", ["prefers-color-scheme: dark", "@media print", "break-inside: avoid", "max-width: 700px"]
+)
+def test_every_page_is_for_the_dark_for_paper_and_for_a_telephone(wanted):
+    page = render_page("study/report.html.j2", title="A", simulated=True, pictures=[], findings=[], notes="n")
+    assert wanted in page

@@ -12,7 +12,7 @@ from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
 from midair.evaluate.stage_loss import Budget, StageLoss, StageOutput, budget
 from midair.evaluate.timbre import THIRD_OCTAVES, third_octaves
-from midair.evaluate.whole_palm import PalmFidelity, palm_fidelity
+from midair.evaluate.whole_palm import PalmFidelity, PressedPalm, palm_fidelity
 from midair.physics import printed_error, relative_error
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Leak",
     "PalmFidelity",
     "PerceptualCard",
+    "PressedPalm",
     "SkinModel",
     "StageLoss",
     "StageOutput",

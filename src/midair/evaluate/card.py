@@ -86,17 +86,23 @@ class PerceptualCard:
         Morioka 2012); of the same felt spectrum where SPQI is .5 or more, a difference of a fifth of the power. A model
         says so, not people.
         """
+        return f"A palm would {self.felt()}, {self.reservation()}."
+
+    def felt(self) -> str:
+        """The same in a few words, without the reservation: what a palm would."""
         felt, steps = (
             self.figure(name).overall
             for name in ("Pacinian power, reproduced", "the same in just noticeable differences")
         )
-        simulated = "simulated, " if self.simulated else ""
-        said = f"by a model of skin ({simulated}not tried on people)"
         if felt < 0:
-            return f"A palm would not feel it, {said}."
+            return "not feel it"
         strong = "as strong as" if abs(steps) <= 1 else f"{'stronger' if steps > 0 else 'weaker'} than"
         alike = "much the same" if self.figure("SPQI").overall >= 0.5 else "another"
-        return f"A palm would feel it, {strong} the original and with {alike} spectrum, {said}."
+        return f"feel it, {strong} the original and with {alike} spectrum"
+
+    def reservation(self) -> str:
+        """Who says so."""
+        return f"by a model of skin ({'simulated, ' if self.simulated else ''}not tried on people)"
 
     def __repr__(self) -> str:
         cells = f"{int(self.compared.sum())} of {self.compared.size} cells"

@@ -7,7 +7,7 @@ knows which one a palm is. What is wanted is the recorded pressure, interpolated
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from types import MappingProxyType
 
@@ -19,8 +19,33 @@ from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.distortion import Band, decibels, in_band
 from midair.model import Palm
 from midair.physics import SKINS, SkinMotion, Tissue
+from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PressedPalm:
+    """How hard it pressed on each point of a palm.
+
+    Attributes
+    ----------
+    wanted, delivered : ndarray, shape (row, column)
+        Root mean square of the pressure in the band, in Pa; NaN where there is no skin.
+    pitch : float
+        Between the points, in m.
+    square : tuple of float
+        Half the sides of the square that the sensor covers, along x and y, in m.
+    """
+
+    wanted: Array
+    delivered: Array
+    pitch: float
+    square: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        for name in ("wanted", "delivered"):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), name, ("row", "column"), finite=False))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +64,8 @@ class PalmFidelity:
         The same of the displacement over the palm, for each skin by its name.
     palm : str
         Name of the palm.
+    pressed : PressedPalm or None
+        Where on it; None where only the figures are known.
     """
 
     outside: float
@@ -46,6 +73,7 @@ class PalmFidelity:
     square: float
     displacement: Mapping[str, float]
     palm: str
+    pressed: PressedPalm | None = field(default=None, repr=False, compare=False)
 
     @property
     def range(self) -> tuple[float, float]:
@@ -131,7 +159,17 @@ def palm_fidelity(
         square=_ratio(x[part][:, ~beyond], y[part][:, ~beyond]),
         displacement=MappingProxyType(moved),
         palm=palm.name,
+        pressed=PressedPalm(
+            wanted=_mapped(x[part], palm), delivered=_mapped(y[part], palm), pitch=palm.pitch, square=square
+        ),
     )
+
+
+def _mapped(pressure: Array, palm: Palm) -> Array:
+    """Root mean square at each point of the palm's grid, NaN beside the skin."""
+    on_grid = np.full(palm.inside.shape, np.nan)
+    on_grid[palm.inside] = np.sqrt((pressure**2).mean(axis=0))
+    return on_grid
 
 
 def _rate_for(band: Band) -> float:

@@ -6,7 +6,8 @@ from midair.figures.error_spread import ErrorSpread, trials_figure
 from midair.figures.loudness import exposure_figure
 from midair.figures.maps import maps_figure, phase_figure
 from midair.figures.mistaken import Mistaken, mistaken_figure
-from midair.figures.page import render_page
+from midair.figures.page import Picture, render_page
+from midair.figures.palm_maps import Way, palm_figure
 from midair.figures.paper_figures import FieldRow, fields_figure, objects_figure, stimuli_figure
 from midair.figures.pattern_curves import Curve, Example, curve_figure, examples_figure, histogram_figure
 from midair.figures.progress_by_pass import passes_figure
@@ -21,7 +22,9 @@ __all__ = [
     "Example",
     "FieldRow",
     "Mistaken",
+    "Picture",
     "Style",
+    "Way",
     "beam_figure",
     "budget_figure",
     "calibration_figure",
@@ -36,6 +39,7 @@ __all__ = [
     "mistaken_figure",
     "new_figure",
     "objects_figure",
+    "palm_figure",
     "passes_figure",
     "phase_figure",
     "plain",

@@ -57,9 +57,10 @@ def spectra_figure(
     series: Sequence[tuple[str, PressureFrames]],
     *,
     channels: Sequence[int] = (2, 6, 10, 14),
+    rectified: bool = True,
     style: Style | None = None,
 ) -> Figure:
-    """Power spectra after calibration and half-wave rectification at some channels, as in the paper's Fig. 9.
+    """Power spectra of the calibrated pressure at some channels; its positive half, as in the paper's Fig. 9, or all.
 
     Parameters
     ----------
@@ -67,6 +68,8 @@ def spectra_figure(
         What to call each recording, and its pressure.
     channels : sequence of int
         The paper's four are those that the objects passed over.
+    rectified : bool
+        Whether only pushing counts.
     """
     style = style or Style()
     colours = (style.original, style.reproduced, style.before)
@@ -78,7 +81,8 @@ def spectra_figure(
         plain(axis, style)
         for (name, frames), colour in zip(series, colours, strict=False):
             row, column = divmod(channel, frames.sensor.columns)
-            frequency, density = welch(np.maximum(frames.pressure[:, row, column], 0), frames.rate)
+            pressure = frames.pressure[:, row, column]
+            frequency, density = welch(np.maximum(pressure, 0) if rectified else pressure, frames.rate)
             # Without 0 Hz, at which there is no vibration.
             level = 10 * np.log10(np.maximum(density[1:], 1e-12))
             top = max(top, float(level.max()))

@@ -21,7 +21,7 @@ from midair.rig.doctor import check_up
 from midair.rig.looping import (
     BudgetPlan,
     Loop,
-    Picture,
+    Outcome,
     Stage,
     card_of_loop,
     error_budget,
@@ -30,6 +30,8 @@ from midair.rig.looping import (
     pictures,
     quiet,
     run_loop,
+    side_by_side,
+    verdict,
     write_report,
 )
 from midair.rig.names import ArrayKind, VirtualRig, array_named, array_of_kind, sensor_named, stage_named
@@ -76,7 +78,7 @@ __all__ = [
     "Loop",
     "Permit",
     "Permitted",
-    "Picture",
+    "Outcome",
     "ReferenceChoice",
     "Stage",
     "Stroking",
@@ -116,6 +118,8 @@ __all__ = [
     "rerecord",
     "room_air",
     "run_loop",
+    "side_by_side",
+    "verdict",
     "sensor_named",
     "stage_named",
     "stop_playing",

@@ -5,9 +5,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from midair.figures import png, render_page
+from midair.figures import Picture, png, render_page
 from midair.files import for_json
-from midair.rig import Picture
 from midair.study.findings import Finding, Report
 from midair.study.study_figures import confusion_figure, f_figure, rating_figure
 from midair.version import __version__
@@ -68,7 +67,7 @@ def study_pictures(report: Report, *, within: tuple[str, ...]) -> list[Picture]:
         found.append(("F-measure of each object", png(f_figure(compared, simulated=report.simulated))))
     if report.ratings is not None and 1 <= len(within) <= 3:
         found.append(("Ratings", png(rating_figure(report.ratings, within, simulated=report.simulated))))
-    return [Picture(title=title, caption="", data=data) for title, data in found]
+    return [Picture(title=title, data=data) for title, data in found]
 
 
 def _shown(finding: Finding) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.cli.terminal.options import BandOptions, SolveOptions
+from midair.cli.terminal.options import BandOptions, SolveOptions, paper_beside, way_of
 from midair.errors import InputError
 from midair.files import load_solution
 from midair.model import Acoustics, ControlGrid, Medium
@@ -121,3 +121,20 @@ def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_pa
     assert run(["solve", str(stroke), str(drive), "--mode", "paper", *small.split(), "--force"]) == 0
     assert load_solution(drive).drive.acoustics.medium == Medium()
     assert "air: 340 m/s (14 °C), taken since nobody stated" in capsys.readouterr().err
+
+
+def test_the_paper_s_mode_beside_another_is_the_paper_s_in_the_same_room():
+    chosen = SolveOptions(mode="quick", height=0.25, points=9, mapping="constant-offset", rate=2000.0)
+    beside = paper_beside(chosen)
+    made, paper = beside.settings(), MODES["paper"]()
+    assert (made.target.grid.height, made.target.grid.rows) == (0.25, 9)
+    assert made.acoustics == chosen.settings().acoustics
+    assert (made.target.mapping, made.target.rate, made.solver.fit) == ("half-wave", 1000.0, paper.solver.fit)
+    assert made.solver.name == "glide"
+    assert way_of(chosen) == "the quick mode"
+    assert way_of(SolveOptions()) == "the best mode"
+
+
+def test_beside_the_paper_s_mode_stands_nothing():
+    assert paper_beside(SolveOptions(mode="paper")) is None
+    assert way_of(SolveOptions(mode="paper")) == "the paper's mode"

@@ -4,27 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.flow import felt
-from midair.model import ControlGrid
 from midair.rig.looping import loop_report
-from midair.rig.looping.correction_loop import run_loop
 from midair.rig.looping.loop_report import render, settings_rows, versions, write_report
-from midair.rig.names.virtual_rig import VirtualRig
-from midair.rig.takes.capture import capture_recording
 from midair.settings import Settings
 from midair.targets import piece_of
-
-SETTINGS = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="exact", iterations=2)
-
-
-@pytest.fixture(scope="module")
-def loop():
-    rig = VirtualRig()
-    skin = rig.skin()
-    with rig.touched_by("towel", duration=0.6) as sensor:
-        original = felt(capture_recording(sensor, 0.6), sensor.calibration, SETTINGS).cut(0.4, 0.06)
-    with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        return run_loop(original, array, sensor, SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -88,3 +71,8 @@ def test_a_failed_write_leaves_the_old_report(loop, tmp_path):
     assert "SIMULATED" in old.read_text(encoding="utf-8")
     assert all(one.source in old.read_text(encoding="utf-8") for one in shown)
     assert list(tmp_path.iterdir()) == [old]
+
+
+def test_a_reader_meets_the_verdict_then_pictures_then_tables(page):
+    places = [page.index(words) for words in ('class="verdict"', "<img", "Figures of each pass", "The same by hand")]
+    assert places == sorted(places)

@@ -10,7 +10,7 @@ from midair.cli.terminal.calibration_output import (
     prepare_page,
     tell,
 )
-from midair.cli.terminal.comparisons import card_of, plain, print_card, print_palm
+from midair.cli.terminal.comparisons import card_of, plain, print_card, print_palm, print_side_by_side
 from midair.cli.terminal.console import (
     PlainConsole,
     Talk,
@@ -32,7 +32,18 @@ from midair.cli.terminal.keys import Keys, Signals, signals_noted
 from midair.cli.terminal.meter_screen import MeterScreen
 from midair.cli.terminal.nominal import nominal_calibration, stated_sensitivity
 from midair.cli.terminal.offering import GROUPS, epilogue, examples_of, offer
-from midair.cli.terminal.options import BandOptions, Force, Frequency, Json, Length, Quiet, SolveOptions, Time
+from midair.cli.terminal.options import (
+    BandOptions,
+    Force,
+    Frequency,
+    Json,
+    Length,
+    Quiet,
+    SolveOptions,
+    Time,
+    paper_beside,
+    way_of,
+)
 from midair.cli.terminal.originals import brought_together, felt_part, kept_aside, made_with
 from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
@@ -96,6 +107,7 @@ __all__ = [
     "nominal_calibration",
     "offer",
     "out",
+    "paper_beside",
     "parse_names",
     "parse_quantity",
     "parsed",
@@ -108,6 +120,7 @@ __all__ = [
     "print_json",
     "print_palm",
     "print_rows",
+    "print_side_by_side",
     "quantity",
     "recording_figures",
     "recording_rows",
@@ -130,4 +143,5 @@ __all__ = [
     "talk",
     "talking",
     "tell",
+    "way_of",
 ]

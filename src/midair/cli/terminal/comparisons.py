@@ -1,9 +1,14 @@
 """A comparison and its perceptual card, for people and for programs."""
 
+from collections.abc import Sequence
+
+from rich.table import Table
+
 from midair.cli.terminal.console import out
 from midair.errors import ShapeError
 from midair.evaluate import Comparison, PalmFidelity, PerceptualCard, perceptual_card
 from midair.model import PressureFrames
+from midair.rig import Outcome, side_by_side
 
 
 def card_of(original: PressureFrames, reproduced: PressureFrames) -> PerceptualCard | None:
@@ -32,6 +37,18 @@ def print_palm(palm: PalmFidelity) -> None:
     moved = ", ".join(f"{ratio:.1f} dB ({name})" for name, ratio in palm.displacement.items())
     out().print(f"  displacement {moved}")
     out().print("    signal over distortion of flat model skins; no person was asked", style="dim")
+
+
+def print_side_by_side(outcomes: Sequence[Outcome]) -> None:
+    """Figures of several ways of playing beside each other."""
+    table = Table(title="side by side" if len(outcomes) > 1 else None, title_justify="left", box=None, pad_edge=False)
+    table.add_column("", overflow="fold")
+    for each in outcomes:
+        table.add_column(each.name, overflow="fold")
+    table.add_column("unit")
+    for name, unit, *values in side_by_side(outcomes):
+        table.add_row(name, *values, unit)
+    out().print(table)
 
 
 def plain(comparison: Comparison) -> dict[str, object]:

@@ -181,3 +181,29 @@ if TYPE_CHECKING:
 else:
     BandOptions = _options("BandOptions", "Which part of a recording counts.", ("band", "rate", "inverse"))
     SolveOptions = _options("SolveOptions", "How pressure becomes sound.", modes=True)
+
+
+_SHARED = ("band", "height", "pitch", "points", "temperature", "humidity", "directivity")
+"""What belongs to the room and to the recording, and not to a way of playing."""
+
+
+def paper_beside(options: SolveOptions) -> SolveOptions | None:
+    """The paper's mode where and when the other one plays; None if the paper's is what was chosen.
+
+    The solver is glide. The paper's own takes seven times as long, and its drives come to the same signal over
+    distortion on the sensor.
+    """
+    if getattr(options, "mode", None) == "paper":
+        return None
+    settings, paper = options.settings(), MODES["paper"]()
+    shared = [choice for choice in CHOICES if choice.name in _SHARED]
+    values = {choice.name: choice.of(settings) for choice in shared if choice.of(settings) != choice.of(paper)}
+    given = {name: value for name, value in values.items() if value is not None}
+    made: Any = SolveOptions
+    return made(mode="paper", method="glide", **given)
+
+
+def way_of(options: SolveOptions) -> str:
+    """What to call the way of playing that was chosen."""
+    mode = getattr(options, "mode", None) or options.otherwise
+    return "the paper's mode" if mode == "paper" else f"the {mode} mode"

@@ -1,13 +1,12 @@
 """A calibration as a page: its figure as PNG, or an HTML file with the figure and every number of each channel."""
 
-import base64
 from pathlib import Path
 
 import numpy as np
 
 from midair.calibration import noise_equivalent_pressure, typical_uncertainty
 from midair.errors import BandError, UnknownFormatError
-from midair.figures import calibration_figure, png, render_page
+from midair.figures import Picture, calibration_figure, png, render_page
 from midair.files import whole_file
 from midair.model import Calibration
 
@@ -51,13 +50,16 @@ def check_page_name(path: Path) -> None:
 def render_calibration(calibration: Calibration) -> str:
     """The page as HTML that needs nothing from outside."""
     at = _middle(calibration)
-    picture = base64.b64encode(png(calibration_figure(calibration), dpi=100)).decode()
+    picture = Picture(
+        title="Response, uncertainty, coherence, noise, crosstalk, linearity and delay",
+        data=png(calibration_figure(calibration), dpi=100),
+    )
     return render_page(
         "rig/bench/calibration.html.j2",
         title=f"Calibration of {calibration.sensor.name}",
         simulated=calibration.provenance.simulated,
         rows=calibration_rows(calibration),
-        picture=f"data:image/png;base64,{picture}",
+        picture=picture,
         frequency=f"{at:g} Hz",
         columns=_columns(calibration),
         channels=[_channel(calibration, channel, at) for channel in range(calibration.sensor.count)],

@@ -2,14 +2,16 @@
 
 from midair.rig.looping.budget_stages import BudgetPlan, error_budget, kept_in_band
 from midair.rig.looping.correction_loop import Loop, run_loop
-from midair.rig.looping.loop_report import Picture, card_of_loop, pictures, write_report
+from midair.rig.looping.loop_pictures import pictures
+from midair.rig.looping.loop_report import write_report
+from midair.rig.looping.outcomes import Outcome, card_of_loop, side_by_side, verdict
 from midair.rig.looping.palm_simulation import palm_of_loop
 from midair.rig.looping.passes import Stage, quiet
 
 __all__ = [
     "BudgetPlan",
     "Loop",
-    "Picture",
+    "Outcome",
     "Stage",
     "card_of_loop",
     "error_budget",
@@ -18,5 +20,7 @@ __all__ = [
     "pictures",
     "quiet",
     "run_loop",
+    "side_by_side",
+    "verdict",
     "write_report",
 ]
