@@ -126,7 +126,7 @@ def folder(made, tmp_path, monkeypatch):
 )
 def test_an_example_does_what_it_says(folder, line):
     words = shlex.split(line)[1:]
-    if words[0] == "compare":
+    if "take.rerecorded.h5" in words:
         (folder / "kept.h5").rename(folder / "take.rerecorded.h5")
     for gone in {"solve": ["take.drive.h5"], "cut": ["part.h5"]}.get(words[0], []):
         (folder / gone).unlink()

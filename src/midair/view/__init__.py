@@ -1,10 +1,13 @@
 """The view: frames on canvases, the same in the studio, in notebooks and in pages that stand alone."""
 
+from midair.view.audible import AudibleChannel, audible
 from midair.view.colours import TABLES, colour_table
+from midair.view.film import Film, ffmpeg, write_gif, write_mp4
 from midair.view.finer import Finer, finer, finer_grid
 from midair.view.pages import WEB, inlined, one_module, sealed, show_page, style
 from midair.view.showing import (
     Channels,
+    Part,
     Showing,
     Sound,
     played_field,
@@ -17,6 +20,13 @@ from midair.view.told import about, sections, size_of
 from midair.view.wire import Kind, Section, counted, pack, phase_counts, unpack
 
 __all__ = [
+    "Part",
+    "write_mp4",
+    "write_gif",
+    "ffmpeg",
+    "Film",
+    "audible",
+    "AudibleChannel",
     "Channels",
     "Finer",
     "Kind",

@@ -7,7 +7,7 @@ from pathlib import PurePath
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import RateError
+from midair.errors import InputError, RateError
 from midair.model import AmplitudeFrames, ControlGrid, Drive, PressureFrames, Recording, SensorGrid, Solution
 from midair.physics import transfer_matrix
 from midair.reel import taken
@@ -16,6 +16,10 @@ from midair.view.finer import Finer, finer
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Part = tuple[float, float | None]
+"""From where, in s, and how long; to the end if None."""
+
+WHOLE: Part = (0.0, None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,6 +42,13 @@ class Channels:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", frozen_array(self.values, "samples", ("frame", "channel")))
+
+    def check(self, channel: int) -> int:
+        """The channel, if there is one of this number."""
+        count = self.values.shape[1]
+        if not 0 <= channel < count:
+            raise InputError(f"channel: expected 0 to {count - 1}, got {channel}")
+        return channel
 
     @property
     def loudest(self) -> int:
@@ -99,6 +110,10 @@ class Showing:
         Wanted and played.
     facts : mapping of str to str
         In words.
+    first : int
+        Number of the first frame in the whole of which this is a part.
+    chosen : int or None
+        The channel to begin with; the loudest if None.
     """
 
     title: str
@@ -110,10 +125,21 @@ class Showing:
     again: Channels | None = None
     sound: Sound | None = None
     facts: Mapping[str, str] = field(default_factory=dict[str, str])
+    first: int = 0
+    chosen: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.chosen is None:
+            return
+        if self.samples is None:
+            raise InputError("channel: expected a recording, whose channels can be chosen, got a drive or a target")
+        self.samples.check(self.chosen)
 
     @property
     def channel(self) -> int:
-        """The channel to begin with: the loudest one."""
+        """The channel to begin with."""
+        if self.chosen is not None:
+            return self.chosen
         return 0 if self.samples is None else self.samples.loudest
 
     @property
@@ -122,68 +148,71 @@ class Showing:
         return self.frames / self.rate
 
 
-def show_recording(recording: Recording, *, pressure: PressureFrames | None = None) -> Showing:
+def show_recording(recording: Recording, *, pressure: PressureFrames | None = None, part: Part = WHOLE) -> Showing:
     """Channels of a recording; calibrated, where its pressure is given."""
-    values, unit = (recording.samples, recording.unit) if pressure is None else (pressure.pressure, "Pa")
-    kept = np.asarray(values).reshape(len(values), -1)
+    shown = _channels_of(recording) if pressure is None else _felt(pressure, "calibrated")
+    rate = recording.rate if pressure is None else pressure.rate
+    first, last = stretch(part, len(shown.values), rate)
     return Showing(
         title=_named(recording.provenance.notes, recording.provenance.source),
-        rate=recording.rate if pressure is None else pressure.rate,
-        frames=len(kept),
+        rate=rate,
+        frames=last - first,
+        first=first,
         simulated=recording.provenance.simulated,
         sensor=recording.sensor,
-        samples=Channels(values=kept, unit=unit, label="recorded" if pressure is None else "calibrated"),
-        facts={"sensor": recording.sensor.spelled},
+        samples=replace(shown, values=shown.values[first:last]),
+        facts={"sensor": recording.sensor.spelled, **_told_part(part, first, last, rate)},
     )
 
 
-def show_target(target: AmplitudeFrames) -> Showing:
+def show_target(target: AmplitudeFrames, *, part: Part = WHOLE) -> Showing:
     """Sound that is wanted at the control points."""
+    first, last = stretch(part, target.frames, target.rate)
     return Showing(
         title=_named(target.provenance.notes, target.provenance.source),
         rate=target.rate,
-        frames=target.frames,
+        frames=last - first,
+        first=first,
         simulated=target.provenance.simulated,
-        sound=Sound(grid=target.grid, wanted=np.asarray(target.amplitude)),
-        facts={"plane": _plane(target.grid)},
+        sound=Sound(grid=target.grid, wanted=np.asarray(taken(target.amplitude, first, last))),
+        facts={"plane": _plane(target.grid), **_told_part(part, first, last, target.rate)},
     )
 
 
-def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = None) -> Showing:
+def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = None, part: Part = WHOLE) -> Showing:
     """What a drive plays, beside what it was asked for, and the phases of its array.
 
     Where there is no target, the plane is the usual one, 200 mm above the array.
     """
-    drive = solution.drive if isinstance(solution, Solution) else solution
+    whole = solution.drive if isinstance(solution, Solution) else solution
+    first, last = stretch(part, whole.frames, whole.rate)
+    drive = replace(whole, phase=taken(whole.phase, first, last), level=taken(whole.level, first, last))
     grid = ControlGrid() if target is None else target.grid
     facts = {"array": f"{drive.array.name}, {drive.array.count} transducers", "plane": _plane(grid)}
-    if isinstance(solution, Solution) and solution.plays.any():
-        facts["E"] = f"{100 * solution.error[solution.plays].mean():.1f} % of what is wanted, on average"
+    if isinstance(solution, Solution) and (plays := solution.plays[first:last]).any():
+        facts["E"] = f"{100 * solution.error[first:last][plays].mean():.1f} % of what is wanted, on average"
     return Showing(
         title=_named(drive.provenance.notes, drive.provenance.source),
         rate=drive.rate,
         frames=drive.frames,
+        first=first,
         # Nobody has measured it: the field is what the model of the array makes of the phases.
         simulated=True,
         sound=Sound(
             grid=grid,
-            wanted=None if target is None else np.asarray(target.amplitude),
+            wanted=None if target is None else np.asarray(taken(target.amplitude, first, last)),
             played=played_field(drive, grid),
             drive=drive,
             finer=finer(grid, drive.array, acoustics=drive.acoustics),
         ),
-        facts=facts,
+        facts={**facts, **_told_part(part, first, last, drive.rate)},
     )
 
 
 def show_comparison(
-    original: PressureFrames,
-    again: PressureFrames,
-    *,
-    drive: Solution | Drive | None = None,
-    target: AmplitudeFrames | None = None,
+    original: PressureFrames, again: PressureFrames, *, sound: Sound | None = None, part: Part = WHOLE
 ) -> Showing:
-    """A re-recording over its original; with the drive between them where it has as many frames.
+    """A re-recording over its original, and the sound between them where it is given, of as many frames.
 
     Raises
     ------
@@ -192,19 +221,37 @@ def show_comparison(
     """
     if not np.isclose(original.rate, again.rate, rtol=1e-9):
         raise RateError(f"comparison: expected both at one rate, got {original.rate:g} and {again.rate:g} Hz")
-    frames = min(original.frames, again.frames)
-    sound = None if drive is None else show_drive(drive, target=target).sound
+    first, last = stretch(part, min(original.frames, again.frames), original.rate)
+    before, after = _felt(original, "original"), _felt(again, "re-recorded")
     return Showing(
         title=_named(original.provenance.notes, original.provenance.source),
         rate=original.rate,
-        frames=frames,
+        frames=last - first,
+        first=first,
         simulated=original.provenance.simulated or again.provenance.simulated,
         sensor=original.sensor,
-        samples=_felt(original, frames, "original"),
-        again=_felt(again, frames, "re-recorded"),
+        samples=replace(before, values=before.values[first:last]),
+        again=replace(after, values=after.values[first:last]),
         sound=sound,
-        facts={"sensor": original.sensor.spelled},
+        facts={"sensor": original.sensor.spelled, **_told_part(part, first, last, original.rate)},
     )
+
+
+def stretch(part: Part, frames: int, rate: float) -> tuple[int, int]:
+    """First frame of a part, and the one after its last.
+
+    Raises
+    ------
+    InputError
+        If no frame is in it.
+    """
+    start, duration = part
+    first = round(start * rate)
+    last = frames if duration is None else min(frames, first + round(duration * rate))
+    if not 0 <= first < last:
+        asked = f"{start:g} s on" if duration is None else f"{start:g} to {start + duration:g} s"
+        raise InputError(f"part: expected one of 0 to {frames / rate:.4g} s, got {asked}")
+    return first, last
 
 
 def played_field(drive: Drive, grid: ControlGrid) -> Complex:
@@ -218,8 +265,18 @@ def played_field(drive: Drive, grid: ControlGrid) -> Complex:
     return field
 
 
-def _felt(pressure: PressureFrames, frames: int, label: str) -> Channels:
-    return Channels(values=np.asarray(pressure.pressure[:frames]).reshape(frames, -1), unit="Pa", label=label)
+def _channels_of(recording: Recording) -> Channels:
+    values = np.asarray(recording.samples)
+    return Channels(values=values.reshape(len(values), -1), unit=recording.unit, label="recorded")
+
+
+def _felt(pressure: PressureFrames, label: str) -> Channels:
+    values = np.asarray(pressure.pressure)
+    return Channels(values=values.reshape(len(values), -1), unit="Pa", label=label)
+
+
+def _told_part(part: Part, first: int, last: int, rate: float) -> dict[str, str]:
+    return {} if part == WHOLE else {"part": f"{first / rate:.4g} to {last / rate:.4g} s"}
 
 
 def _plane(grid: ControlGrid) -> str:

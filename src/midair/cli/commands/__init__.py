@@ -25,6 +25,7 @@ from midair.cli.commands.info import info_command
 from midair.cli.commands.loop import loop_command
 from midair.cli.commands.paper import paper_command
 from midair.cli.commands.record import record_command
+from midair.cli.commands.show import show_command
 from midair.cli.commands.solve_play import play_command, solve_command
 from midair.cli.commands.stop import stop_command
 from midair.cli.commands.study import study_app
@@ -39,6 +40,7 @@ COMMANDS: Mapping[str, tuple[str, Callable[..., Any]]] = {
     "identify": ("Record", identify_command),
     "repair": ("Record", repair_command),
     "info": ("Edit", info_command),
+    "show": ("Edit", show_command),
     "cut": ("Edit", cut_command),
     "trim": ("Edit", trim_command),
     "join": ("Edit", join_command),

@@ -1,0 +1,189 @@
+"""The command `show`: a file as a page, a film or a sound."""
+
+import os
+import sys
+import time
+import webbrowser
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from midair.cli.terminal import (
+    BandOptions,
+    Force,
+    Time,
+    banner,
+    brought_together,
+    felt_part,
+    made_with,
+    may_write,
+    out,
+    print_rows,
+    quantity,
+    stages,
+)
+from midair.errors import InputError
+from midair.files import contents, load_solution, load_target, open_take, whole_file
+from midair.flow import wanted
+from midair.view import (
+    Film,
+    Part,
+    Showing,
+    audible,
+    ffmpeg,
+    show_comparison,
+    show_drive,
+    show_page,
+    show_recording,
+    show_target,
+    size_of,
+    write_gif,
+    write_mp4,
+)
+
+ENDINGS = (".html", ".mp4", ".gif", ".wav")
+"""Of what `show` makes."""
+
+_LARGEST = 64 * 2**20
+"""Bytes of frames in a page: more is slow to open."""
+
+_OURS = '<div class="midair-view" data-keys="page">'
+"""Stands in every page that `show` made, and nowhere else."""
+
+
+def show_command(
+    source: Path,
+    again: Path | None = None,
+    /,
+    *,
+    save: Annotated[Path | None, Parameter(alias="-o")] = None,
+    channel: int | None = None,
+    target: bool = False,
+    start_at: Time = 0.0,
+    duration: Annotated[float | None, quantity("s")] = None,
+    options: BandOptions | None = None,
+    no_browser: bool = False,
+    force: Force = False,
+) -> None:
+    """Show a recording, a drive, or a re-recording over its original: as a page, a film in slow motion, or a sound.
+
+    The page is one file that works offline: traces, spectrum over time, fields and phases, played, paused and stepped
+    through. A film has one picture a frame, 50 a second.
+
+    Parameters
+    ----------
+    source
+        A recording, NAME.drive.h5, or any recording that can be imported.
+    again
+        What was re-recorded of it, to be shown over it.
+    save
+        page.html, film.mp4 (by ffmpeg), film.gif or wave.wav; NAME.html beside the file if not given.
+    channel
+        Which one to hear, from 0; the loudest if not given.
+    target
+        Show what sound a recording would ask for at the control points.
+    start_at
+        From where.
+    duration
+        How much; to the end if not given.
+    options
+        Of the band, for what is calibrated.
+    no_browser
+        Do not open the page.
+    force
+        Write over a file that is there.
+
+    Examples
+    --------
+    $ midair show take.h5
+    $ midair show take.drive.h5 --save take.gif --duration 0.2s
+    $ midair show take.h5 take.rerecorded.h5 --save both.html
+    $ midair show take.h5 --save take.wav --channel 6
+    """
+    path = save or source.with_name(f"{source.name.removesuffix('.h5')}.html")
+    may_write(path, force or (save is None and _made_by_show(path)), *ENDINGS)
+    if path.suffix.lower() == ".mp4":
+        ffmpeg()
+    began = time.monotonic()
+    shown = _shown(source, again, (start_at, duration), target=target, options=options or BandOptions())
+    shown = replace(shown, chosen=channel)
+    banner(shown.simulated)
+    rows = _WRITERS[path.suffix.lower()](shown, path)
+    told = [*rows, ("written", f"{path}, {_size(path.stat().st_size)}, in {time.monotonic() - began:.1f} s")]
+    print_rows([("shown", f"{shown.title}, {shown.frames} frames, {shown.duration:.4g} s"), *told])
+    if path.suffix.lower() == ".html" and not no_browser and _has_screen():
+        webbrowser.open(path.resolve().as_uri())
+
+
+def _shown(source: Path, again: Path | None, part: Part, *, target: bool, options: BandOptions) -> Showing:
+    if again is not None:
+        provenance = open_take(again, streamed=True).recording.provenance
+        settings = made_with(provenance, options.settings())
+        return show_comparison(*brought_together(felt_part(source, settings), again, settings), part=part)
+    if source.name.lower().endswith((".h5", ".hdf5", ".nc")) and contents(source).kind == "drive":
+        return show_drive(load_solution(source, streamed=True), target=load_target(source, streamed=True), part=part)
+    settings = options.settings()
+    if target:
+        return show_target(wanted(felt_part(source, settings), settings), part=part)
+    take = open_take(source)
+    felt = None if take.calibration is None else felt_part(source, settings)
+    return show_recording(take.recording, pressure=felt, part=part)
+
+
+def _page(shown: Showing, path: Path) -> list[tuple[str, str]]:
+    size = size_of(shown)
+    if size > _LARGEST:
+        raise InputError(
+            f"{path}: expected at most {_size(_LARGEST)} of frames in a page, got {_size(size)}; "
+            "show a part with --start-at and --duration"
+        )
+    page = show_page(shown)
+    with whole_file(path) as partial:
+        partial.write_text(page, encoding="utf-8")
+    return []
+
+
+def _film(write: Callable[..., None]) -> Callable[[Showing, Path], list[tuple[str, str]]]:
+    def write_film(shown: Showing, path: Path) -> list[tuple[str, str]]:
+        film = Film(shown)
+        out().print(f"film of {len(film)} pictures, {film.seconds:.3g} s, {film.slower:.4g} times slower")
+        with stages() as stage, whole_file(path) as partial:
+            write(film, partial, progress=stage("film"))
+        return []
+
+    return write_film
+
+
+def _wave(shown: Showing, path: Path) -> list[tuple[str, str]]:
+    if shown.samples is None:
+        raise InputError(f"{path}: expected a recording to hear a channel of, got a drive; save a page or a film of it")
+    heard = audible(shown.samples, shown.channel, shown.rate)
+    with whole_file(path) as partial:
+        partial.write_bytes(heard.data)
+    return [("heard", f"channel {shown.channel}; full scale is {heard.full_scale:.3g} {shown.samples.unit}")]
+
+
+_WRITERS = {".html": _page, ".mp4": _film(write_mp4), ".gif": _film(write_gif), ".wav": _wave}
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e6:.3g} MB" if count >= 1e5 else f"{count / 1e3:.3g} kB"
+
+
+def _made_by_show(path: Path) -> bool:
+    """Whether it may be made again without asking: a page of an earlier `show`."""
+    try:
+        return path.is_file() and _OURS in path.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+
+
+def _has_screen() -> bool:
+    """Whether somebody looks who can be shown a page: not from a script, and not over a line without windows."""
+    windows = sys.platform in ("win32", "darwin") or bool(
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )
+    return sys.stdout.isatty() and windows

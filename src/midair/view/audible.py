@@ -1,0 +1,79 @@
+"""What a channel sounds like: its samples as a sound file that any player takes."""
+
+import io
+import wave
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.dsp import resample
+from midair.view.showing import Channels
+
+Array = NDArray[np.float64]
+
+RATE = 48000.0
+"""Of the sound, in Hz: players refuse the rates of sensors."""
+
+_PEAK = 0.9
+"""Of full scale, at the loudest sample."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AudibleChannel:
+    """A channel as sound.
+
+    Attributes
+    ----------
+    data : bytes
+        A WAV file: one channel, 16 bits.
+    full_scale : float
+        What full scale is, in the unit of the channel.
+    """
+
+    data: bytes
+    full_scale: float
+
+
+def audible(channels: Channels, channel: int, rate: float, *, sound_rate: float = RATE) -> AudibleChannel:
+    """One channel as sound: resampled, without its mean, 10 ms of fading at both ends, its peak near full scale.
+
+    Parameters
+    ----------
+    channels : Channels
+        Whose.
+    channel : int
+        Which.
+    rate : float
+        Of the channels, in Hz.
+    sound_rate : float
+        Of the sound, in Hz.
+
+    Raises
+    ------
+    InputError
+        If there is no such channel.
+    """
+    channels.check(channel)
+    heard = channels.values[:, channel] - channels.values[:, channel].mean()
+    heard = _faded(resample(heard, rate, sound_rate), round(10e-3 * sound_rate))
+    full_scale = float(np.abs(heard).max()) / _PEAK or 1.0
+    return AudibleChannel(data=_wav(heard / full_scale, sound_rate), full_scale=full_scale)
+
+
+def _faded(x: Array, length: int) -> Array:
+    length = min(length, len(x) // 2)
+    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(length) + 0.5) / max(length, 1))
+    window = np.ones(len(x))
+    window[:length], window[len(x) - length :] = ramp, ramp[::-1]
+    return x * window
+
+
+def _wav(x: Array, rate: float) -> bytes:
+    out = io.BytesIO()
+    with wave.open(out, "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(round(rate))
+        file.writeframes(np.rint(x * 32767).astype("<i2").tobytes())
+    return out.getvalue()

@@ -1,0 +1,283 @@
+"""A film of a take in slow motion: one picture a frame, with scale, units, time, and SIMULATED."""
+
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, MissingExtraError
+from midair.model import SensorGrid
+from midair.view.colours import colour_table
+from midair.view.showing import Channels, Showing, Sound
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+Array = NDArray[np.float64]
+Report = Callable[[int, int], None]
+
+PICTURES_A_SECOND = 50
+"""The most that every viewer of GIF shows; frames of 1 kHz go by 20 times slower."""
+
+MOST_OF_A_GIF = 2000
+"""Pictures: a GIF is held in memory by whoever looks at it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Tile:
+    """A map that changes from frame to frame.
+
+    Attributes
+    ----------
+    title : str
+        Above it.
+    values : callable
+        Takes a frame, gives (row, column), 0 or more.
+    top : float
+        Value of the last colour.
+    unit : str
+        Of the values.
+    width : float
+        Of the map, in m.
+    """
+
+    title: str
+    values: Callable[[int], Array]
+    top: float
+    unit: str
+    width: float
+
+
+class Film:
+    """The pictures of a film, made one after another.
+
+    Parameters
+    ----------
+    showing : Showing
+        What it shows: fields of sound where there are some, the cells of the sensor where those are.
+    side : int
+        Of each map, in pixels.
+    """
+
+    def __init__(self, showing: Showing, *, side: int = 256) -> None:
+        self._showing, self._side = showing, side
+        self._groups = list(_groups(showing))
+        self._table = colour_table("inferno")
+        if not self._groups:
+            raise InputError("film: expected frames of a sensor or of sound, got neither")
+
+    def __len__(self) -> int:
+        return self._showing.frames
+
+    @property
+    def slower(self) -> float:
+        """How many times slower than it was."""
+        return self._showing.rate / PICTURES_A_SECOND
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts."""
+        return len(self) / PICTURES_A_SECOND
+
+    def __iter__(self) -> "Iterator[Image.Image]":
+        return (self.picture(frame) for frame in range(len(self)))
+
+    def picture(self, frame: int) -> "Image.Image":
+        """The picture of one frame, red, green and blue."""
+        from PIL import Image, ImageDraw
+
+        picture = self._ground.copy()
+        for (left, top), tile in self._places:
+            index = np.clip(np.rint(tile.values(frame) * (255 / tile.top if tile.top > 0 else 0)), 0, 255).astype(
+                np.intp
+            )
+            pixels = Image.fromarray(self._table[index])
+            picture.paste(pixels.resize((self._side, self._side), Image.Resampling.NEAREST), (left, top))
+        said = f"{frame / self._showing.rate:.4f} s, frame {frame}"
+        ImageDraw.Draw(picture).text((_EDGE, self._size[1] - 30), said, fill="white", font=self._font)
+        return picture
+
+    @cached_property
+    def _size(self) -> tuple[int, int]:
+        tiles = sum(len(group) for group in self._groups)
+        width = _EDGE + tiles * (self._side + _EDGE) + len(self._groups) * (_BAR + _EDGE)
+        height = self._side + 72
+        # Video is stored in squares of 2 x 2.
+        return width + width % 2, height + height % 2
+
+    @cached_property
+    def _font(self) -> Any:
+        from matplotlib.font_manager import findfont
+        from PIL import ImageFont
+
+        return ImageFont.truetype(findfont("DejaVu Sans"), 14)
+
+    @cached_property
+    def _places(self) -> list[tuple[tuple[int, int], _Tile]]:
+        places, left = list[tuple[tuple[int, int], _Tile]](), _EDGE
+        for group in self._groups:
+            for tile in group:
+                places.append(((left, 30), tile))
+                left += self._side + _EDGE
+            left += _BAR + _EDGE
+        return places
+
+    @cached_property
+    def _ground(self) -> "Image.Image":
+        """What is the same in every picture."""
+        from PIL import Image, ImageDraw
+
+        picture = Image.new("RGB", self._size, "#0d1117")
+        draw, left = ImageDraw.Draw(picture), _EDGE
+        for group in self._groups:
+            for tile in group:
+                draw.text((left, 8), tile.title, fill="white", font=self._font)
+                left += self._side + _EDGE
+            bar = Image.fromarray(self._table[::-1, None]).resize((18, self._side), Image.Resampling.NEAREST)
+            picture.paste(bar, (left, 30))
+            draw.text((left + 22, 26), _short(group[0].top), fill="white", font=self._font)
+            draw.text((left + 22, 46), group[0].unit, fill="#a9b4c0", font=self._font)
+            draw.text((left + 22, 14 + self._side), "0", fill="white", font=self._font)
+            left += _BAR + _EDGE
+        self._words(draw)
+        return picture
+
+    def _words(self, draw: Any) -> None:
+        width, height = self._size
+        draw.text((_EDGE + 190, height - 30), f"{self.slower:.4g} times slower", fill="#a9b4c0", font=self._font)
+        if self._showing.simulated:
+            draw.text((width - _EDGE, height - 30), "SIMULATED", fill="#ff7b72", font=self._font, anchor="ra")
+
+
+_EDGE, _BAR = 14, 74
+
+
+def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None:
+    """The film as an animated GIF that begins again at its end.
+
+    Raises
+    ------
+    InputError
+        If it has too many pictures for one.
+    """
+    if len(film) > MOST_OF_A_GIF:
+        raise InputError(
+            f"{path.name}: expected at most {MOST_OF_A_GIF} frames in a GIF, got {len(film)}; "
+            "show a part (--start-at, --duration), or save an .mp4"
+        )
+    first, *_ = pictures = [_indexed(picture) for picture in _told(film, progress)]
+    how = {"duration": 1000 // PICTURES_A_SECOND, "loop": 0, "optimize": False}
+    first.save(path, format="GIF", save_all=True, append_images=pictures[1:], **how)
+
+
+def write_mp4(film: Film, path: Path, *, progress: Report | None = None) -> None:
+    """The film as a video, by ffmpeg.
+
+    Raises
+    ------
+    MissingExtraError
+        If there is no ffmpeg.
+    InputError
+        If it cannot write the film; its own words say why.
+    """
+    program = ffmpeg()
+    wide, high = film.picture(0).size
+    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{wide}x{high}", "-r", str(PICTURES_A_SECOND), "-i", "-"]
+    made = ["-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(path)]
+    asked = [program, "-nostdin", "-loglevel", "error", "-y", *given, *made]
+    with subprocess.Popen(asked, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        try:
+            for picture in _told(film, progress):
+                _into(running).write(picture.tobytes())
+        except BrokenPipeError:
+            pass  # ffmpeg ended; what it said comes below
+        except BaseException:
+            running.kill()
+            raise
+        _, said = running.communicate()
+    if running.returncode:
+        raise InputError(
+            f"ffmpeg: expected it to write {path.name}, got: {said.decode(errors='replace').strip()[:300]}"
+        )
+
+
+def ffmpeg() -> str:
+    """The program that makes videos.
+
+    Raises
+    ------
+    MissingExtraError
+        If there is none.
+    """
+    found = shutil.which("ffmpeg")
+    if found is None:
+        raise MissingExtraError("an .mp4 needs ffmpeg, and there is none here: install it, or save a .gif")
+    return found
+
+
+def _into(running: "subprocess.Popen[bytes]") -> Any:
+    return running.stdin
+
+
+def _told(film: Film, progress: Report | None) -> "Iterator[Image.Image]":
+    for done, picture in enumerate(film, 1):
+        yield picture
+        if progress is not None:
+            progress(done, len(film))
+
+
+def _indexed(picture: "Image.Image") -> "Image.Image":
+    """The picture in 256 colours: those of the table, every second of them, and those of words."""
+    from PIL import Image
+
+    palette = Image.new("P", (1, 1))
+    words = [(13, 17, 23), (255, 255, 255), (169, 180, 192), (255, 123, 114), (110, 115, 120), (60, 66, 73)]
+    shades = [tuple(int(part) for part in colour) for colour in colour_table("inferno")[::2]]
+    palette.putpalette([part for colour in [*shades, *words] for part in colour])
+    return picture.quantize(palette=palette, dither=Image.Dither.NONE)
+
+
+def _groups(showing: Showing) -> Iterator[Sequence[_Tile]]:
+    """Maps that share a scale."""
+    if showing.sound is not None and (fields := list(_fields(showing.sound))):
+        yield fields
+    felt = [each for each in (showing.samples, showing.again) if each is not None]
+    if felt and showing.sensor is not None:
+        top = max(float(np.abs(each.values).max()) for each in felt)
+        yield [_cells(each, showing.sensor, top) for each in felt]
+
+
+def _fields(sound: Sound) -> Iterator[_Tile]:
+    shape, top, width = sound.grid.shape, sound.top, sound.grid.columns * sound.grid.pitch
+    if (wanted := sound.wanted) is not None:
+
+        def asked(frame: int) -> Array:
+            return wanted[frame].reshape(shape)
+
+        yield _Tile(title="Wanted, sound", values=asked, top=top, unit="Pa", width=width)
+    if (played := sound.played) is not None:
+
+        def made(frame: int) -> Array:
+            field = played[frame].reshape(shape)
+            return np.abs(field if sound.finer is None else sound.finer(field))
+
+        yield _Tile(title="Played, sound", values=made, top=top, unit="Pa", width=width)
+
+
+def _cells(channels: Channels, sensor: SensorGrid, top: float) -> _Tile:
+    def felt(frame: int) -> Array:
+        return np.abs(channels.values[frame]).reshape(sensor.shape)
+
+    width = sensor.columns * sensor.pitch
+    return _Tile(title=channels.label.capitalize(), values=felt, top=top, unit=channels.unit, width=width)
+
+
+def _short(value: float) -> str:
+    """Three digits, without powers of ten."""
+    return f"{float(f'{value:.3g}'):g}"

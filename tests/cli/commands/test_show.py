@@ -1,0 +1,118 @@
+"""The command `show`: pages, films and sounds of a file."""
+
+import re
+import sys
+import webbrowser
+
+import pytest
+from PIL import Image
+from tests.view.shown import focus_drive, focus_target, recording
+
+from midair.cli import run
+from midair.files import save, save_solution
+from midair.model import Calibration, Solution
+
+
+@pytest.fixture(autouse=True)
+def files(tmp_path, monkeypatch):
+    """take.h5, again.h5 and take.drive.h5 in a folder of their own."""
+    monkeypatch.chdir(tmp_path)
+    take = recording(200)
+    save(take, "take.h5", calibration=Calibration.flat(take.sensor, sensitivity=0.02))
+    save(take, "again.h5", calibration=Calibration.flat(take.sensor, sensitivity=0.02))
+    save(take, "raw.h5")
+    status = ("converged",) * 7 + ("silent",)
+    solution = Solution(drive=focus_drive(), error=[0.1] * 7 + [0], iterations=[1] * 8, status=status)
+    save_solution(solution, "take.drive.h5", target=focus_target())
+    return tmp_path
+
+
+def title(page):
+    return re.search(r"<p class=\"lead\">(.*?)</p>", page.read_text(encoding="utf-8"))[1]
+
+
+@pytest.mark.parametrize(
+    ("line", "page", "held"),
+    [
+        ("take.h5", "take.html", {"samples"}),
+        ("raw.h5", "raw.html", {"samples"}),
+        ("take.drive.h5", "take.drive.html", {"wanted", "played", "phases"}),
+        ("take.h5 again.h5 --save both.html", "both.html", {"samples", "again"}),
+        ("take.h5 --target -o asked.html", "asked.html", {"wanted"}),
+    ],
+)
+def test_each_kind_of_file_becomes_a_page(files, line, page, held, capsys):
+    assert run(["show", *line.split()]) == 0
+    text = (files / page).read_text(encoding="utf-8")
+    assert set(re.findall(r'data-name="(\w+)"', text)) == held | {"about"}
+    said = capsys.readouterr().out
+    assert page in said
+    assert re.search(r"(kB|MB), in \d+\.\d s", said)
+
+
+def test_a_part_is_cut_out(files):
+    assert run(["show", "take.h5", "--start-at", "0.05s", "--duration", "0.1s"]) == 0
+    assert title(files / "take.html") == "100 frames at 1000 Hz, 0.1 s"
+
+
+def test_a_page_of_ours_is_made_again_and_others_are_kept(files, capsys):
+    for _ in range(2):
+        assert run(["show", "take.h5"]) == 0
+    (files / "take.html").write_text("a page of mine")
+    assert run(["show", "take.h5"]) == 1
+    assert "--force" in capsys.readouterr().err
+    assert (files / "take.html").read_text() == "a page of mine"
+
+
+def test_a_film_tells_how_long_it_is(files, capsys):
+    assert run(["show", "take.drive.h5", "--save", "film.gif"]) == 0
+    with Image.open(files / "film.gif") as made:
+        assert made.n_frames == 8
+    assert "film of 8 pictures, 0.16 s, 20 times slower" in capsys.readouterr().out
+
+
+def test_a_channel_can_be_heard(files, capsys):
+    assert run(["show", "take.h5", "--save", "wave.wav", "--channel", "6"]) == 0
+    assert (files / "wave.wav").read_bytes()[:4] == b"RIFF"
+    assert "channel 6; full scale is" in capsys.readouterr().out
+
+
+def test_nothing_is_opened_where_nobody_looks(files, monkeypatch):
+    opened = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert run(["show", "take.h5"]) == 0
+    assert opened == []
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert run(["show", "take.h5", "--no-browser"]) == 0
+    assert opened == []
+    assert run(["show", "take.h5"]) == 0
+    assert opened == [(files / "take.html").resolve().as_uri()]
+
+
+@pytest.mark.parametrize(
+    ("line", "status", "said"),
+    [
+        ("nothing.h5", 1, "found none"),
+        ("take.h5 --save film.mov", 1, "expected a name that ends in .html"),
+        ("take.h5 --save nowhere/film.gif", 1, "nowhere"),
+        ("take.h5 --channel 16", 1, "channel: expected 0 to 15, got 16"),
+        ("take.drive.h5 --channel 1", 1, "expected a recording"),
+        ("take.drive.h5 --save wave.wav", 1, "expected a recording to hear a channel of"),
+        ("take.h5 --start-at 3s", 1, "expected one of 0 to 0.2 s"),
+        ("raw.h5 --target", 1, "calibration"),
+    ],
+)
+def test_mistakes_are_one_line_and_leave_nothing(files, line, status, said, capsys):
+    before = sorted(files.iterdir())
+    assert run(["show", *line.split()]) == status
+    error = capsys.readouterr().err.strip().splitlines()
+    assert said in error[-1]
+    assert sorted(files.iterdir()) == before
+
+
+def test_without_ffmpeg_the_message_comes_before_the_work(files, monkeypatch, capsys):
+    monkeypatch.setenv("PATH", str(files))
+    assert run(["show", "take.h5", "--save", "film.mp4"]) == 1
+    assert "needs ffmpeg" in capsys.readouterr().err
+    assert not (files / "film.mp4").exists()

@@ -1,0 +1,33 @@
+"""A channel as sound."""
+
+import io
+
+import numpy as np
+import pytest
+import soundfile
+from tests.view.shown import recording
+
+from midair.errors import InputError
+from midair.view import Channels, audible, show_recording
+
+
+def test_a_tone_is_heard_at_its_pitch_and_its_peak_near_full_scale():
+    shown = show_recording(recording(500))
+    heard = audible(shown.samples, 6, shown.rate)
+    sound, rate = soundfile.read(io.BytesIO(heard.data))
+    assert (rate, sound.shape) == (48000, (24000,))
+    assert np.abs(sound).max() == pytest.approx(0.9, abs=1e-3)
+    assert np.abs(np.fft.rfft(sound)).argmax() * rate / len(sound) == pytest.approx(100, abs=2)
+    assert heard.full_scale * 0.9 == pytest.approx(1, rel=0.02)
+
+
+def test_silence_stays_silent_and_a_rest_makes_no_click():
+    still = Channels(values=np.full((300, 2), 5.0), unit="V", label="rest")
+    sound, _ = soundfile.read(io.BytesIO(audible(still, 1, 1000).data))
+    assert np.abs(sound).max() == 0
+
+
+@pytest.mark.parametrize("channel", [-1, 16])
+def test_a_channel_that_is_not_there(channel):
+    with pytest.raises(InputError, match="expected 0 to 15"):
+        audible(show_recording(recording()).samples, channel, 1000)

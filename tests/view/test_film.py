@@ -1,0 +1,107 @@
+"""Films: one picture a frame, with what one must know to read it."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from PIL import Image
+from tests.view.shown import focus, focus_drive, focus_target, pressure, recording
+
+from midair.errors import InputError, MissingExtraError
+from midair.view import (
+    Film,
+    colour_table,
+    show_comparison,
+    show_drive,
+    show_recording,
+    show_target,
+    write_gif,
+    write_mp4,
+)
+
+
+def colour_of(value):
+    return tuple(colour_table("inferno")[round(255 * value)].tolist())
+
+
+def test_a_gif_has_a_picture_of_every_frame(tmp_path):
+    told = []
+    film = Film(show_recording(recording(30), part=(0.01, 0.02)), side=64)
+    write_gif(film, tmp_path / "film.gif", progress=lambda *done: told.append(done))
+    with Image.open(tmp_path / "film.gif") as made:
+        assert (made.n_frames, made.info["duration"], made.info["loop"]) == (20, 20, 0)
+        assert made.size == film.picture(0).size
+    assert told == [(done, 20) for done in range(1, 21)]
+    assert (film.slower, film.seconds) == (20, 0.4)
+
+
+def test_a_cell_has_the_colour_of_its_pressure():
+    """The loudest moment of channel 6, which lies in row 1 and column 2 of 4 x 4."""
+    values = recording().samples[:, 1, 2]
+    film = Film(show_recording(recording()), side=64)
+    for frame in (0, 1, int(np.argmax(values))):
+        picture = film.picture(frame)
+        assert picture.getpixel((14 + 40, 30 + 24)) == colour_of(abs(values[frame]) / np.abs(values).max())
+        assert picture.getpixel((14 + 8, 30 + 8)) == colour_of(0)
+
+
+def test_the_focus_is_where_it_was_wanted():
+    picture = np.asarray(Film(focus(), side=256).picture(2)).astype(int).sum(axis=2)
+    wanted, played = picture[30 : 30 + 230, 14 : 14 + 256], picture[30 : 30 + 230, 284 : 284 + 256]
+    for each in (wanted, played):
+        row, column = np.unravel_index(each.argmax(), each.shape)
+        assert abs(row - (9 * 16 + 8)) < 10
+        assert abs(column - (6 * 16 + 8)) < 10
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_simulated_is_written_on_what_is(simulated):
+    shown = focus() if simulated else show_recording(recording())
+    picture = Film(shown, side=64).picture(0)
+    red = (np.asarray(picture) == (255, 123, 114)).all(axis=2)
+    assert red.any() == simulated
+
+
+@pytest.mark.parametrize(
+    ("shown", "maps"),
+    [
+        (show_target(focus_target()), 1),
+        (show_drive(focus_drive()), 1),
+        (focus(), 2),
+        (show_comparison(pressure(), pressure()), 2),
+    ],
+    ids=["target", "drive", "drive and target", "comparison"],
+)
+def test_everything_that_is_shown_can_be_filmed(shown, maps):
+    assert Film(shown, side=64).picture(0).width == 14 + maps * 78 + 88
+
+
+def test_too_long_a_gif_is_refused_before_the_work(tmp_path):
+    with pytest.raises(InputError, match="at most 2000 frames in a GIF, got 2001"):
+        write_gif(Film(show_recording(recording(2001))), tmp_path / "film.gif")
+
+
+@pytest.mark.skipif(shutil.which("ffprobe") is None, reason="no ffmpeg here")
+def test_an_mp4_has_a_picture_of_every_frame(tmp_path):
+    film = Film(show_recording(recording(12)), side=64)
+    write_mp4(film, tmp_path / "film.part")
+    asked = ["-count_frames", "-show_entries", "stream=nb_read_frames,width,height,r_frame_rate", "-of", "csv=p=0"]
+    said = subprocess.run(["ffprobe", "-v", "error", *asked, tmp_path / "film.part"], capture_output=True, text=True)
+    width, height = film.picture(0).size
+    assert said.stdout.split() == [f"{width},{height},50/1,12"]
+
+
+def test_without_ffmpeg_an_mp4_is_refused_in_one_line(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(MissingExtraError, match=r"needs ffmpeg, .* save a .gif"):
+        write_mp4(Film(show_recording(recording(3))), tmp_path / "film.mp4")
+
+
+def test_an_ffmpeg_that_fails_says_so(tmp_path, monkeypatch):
+    false = tmp_path / "ffmpeg"
+    false.write_text("#!/bin/sh\necho no such codec >&2\nexit 3\n")
+    false.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    with pytest.raises(InputError, match="no such codec"):
+        write_mp4(Film(show_recording(recording(3))), tmp_path / "film.mp4")
