@@ -1,9 +1,9 @@
 """The view: frames on canvases, the same in the studio, in notebooks and in pages that stand alone."""
 
-from midair.view.audible import AudibleChannel, audible
 from midair.view.colours import TABLES, colour_table
 from midair.view.film import Film, ffmpeg, write_gif, write_mp4
-from midair.view.finer import Finer, finer, finer_grid
+from midair.view.finer_field import Finer, finer, finer_grid
+from midair.view.hearing import AudibleChannel, audible
 from midair.view.pages import WEB, inlined, one_module, sealed, show_page, style
 from midair.view.showing import (
     Channels,

@@ -12,7 +12,7 @@ from midair.model import AmplitudeFrames, ControlGrid, Drive, PressureFrames, Re
 from midair.physics import transfer_matrix
 from midair.reel import taken
 from midair.validation import frozen_array
-from midair.view.finer import Finer, finer
+from midair.view.finer_field import Finer, finer
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from midair.model import ControlGrid
 from midair.view.colours import colour_table
-from midair.view.finer import Finer
+from midair.view.finer_field import Finer
 from midair.view.showing import Channels, Showing, Sound
 from midair.view.wire import Kind, Section, counted, pack, phase_counts
 

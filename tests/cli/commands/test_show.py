@@ -34,9 +34,9 @@ def title(page):
 @pytest.mark.parametrize(
     ("line", "page", "held"),
     [
-        ("take.h5", "take.html", {"samples"}),
-        ("raw.h5", "raw.html", {"samples"}),
-        ("take.drive.h5", "take.drive.html", {"wanted", "played", "phases"}),
+        ("take.h5", "take.show.html", {"samples"}),
+        ("raw.h5", "raw.show.html", {"samples"}),
+        ("take.drive.h5", "take.drive.show.html", {"wanted", "played", "phases"}),
         ("take.h5 again.h5 --save both.html", "both.html", {"samples", "again"}),
         ("take.h5 --target -o asked.html", "asked.html", {"wanted"}),
     ],
@@ -52,16 +52,16 @@ def test_each_kind_of_file_becomes_a_page(files, line, page, held, capsys):
 
 def test_a_part_is_cut_out(files):
     assert run(["show", "take.h5", "--start-at", "0.05s", "--duration", "0.1s"]) == 0
-    assert title(files / "take.html") == "100 frames at 1000 Hz, 0.1 s"
+    assert title(files / "take.show.html") == "100 frames at 1000 Hz, 0.1 s"
 
 
 def test_a_page_of_ours_is_made_again_and_others_are_kept(files, capsys):
     for _ in range(2):
         assert run(["show", "take.h5"]) == 0
-    (files / "take.html").write_text("a page of mine")
+    (files / "take.show.html").write_text("a page of mine")
     assert run(["show", "take.h5"]) == 1
     assert "--force" in capsys.readouterr().err
-    assert (files / "take.html").read_text() == "a page of mine"
+    assert (files / "take.show.html").read_text() == "a page of mine"
 
 
 def test_a_film_tells_how_long_it_is(files, capsys):
@@ -87,7 +87,7 @@ def test_nothing_is_opened_where_nobody_looks(files, monkeypatch):
     assert run(["show", "take.h5", "--no-browser"]) == 0
     assert opened == []
     assert run(["show", "take.h5"]) == 0
-    assert opened == [(files / "take.html").resolve().as_uri()]
+    assert opened == [(files / "take.show.html").resolve().as_uri()]
 
 
 @pytest.mark.parametrize(

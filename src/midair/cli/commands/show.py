@@ -80,7 +80,7 @@ def show_command(
     again
         What was re-recorded of it, to be shown over it.
     save
-        page.html, film.mp4 (by ffmpeg), film.gif or wave.wav; NAME.html beside the file if not given.
+        page.html, film.mp4 (by ffmpeg), film.gif or wave.wav; NAME.show.html beside the file if not given.
     channel
         Which one to hear, from 0; the loudest if not given.
     target
@@ -103,7 +103,7 @@ def show_command(
     $ midair show take.h5 take.rerecorded.h5 --save both.html
     $ midair show take.h5 --save take.wav --channel 6
     """
-    path = save or source.with_name(f"{source.name.removesuffix('.h5')}.html")
+    path = save or source.with_name(f"{source.name.removesuffix('.h5')}.show.html")
     may_write(path, force or (save is None and _made_by_show(path)), *ENDINGS)
     if path.suffix.lower() == ".mp4":
         ffmpeg()
