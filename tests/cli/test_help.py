@@ -47,7 +47,7 @@ SLOW = (
     "midair identify",
     "midair study",
 )
-PLAN = "study new touch --participants 2"
+PLAN = "study new touch --participants 2 --drives none"
 BEFORE = {
     "calibrate measure": ["calibrate bench bench --duration 12s"],
     "study run": [PLAN],

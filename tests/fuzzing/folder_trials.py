@@ -33,12 +33,13 @@ ADAPTIVE = """
 name = "hand"
 participants = 2
 seed = 1
-questions = [{ name = "felt", kind = "yes-no", text = "Felt?", truth = "there" },
+questions = [{ name = "felt", kind = "yes-no", text = "Felt?" },
   { name = "rate", kind = "rating", text = "How?", low = 1, high = 7, low_label = "a", high_label = "b" }]
 stimuli = [
-  { name = "s1", kind = "object", source = "1", levels = { there = "yes", strength = "1" } },
-  { name = "s2", kind = "object", source = "2", levels = { there = "yes", strength = "2" } },
-  { name = "s3", kind = "object", source = "4", levels = { there = "yes", strength = "4" } },
+  { name = "s1", kind = "object", source = "1", levels = { strength = "1" } },
+  { name = "s2", kind = "object", source = "2", levels = { strength = "2" } },
+  { name = "s3", kind = "object", source = "4", levels = { strength = "4" } },
+  { name = "s0", kind = "silence" },
 ]
 [[blocks]]
 name = "steps"
@@ -47,6 +48,7 @@ questions = ["felt"]
 repetitions = 12
 adaptive = "quest+"
 strength = "strength"
+extras = [{ role = "catch", stimuli = ["s0"], repetitions = 4 }]
 
 [[blocks]]
 name = "all"

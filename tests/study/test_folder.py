@@ -24,7 +24,7 @@ def test_a_plan_comes_back_as_it_was_drawn(tmp_path):
         ("seed = 2020", "seed = 2020\ncolour = 1", "^study: colour: extra inputs are not permitted; correct the TOML$"),
         ("repetitions = 4", "repetitions = 4\ncolour = 1", "study: blocks.0.colour: extra inputs"),
         ("margin = 0.1", "margin = 0.1\ncolour = 1", "study: analysis.colour: extra inputs"),
-        ('kind = "choice"', 'kind = "essay"', "questions.3.kind"),
+        ('kind = "choice"', 'kind = "essay"', "questions.1.kind"),
         ("repetitions = 4", "repetitions = 0", "^block 'real': expected .* repetitions of 1 or more"),
         ("participants = 10", "participants = ", "expected TOML"),
         ('truth = "object"', 'truth = "thing"', "^factors: expected .* got 'thing'$"),

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
-from midair.study.design.standing import answers_table
+from midair.study.design.answers import answers_table
 from midair.study.folder import StudyFolder, paper_design_text, read_design
 from midair.study.session.participant import SimulatedParticipant
 from midair.study.session.presenters import NoPresenter

@@ -20,9 +20,22 @@ from midair.study.design import (
     replay,
     thresholds_of,
 )
+from midair.study.drives import StudyDrive, gather
 from midair.study.findings import Report, StudyData, analyse, data_of_answers, data_of_columns
-from midair.study.folder import StudyFolder, paper_design_text, read_design
-from midair.study.session import ArrayPresenter, NoPresenter, Session, SimulatedParticipant, SimulatedScreen, run
+from midair.study.folder import StudyFolder, Template, paper_design_text, read_design, template_text
+from midair.study.keyboard import keyboard_of_terminal
+from midair.study.session import (
+    ArrayPresenter,
+    MaskedPresenter,
+    NoPresenter,
+    Presenter,
+    Session,
+    SimulatedParticipant,
+    SimulatedScreen,
+    StillClock,
+    read_events,
+    run,
+)
 from midair.study.statistics import (
     Chance,
     ChoiceModel,
@@ -65,10 +78,11 @@ from midair.study.statistics import (
     simulated_power,
     wilson,
 )
+from midair.study.stimulus_rig import StimulusRig, open_stimulus_rig
 from midair.study.study_figures import chance_figure, power_figure
 from midair.study.study_report import report_json, report_page, report_text
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
-from midair.study.terminal_screen import TerminalScreen, presenter_named, stops_on_signals
+from midair.study.terminal_screen import TerminalScreen, stops_on_signals
 
 __all__ = [
     "Analysis",
@@ -81,11 +95,13 @@ __all__ = [
     "Equivalence",
     "IdentificationExperiment",
     "Interval",
+    "MaskedPresenter",
     "NoPresenter",
     "PairedT",
     "Plan",
     "Policy",
     "Power",
+    "Presenter",
     "Psychometric",
     "PsychometricFit",
     "QuestPlus",
@@ -98,9 +114,13 @@ __all__ = [
     "SimulatedScreen",
     "Staircase",
     "Standing",
+    "StillClock",
     "Stimulus",
+    "StimulusRig",
     "StudyData",
+    "StudyDrive",
     "StudyFolder",
+    "Template",
     "TerminalScreen",
     "Trial",
     "analyse",
@@ -124,6 +144,8 @@ __all__ = [
     "draw_plan",
     "equivalence",
     "f_measure",
+    "gather",
+    "keyboard_of_terminal",
     "fit_psychometric",
     "holm",
     "logistic_mixed",
@@ -136,11 +158,11 @@ __all__ = [
     "power_curve",
     "power_figure",
     "power_paired_t",
-    "presenter_named",
     "proportion_correct",
     "read_bids",
     "read_csv",
     "read_design",
+    "read_events",
     "replay",
     "report_json",
     "report_page",
@@ -151,6 +173,8 @@ __all__ = [
     "sign_flip",
     "simulated_power",
     "stops_on_signals",
+    "template_text",
+    "open_stimulus_rig",
     "thresholds_of",
     "wilson",
     "write_bids",

@@ -1,10 +1,11 @@
 """Where the text of a study enters: its TOML, checked by pydantic, and the folder that holds its plan and logs."""
 
 import json
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
@@ -19,10 +20,19 @@ from midair.study.design import (
     replay,
 )
 
+Template = Literal["paper", "detection", "intervals", "paired"]
+"""Studies that are shipped: section 5.3 of the paper; the threshold of a vibration; which of two intervals is the
+stronger; all pairs compared."""
+
+
+def template_text(template: Template) -> str:
+    """TOML of a study that is shipped."""
+    return files("midair.study").joinpath("templates", f"{template}.toml").read_text(encoding="utf-8")
+
 
 def paper_design_text() -> str:
-    """TOML of the paper's experiment (section 5.3), shipped as the example."""
-    return files("midair.study").joinpath("paper_study.toml").read_text(encoding="utf-8")
+    """TOML of the paper's experiment (section 5.3)."""
+    return template_text("paper")
 
 
 def read_design(text: str, *, name: str = "", participants: int = 0, seed: int | None = None) -> Design:
@@ -67,18 +77,35 @@ class StudyFolder:
         self.path = path
 
     @classmethod
-    def create(cls, path: Path, text: str, design: Design) -> "StudyFolder":
-        """Draw the plan of a new study and store it, whole or not at all.
+    def create(
+        cls, path: Path, text: str, design: Design, *, drives: Callable[[Path], Mapping[str, str]] | None = None
+    ) -> "StudyFolder":
+        """Draw the plan of a new study and store it, whole or not at all; for this user alone.
+
+        Parameters
+        ----------
+        path : Path
+            The new folder.
+        text : str
+            The TOML, kept beside the plan.
+        design : Design
+            What it says.
+        drives : callable, optional
+            Puts the drives into a folder and gives their digests by their names; the plan knows none if None.
 
         Raises
         ------
         FileError
             If the folder holds something already: a plan is never drawn twice.
         """
+        draw_plan(design)  # what cannot be drawn is refused before drives are made, which takes its time
         with whole_folder(path) as partial:
-            content = json.dumps(asdict(draw_plan(design)), indent=1, ensure_ascii=False)
-            (partial / "plan.toml").write_text(text, encoding="utf-8")
-            (partial / "plan.json").write_text(content, encoding="utf-8")
+            partial.chmod(0o700)
+            plan = draw_plan(design, drives=drives(partial) if drives else None)
+            content = json.dumps(asdict(plan), indent=1, ensure_ascii=False)
+            for name, written in (("plan.toml", text), ("plan.json", content)):
+                (partial / name).touch(mode=0o600)
+                (partial / name).write_text(written, encoding="utf-8")
         return cls(path)
 
     def plan(self) -> Plan:
@@ -96,7 +123,7 @@ class StudyFolder:
             raise MissingFileError(f"{self.path}: expected a study with a plan.json; make one with `midair study new`")
         try:
             content = json_of(read_text(file, "a plan"))
-            found = digest_of(content["design"], content["trials"])
+            found = digest_of(content["design"], content["trials"], content.get("drives"))
             plan = TypeAdapter(Plan).validate_python(content)
         except (ValueError, KeyError, AttributeError, TypeError) as wrong:
             raise BrokenFileError(f"{file.name}: expected a plan, got something else; restore a copy") from wrong

@@ -33,7 +33,12 @@ MEANING: Mapping[str, str] = {
     "right": "Right answer; n/a where nothing is right or wrong.",
     "correct": "1 if right, 0 if wrong; n/a where nothing is right or wrong.",
     "response_time": "From the question to the answer.",
-    "time": "When the answer was given, ISO 8601.",
+    "time": "When the answer was given, from the beginning of the session.",
+    "session": "Number of the session, from 1 on.",
+    "role": "What the trial is for: test, catch, anchor or attention.",
+    "excluded": "Rule of the plan that leaves the answer or its participant out; n/a if none does.",
+    "reaction_by": "How the response time was taken: key, line (of the Enter after it), page, or model.",
+    "failed_plays": "How often the presentation had failed and was made again.",
     "simulated": "Whether the participant is simulated.",
 }
 """What the columns of an answers table mean."""
@@ -50,6 +55,7 @@ def write_csv(table: DataFrame, path: Path) -> None:
     if path.exists():
         raise FileError(f"{path.name}: expected a new file, got one that is there; choose another name")
     with whole_file(path) as partial:
+        partial.chmod(0o600)  # it holds what people answered
         _write_separated(table, partial, ",")
 
 
@@ -94,6 +100,8 @@ def write_bids(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
         raise InputError("export: expected answers, got none; run a participant first")
     with whole_folder(folder) as partial:
         written = _dataset(answers, design, partial)
+        for inside in (partial, *partial.rglob("*")):  # it holds what people answered
+            inside.chmod(0o700 if inside.is_dir() else 0o600)
         return [folder / path.relative_to(partial) for path in written]
 
 
@@ -221,7 +229,7 @@ def _sidecar(table: DataFrame, design: Design) -> dict[str, Any]:
         name: {"Description": MEANING.get(name, f"Level of the factor {name}; n/a where it has none.")}
         for name in table
     }
-    columns["response_time"]["Units"] = "s"
+    columns["response_time"]["Units"] = columns["time"]["Units"] = "s"
     columns["question"]["Levels"] = {question.name: question.text for question in design.questions}
     told = [text for text in (design.consent, *(block.text for block in design.blocks)) if text]
     task = {"TaskName": design.name, "TaskDescription": design.title or design.name}

@@ -1,23 +1,20 @@
-"""A study at a terminal: the screen, who presents, and signals that stop."""
+"""A study at a terminal: the screen, its keys, and signals that stop."""
 
 import signal
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
-from functools import lru_cache, partial
 from time import monotonic
 from types import FrameType
 
 from rich.console import Console
 from rich.markup import escape
 
-from midair.devices import Admission, ExposureChoices, VirtualArray, admit
 from midair.errors import InputError
-from midair.files import load_solution, load_target, printable
-from midair.model import Drive, Medium, TransducerArray
-from midair.rig import ENDING, array_named, handled, room_air, usual_exposure
-from midair.study.design import Plan
-from midair.study.folder import StudyFolder
-from midair.study.session import ArrayPresenter, ExperimenterPresenter, Presenter, Reply, TrialStep
+from midair.files import printable
+from midair.rig import ENDING, handled
+from midair.study.design import Question
+from midair.study.keyboard import Keyboard
+from midair.study.session import Reply, TrialStep
 
 
 class TerminalScreen:
@@ -27,10 +24,13 @@ class TerminalScreen:
     ----------
     console : Console
         To print to and to read from.
+    keyboard : Keyboard, optional
+        For questions that one key answers, and for sliders; whole lines are read if None.
     """
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, keyboard: Keyboard | None = None) -> None:
         self._console = console
+        self._keyboard = keyboard
 
     def show(self, text: str) -> None:
         """Show a text until Enter."""
@@ -47,73 +47,74 @@ class TerminalScreen:
                 return
             self._console.print(f"Please rest for another {end - monotonic():.0f} s.")
 
+    def cue(self, text: str) -> None:
+        """Say that a stimulus comes now."""
+        if text:
+            self._console.print(f"\n[bold]{_plain(text)}[/]")
+
     def ask(self, step: TrialStep) -> Reply:
-        """Ask a question and read a line."""
+        """Ask a question, and read a key or a line."""
         question = step.question
         if question is None:
             raise InputError("terminal: expected a question to ask, got none")
-        self._console.print(f"\n[bold]{step.number} of {step.total}[/] {_plain(question.text)}")
-        if question.kind == "rating":
-            ends = f"{question.low}: {question.low_label}, {question.high}: {question.high_label}"
-            self._console.print(f"  {_plain(ends)}")
-        else:
-            for number, option in enumerate(question.answers, start=1):
-                self._console.print(f"  {number}  {_plain(option)}")
-        return Reply(text=self._console.input("> "))
+        place = f"[bold]{step.number} of {step.total}[/] " if step.code else ""
+        self._console.print(f"\n{place}{_plain(question.text)}")
+        for line in _menu(question):
+            self._console.print(f"  {_plain(line)}")
+        if self._keyboard and question.keys:
+            return self._pressed(self._keyboard, question)
+        if self._keyboard and question.kind == "slider":
+            return self._slid(self._keyboard, question)
+        return self._typed(question)
+
+    def _pressed(self, keyboard: Keyboard, question: Question) -> Reply:
+        """The answer of one key, and when it came."""
+        self._console.print(f"Press {_plain(', '.join(question.keys))}")
+        with keyboard.listening():
+            begin = monotonic()
+            until = begin + question.timeout_s if question.timeout_s else None
+            while key := keyboard.key(until):
+                reaction = monotonic() - begin
+                if key in question.keys:
+                    self._console.print(f"> {_plain(question.keys[key])}")
+                    return Reply(text=question.keys[key], reaction_s=reaction, by="key")
+            return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
+
+    def _slid(self, keyboard: Keyboard, question: Question) -> Reply:
+        """Where the mark stood at Enter; there is none before the first arrow key."""
+        self._console.print("Arrow keys: left and right by a hundredth, down and up by a tenth; then Enter")
+        span = question.high - question.low
+        moves = {"left": -0.01, "right": 0.01, "down": -0.1, "up": 0.1}
+        share: float | None = None
+        with keyboard.listening():
+            begin = monotonic()
+            until = begin + question.timeout_s if question.timeout_s else None
+            while key := keyboard.key(until):
+                if key in moves:
+                    share = min(max((0.5 if share is None else share) + moves[key], 0), 1)
+                    self._console.print(_bar(share, f"{question.low + share * span:g}"), end="\r")
+                if key == "enter" and share is not None:
+                    self._console.print("")
+                    text = f"{question.low + share * span:g}"
+                    return Reply(text=text, reaction_s=monotonic() - begin, by="key")
+            return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
+
+    def _typed(self, question: Question) -> Reply:
+        if self._keyboard and question.timeout_s:
+            self._console.print("> ", end="")
+            if not self._keyboard.line_in(question.timeout_s):
+                return Reply(text="", reaction_s=question.timeout_s, by="line", late=True)
+            return Reply(text=self._console.input(""), by="line")
+        return Reply(text=self._console.input("> "), by="line")
 
     def accepted(self, step: TrialStep, answer: str) -> None:
-        """Nothing: feedback would teach the answers."""
+        """Nothing, since feedback would teach the answers; but that the time was over."""
+        if step.question and step.question.timeout_s and answer == "n/a":
+            self._console.print(f"No answer within {step.question.timeout_s:g} s.")
 
     def refused(self, step: TrialStep, why: str) -> None:
         """Say why the answer to this trial's question was none."""
         self._console.print(f"trial {step.number}: {_plain(why)}")
-
-
-@contextmanager
-def presenter_named(
-    array: str,
-    folder: StudyFolder,
-    plan: Plan,
-    *,
-    exposure: ExposureChoices | None = None,
-    room: Medium | None = None,
-    before: Callable[[Drive], None] | None = None,
-) -> Generator[Presenter]:
-    """What presents: the experimenter, told on the error stream, or an array that plays drives beside the plan.
-
-    Every drive passes the exposure gate before the session begins, which `before` is called with ahead of that, and
-    each time it plays is in the log. The experimenter is told what the air of the room does to it.
-    """
-    console = Console(stderr=True, emoji=False)
-    by_hand = ExperimenterPresenter(
-        tell=lambda line: console.print(f"experimenter: {_plain(line)}"),
-        done=lambda: _wait(console),
-    )
-    if array == "none":
-        if drives := [stimulus.name for stimulus in plan.design.stimuli if stimulus.kind == "drive"]:
-            raise InputError(f"array: expected one to play {len(drives)} drives of the plan, got none; give --array")
-        yield by_hand
-        return
-    choices = exposure or usual_exposure()
-    device = VirtualArray(TransducerArray.autd3()) if array == "virtual" else array_named(array)
-
-    @lru_cache(maxsize=32)
-    def admitted(source: str) -> Admission:
-        drive = load_solution(folder.path / source).drive
-        if before is not None:
-            before(drive)
-        return admit(drive, device, choices)
-
-    with device:
-        presenter = ArrayPresenter(array=device, admitted=admitted, by_hand=by_hand, room=room)
-        presenter.check(plan.design.stimuli)
-        for path in dict.fromkeys(folder.path / one.source for one in plan.design.stimuli if one.kind == "drive"):
-            air = room_air(load_solution(path).drive, room, partial(load_target, path), simulated=device.simulated)
-            console.print(_plain(f"{path.name}: {air.said}"), style="yellow" if air.warns else None)
-            admission = admitted(str(path.relative_to(folder.path)))
-            if admission.outcome == "attenuated":
-                console.print(_plain(f"{path.name}: exposure {admission.verdict()}"), style="yellow")
-        yield presenter
 
 
 @contextmanager
@@ -127,8 +128,20 @@ def stops_on_signals() -> Generator[None]:
         yield
 
 
-def _wait(console: Console) -> None:
-    console.input("[dim]Enter when it was presented[/] ")
+def _menu(question: Question) -> list[str]:
+    """What may be answered, line by line."""
+    if question.kind in ("rating", "slider"):
+        return [f"{question.low}: {question.low_label}, {question.high}: {question.high_label}"]
+    if question.kind == "magnitude":
+        return ["any number of 0 or more"]
+    if question.numbered:
+        return [f"{number}  {option}" for number, option in enumerate(question.answers, start=1)]
+    # The options are numbers themselves: others before them would be taken for answers.
+    return list(question.answers)
+
+
+def _bar(share: float, value: str) -> str:
+    return f"  |{'-' * round(40 * share)}#{'-' * (40 - round(40 * share))}|  {value}   "
 
 
 def _plain(text: str) -> str:

@@ -5,11 +5,16 @@ import pytest
 
 from midair.errors import InputError
 from midair.study import proportion_correct
-from midair.study.design.adaptive_block import answered, rungs, threshold, thresholds_of
-from midair.study.design.blocks import Analysis, Block, Design, Stimulus
+from midair.study.design.adaptive_block import answered, next_stimulus, threshold, thresholds_of
+from midair.study.design.analysis_plan import Analysis
+from midair.study.design.answers import answers_table
+from midair.study.design.blocks import Block, Extra
+from midair.study.design.ladder import rungs
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question
-from midair.study.design.standing import answers_table, replay
+from midair.study.design.standing import GivenAnswer, Standing, replay
+from midair.study.design.stimulus import Stimulus
+from midair.study.design.study_design import Design
 from midair.study.findings.analysis import analyse
 from midair.study.findings.study_data import data_of_answers
 from midair.study.session.event_log import read_events
@@ -21,8 +26,12 @@ from midair.study.session.trials import Session, run
 STRENGTHS = [0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0]
 
 
-def design(adaptive, trials=60, strengths=STRENGTHS):
-    stimuli = [Stimulus(name=f"s{s}", source="x", levels={"strength": str(s), "place": "left"}) for s in strengths]
+def design(adaptive, trials=60, strengths=STRENGTHS, sides=("left", "right")):
+    stimuli = [
+        Stimulus(name=f"s{s}{place}", source="x", levels={"strength": str(s), "place": place})
+        for s in strengths
+        for place in sides
+    ]
     question = Question(name="where", kind="choice", text="?", options=("left", "right"), truth="place")
     block = Block(
         name="b",
@@ -67,7 +76,8 @@ def test_the_ladder_goes_down_after_three_and_up_after_one(tmp_path):
     assert strength.tolist() == STRENGTHS
     history = answered(plan, progress, plan.design.block("b"))
     assert len(history) == 60
-    place = [ladder.index(name) for name, _ in history]
+    assert [len(names) for names in ladder] == [2] * 9
+    place = [rung for rung, _ in history]
     assert place[:3] == [8, 8, 8]
     for before, after, (_, right) in zip(place, place[1:], history, strict=False):
         assert after >= before if not right else after <= before
@@ -90,8 +100,64 @@ def test_says_what_is_wrong(tmp_path):
         threshold(plan, session(plan, 1, tmp_path / "log"), "b")
     with pytest.raises(InputError, match="strengths above 0"):
         rungs(design("quest+", strengths=[0, 1, 2]), design("quest+", strengths=[0, 1, 2]).blocks[0])
-    with pytest.raises(InputError, match="three stimuli or more"):
-        design("quest+", strengths=[1, 2])
+    with pytest.raises(InputError, match="three strengths or more"):
+        draw_plan(design("quest+", strengths=[1, 2]))
+
+
+@pytest.mark.parametrize(
+    ("sides", "drop", "why"),
+    [(("left",), "", "'left' in all of them"), (("left", "right"), "s1.0left", "same right answers at every strength")],
+)
+def test_a_ladder_that_tells_the_answer_is_refused(sides, drop, why):
+    made = design("quest+", sides=sides)
+    (block,) = made.blocks
+    kept = tuple(name for name in block.stimuli if name != drop)
+    with pytest.raises(InputError, match=why):
+        draw_plan(replace(made, blocks=(replace(block, stimuli=kept),)))
+
+
+@pytest.mark.parametrize("adaptive", ["staircase", "quest+"])
+@pytest.mark.parametrize("people", [20, pytest.param(500, marks=pytest.mark.slow)])
+def test_whoever_always_says_left_is_right_by_chance(adaptive, people):
+    made = replace(design(adaptive, trials=20, strengths=[0.5, 1, 2]), participants=people)
+    plan = draw_plan(made)
+    right = []
+    for number in range(1, people + 1):
+        answers, chosen = {}, {}
+        standing = Standing(trials=plan.of(number), answers=answers, chosen=chosen)
+        for trial in standing.trials:
+            chosen[trial.code] = next_stimulus(plan, standing, trial)
+            answers[trial.code, "where"] = GivenAnswer(answer="left", reaction_s=1.0, time="")
+        right.append(np.mean([correct for _, correct in answered(plan, standing, plan.design.blocks[0])]))
+    assert np.mean(right) == 0.5
+    assert {trial.variant for trial in plan.trials} == {0, 1}
+
+
+def test_which_side_comes_next_cannot_be_guessed_from_the_one_before():
+    plan = draw_plan(replace(design("quest+", trials=40), participants=100))
+    sides = np.array([[trial.variant for trial in plan.of(number)] for number in range(1, 101)])
+    assert (sides.sum(axis=1) == 20).all()
+    # Of 40 balanced places a side follows itself in 19 of 39 on average.
+    assert np.mean(sides[:, 1:] == sides[:, :-1]) == pytest.approx(19 / 39, abs=0.03)
+
+
+def test_catch_trials_stand_among_the_others_and_move_no_threshold(tmp_path):
+    made = design("quest+", sides=("yes",))
+    felt = Question(name="where", kind="yes-no", text="Felt?")
+    nothing = Stimulus(name="nothing", kind="silence")
+    extras = (Extra(role="catch", stimuli=("nothing",), repetitions=15),)
+    block = replace(made.blocks[0], extras=extras)
+    plan = draw_plan(
+        replace(made, stimuli=(*made.stimuli, nothing), questions=(felt,), blocks=(block,)),
+    )
+    trials = plan.of(1)
+    assert [trial.role for trial in trials].count("catch") == 15
+    assert trials[0].role == "test"
+    progress = session(plan, 1, tmp_path / "log")
+    assert len(answered(plan, progress, plan.design.blocks[0])) == 60
+    table = answers_table(plan, [progress])
+    assert set(table.loc[table["role"] == "catch", "right"]) == {"no"}
+    assert table["scored"].all(), "of d' they are the half in which nothing is felt"
 
 
 def test_thresholds_reach_the_report(tmp_path):

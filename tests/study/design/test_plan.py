@@ -4,9 +4,10 @@ from dataclasses import replace
 import pytest
 
 from midair.errors import InputError, MismatchError
+from midair.study.design.answers import answers_table
 from midair.study.design.order import longest_run_of
 from midair.study.design.plan import block_order, draw_plan
-from midair.study.design.standing import answers_table, replay
+from midair.study.design.standing import replay
 from midair.study.folder import paper_design_text, read_design
 
 
@@ -63,7 +64,13 @@ def test_unknown_participant(plan):
 
 
 def opened(plan, participant=1):
-    return {"event": "open", "plan": plan.digest, "participant": participant, "simulated": False, "time": "t"}
+    return {
+        "event": "open",
+        "plan": plan.digest,
+        "participant": participant,
+        "simulated": False,
+        "time": "2026-01-01T10:00:00+00:00",
+    }
 
 
 def answered(trial, question, answer="brush"):
@@ -73,7 +80,7 @@ def answered(trial, question, answer="brush"):
         "question": question,
         "answer": answer,
         "reaction_s": 1.0,
-        "time": "t",
+        "time": "2026-01-01T10:00:00+00:00",
     }
 
 

@@ -6,6 +6,11 @@ from midair.errors import InputError
 from midair.study.design.question import Question, QuestionKind, one_of
 
 CHOICE = Question(name="which", kind="choice", text="?", options=("brush", "sponge", "spoon", "7"))
+TWO = Question(name="n", kind="choice", text="?", options=("2", "3", "4"))
+SIZES = Question(name="mm", kind="choice", text="?", options=("3 mm", "1 mm", "20 mm"))
+ORDER = Question(name="o", kind="choice", text="?", options=("1st", "2nd"))
+SLIDE = Question(name="s", kind="slider", text="?", low=0, high=100)
+WORDS = Question(name="w", kind="text", text="?")
 RATING = Question(name="like", kind="rating", text="?", low=-1, high=3)
 MAGNITUDE = Question(name="size", kind="magnitude", text="?")
 FELT = Question(name="felt", kind="yes-no", text="?")
@@ -19,6 +24,14 @@ SAME = Question(name="same", kind="same-different", text="?")
         (CHOICE, "2", "sponge"),
         (CHOICE, "BR", "brush"),
         (CHOICE, "7", "7"),  # an option before the number of one
+        (TWO, "2", "2"),  # the option, not the second one
+        (TWO, "4", "4"),
+        (SIZES, "1 m", "1 mm"),
+        (ORDER, "2", "2nd"),
+        (SLIDE, "12.50", "12.5"),
+        (SLIDE, "100", "100"),
+        (WORDS, "  a\tsoft cloth ", "a soft cloth"),
+        (WORDS, "", ""),
         (RATING, "-1", "-1"),
         (RATING, "3", "3"),
         (MAGNITUDE, "12.50", "12.5"),
@@ -39,6 +52,12 @@ def test_what_is_said_is_stored_as_the_answer(question, said, stored):
         (CHOICE, "5"),
         (CHOICE, "0"),
         (CHOICE, ""),
+        (TWO, "1"),
+        (SIZES, "1"),  # the first, or 1 mm?
+        (SIZES, "2"),
+        (SLIDE, "101"),
+        (SLIDE, "-0.1"),
+        (SLIDE, "nan"),
         (RATING, "4"),
         (RATING, "1.5"),
         (RATING, ""),
@@ -54,8 +73,19 @@ def test_what_is_no_answer_is_refused(question, said):
         question.read(said)
 
 
+def test_one_key_stands_for_one_answer():
+    assert CHOICE.keys == {"1": "brush", "2": "sponge", "3": "spoon", "4": "7"}
+    assert TWO.keys == {"2": "2", "3": "3", "4": "4"}
+    assert FELT.keys == {"1": "yes", "2": "no"}
+    assert [one.keys for one in (SIZES, SLIDE, WORDS, RATING)] == [{}] * 4
+    for question in (CHOICE, TWO, FELT, SAME, ORDER):
+        assert {key: question.read(key) for key in question.keys if question is not CHOICE or key != "7"} == dict(
+            question.keys
+        )
+
+
 def test_every_listed_answer_is_one():
-    for question in (CHOICE, RATING, FELT, SAME):
+    for question in (CHOICE, RATING, FELT, SAME, TWO, SIZES, ORDER):
         assert [question.read(answer) for answer in question.answers] == list(question.answers)
     assert RATING.answers == ("-1", "0", "1", "2", "3")
     assert MAGNITUDE.answers == ()
@@ -67,6 +97,10 @@ def test_every_listed_answer_is_one():
         ({"kind": "essay"}, "kind: expected one of choice, rating"),
         ({"kind": "choice", "options": ("a",)}, "two or more different options"),
         ({"kind": "choice", "options": ("a", "b", "a")}, "two or more different options"),
+        ({"kind": "choice", "options": ("a", " b")}, "without space around them, got ' b'"),
+        ({"kind": "choice", "options": ("a", "")}, "without space"),
+        ({"kind": "yes-no", "timeout_s": -1}, "timeout_s of 0 or more, got -1"),
+        ({"kind": "slider", "low": 7, "high": 7}, "low below high, got 7 and 7"),
         ({"kind": "rating", "low": 7, "high": 7}, "low below high, got 7 and 7"),
     ],
 )

@@ -3,8 +3,9 @@
 import pytest
 
 from midair.errors import BrokenFileError
+from midair.study.design.answers import answers_table
 from midair.study.design.plan import draw_plan
-from midair.study.design.standing import answers_table, replay
+from midair.study.design.standing import replay
 from midair.study.folder import paper_design_text, read_design
 
 PLAN = draw_plan(read_design(paper_design_text(), participants=1))

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from midair.errors import InputError
-from midair.study.design.blocks import Analysis
+from midair.study.design.analysis_plan import Analysis
 from midair.study.findings.analysis import analyse
 from midair.study.findings.study_data import data_of_answers, data_of_columns
 

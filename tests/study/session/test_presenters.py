@@ -9,8 +9,13 @@ from midair.devices import VirtualArray, admit, autd3_array
 from midair.errors import ExposureError, InputError, SilentFramesError
 from midair.model import Drive, Placement, TransducerArray
 from midair.rig import usual_exposure
-from midair.study.design.blocks import Stimulus
-from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, NoPresenter
+from midair.study.design.stimulus import Stimulus
+from midair.study.session.presenters import (
+    ArrayPresenter,
+    ExperimenterPresenter,
+    MaskedPresenter,
+    NoPresenter,
+)
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
 TONE = Stimulus(name="a", source="a.drive.h5")
@@ -25,7 +30,7 @@ def drive(array=ARRAY):
 def presenter(device, load, told):
     by_hand = ExperimenterPresenter(tell=told.append, done=lambda: told.append("done"))
     choices = usual_exposure()
-    return ArrayPresenter(array=device, admitted=lambda source: admit(load(source), device, choices), by_hand=by_hand)
+    return ArrayPresenter(array=device, admitted=lambda one: admit(load(one.source), device, choices), by_hand=by_hand)
 
 
 def test_an_array_plays_drives_and_the_experimenter_takes_up_objects():
@@ -47,6 +52,52 @@ def test_an_array_plays_drives_and_the_experimenter_takes_up_objects():
         one.silence()
     assert loaded == ["a.drive.h5", "a.drive.h5"]
     assert told[2:] == ["nothing is to touch the participant now"]
+
+
+class Noise:
+    def __init__(self, told):
+        self.told = told
+
+    def on(self):
+        self.told.append("noise")
+
+    def off(self):
+        self.told.append("quiet")
+
+
+def test_noise_covers_what_the_array_plays_and_its_silences_but_no_objects():
+    told = []
+
+    class Inner(NoPresenter):
+        def present(self, stimulus):
+            told.append(stimulus.name)
+            if stimulus.name == "a2":
+                raise SilentFramesError("silent")
+
+        def silence(self):
+            told.append("silence")
+
+    one = MaskedPresenter(inner=Inner(), noise=Noise(told))
+    for stimulus in (TONE, NOTHING, BRUSH):
+        one.present(stimulus)
+    assert told == ["noise", "a", "quiet", "noise", "n", "quiet", "b"]
+    told.clear()
+    with pytest.raises(SilentFramesError):
+        one.present(replace(TONE, name="a2"))
+    one.silence()
+    assert told == ["noise", "a2", "quiet", "silence", "quiet"]
+
+
+def test_silence_lasts_as_long_as_the_others_and_ends_at_once_when_ordered():
+    with VirtualArray(ARRAY) as device:
+        one = replace(presenter(device, lambda _: drive(), []), silence_s=0.05)
+        begin = time.monotonic()
+        one.present(NOTHING)
+        assert time.monotonic() - begin >= 0.05
+        long = replace(one, silence_s=30.0)
+        threading.Timer(0.05, long.silence).start()
+        long.present(NOTHING)
+        assert time.monotonic() - begin < 10
 
 
 def test_a_drive_for_another_array_is_refused_before_the_session():

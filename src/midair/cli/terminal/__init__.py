@@ -25,6 +25,7 @@ from midair.cli.terminal.console import (
     stages,
     talk,
     talking,
+    warn_simulated,
 )
 from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long, say_how_long_to_come
 from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
@@ -144,4 +145,5 @@ __all__ = [
     "talking",
     "tell",
     "way_of",
+    "warn_simulated",
 ]

@@ -174,3 +174,9 @@ def banner(simulated: bool) -> None:
     """Say so when what follows is simulated."""
     if simulated:
         err().print("SIMULATED: no sensor, array or skin was involved", style="bold red")
+
+
+def warn_simulated(simulated: bool) -> None:
+    """Say so when nobody answered what follows."""
+    if simulated:
+        err().print("SIMULATED: no person was asked", style="bold red")

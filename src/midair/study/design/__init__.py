@@ -2,16 +2,25 @@
 
 from midair.study.design.adaptive import QuestPlus, Staircase
 from midair.study.design.adaptive_block import next_stimulus, thresholds_of
-from midair.study.design.blocks import Analysis, Block, Design, Stimulus, right_answer
+from midair.study.design.analysis_plan import Analysis, Exclusions
+from midair.study.design.answers import answers_table
+from midair.study.design.blocks import Block, Criterion, Extra
+from midair.study.design.exclusions import left_out
 from midair.study.design.order import balanced_latin_square, constrained_shuffle
 from midair.study.design.plan import Plan, Trial, block_order, digest_of, draw_plan
 from midair.study.design.question import Question
-from midair.study.design.standing import Policy, Standing, answers_table, replay
+from midair.study.design.standing import Policy, Standing, replay, right_of
+from midair.study.design.stimulus import Stimulus, right_answer
+from midair.study.design.study_design import Design, MaskingNoise
 
 __all__ = [
     "Analysis",
     "Block",
+    "Criterion",
     "Design",
+    "Exclusions",
+    "Extra",
+    "MaskingNoise",
     "Plan",
     "Policy",
     "QuestPlus",
@@ -26,8 +35,10 @@ __all__ = [
     "constrained_shuffle",
     "digest_of",
     "draw_plan",
+    "left_out",
     "next_stimulus",
     "replay",
     "right_answer",
+    "right_of",
     "thresholds_of",
 ]

@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.study.design.adaptive import QuestPlus, Staircase
-from midair.study.design.blocks import Block, Design, right_answer
+from midair.study.design.blocks import Block
+from midair.study.design.ladder import rungs
 from midair.study.design.plan import Plan, Trial
 from midair.study.design.standing import Standing
+from midair.study.design.stimulus import right_answer
+from midair.study.design.study_design import Design
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,8 +22,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 Array = NDArray[np.float64]
-History = list[tuple[str, bool]]
-"""Stimulus and whether its answer was right, in order."""
+History = list[tuple[int, bool]]
+"""Rung and whether the answer was right, in order."""
 
 
 def next_stimulus(plan: Plan, progress: Standing, trial: Trial) -> str:
@@ -32,9 +35,11 @@ def next_stimulus(plan: Plan, progress: Standing, trial: Trial) -> str:
     ladder, strength = rungs(plan.design, block)
     history = answered(plan, progress, block)
     if block.adaptive == "staircase":
-        return ladder[round(climb(ladder, history).level)]
-    level = ask_quest(plan.design, block, history).next_level
-    return ladder[int(np.argmin(np.abs(strength - level)))]
+        rung = ladder[round(climb(len(ladder), history).level)]
+    else:
+        level = ask_quest(plan.design, block, history).next_level
+        rung = ladder[int(np.argmin(np.abs(strength - level)))]
+    return rung[trial.variant % len(rung)]
 
 
 def threshold(plan: Plan, progress: Standing, block_name: str) -> tuple[float, float]:
@@ -55,7 +60,7 @@ def threshold(plan: Plan, progress: Standing, block_name: str) -> tuple[float, f
     history = answered(plan, progress, block)
     if block.adaptive == "quest+":
         return ask_quest(plan.design, block, history).threshold
-    state = climb(ladder, history)
+    state = climb(len(ladder), history)
     # For its check alone: the mean is of strengths, not of rungs.
     state.threshold(last=6)
     return float(np.mean(strength[np.rint(state.turned[-6:]).astype(int)])), float("nan")
@@ -82,40 +87,25 @@ def thresholds_of(plan: Plan, sessions: Sequence[Standing]) -> DataFrame | None:
     return DataFrame(rows) if rows else None
 
 
-def rungs(design: Design, block: Block) -> tuple[list[str], Array]:
-    """Stimuli of an adaptive block from weak to strong, and their strengths.
-
-    Raises
-    ------
-    InputError
-        If a strength is not a number above 0.
-    """
-    try:
-        strength = np.array([float(design.stimulus(name).levels[block.strength]) for name in block.stimuli])
-    except (KeyError, ValueError) as wrong:
-        raise InputError(f"block {block.name!r}: expected a number for the factor {block.strength!r}") from wrong
-    if not (np.isfinite(strength) & (strength > 0)).all():
-        raise InputError(f"block {block.name!r}: expected strengths above 0, got {strength.tolist()}")
-    order = np.argsort(strength, kind="stable")
-    return [block.stimuli[i] for i in order], strength[order]
-
-
 def answered(plan: Plan, progress: Standing, block: Block) -> History:
-    """The answers of a block to its first question, as right or wrong."""
+    """The answers of a block to its first question, as right or wrong; those to catch trials and such left out."""
+    ladder, _ = rungs(plan.design, block)
+    place = {name: rung for rung, names in enumerate(ladder) for name in names}
     question = plan.design.question(block.questions[0])
     history: History = []
     for trial in progress.trials:
         name = trial.stimulus or progress.chosen.get(trial.code, "")
-        if trial.block == block.name and name and (trial.code, question.name) in progress.answers:
+        given = progress.answers.get((trial.code, question.name))
+        if trial.block == block.name and trial.role == "test" and name in place and given:
             stimulus = plan.design.stimulus(name)
-            right = right_answer(question, stimulus, {**trial.levels, **stimulus.levels})
-            history.append((name, progress.answers[trial.code, question.name].answer == right))
+            right = right_answer(question, stimulus, {**stimulus.levels, **trial.levels})
+            history.append((place[name], given.answer == right))
     return history
 
 
-def climb(ladder: list[str], history: History) -> Staircase:
+def climb(count: int, history: History) -> Staircase:
     """A 3-down/1-up staircase over the rungs, from the strongest, two rungs a step until the first reversal."""
-    top = len(ladder) - 1
+    top = count - 1
     state = Staircase(level=top, steps=(2, 1), low=0, high=top)
     for _, correct in history:
         state = state.answered(correct)
@@ -124,7 +114,7 @@ def climb(ladder: list[str], history: History) -> Staircase:
 
 def ask_quest(design: Design, block: Block, history: History) -> QuestPlus:
     """QUEST+ over a grid of Weibull functions around the ladder's strengths, after the answers so far."""
-    ladder, strength = rungs(design, block)
+    _, strength = rungs(design, block)
     question = design.question(block.questions[0])
     guess = 0.05 if question.kind == "yes-no" else 1 / max(len(question.answers), 2)
     state = QuestPlus(
@@ -134,7 +124,6 @@ def ask_quest(design: Design, block: Block, history: History) -> QuestPlus:
         lapses=np.array([0.02]),
         guess=guess,
     )
-    place = dict(zip(ladder, strength.tolist(), strict=True))
-    for name, correct in history:
-        state = state.answered(place[name], correct)
+    for rung, correct in history:
+        state = state.answered(float(strength[rung]), correct)
     return state

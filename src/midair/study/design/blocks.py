@@ -1,53 +1,68 @@
-"""What a study is made of: stimuli, questions, blocks, and the order that is promised."""
+"""Blocks: trials that belong together, in the order that is promised, and what is strewn among them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
-from midair.errors import InputError, MismatchError
-from midair.study.design.question import Question, one_of
-
-StimulusKind = Literal["drive", "object", "silence", "pair"]
-"""A drive that an array plays; a real object that the experimenter presents; nothing; two stimuli in a row."""
+from midair.errors import InputError
+from midair.study.design.question import one_of
 
 Order = Literal["shuffle", "rounds", "fixed"]
 """All trials of a block mixed; every stimulus once, in a new order, repetition by repetition; as written."""
 
-
 Adaptive = Literal["", "staircase", "quest+"]
 """A plan drawn beforehand; 3-down/1-up; QUEST+."""
 
+ExtraRole = Literal["catch", "anchor", "attention"]
+"""A trial in which nothing (or nothing else) is to be felt; an end of the scale; one that whoever attends answers
+rightly."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stimulus:
-    """Something to feel: a drive, an object, nothing, or a pair.
+class Extra:
+    """Trials of another purpose that are strewn among those of a block, never the first of it.
 
     Attributes
     ----------
-    name : str
-        Known to nobody but the plan.
-    kind : {"drive", "object", "silence", "pair"}
-        How it is presented.
-    source : str
-        File of the drive, or what the experimenter is to take up.
-    members : tuple of str
-        Names of the two stimuli of a pair.
-    levels : mapping of str to str
-        Level of each factor, such as ``{"object": "towel"}``.
+    role : {"catch", "anchor", "attention"}
+        What they are for.
+    stimuli : tuple of str
+        Names.
+    repetitions : int
+        Trials of each stimulus.
+    questions : tuple of str
+        Names; those of the block if empty.
     """
 
-    name: str
-    kind: StimulusKind = "drive"
-    source: str = ""
-    members: tuple[str, ...] = ()
-    levels: Mapping[str, str] = field(default_factory=dict[str, str])
+    role: ExtraRole
+    stimuli: tuple[str, ...]
+    repetitions: int = 1
+    questions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        one_of(self.kind, StimulusKind, f"stimulus {self.name!r}: kind")
-        if (self.kind == "pair") != (len(self.members) == 2):
-            raise InputError(f"stimulus {self.name!r}: expected two members of a pair, got {list(self.members)}")
-        if self.kind in ("drive", "object") and not self.source:
-            raise InputError(f"stimulus {self.name!r}: expected the source of the {self.kind}, got none")
+        one_of(self.role, ExtraRole, "extras: role")
+        if not self.stimuli or self.repetitions < 1:
+            raise InputError(f"extras: expected stimuli and repetitions of 1 or more, got {self.repetitions}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Criterion:
+    """When a training is over: a share of the last answers to the first question is right.
+
+    Attributes
+    ----------
+    right : float
+        Least share, above 0 to 1.
+    last : int
+        Of so many answers.
+    """
+
+    right: float
+    last: int
+
+    def __post_init__(self) -> None:
+        if not 0 < self.right <= 1 or self.last < 1:
+            raise InputError(f"criterion: expected right in 0 to 1, last of 1 or more, got {self.right:g}, {self.last}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +95,20 @@ class Block:
     adaptive : {"", "staircase", "quest+"}
         What chooses the stimuli from the answers to the first question; `repetitions` is then the number of trials.
     strength : str
-        Factor whose levels are the strengths of an adaptive block's stimuli, as numbers.
+        Factor whose levels are the strengths of an adaptive block's stimuli, as numbers. Where several stimuli share a
+        strength (left and right), which of them comes is drawn beforehand, each equally often.
+    extras : tuple of Extra
+        Trials strewn among these: catch trials, anchors, attention checks.
+    criterion : Criterion, optional
+        Ends the block as soon as it is met; `repetitions` is then the most there can be.
+    feedback : bool
+        Whether the participant is told after each trial what was right.
+    break_every : int
+        A break of `rest_s` after so many trials within the block; 0 for none.
+    jitter_s : tuple of float
+        Shortest and longest time before each stimulus, in s; drawn beforehand.
+    session : int
+        Number of the session that the block belongs to, from 1 on.
     """
 
     name: str
@@ -96,6 +124,12 @@ class Block:
     rest_s: float = 0.0
     adaptive: Adaptive = ""
     strength: str = ""
+    extras: tuple[Extra, ...] = ()
+    criterion: Criterion | None = None
+    feedback: bool = False
+    break_every: int = 0
+    jitter_s: tuple[float, float] = (0.0, 0.0)
+    session: int = 1
 
     def __post_init__(self) -> None:
         one_of(self.order, Order, f"block {self.name!r}: order")
@@ -106,145 +140,11 @@ class Block:
             raise InputError(
                 f"block {self.name!r}: expected stimuli, repetitions of 1 or more, longest_run and rest_s of 0 or more"
             )
+        if not 0 <= self.jitter_s[0] <= self.jitter_s[1] < float("inf"):
+            raise InputError(f"block {self.name!r}: expected jitter_s from short to long, got {list(self.jitter_s)}")
+        if self.break_every < 0 or (self.break_every and not self.rest_s) or self.session < 1:
+            raise InputError(
+                f"block {self.name!r}: expected break_every of 0 or more with a rest_s, and session of 1 or more"
+            )
         if not self.group:
             object.__setattr__(self, "group", self.name)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Analysis:
-    """What will be tested, said before the first participant.
-
-    Attributes
-    ----------
-    choice : str
-        The question of the confusion matrix; none if empty.
-    condition : str
-        Factor of two levels whose F-measures are compared; none if empty.
-    only : mapping of str to str
-        Levels that a trial must have to count, such as ``{"presentation": "reproduced"}``.
-    rated : tuple of str
-        Questions of the analysis of variance; none if empty.
-    within : tuple of str
-        Its factors.
-    strength : str
-        Factor whose levels are numbers: a psychometric function is fitted to right answers; none if empty.
-    guess : float
-        Chance of a right answer without a stimulus, for that function: 1/m with m alternatives.
-    margin : float
-        Difference of macro F between conditions that does not matter.
-    """
-
-    choice: str = ""
-    condition: str = ""
-    only: Mapping[str, str] = field(default_factory=dict[str, str])
-    rated: tuple[str, ...] = ()
-    within: tuple[str, ...] = ()
-    strength: str = ""
-    guess: float = 0.5
-    margin: float = 0.1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Design:
-    """A study, before chance has been asked.
-
-    Attributes
-    ----------
-    name : str
-        Letters and digits only: it becomes the task of BIDS file names.
-    title : str
-        What the study is called for people.
-    participants : int
-        Number of people for whom the trials are drawn.
-    seed : int
-        Seed of all shuffles.
-    stimuli, questions, blocks : tuple
-        The parts.
-    counterbalanced : tuple of str
-        Groups of blocks that go through a balanced Latin square; the others stay where they are written.
-    consent, debrief : str
-        Told before and after.
-    analysis : Analysis
-        What will be tested.
-    """
-
-    name: str
-    participants: int
-    seed: int
-    stimuli: tuple[Stimulus, ...]
-    questions: tuple[Question, ...]
-    blocks: tuple[Block, ...]
-    title: str = ""
-    counterbalanced: tuple[str, ...] = ()
-    consent: str = ""
-    debrief: str = ""
-    analysis: Analysis = field(default_factory=Analysis)
-
-    def __post_init__(self) -> None:
-        if not (self.name.isascii() and self.name.isalnum()):
-            raise InputError(f"study: expected a name of letters and digits, got {self.name!r}")
-        if self.participants < 1 or not self.blocks:
-            raise InputError(f"study: expected participants and blocks, got {self.participants}, {len(self.blocks)}")
-        names = {kind: [part.name for part in parts] for kind, parts in self._parts().items()}
-        for kind, listed in names.items():
-            if len(set(listed)) < len(listed):
-                raise InputError(f"{kind}: expected different names, got {sorted(listed)}")
-        for block in self.blocks:
-            _known(block.stimuli, names["stimuli"], f"block {block.name!r}: stimuli")
-            _known(block.questions, names["questions"], f"block {block.name!r}: questions")
-        for stimulus in self.stimuli:
-            _known(stimulus.members, names["stimuli"], f"stimulus {stimulus.name!r}: members")
-        _known(self.counterbalanced, [block.group for block in self.blocks], "counterbalanced groups")
-        self._check_analysis(names["questions"])
-
-    @property
-    def factors(self) -> tuple[str, ...]:
-        """Names of all factors, in order of appearance."""
-        parts: list[Any] = [*self.stimuli, *self.blocks, *self.questions]
-        return tuple(dict.fromkeys(factor for part in parts for factor in part.levels))
-
-    def stimulus(self, name: str) -> Stimulus:
-        """The stimulus of this name."""
-        return next(part for part in self.stimuli if part.name == name)
-
-    def question(self, name: str) -> Question:
-        """The question of this name."""
-        return next(part for part in self.questions if part.name == name)
-
-    def block(self, name: str) -> Block:
-        """The block of this name."""
-        return next(part for part in self.blocks if part.name == name)
-
-    def _parts(self) -> dict[str, Any]:
-        return {"stimuli": self.stimuli, "questions": self.questions, "blocks": self.blocks}
-
-    def _check_analysis(self, questions: list[str]) -> None:
-        chosen = (self.analysis.choice,) if self.analysis.choice else ()
-        _known((*chosen, *self.analysis.rated), questions, "analysis: questions")
-        condition = (self.analysis.condition,) if self.analysis.condition else ()
-        strength = (self.analysis.strength,) if self.analysis.strength else ()
-        factors = (*condition, *strength, *self.analysis.within, *self.analysis.only)
-        truths = tuple(question.truth for question in self.questions if question.truth)
-        _known((*factors, *truths), list(self.factors), "factors")
-        # The table of answers has columns of these names, and one for each factor beside them.
-        taken = {"participant", "trial", "answer", "question", "block", "correct", "right", "stimulus", "scored"}
-        if clash := taken & set(self.factors):
-            raise MismatchError(
-                f"factors: expected names other than those of columns, got {sorted(clash)}; rename them"
-            )
-
-
-def right_answer(question: Question, stimulus: Stimulus, levels: Mapping[str, str]) -> str:
-    """The right answer to a question about a stimulus; empty where there is none."""
-    if question.truth:
-        return levels.get(question.truth, "")
-    if question.kind == "yes-no":
-        return "no" if stimulus.kind == "silence" else "yes"
-    if question.kind == "same-different" and stimulus.members:
-        return "same" if stimulus.members[0] == stimulus.members[1] else "different"
-    return ""
-
-
-def _known(asked: tuple[str, ...], known: list[str], what: str) -> None:
-    if unknown := [name for name in asked if name not in known]:
-        raise MismatchError(f"{what}: expected names among {', '.join(known) or 'none'}, got {unknown[0]!r}")

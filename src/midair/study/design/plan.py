@@ -1,7 +1,7 @@
 """The trials of every participant, drawn before the first one comes."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from json import dumps
 from typing import Any
@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.design.blocks import Block, Design
+from midair.study.design.blocks import Block
+from midair.study.design.ladder import check_sides, rungs
 from midair.study.design.order import balanced_latin_square, constrained_shuffle
+from midair.study.design.stimulus import both_orders
+from midair.study.design.study_design import Design
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +38,14 @@ class Trial:
         Asked in this order.
     scored : bool
         Whether it is analysed.
+    role : str
+        What the trial is for: "test", or the role of an `Extra`.
+    variant : int
+        In an adaptive block: which of the stimuli of one strength is presented.
+    wait_s : float
+        Time before the stimulus, in s.
+    session : int
+        From 1 on.
     """
 
     code: str
@@ -47,6 +58,10 @@ class Trial:
     questions: tuple[str, ...]
     scored: bool = True
     levels: Mapping[str, str] = field(default_factory=dict[str, str])
+    role: str = "test"
+    variant: int = 0
+    wait_s: float = 0.0
+    session: int = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,15 +76,18 @@ class Plan:
         Trials of all participants, in the order of presentation.
     digest : str
         Names the plan by its content when it was drawn: a log says which plan it followed.
+    drives : mapping of str to str
+        SHA-256 of each drive by its source; empty if none were there when the plan was drawn.
     """
 
     design: Design
     trials: tuple[Trial, ...]
     digest: str = ""
+    drives: Mapping[str, str] = field(default_factory=dict[str, str])
 
     def __post_init__(self) -> None:
         if not self.digest:
-            digest = digest_of(asdict(self.design), [asdict(trial) for trial in self.trials])
+            digest = digest_of(asdict(self.design), [asdict(trial) for trial in self.trials], self.drives)
             object.__setattr__(self, "digest", digest)
 
     def trial(self, code: str) -> Trial:
@@ -101,31 +119,51 @@ class Plan:
         return found
 
 
-def digest_of(design: Mapping[str, Any], trials: Sequence[Mapping[str, Any]]) -> str:
-    """Sixteen hexadecimal digits of SHA-256 over the JSON of a design and its trials."""
+def digest_of(
+    design: Mapping[str, Any], trials: Sequence[Mapping[str, Any]], drives: Mapping[str, str] | None = None
+) -> str:
+    """Sixteen hexadecimal digits of SHA-256 over the JSON of a design, its trials, and its drives if there are any."""
+    content = [dict(design), list(trials), *([dict(drives)] if drives else [])]
     # Sorted, so that only content makes a difference and not the order of keys in a file.
-    return sha256(dumps([dict(design), list(trials)], sort_keys=True).encode()).hexdigest()[:16]
+    return sha256(dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def draw_plan(design: Design) -> Plan:
+def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Plan:
     """Draw all trials from the seed of the design.
 
     Each participant has a stream of random numbers of their own: planning for more people leaves the others as they
     were.
+
+    Parameters
+    ----------
+    design : Design
+        Pairs that come in either order become two stimuli, see `both_orders`.
+    drives : mapping of str to str, optional
+        SHA-256 of each drive, for the plan.
+
+    Raises
+    ------
+    InputError
+        If whoever says the same in every trial of an adaptive block would always be right.
     """
-    trials = tuple(trial for number in range(1, design.participants + 1) for trial in _session(design, number))
-    return Plan(design=design, trials=trials)
+    whole = _in_both_orders(design)
+    for block in whole.blocks:
+        if block.adaptive:
+            check_sides(whole, block)
+    trials = tuple(trial for number in range(1, whole.participants + 1) for trial in _session(whole, number))
+    return Plan(design=whole, trials=trials, drives=dict(drives or {}))
 
 
 def block_order(design: Design, participant: int) -> list[Block]:
-    """Blocks of one participant: counterbalanced groups change places by a row of the Latin square."""
+    """Blocks of one participant: counterbalanced groups change places within a session, by a row of a Latin square."""
     groups = list(dict.fromkeys(block.group for block in design.blocks))
     moving = [group for group in groups if group in design.counterbalanced]
     if moving:
         square = balanced_latin_square(len(moving))
         row = iter(square[(participant - 1) % len(square)])
         groups = [moving[next(row)] if group in moving else group for group in groups]
-    return [block for group in groups for block in design.blocks if block.group == group]
+    found = [block for group in groups for block in design.blocks if block.group == group]
+    return sorted(found, key=lambda block: block.session)
 
 
 def _session(design: Design, participant: int) -> list[Trial]:
@@ -133,9 +171,10 @@ def _session(design: Design, participant: int) -> list[Trial]:
     trials: list[Trial] = []
     for block in block_order(design, participant):
         seen: dict[str, int] = {}
-        for name in [""] * block.repetitions if block.adaptive else _stimuli(block, rng):
-            seen[name] = seen.get(name, 0) + 1
+        for place in _places(design, block, rng):
+            seen[place.stimulus] = seen.get(place.stimulus, 0) + 1
             number = len(trials) + 1
+            levels = design.stimulus(place.stimulus).levels if place.stimulus else {}
             trials.append(
                 Trial(
                     code=f"p{participant:02d}-t{number:03d}",
@@ -143,14 +182,78 @@ def _session(design: Design, participant: int) -> list[Trial]:
                     number=number,
                     block=block.name,
                     group=block.group,
-                    repetition=seen[name],
-                    stimulus=name,
-                    levels={**(design.stimulus(name).levels if name else {}), **block.levels},
-                    questions=block.questions,
-                    scored=block.scored,
+                    repetition=seen[place.stimulus],
+                    stimulus=place.stimulus,
+                    levels={**levels, **block.levels},
+                    questions=place.questions,
+                    scored=block.scored and _counts(design, place),
+                    role=place.role,
+                    variant=place.variant,
+                    wait_s=round(float(rng.uniform(*block.jitter_s)), 3) if block.jitter_s[1] else 0.0,
+                    session=block.session,
                 )
             )
     return trials
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Place:
+    """What comes in one place of a block."""
+
+    stimulus: str
+    questions: tuple[str, ...]
+    role: str = "test"
+    variant: int = 0
+
+
+def _places(design: Design, block: Block, rng: np.random.Generator) -> list[_Place]:
+    if block.adaptive:
+        drawn = _variants(design, block, rng)
+        places = [_Place(stimulus="", questions=block.questions, variant=variant) for variant in drawn]
+    else:
+        places = [_Place(stimulus=name, questions=block.questions) for name in _stimuli(block, rng)]
+    extras = [
+        _Place(stimulus=name, questions=extra.questions or block.questions, role=extra.role)
+        for extra in block.extras
+        for name in extra.stimuli * extra.repetitions
+    ]
+    for index in rng.permutation(len(extras)) if extras else ():
+        places.insert(int(rng.integers(1, len(places) + 1)), extras[index])
+    return places
+
+
+def _variants(design: Design, block: Block, rng: np.random.Generator) -> list[int]:
+    """Which stimulus of a strength comes in each trial of an adaptive block: each equally often, in random order."""
+    many = len(rungs(design, block)[0][0])
+    if many == 1:
+        return [0] * block.repetitions
+    rounds = -(-block.repetitions // many)
+    return constrained_shuffle(list(range(many)) * rounds, rng=rng, longest_run=block.longest_run)[: block.repetitions]
+
+
+def _counts(design: Design, place: _Place) -> bool:
+    """Whether a trial is analysed: catch trials are where nothing is the other half of what d' is made of."""
+    kind = design.question(place.questions[0]).kind if place.questions else ""
+    return place.role == "test" or (place.role == "catch" and kind in ("yes-no", "same-different"))
+
+
+def _in_both_orders(design: Design) -> Design:
+    """The design with every pair of either order as two stimuli, which take its place in the blocks."""
+    names = {one.name: tuple(each.name for each in both_orders(one)) for one in design.stimuli}
+
+    def all_of(asked: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(name for each in asked for name in names[each])
+
+    blocks = tuple(
+        replace(
+            block,
+            stimuli=all_of(block.stimuli),
+            extras=tuple(replace(extra, stimuli=all_of(extra.stimuli)) for extra in block.extras),
+        )
+        for block in design.blocks
+    )
+    stimuli = tuple(each for one in design.stimuli for each in both_orders(one))
+    return replace(design, stimuli=stimuli, blocks=blocks)
 
 
 def _stimuli(block: Block, rng: np.random.Generator) -> list[str]:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from midair.errors import BrokenFileError, MidairError, MismatchError
-from midair.study.design.blocks import right_answer
 from midair.study.design.plan import Plan, Trial
+from midair.study.design.stimulus import right_answer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
-
-    from pandas import DataFrame
 
 Policy = Literal["resume", "restart", "block"]
 """After an interruption: go on with the trial that was not finished; begin again; begin the block again."""
@@ -30,11 +28,17 @@ class GivenAnswer:
         Time from the question to the answer, in s.
     time : str
         When, ISO 8601.
+    by : str
+        How the time was taken: "key", "line", "page", "model"; empty where the log does not say.
+    late : bool
+        Whether none came in time; the answer is then "n/a".
     """
 
     answer: str
     reaction_s: float
     time: str
+    by: str = ""
+    late: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +49,7 @@ class Standing:
     ----------
     trials : tuple of Trial
         Trials of this participant.
-    answers : mapping of (code, question) to Answer
+    answers : mapping of (code, question) to GivenAnswer
         Those that count.
     chosen : mapping of code to str
         Stimuli of adaptive trials.
@@ -53,6 +57,18 @@ class Standing:
         How often the session was taken up again, and answers that a policy has put aside (they stay in the log).
     simulated : bool
         Whether a simulated participant gave any of them.
+    waived : frozenset of str
+        Codes of trials that do not come any more: the criterion of their training was met.
+    untrained : tuple of str
+        Blocks that ended without their criterion.
+    form : mapping of str to str
+        Answers to the questions of the form.
+    failed : mapping of code to int
+        How often the presentation of a trial failed and was made again.
+    began : mapping of int to str
+        When each session was first opened, ISO 8601.
+    broken_off : bool
+        Whether the program ended before the session did.
     """
 
     trials: tuple[Trial, ...]
@@ -61,6 +77,12 @@ class Standing:
     interruptions: int = 0
     withdrawn: int = 0
     simulated: bool = False
+    waived: frozenset[str] = frozenset()
+    untrained: tuple[str, ...] = ()
+    form: Mapping[str, str] = field(default_factory=dict[str, str])
+    failed: Mapping[str, int] = field(default_factory=dict[str, int])
+    began: Mapping[int, str] = field(default_factory=dict[int, str])
+    broken_off: bool = False
 
     @property
     def next_trial(self) -> int:
@@ -71,7 +93,9 @@ class Standing:
         return len(self.trials)
 
     def open_questions(self, trial: Trial) -> tuple[str, ...]:
-        """Questions of a trial without an answer."""
+        """Questions of a trial without an answer; none of a trial that is waived."""
+        if trial.code in self.waived:
+            return ()
         return tuple(name for name in trial.questions if (trial.code, name) not in self.answers)
 
     def redo(self, policy: Policy) -> tuple[str, ...]:
@@ -79,7 +103,8 @@ class Standing:
         index = self.next_trial
         # Up to the trial that was interrupted, some of whose questions may have been answered.
         if policy == "restart":
-            return tuple(trial.code for trial in self.trials[: index + 1])
+            current = self.trials[min(index, len(self.trials) - 1)].session
+            return tuple(trial.code for trial in self.trials[: index + 1] if trial.session == current)
         if policy == "block" and index < len(self.trials):
             block = self.trials[index].block
             return tuple(trial.code for trial in self.trials[: index + 1] if trial.block == block)
@@ -117,43 +142,120 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
 
 
 def _replayed(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) -> Standing:
-    answers: dict[tuple[str, str], GivenAnswer] = {}
-    chosen: dict[str, str] = {}
-    interruptions = withdrawn = 0
-    simulated = False
+    told = _EventsTold()
     for event in events:
-        if event["event"] == "open":
-            if (event["plan"], event["participant"]) != (plan.digest, participant):
-                raise MismatchError(
-                    f"log: expected plan {plan.digest}, participant {participant}, got {event['plan']}, participant"
-                    f" {event['participant']}; the plan has been changed since"
-                )
-            simulated = simulated or bool(event["simulated"])
-        elif event["event"] == "resume":
-            again = set(event["redo"])
-            kept = {key: answer for key, answer in answers.items() if key[0] not in again}
-            interruptions, withdrawn = interruptions + 1, withdrawn + len(answers) - len(kept)
-            answers = kept
-            chosen = {code: name for code, name in chosen.items() if code not in again}
-        elif event["event"] == "present" and "stimulus" in event:
-            chosen[_told(event, "trial", str)] = _told(event, "stimulus", str)
-        elif event["event"] == "answer":
-            key = (_told(event, "trial", str), _told(event, "question", str))
-            answers[key] = GivenAnswer(
-                answer=_told(event, "answer", str),
-                reaction_s=_told(event, "reaction_s", int, float),
-                time=_told(event, "time", str),
-            )
+        told.take(event, plan, participant)
     trials = plan.of(participant)
-    _check_presented(trials, {code for code, _ in answers}, chosen, plan)
+    _check_presented(trials, {code for code, _ in told.answers}, told.chosen, plan)
+    waived, untrained = _trained(plan, trials, told)
     return Standing(
         trials=trials,
-        answers=answers,
-        chosen=chosen,
-        interruptions=interruptions,
-        withdrawn=withdrawn,
-        simulated=simulated,
+        answers=told.answers,
+        chosen=told.chosen,
+        interruptions=told.interruptions,
+        withdrawn=told.withdrawn,
+        simulated=told.simulated,
+        waived=waived,
+        untrained=untrained,
+        form=told.form,
+        failed=told.failed,
+        began=told.began,
+        broken_off=told.broken_off,
     )
+
+
+@dataclass(slots=True, kw_only=True)
+class _EventsTold:
+    """What the events have told so far."""
+
+    answers: dict[tuple[str, str], GivenAnswer] = field(default_factory=dict[tuple[str, str], GivenAnswer])
+    chosen: dict[str, str] = field(default_factory=dict[str, str])
+    form: dict[str, str] = field(default_factory=dict[str, str])
+    failed: dict[str, int] = field(default_factory=dict[str, int])
+    began: dict[int, str] = field(default_factory=dict[int, str])
+    interruptions: int = 0
+    withdrawn: int = 0
+    simulated: bool = False
+    broken_off: bool = False
+
+    def take(self, event: Mapping[str, Any], plan: Plan, participant: int) -> None:
+        """Take down one event."""
+        match event["event"]:
+            case "open":
+                self._open(event, plan, participant)
+            case "done":
+                self.broken_off = False
+            case "resume":
+                self._resume(set(event["redo"]))
+            case "present" if "stimulus" in event:
+                self.chosen[_told(event, "trial", str)] = _told(event, "stimulus", str)
+            case "silent":
+                code = _told(event, "trial", str)
+                self.failed[code] = self.failed.get(code, 0) + 1
+            case "form":
+                self.form[_told(event, "question", str)] = _told(event, "answer", str)
+            case "answer" | "late":
+                self._answer(event)
+            case _:
+                pass
+
+    def _open(self, event: Mapping[str, Any], plan: Plan, participant: int) -> None:
+        if (event["plan"], event["participant"]) != (plan.digest, participant):
+            raise MismatchError(
+                f"log: expected plan {plan.digest}, participant {participant}, got {event['plan']}, participant"
+                f" {event['participant']}; the plan has been changed since"
+            )
+        self.simulated = self.simulated or bool(event["simulated"])
+        if "time" in event:
+            self.began.setdefault(int(event.get("session", 1)), _told(event, "time", str))
+        self.broken_off = True
+
+    def _resume(self, again: set[str]) -> None:
+        kept = {key: answer for key, answer in self.answers.items() if key[0] not in again}
+        self.interruptions, self.withdrawn = self.interruptions + 1, self.withdrawn + len(self.answers) - len(kept)
+        self.answers = kept
+        self.chosen = {code: name for code, name in self.chosen.items() if code not in again}
+
+    def _answer(self, event: Mapping[str, Any]) -> None:
+        late = event["event"] == "late"
+        self.answers[_told(event, "trial", str), _told(event, "question", str)] = GivenAnswer(
+            answer="n/a" if late else _told(event, "answer", str),
+            reaction_s=_told(event, "reaction_s", int, float),
+            time=_told(event, "time", str),
+            by=str(event.get("by", "")),
+            late=late,
+        )
+
+
+def _trained(plan: Plan, trials: Sequence[Trial], told: _EventsTold) -> tuple[frozenset[str], tuple[str, ...]]:
+    """Trials that do not come since a criterion was met, and blocks that ended without theirs."""
+    waived: list[str] = []
+    untrained: list[str] = []
+    for block in plan.design.blocks:
+        if block.criterion is None:
+            continue
+        last: list[bool] = []
+        met = False
+        for trial in (trial for trial in trials if trial.block == block.name):
+            if met:
+                waived.append(trial.code)
+            elif trial.role == "test" and (given := told.answers.get((trial.code, block.questions[0]))):
+                last.append(given.answer == right_of(plan, trial, told.chosen, block.questions[0]))
+                recent = last[-block.criterion.last :]
+                met = len(recent) == block.criterion.last and sum(recent) >= block.criterion.right * len(recent)
+        if last and not met:
+            untrained.append(block.name)
+    return frozenset(waived), tuple(untrained)
+
+
+def right_of(plan: Plan, trial: Trial, chosen: Mapping[str, str], name: str) -> str:
+    """The right answer to a question of a trial; empty where there is none, or nothing was presented yet."""
+    presented = trial.stimulus or chosen.get(trial.code, "")
+    if not presented:
+        return ""
+    stimulus, question = plan.design.stimulus(presented), plan.design.question(name)
+    # What is said nearer to the question goes before.
+    return right_answer(question, stimulus, {**stimulus.levels, **trial.levels, **question.levels})
 
 
 def _check_presented(trials: Sequence[Trial], answered: set[str], chosen: Mapping[str, str], plan: Plan) -> None:
@@ -170,52 +272,3 @@ def _told(event: Mapping[str, Any], name: str, *kinds: type) -> Any:
     if type(value) not in kinds:
         raise TypeError(f"{name} is {str(value)[:40]!r}")
     return value
-
-
-def answers_table(plan: Plan, sessions: Sequence[Standing]) -> DataFrame:
-    """Every answer that counts as a row; the key that opens the blinding.
-
-    Returns
-    -------
-    DataFrame
-        Columns participant, trial, block, group, repetition, stimulus, scored, question, kind, answer, right, correct
-        (1, 0, or -1 where nothing is right or wrong), reaction_s, time, simulated, and one a factor, "n/a" where a
-        factor has no level. In the order of asking.
-    """
-    from pandas import DataFrame
-
-    rows = [
-        _answer_row(plan, session, trial, name)
-        for session in sessions
-        for trial in session.trials
-        for name in trial.questions
-        if (trial.code, name) in session.answers
-    ]
-    return DataFrame(rows)
-
-
-def _answer_row(plan: Plan, session: Standing, trial: Trial, name: str) -> dict[str, Any]:
-    question = plan.design.question(name)
-    given = session.answers[trial.code, name]
-    stimulus = plan.design.stimulus(trial.stimulus or session.chosen[trial.code])
-    # What is said nearer to the question goes before.
-    levels = {**stimulus.levels, **trial.levels, **question.levels}
-    right = right_answer(question, stimulus, levels)
-    row: dict[str, Any] = {
-        "participant": f"sub-{trial.participant:02d}",
-        "trial": trial.number,
-        "block": trial.block,
-        "group": trial.group,
-        "repetition": trial.repetition,
-        "stimulus": stimulus.name,
-        "scored": trial.scored,
-        "question": name,
-        "kind": question.kind,
-        "answer": given.answer,
-        "right": right or "n/a",
-        "correct": int(given.answer == right) if right else -1,
-        "reaction_s": given.reaction_s,
-        "time": given.time,
-        "simulated": session.simulated,
-    }
-    return row | {factor: levels.get(factor, "n/a") for factor in plan.design.factors}

@@ -1,21 +1,36 @@
 """A session: present, ask, time, store; and participants who are simulated."""
 
-from midair.study.session.event_log import read_events
+from midair.study.session.event_log import read_events, seal_of
 from midair.study.session.participant import SimulatedParticipant
-from midair.study.session.presenters import ArrayPresenter, ExperimenterPresenter, NoPresenter, Presenter
+from midair.study.session.presenters import (
+    ArrayPresenter,
+    ExperimenterPresenter,
+    MaskedPresenter,
+    Masking,
+    NoPresenter,
+    Presenter,
+)
 from midair.study.session.simulated_screen import SimulatedScreen
-from midair.study.session.trials import Reply, Session, TrialStep, run
+from midair.study.session.steps import Clock, Reply, Screen, StillClock, SystemClock, TrialStep
+from midair.study.session.trials import Session, run
 
 __all__ = [
     "ArrayPresenter",
+    "Clock",
     "ExperimenterPresenter",
+    "MaskedPresenter",
+    "Masking",
     "NoPresenter",
     "Presenter",
     "Reply",
+    "Screen",
     "Session",
     "SimulatedParticipant",
     "SimulatedScreen",
+    "StillClock",
+    "SystemClock",
     "TrialStep",
     "read_events",
     "run",
+    "seal_of",
 ]

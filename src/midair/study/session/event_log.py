@@ -1,15 +1,41 @@
-"""The log of a session: one JSON object a line, appended and on disk before anybody is told that it is stored."""
+"""The log of a session: one JSON object a line, appended and on disk before anybody is told that it is stored.
+
+Each line ends in a link, a digest of all bytes of the log up to it: whoever changes, removes or inserts a line breaks
+the chain from there on. Whoever computes the chain anew is found out by the last link alone, if somebody noted it.
+Logs of before 2026-11-22 have no links and are read without; lines that are appended to one cover what is there.
+"""
 
 import json
 import os
 from collections.abc import Mapping
+from hashlib import sha256
 from pathlib import Path
 from threading import Lock
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 from midair.errors import BrokenFileError, DeviceStateError, MissingFileError
 from midair.files import hold, json_of
+
+_LINK = b', "chain": "'
+LINK = 32
+"""Hexadecimal digits of a link."""
+
+
+class _Digest(Protocol):
+    """A digest that grows."""
+
+    def update(self, data: bytes, /) -> None:
+        """Take in more."""
+        ...
+
+    def copy(self) -> "_Digest":
+        """The same, to go on separately."""
+        ...
+
+    def hexdigest(self) -> str:
+        """What it is by now."""
+        ...
 
 
 class EventLog:
@@ -22,22 +48,29 @@ class EventLog:
     ----------
     path : Path
         Created with its folders if it is not there.
+    synced : bool
+        Whether each event is on the disk, and not only with the system, before `append` returns: it then outlives a
+        cut of the power. A killed program loses nothing either way.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, synced: bool = True) -> None:
         self.path = path
+        self._synced = synced
+        self.seal = ""
         self._file: int | None = None
         self._lock = Lock()
+        self._chain: _Digest = sha256()
 
     def __enter__(self) -> Self:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        # For this user alone: it holds what a person answered.
+        # For this user alone, as the log: it holds what people answered.
+        self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
         try:
             hold(self._file, f"{self.path.name}: another program is running this session; end it first")
             _sync_folder(self.path.parent)
             torn = _cut_torn_line(self._file, self.path)
-            read_events(self.path)
+            _, self._chain = _checked(self.path)
+            self.seal = seal_of(self.path)
             if torn:
                 self.append({"event": "repair", "torn": torn})
         except BaseException:
@@ -64,28 +97,46 @@ class EventLog:
         DeviceStateError
             If the log is not open.
         """
-        line = (json.dumps(dict(event), ensure_ascii=False) + "\n").encode()
+        body = json.dumps(dict(event), ensure_ascii=False).encode()
         with self._lock:
             if self._file is None:
                 raise DeviceStateError(f"{self.path.name}: expected an open log; use it as a context manager")
-            while line:
-                line = line[os.write(self._file, line) :]
-            os.fsync(self._file)
+            line, link = _linked(body, self._chain)
+            written = line
+            while written:
+                written = written[os.write(self._file, written) :]
+            if self._synced:
+                os.fsync(self._file)
+            self._chain.update(line)
+            self.seal = link
 
 
 def read_events(path: Path) -> list[dict[str, Any]]:
-    """Every event of a log; a last line that was never finished does not count.
+    """Every event of a log, without its links; a last line that was never finished does not count.
 
     Raises
     ------
     MissingFileError
         If there is no log.
     BrokenFileError
-        If a line within is not an event.
+        If a line within is not an event, or the chain is broken: the log was changed since it was written.
     """
+    return _checked(path)[0]
+
+
+def seal_of(path: Path) -> str:
+    """The last link of a log; empty if it has none."""
+    lines = path.read_bytes().split(b"\n")[:-1]
+    return lines[-1].rpartition(_LINK)[2][:LINK].decode(errors="replace") if lines and _LINK in lines[-1] else ""
+
+
+def _checked(path: Path) -> tuple[list[dict[str, Any]], _Digest]:
+    """The events of a log whose chain holds, and the digest with which it goes on."""
     if not path.exists():
         raise MissingFileError(f"{path.name}: expected a log of a session, got no such file; run the session first")
     events: list[dict[str, Any]] = []
+    chain: _Digest = sha256()
+    linked = False
     for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], start=1):
         try:
             event = json_of(line)
@@ -93,8 +144,25 @@ def read_events(path: Path) -> list[dict[str, Any]]:
             raise BrokenFileError(f"{path.name}: expected JSON, got damage in line {number}; restore a copy") from wrong
         if not isinstance(event, dict) or "event" not in event:
             raise BrokenFileError(f"{path.name}: expected an event in line {number}, got {line[:40]!r}")
+        linked = linked or "chain" in event
+        body = line.rpartition(_LINK)[0] + b"}"
+        if linked and _linked(body, chain)[0] != line + b"\n":
+            raise BrokenFileError(
+                f"{path.name}: expected the chain of what was written, got a break in line {number}: it, or a line"
+                " before it, was changed since; restore a copy"
+            )
+        chain.update(line + b"\n")
+        event.pop("chain", None)
         events.append(event)
-    return events
+    return events, chain
+
+
+def _linked(body: bytes, chain: _Digest) -> tuple[bytes, str]:
+    """The line of an event with its link, and the link."""
+    whole = chain.copy()
+    whole.update(body)
+    link = whole.hexdigest()[:LINK]
+    return body[:-1] + _LINK + link.encode() + b'"}\n', link
 
 
 def _cut_torn_line(file: int, path: Path) -> str:

@@ -6,7 +6,7 @@ from hashlib import sha256
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.design import Plan, Question, Stimulus, Trial, right_answer
+from midair.study.design import Plan, Question, Stimulus, Trial, right_answer, right_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,6 +19,7 @@ class SimulatedParticipant:
       normal values, d' apart for different stimuli, differ by more than d'/2 + 1/2.
     - Rating: the middle of the scale, plus `rating_effect` steps (minus for a question about another object), plus the
       person's level, plus normal noise, rounded to the scale.
+    - Slider: as a rating, without rounding. A text says SIMULATED. Attention checks are answered rightly.
     - Magnitude: log-normal, `magnitude` times the person's unit.
     - In an adaptive block d' is that of strength 1, times the strength.
     - A lapse is an answer at random. Reaction times are log-normal with a median of 0.9 s.
@@ -67,6 +68,8 @@ class SimulatedParticipant:
         question, stimulus = plan.design.question(name), plan.design.stimulus(trial.stimulus or felt)
         rng = self._stream(f"{plan.design.name} {plan.design.seed} {trial.code} {name}")
         reaction = float(np.exp(rng.normal(np.log(0.9), 0.35)))
+        if trial.role == "attention" and (right := right_of(plan, trial, {trial.code: felt}, name)):
+            return right, reaction
         if question.answers and rng.random() < self.lapse:
             return str(rng.choice(question.answers)), reaction
         strength = float(stimulus.levels.get(plan.design.block(trial.block).strength, 1))
@@ -90,9 +93,13 @@ class SimulatedParticipant:
             return "different" if apart > d / 2 + 0.5 else "same"
         if question.kind == "magnitude":
             return f"{self.magnitude * np.exp(person.normal(0, 0.3) + rng.normal(0, 0.2)):g}"
+        if question.kind == "text":
+            return "SIMULATED"
         match = bool(set(question.levels.values()) & set(trial.levels.values()))
         level = (question.low + question.high) / 2 + self.rating_effect * (0.5 if match else -0.5)
         level += person.normal(0, 0.8 * self.rating_noise) + rng.normal(0, self.rating_noise)
+        if question.kind == "slider":
+            return f"{float(np.clip(level, question.low, question.high)):g}"
         return str(int(np.clip(round(level), question.low, question.high)))
 
     def _stream(self, words: str) -> np.random.Generator:

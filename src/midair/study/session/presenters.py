@@ -1,7 +1,8 @@
 """Who makes a stimulus felt: an array, an experimenter with an object in hand, or nobody."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from threading import Event
 from typing import Protocol
 
 from midair.devices import Admission, ArrayDevice
@@ -57,17 +58,23 @@ class ArrayPresenter:
     array : ArrayDevice
         Open.
     admitted : callable
-        From the source of a stimulus to its drive, admitted on this array; asked before the first trial, see `check`.
+        From a stimulus to its drive, admitted on this array; asked before the first trial, see `check`.
     by_hand : Presenter
         For real objects.
     room : Medium, optional
         The air, where somebody stated it; the log of what was played has it.
+    silence_s : float
+        How long a stimulus of silence lasts, in s: as long as the others, or the end of the wait would tell.
+    ended : Event
+        Set when silence is ordered.
     """
 
     array: ArrayDevice
-    admitted: Callable[[str], Admission]
+    admitted: Callable[[Stimulus], Admission]
     by_hand: Presenter
     room: Medium | None = None
+    silence_s: float = 0.0
+    ended: Event = field(default_factory=Event)
 
     def check(self, stimuli: tuple[Stimulus, ...]) -> None:
         """Admit every drive once, so that a file that is missing or too loud stops the session before it begins.
@@ -80,7 +87,7 @@ class ArrayPresenter:
         for stimulus in stimuli:
             if stimulus.kind == "drive":
                 try:
-                    self.admitted(stimulus.source)
+                    self.admitted(stimulus)
                 except InputError as wrong:
                     raise type(wrong)(f"{stimulus.source}: {wrong}") from wrong
 
@@ -92,9 +99,13 @@ class ArrayPresenter:
         SilentFramesError
             If the array was silent where it should have sounded, at the end or within.
         """
-        if stimulus.kind == "drive":
-            admission = self.admitted(stimulus.source)
-            report = play_admitted(admission, self.array, source=stimulus.source, room=self.room)
+        self.ended.clear()
+        if stimulus.kind == "silence":
+            self.ended.wait(self.silence_s)
+        elif stimulus.kind == "drive":
+            admission = self.admitted(stimulus)
+            share = "" if stimulus.share == 1 else f" at {stimulus.share:g} of its pressure"
+            report = play_admitted(admission, self.array, source=stimulus.source + share, room=self.room)
             if report.gap:
                 raise SilentFramesError(
                     f"array: expected every frame in time, {report.late} were late after {report.gap:.3f} s of "
@@ -105,8 +116,55 @@ class ArrayPresenter:
 
     def silence(self) -> None:
         """Silence the array, then tell the experimenter."""
+        self.ended.set()
         self.array.silence()
         self.by_hand.silence()
+
+
+class Masking(Protocol):
+    """Noise that hides what is to be heard of a stimulus."""
+
+    def on(self) -> None:
+        """Let it swell; return when it has."""
+        ...
+
+    def off(self) -> None:
+        """Let it fade."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MaskedPresenter:
+    """Another presenter, with noise in the headphones while a drive or a silence is presented (paper, 5.3).
+
+    Silence has the same noise, or it would be told by the ear. Real objects are presented without.
+
+    Attributes
+    ----------
+    inner : Presenter
+        That presents.
+    noise : Masking
+        Open.
+    """
+
+    inner: Presenter
+    noise: Masking
+
+    def present(self, stimulus: Stimulus) -> None:
+        """Present it under the noise."""
+        if stimulus.kind == "object":
+            self.inner.present(stimulus)
+            return
+        self.noise.on()
+        try:
+            self.inner.present(stimulus)
+        finally:
+            self.noise.off()
+
+    def silence(self) -> None:
+        """Silence the stimulus first, then the noise."""
+        self.inner.silence()
+        self.noise.off()
 
 
 class NoPresenter:

@@ -6,7 +6,7 @@ from midair.errors import DeviceStateError
 from midair.study.design import Plan
 from midair.study.session.participant import SimulatedParticipant
 from midair.study.session.presenters import NoPresenter
-from midair.study.session.trials import Reply, TrialStep
+from midair.study.session.steps import Reply, TrialStep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,12 +33,17 @@ class SimulatedScreen:
     def rest(self, step: TrialStep) -> None:
         """Does not tire."""
 
+    def cue(self, text: str) -> None:
+        """Needs no telling."""
+
     def ask(self, step: TrialStep) -> Reply:
-        """Answers by the model."""
+        """Answers by the model; a form as nobody would."""
+        if step.question and not step.code:
+            return Reply(text=step.question.answers[0] if step.question.answers else "0", reaction_s=1.0, by="model")
         trial = self.plan.trial(step.code)
         name = step.question.name if step.question else ""
         text, reaction = self.participant.answer(self.plan, trial, name, felt=self.presenter.felt)
-        return Reply(text=text, reaction_s=reaction)
+        return Reply(text=text, reaction_s=reaction, by="model")
 
     def accepted(self, step: TrialStep, answer: str) -> None:
         """Does not care."""

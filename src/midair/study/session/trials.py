@@ -4,111 +4,24 @@ A `Session` is a state: `step` says what is due, and `acknowledge`, `present`, `
 the loop for whoever drives with calls of their own (`Screen`). What a step shows never tells the condition.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
-from threading import RLock
-from time import monotonic
+from threading import Event, RLock
 from types import TracebackType
-from typing import Any, Literal, Protocol, Self
+from typing import Any, Self
 
 from midair.errors import DeviceError, DeviceStateError, InputError, SilentFramesError
 from midair.model import Medium
-from midair.study.design import Plan, Policy, Question, Standing, Stimulus, Trial, next_stimulus, replay
+from midair.study.design import Plan, Policy, Standing, Stimulus, Trial, next_stimulus, replay
 from midair.study.session.event_log import EventLog, read_events
-from midair.study.session.presenters import Presenter
+from midair.study.session.presenters import NoPresenter, Presenter
+from midair.study.session.steps import Clock, Reply, Screen, SystemClock, TrialStep, steps_of
 
 ATTEMPTS = 3
 """How often a stimulus is presented that an array did not play to its end, before the session ends."""
 
 AGAIN = "The last presentation was interrupted by a fault of the device. It comes once more, from its beginning."
-
-
-class Clock(Protocol):
-    """Time, as an argument."""
-
-    def now(self) -> str:
-        """Date and time, ISO 8601."""
-        ...
-
-    def elapsed(self) -> float:
-        """A time that never goes back, in s."""
-        ...
-
-
-class SystemClock:
-    """The clock of this computer."""
-
-    def now(self) -> str:
-        """Date and time in UTC, ISO 8601."""
-        return datetime.now(UTC).isoformat(timespec="milliseconds")
-
-    def elapsed(self) -> float:
-        """Monotonic time, in s."""
-        return monotonic()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrialStep:
-    """What is due, without a word on the condition.
-
-    Attributes
-    ----------
-    kind : {"show", "present", "ask", "rest", "done", "stopped"}
-        A text to read; a stimulus to present; a question; a break; the end; the end by a stop.
-    text : str
-        To show.
-    code : str
-        Of the trial, if it belongs to one.
-    number, total : int
-        Of the trial within the session.
-    question : Question or None
-        To ask.
-    rest_s : float
-        Shortest break, in s.
-    """
-
-    kind: Literal["show", "present", "ask", "rest", "done", "stopped"]
-    text: str = ""
-    code: str = ""
-    number: int = 0
-    total: int = 0
-    question: Question | None = None
-    rest_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reply:
-    """What somebody said; `reaction_s` only where the screen has measured it better than the session can."""
-
-    text: str
-    reaction_s: float | None = None
-
-
-class Screen(Protocol):
-    """What participant and experimenter see."""
-
-    def show(self, text: str) -> None:
-        """Show a text; return when it has been read."""
-        ...
-
-    def rest(self, step: TrialStep) -> None:
-        """Return when the break is over."""
-        ...
-
-    def ask(self, step: TrialStep) -> Reply:
-        """Ask the question of the step."""
-        ...
-
-    def accepted(self, step: TrialStep, answer: str) -> None:
-        """Tell that the answer is stored."""
-        ...
-
-    def refused(self, step: TrialStep, why: str) -> None:
-        """Tell that it was no answer; the question comes again."""
-        ...
 
 
 class Session:
@@ -133,6 +46,15 @@ class Session:
         The air in which it takes place, for the log; None where nobody stated it.
     clock : Clock, optional
         The computer's if None.
+    about : mapping, optional
+        What else the log says of the session when it is opened, such as the noise in the headphones.
+
+    Raises
+    ------
+    MismatchError
+        On entering, if the log follows another plan.
+    BrokenFileError
+        On entering, if the log was changed since it was written.
     """
 
     def __init__(
@@ -146,16 +68,19 @@ class Session:
         simulated: bool = False,
         room: Medium | None = None,
         clock: Clock | None = None,
+        about: Mapping[str, Any] | None = None,
     ) -> None:
         self.plan = plan
         self.participant = participant
-        self._log = EventLog(log)
+        # Where nothing is presented nobody answers: a model would say the same again.
+        self._log = EventLog(log, synced=not isinstance(presenter, NoPresenter))
         self._presenter = presenter
         self._policy: Policy = policy
         self._simulated = simulated
         self._room = None if room is None else {"temperature_c": room.temperature, "humidity": room.humidity}
         self._clock = clock or SystemClock()
-        self._stopped = False
+        self._about = dict(about or {})
+        self._stopped = Event()
         self._entered = False
         self._ending = RLock()  # a stop from another thread is in the log before the log closes
         self._step = TrialStep(kind="show")
@@ -167,18 +92,17 @@ class Session:
     def __enter__(self) -> Self:
         self._log.__enter__()
         try:
-            events = read_events(self._log.path)
-            before = replay(events, self.plan, self.participant)
+            before = self.standing()
+            due = before.trials[min(before.next_trial, len(before.trials) - 1)]
             about = {"participant": self.participant, "simulated": self._simulated, "room": self._room}
-            self._write("open", plan=self.plan.digest, **about)
-            if any(event["event"] == "open" for event in events) and before.next_trial < len(before.trials):
+            self._write("open", plan=self.plan.digest, session=due.session, **about, **self._about)
+            if before.broken_off and before.next_trial < len(before.trials):
                 self._write("resume", policy=self._policy, redo=list(before.redo(self._policy)))
-            progress = replay(read_events(self._log.path), self.plan, self.participant)
         except BaseException:
             self._log.close()
             raise
-        self._trials = {trial.code: trial for trial in progress.trials}
-        self._script = self._steps(progress)
+        self._trials = {trial.code: trial for trial in before.trials}
+        self._script = steps_of(self.plan, self.standing)
         self._entered = True
         self._advance()
         return self
@@ -198,17 +122,36 @@ class Session:
     @property
     def step(self) -> TrialStep:
         """What is due."""
-        return TrialStep(kind="stopped") if self._stopped else self._step
+        return TrialStep(kind="stopped") if self._stopped.is_set() else self._step
+
+    @property
+    def log(self) -> Path:
+        """The file of the log."""
+        return self._log.path
+
+    @property
+    def seal(self) -> str:
+        """The last link of the chain over the whole log: whoever noted it can tell a log that was written anew."""
+        return self._log.seal
+
+    def standing(self) -> Standing:
+        """Where the session stands, by its log."""
+        return replay(read_events(self._log.path), self.plan, self.participant)
 
     def acknowledge(self) -> None:
         """The text was read, or the break is over."""
         self._expect("show", "rest")
         self._advance()
 
-    def present(self) -> None:
-        """Present the stimulus that is due; returns when it is over.
+    def present(self, cue: Callable[[str], None] | None = None) -> None:
+        """Present the stimulus that is due, after the time that was drawn for it; returns when it is over.
 
         One that an array did not play to its end is marked in the log and due again, after a word to the participant.
+
+        Parameters
+        ----------
+        cue : callable, optional
+            Called with what the participant is to be told as a stimulus begins, and with "" when all is over.
 
         Raises
         ------
@@ -216,15 +159,15 @@ class Session:
             If the array went silent in it `ATTEMPTS` times, one after the other.
         """
         step = self._expect("present")
-        stimulus = self._due(self._trials[step.code])
+        trial = self._trials[step.code]
+        stimulus = self._due(trial)
         try:
-            for name in stimulus.members or (stimulus.name,):
-                if not self._stopped:
-                    self._presenter.present(self.plan.design.stimulus(name))
+            self._clock.wait(trial.wait_s, self._stopped)
+            self._make_felt(stimulus, step.text, cue or _to_nobody)
         except DeviceError as wrong:
             self._failed(step, wrong)
             return
-        if not self._stopped:
+        if not self._stopped.is_set():
             self._silences = 0
             self._write("presented", trial=step.code)
             self._advance()
@@ -235,7 +178,7 @@ class Session:
         Returns
         -------
         str
-            As it was stored.
+            As it was stored; "n/a" if the time for the question was over.
 
         Raises
         ------
@@ -243,25 +186,48 @@ class Session:
             If it is no answer to the question; the question stays due.
         """
         step = self._expect("ask")
-        if step.question is None:
+        question = step.question
+        if question is None:
             raise DeviceStateError("session: expected a question to be due, got none")
-        said = step.question.read(reply.text)
         reaction = self._clock.elapsed() - self._since if reply.reaction_s is None else reply.reaction_s
-        self._write("answer", trial=step.code, question=step.question.name, answer=said, reaction_s=round(reaction, 4))
+        how: dict[str, Any] = {"reaction_s": round(reaction, 4), "by": reply.by}
+        if question.timeout_s and (reply.late or reaction > question.timeout_s):
+            self._write("late", trial=step.code, question=question.name, said=reply.text, **how)
+            self._advance()
+            return "n/a"
+        said = question.read(reply.text)
+        if step.code:
+            self._write("answer", trial=step.code, question=question.name, answer=said, **how)
+        else:
+            self._write("form", question=question.name, answer=said)
         self._advance()
         return said
 
     def stop(self, reason: str) -> None:
         """Emergency stop: silence first, then a line in the log. From any thread, at any time."""
         with self._ending:
-            self._stopped = True
+            self._stopped.set()
             self._presenter.silence()
             if self._entered:
                 self._write("stop", reason=reason)
 
+    def _make_felt(self, stimulus: Stimulus, text: str, cue: Callable[[str], None]) -> None:
+        """Present a stimulus, or the members of a pair with the gap between them."""
+        names = stimulus.members or (stimulus.name,)
+        for place, name in zip(("first", "second"), names, strict=False):
+            if place == "second":
+                self._clock.wait(stimulus.gap_s, self._stopped)
+            if self._stopped.is_set():
+                return
+            if text:
+                cue(f"{text} {place.capitalize()}." if stimulus.members else text)
+            self._presenter.present(self.plan.design.stimulus(name))
+        if text:
+            cue("")
+
     def _failed(self, step: TrialStep, wrong: DeviceError) -> None:
         """Take down that a trial was not felt as it should, and make it due again if the array can still play."""
-        if self._stopped:
+        if self._stopped.is_set():
             raise wrong
         self._write("silent", trial=step.code, reason=str(wrong))
         self._silences += 1
@@ -279,8 +245,7 @@ class Session:
         if trial.stimulus:
             self._write("present", trial=trial.code)
             return self.plan.design.stimulus(trial.stimulus)
-        progress = replay(read_events(self._log.path), self.plan, self.participant)
-        name = next_stimulus(self.plan, progress, trial)
+        name = next_stimulus(self.plan, self.standing(), trial)
         self._write("present", trial=trial.code, stimulus=name)
         return self.plan.design.stimulus(name)
 
@@ -300,25 +265,9 @@ class Session:
     def _write(self, event: str, **fields: Any) -> None:
         self._log.append({"event": event, **fields, "time": self._clock.now()})
 
-    def _steps(self, progress: Standing) -> Iterator[TrialStep]:
-        design, trials = self.plan.design, progress.trials
-        first = progress.next_trial
-        if design.consent and first < len(trials):
-            yield TrialStep(kind="show", text=design.consent)
-        for index in range(first, len(trials)):
-            trial = trials[index]
-            block = design.block(trial.block)
-            place: dict[str, Any] = {"code": trial.code, "number": trial.number, "total": len(trials)}
-            if block.text and (index == first or trials[index - 1].block != trial.block):
-                yield TrialStep(kind="show", text=block.text)
-            yield TrialStep(kind="present", **place)
-            for name in progress.open_questions(trial):
-                yield TrialStep(kind="ask", question=design.question(name), **place)
-            last = index + 1 == len(trials)
-            if block.rest_s and not last and trials[index + 1].block != trial.block:
-                yield TrialStep(kind="rest", rest_s=block.rest_s, **place)
-        if design.debrief and first < len(trials):
-            yield TrialStep(kind="show", text=design.debrief)
+
+def _to_nobody(_text: str) -> None:
+    """No screen shows a cue."""
 
 
 def run(session: Session, screen: Screen) -> TrialStep:
@@ -331,7 +280,7 @@ def run(session: Session, screen: Screen) -> TrialStep:
     """
     while (step := session.step).kind not in ("done", "stopped"):
         if step.kind == "present":
-            session.present()
+            session.present(screen.cue)
         elif step.kind == "ask":
             try:
                 answer = session.answer(screen.ask(step))

@@ -2,6 +2,7 @@
 
 import io
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def study(*words):
 def done(tmp_path_factory):
     """A study of ten simulated participants through new and run."""
     folder = tmp_path_factory.mktemp("cli") / "touch"
-    study("new", folder, "--seed", 1)
+    study("new", folder, "--seed", 1, "--drives", "none")
     assert study("run", folder, "--simulate") == 0
     return folder
 
@@ -93,7 +94,7 @@ def only_choices(source):
 def test_refusals_are_one_clear_line(tmp_path):
     with pytest.raises(MissingFileError, match="midair study new"):
         study("run", tmp_path, "--simulate")
-    study("new", tmp_path / "s", "--participants", 2)
+    study("new", tmp_path / "s", "--participants", 2, "--drives", "none")
     with pytest.raises(InputError, match="--participant N"):
         study("run", tmp_path / "s")
     with pytest.raises(InputError, match="scored"):
@@ -119,10 +120,10 @@ class Typist(Console):
 
 
 def test_a_person_at_the_terminal(tmp_path):
-    study("new", tmp_path / "s", "--participants", 1)
+    study("new", tmp_path / "s", "--participants", 1, "--drives", "none")
     folder = StudyFolder(tmp_path / "s")
     plan = folder.plan()
-    console = Typist(["", "", "cat", "brush", "2", None])
+    console = Typist(["", "AB12", "1", "", "cat", "brush", "2", None])
     with (
         pytest.raises(KeyboardInterrupt),
         Session(plan, 1, folder.log(1), NoPresenter()) as session,
@@ -175,9 +176,9 @@ def study_of_drives(folder, level):
     phase = np.broadcast_to(focus_phase(array, np.array([0, 0, 0.2])), (10, array.count))
     drive = Drive(phase=phase, level=np.full(10, level), rate=1000.0, array=array)
     (folder / "drives.toml").write_text(DRIVES)
-    study("new", folder / "s", "--source", folder / "drives.toml")
     solution = Solution(drive=drive, error=np.zeros(10), iterations=np.ones(10), status=("iterations",) * 10)
-    save_solution(solution, folder / "s" / "focus.drive.h5")
+    save_solution(solution, folder / "focus.drive.h5")
+    study("new", folder / "s", "--source", folder / "drives.toml")
     return folder / "s"
 
 
@@ -204,7 +205,7 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
     told = []
-    monkeypatch.setattr("midair.cli.commands.study.study.say_how_long", lambda drive, _: told.append(drive.frames))
+    monkeypatch.setattr("midair.cli.commands.study.running.say_how_long", lambda drive, _: told.append(drive.frames))
     assert study("run", folder, "--participant", 1, "--array", array) == 0
     assert told == [10], "how long its exposure takes is said of the drive beforehand, and once"
     events = [(entry["event"], entry["drive"], entry["device"]) for entry in played(tmp_path)]
@@ -226,6 +227,45 @@ def test_too_loud_a_drive_stops_the_session_before_it_begins(tmp_path, monkeypat
     assert {entry.get("override_by") for entry in played(tmp_path) if entry["event"] == "play"} == {"A. Person"}
 
 
+def test_a_drive_that_was_changed_since_the_plan_is_refused(tmp_path, monkeypatch):
+    folder = study_of_drives(tmp_path, level=0.001)
+    with (folder / "focus.drive.h5").open("ab") as file:
+        file.write(b"\0")
+    with pytest.raises(InputError, match=r"focus\.drive\.h5: .* changed since the plan was drawn"):
+        study("run", folder, "--participant", 1, "--array", "virtual")
+    assert not folder.joinpath("sessions").exists()
+
+
+def test_everything_in_the_folder_is_for_its_owner_alone(tmp_path, monkeypatch):
+    folder = study_of_drives(tmp_path, level=0.001)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+    assert study("run", folder, "--participant", 1, "--array", "virtual") == 0
+    study("analyse", folder, "--draws", 20)
+    study("export", folder, folder / "bids")
+    study("export", folder, folder / "answers.csv", "--format", "csv")
+    modes = {path.name: path.stat().st_mode & 0o777 for path in (folder, *folder.rglob("*"))}
+    assert {name: oct(mode) for name, mode in modes.items() if mode & 0o077} == {}
+
+
+def test_the_printed_next_runs_as_printed(tmp_path, monkeypatch, capsys):
+    """With drives that are there already, since virtual strokes take half a minute."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    study_of_drives(tmp_path, level=0.001)
+    said = [line for line in capsys.readouterr().out.splitlines() if "midair study run" in line]
+    assert len(said) == 2
+    for number, line in enumerate(said, start=1):
+        words = shlex.split(line.partition(": midair study ")[2])
+        monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
+        assert study(*words) == 0, line
+        if number == 1:
+            (tmp_path / "s" / "sessions" / "sub-01.jsonl").unlink()
+    capsys.readouterr()
+    assert study(*shlex.split(said[0].partition(": midair study ")[2])) == 0
+    assert "participant 1 was done before" in capsys.readouterr().out
+
+
 def test_an_array_that_nothing_answers_to(tmp_path):
     folder = study_of_drives(tmp_path, level=0.001)
     with pytest.raises(UnknownDeviceError, match="autd9"):
@@ -233,7 +273,7 @@ def test_an_array_that_nothing_answers_to(tmp_path):
 
 
 def test_drives_need_an_array(tmp_path):
-    study("new", tmp_path / "s", "--participants", 1)
+    study("new", tmp_path / "s", "--participants", 1, "--drives", "none")
     with pytest.raises(InputError, match="give --array"):
         study("run", tmp_path / "s", "--participant", 1)
 

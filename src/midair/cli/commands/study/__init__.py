@@ -3,7 +3,9 @@
 from cyclopts import App
 
 from midair.cli.commands.study.numbers import paper_command, power_command
-from midair.cli.commands.study.study import analyse_command, export_command, new_command, run_command
+from midair.cli.commands.study.planning import new_command
+from midair.cli.commands.study.running import run_command
+from midair.cli.commands.study.study import analyse_command, export_command
 from midair.cli.terminal import epilogue, offer
 
 study_app = App(

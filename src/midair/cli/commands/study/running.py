@@ -1,0 +1,147 @@
+"""The command that takes one participant through a study."""
+
+from pathlib import Path
+
+from midair.cli.terminal import AirOptions, ExposureOptions, PlainConsole, say, say_how_long, warn_simulated
+from midair.errors import InputError
+from midair.study import (
+    NoPresenter,
+    Plan,
+    Policy,
+    Session,
+    SimulatedParticipant,
+    SimulatedScreen,
+    Standing,
+    StillClock,
+    StudyFolder,
+    TerminalScreen,
+    keyboard_of_terminal,
+    open_stimulus_rig,
+    read_events,
+    replay,
+    run,
+    stops_on_signals,
+)
+
+
+def run_command(
+    study: Path,
+    /,
+    *,
+    participant: int = 0,
+    policy: Policy = "resume",
+    simulate: bool = False,
+    d_prime: float = 1.2,
+    array: str = "none",
+    noise: str = "default",
+    lines: bool = False,
+    exposure: ExposureOptions | None = None,
+    air: AirOptions | None = None,
+) -> int:
+    """Run one participant in this terminal, or go on with one who was interrupted. Ctrl-C stops at once.
+
+    Parameters
+    ----------
+    study
+        Folder of the study.
+    participant
+        Number, from 1 on; everybody who is not done if not given with --simulate.
+    policy
+        How an interrupted session goes on: with the unfinished trial, from the start, or from the start of the block.
+    simulate
+        A simulated participant answers; everything made from it is marked SIMULATED.
+    d_prime
+        Sensitivity of the simulated participant to reproduced objects.
+    array
+        What plays drives, as in midair play --device: virtual, autd3, pyautd3 and so on; "none" does for a plan of real
+        objects only. What the experimenter is to take up goes to the error stream: send it to another screen than the
+        participant's.
+    noise
+        Sound output for the white noise that a plan may ask for while the array presents; "none" for no noise.
+    lines
+        Read whole lines, where a terminal could give single keys.
+    exposure
+        What a drive may expose people to.
+    air
+        Of the room; it is stored with the answers.
+
+    Examples
+    --------
+    $ midair study run touch --participant 1 --simulate
+    """
+    folder = StudyFolder(study)
+    plan = folder.plan()
+    if simulate:
+        return _run_simulated(folder, plan, participant, policy, d_prime)
+    if participant < 1:
+        raise InputError("participant: expected --participant N, from 1 on; or --simulate for simulated ones")
+    if _is_done(folder, plan, participant):
+        say(f"participant {participant} was done before; nothing was asked.")
+        return 0
+    room, choices = (air or AirOptions()).medium(), (exposure or ExposureOptions()).choices()
+    screen = TerminalScreen(
+        PlainConsole(markup=True, soft_wrap=False), keyboard=None if lines else keyboard_of_terminal()
+    )
+    with (
+        stops_on_signals(),
+        open_stimulus_rig(
+            array,
+            folder,
+            plan,
+            exposure=choices,
+            room=room,
+            before=lambda drive: say_how_long(drive, choices.profile),
+            noise=noise,
+        ) as rig,
+    ):
+        session = Session(
+            plan,
+            participant,
+            folder.log(participant),
+            rig.presenter,
+            policy=policy,
+            simulated=rig.simulated,
+            room=room,
+            about=rig.about,
+        )
+        try:
+            with session:
+                step = run(session, screen)
+        except EOFError as closed:
+            raise InputError(
+                "terminal: expected answers, got the end of input; the answers so far are stored"
+            ) from closed
+    say("Done." if step.kind == "done" else "Stopped; the answers so far are stored.")
+    say(
+        f"{folder.log(participant).name}: seal {session.seal}. Note it elsewhere: it tells a log that was written anew."
+    )
+    _say_next_session(session.standing())
+    return 0 if step.kind == "done" else 1
+
+
+def _is_done(folder: StudyFolder, plan: Plan, participant: int) -> bool:
+    log = folder.log(participant)
+    if not log.exists():
+        return False
+    standing = replay(read_events(log), plan, participant)
+    return standing.next_trial == len(standing.trials)
+
+
+def _say_next_session(standing: Standing) -> None:
+    if standing.next_trial < len(standing.trials) and not standing.broken_off:
+        due = standing.trials[standing.next_trial].session
+        say(f"Session {due} is due: the same command takes the participant through it.")
+
+
+def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Policy, d_prime: float) -> int:
+    numbers = [participant] if participant else range(1, plan.design.participants + 1)
+    model = SimulatedParticipant(d_prime=d_prime, seed=plan.design.seed)
+    for number in numbers:
+        presenter, log = NoPresenter(), folder.log(number)
+        screen = SimulatedScreen(plan=plan, participant=model, presenter=presenter)
+        for _ in range(plan.design.sessions):
+            with Session(plan, number, log, presenter, policy=policy, simulated=True, clock=StillClock()) as session:
+                run(session, screen)
+        say(f"participant {number}: done")
+    warn_simulated(True)
+    return 0

@@ -1,0 +1,78 @@
+"""What will be tested and who will be left out, said before the first participant."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from midair.errors import InputError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Analysis:
+    """What will be tested, said before the first participant.
+
+    Attributes
+    ----------
+    choice : str
+        The question of the confusion matrix; none if empty.
+    condition : str
+        Factor of two levels whose F-measures are compared; none if empty.
+    only : mapping of str to str
+        Levels that a trial must have to count, such as ``{"presentation": "reproduced"}``.
+    rated : tuple of str
+        Questions of the analysis of variance; none if empty.
+    within : tuple of str
+        Its factors.
+    strength : str
+        Factor whose levels are numbers: a psychometric function is fitted to right answers; none if empty.
+    guess : float
+        Chance of a right answer without a stimulus, for that function: 1/m with m alternatives.
+    margin : float
+        Difference of macro F between conditions that does not matter.
+    """
+
+    choice: str = ""
+    condition: str = ""
+    only: Mapping[str, str] = field(default_factory=dict[str, str])
+    rated: tuple[str, ...] = ()
+    within: tuple[str, ...] = ()
+    strength: str = ""
+    guess: float = 0.5
+    margin: float = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exclusions:
+    """Answers and people that will not be analysed; each rule is off unless it is given.
+
+    Attributes
+    ----------
+    fastest_s, slowest_s : float
+        Answers given sooner or later are left out, in s; 0 for no limit.
+    attention : float
+        Least share of attention checks that a participant must have answered rightly.
+    catch : float
+        Least share of catch trials that a participant must have answered rightly.
+    timeouts : float
+        Largest share of questions that may have gone without an answer in time.
+    training : bool
+        Whether somebody who did not reach the criterion of a training block is left out.
+    failed_plays : bool
+        Whether a trial is left out whose presentation failed and was made again.
+    """
+
+    fastest_s: float = 0.0
+    slowest_s: float = 0.0
+    attention: float = 0.0
+    catch: float = 0.0
+    timeouts: float = 1.0
+    training: bool = False
+    failed_plays: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.fastest_s >= 0 or not (self.slowest_s == 0 or self.fastest_s < self.slowest_s):
+            raise InputError(
+                f"exclusions: expected fastest_s below slowest_s, got {self.fastest_s:g} and {self.slowest_s:g} s"
+            )
+        for name in ("attention", "catch", "timeouts"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise InputError(f"exclusions: expected {name} from 0 to 1, got {getattr(self, name):g}")

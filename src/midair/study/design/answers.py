@@ -1,0 +1,86 @@
+"""The answers of a study as a table, and with it the key that opens the blinding."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from midair.errors import BrokenFileError
+from midair.study.design.exclusions import why_answer_left_out, why_left_out
+from midair.study.design.standing import right_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pandas import DataFrame
+
+    from midair.study.design.plan import Plan, Trial
+    from midair.study.design.standing import Standing
+
+
+def answers_table(plan: Plan, sessions: Sequence[Standing]) -> DataFrame:
+    """Every answer that counts as a row.
+
+    Returns
+    -------
+    DataFrame
+        Columns participant, session, trial, block, group, repetition, stimulus, role, scored, excluded (why an answer
+        or its participant is left out, by the rules of the plan; such are not scored), question, kind, answer, right,
+        correct (1, 0, or -1 where nothing is right or wrong), reaction_s, reaction_by, failed_plays, time (from the
+        beginning of the session, in s), simulated, one a question of the form, and one a factor, "n/a" where a factor
+        has no level. In the order of asking.
+    """
+    from pandas import DataFrame
+
+    rows: list[dict[str, Any]] = []
+    for session in sessions:
+        out = why_left_out(plan, session)
+        rows += [
+            _answer_row(plan, session, trial, name, out)
+            for trial in session.trials
+            for name in trial.questions
+            if (trial.code, name) in session.answers
+        ]
+    return DataFrame(rows)
+
+
+def _answer_row(plan: Plan, session: Standing, trial: Trial, name: str, out: str) -> dict[str, Any]:
+    question = plan.design.question(name)
+    given = session.answers[trial.code, name]
+    stimulus = plan.design.stimulus(trial.stimulus or session.chosen[trial.code])
+    levels = {**stimulus.levels, **trial.levels, **question.levels}
+    right = right_of(plan, trial, session.chosen, name)
+    why = why_answer_left_out(plan, session, trial.code, given) or out
+    row: dict[str, Any] = {
+        "participant": f"sub-{trial.participant:02d}",
+        "session": trial.session,
+        "trial": trial.number,
+        "block": trial.block,
+        "group": trial.group,
+        "repetition": trial.repetition,
+        "stimulus": stimulus.name,
+        "role": trial.role,
+        "scored": trial.scored and not why,
+        "excluded": why or "n/a",
+        "question": name,
+        "kind": question.kind,
+        "answer": given.answer,
+        "right": right or "n/a",
+        "correct": int(given.answer == right) if right and not given.late else -1,
+        "reaction_s": given.reaction_s,
+        "reaction_by": given.by or "n/a",
+        "failed_plays": session.failed.get(trial.code, 0),
+        "time": _since(session.began.get(trial.session, given.time), given.time),
+        "simulated": session.simulated,
+    }
+    asked = (plan.design.question(each) for each in plan.design.form)
+    form = {each.name: session.form.get(each.name, "n/a") for each in asked if not each.private}
+    return row | form | {factor: levels.get(factor, "n/a") for factor in plan.design.factors}
+
+
+def _since(begin: str, end: str) -> float:
+    """Time between two moments in ISO 8601, in s."""
+    try:
+        return round((datetime.fromisoformat(end) - datetime.fromisoformat(begin)).total_seconds(), 3)
+    except (ValueError, TypeError) as wrong:
+        raise BrokenFileError(f"log: expected dates and times, got {begin[:40]!r} and {end[:40]!r}") from wrong

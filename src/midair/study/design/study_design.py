@@ -1,0 +1,165 @@
+"""A whole study, before chance has been asked."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from midair.errors import InputError, MismatchError
+from midair.study.design.analysis_plan import Analysis, Exclusions
+from midair.study.design.blocks import Block
+from midair.study.design.question import Question
+from midair.study.design.stimulus import Stimulus
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MaskingNoise:
+    """White noise in the headphones while the array presents, so that nobody hears the stimulus.
+
+    Attributes
+    ----------
+    level_dbfs : float
+        Its rms over that of the largest sine of the sound card, in dB.
+    full_scale_db : float, optional
+        Sound pressure level that the headphones make of the largest sine, as measured; None where nobody has.
+    ramp_s : float
+        Time in which it swells before the stimulus and fades after it, in s.
+    """
+
+    level_dbfs: float
+    full_scale_db: float | None = None
+    ramp_s: float = 0.2
+
+    def __post_init__(self) -> None:
+        if not -90 <= self.level_dbfs <= -2:
+            # Noise that is spread evenly over the whole range has an rms 1.8 dB below that of the largest sine.
+            raise InputError(f"noise: expected level_dbfs from -90 to -2 dB, got {self.level_dbfs:g} dB")
+        if not 0.01 <= self.ramp_s <= 5:
+            raise InputError(f"noise: expected ramp_s from 0.01 to 5 s, got {self.ramp_s:g} s")
+
+    @property
+    def said(self) -> str:
+        """The level in words."""
+        words = f"white noise at {self.level_dbfs:g} dB (rms, over the largest sine)"
+        if self.full_scale_db is None:
+            return f"{words}; its sound pressure is not known: measure the headphones and state full_scale_db"
+        return f"{words}, {self.level_dbfs + self.full_scale_db:g} dB SPL"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """A study, before chance has been asked.
+
+    Attributes
+    ----------
+    name : str
+        Letters and digits only: it becomes the task of BIDS file names.
+    title : str
+        What the study is called for people.
+    participants : int
+        Number of people for whom the trials are drawn.
+    seed : int
+        Seed of all shuffles.
+    stimuli, questions, blocks : tuple
+        The parts.
+    counterbalanced : tuple of str
+        Groups of blocks that go through a balanced Latin square; the others stay where they are written.
+    consent, debrief : str
+        Told before and after.
+    analysis : Analysis
+        What will be tested.
+    form : tuple of str
+        Questions that are asked once, before the first trial: a pseudonym, the hand.
+    cue : str
+        Told to the participant when a stimulus comes; nothing if empty.
+    noise : MaskingNoise, optional
+        White noise in the headphones while the array presents.
+    exclusions : Exclusions
+        Who and what will be left out.
+    hypotheses : tuple of str
+        In words, for the page to be registered.
+    """
+
+    name: str
+    participants: int
+    seed: int
+    stimuli: tuple[Stimulus, ...]
+    questions: tuple[Question, ...]
+    blocks: tuple[Block, ...]
+    title: str = ""
+    counterbalanced: tuple[str, ...] = ()
+    consent: str = ""
+    debrief: str = ""
+    analysis: Analysis = field(default_factory=Analysis)
+    form: tuple[str, ...] = ()
+    cue: str = "Feel now."
+    noise: MaskingNoise | None = None
+    exclusions: Exclusions = field(default_factory=Exclusions)
+    hypotheses: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not (self.name.isascii() and self.name.isalnum()):
+            raise InputError(f"study: expected a name of letters and digits, got {self.name!r}")
+        if self.participants < 1 or not self.blocks:
+            raise InputError(f"study: expected participants and blocks, got {self.participants}, {len(self.blocks)}")
+        names = {kind: [part.name for part in parts] for kind, parts in self._parts().items()}
+        for kind, listed in names.items():
+            if len(set(listed)) < len(listed):
+                raise InputError(f"{kind}: expected different names, got {sorted(listed)}")
+        for block in self.blocks:
+            _known(block.stimuli, names["stimuli"], f"block {block.name!r}: stimuli")
+            _known(block.questions, names["questions"], f"block {block.name!r}: questions")
+            for extra in block.extras:
+                _known(extra.stimuli, names["stimuli"], f"block {block.name!r}: extras")
+                _known(extra.questions, names["questions"], f"block {block.name!r}: extras")
+        for stimulus in self.stimuli:
+            _known(stimulus.members, names["stimuli"], f"stimulus {stimulus.name!r}: members")
+        _known(self.form, names["questions"], "form")
+        _known(self.counterbalanced, [block.group for block in self.blocks], "counterbalanced groups")
+        self._check_analysis(names["questions"])
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Names of all factors, in order of appearance."""
+        parts: list[Any] = [*self.stimuli, *self.blocks, *self.questions]
+        named = dict.fromkeys(factor for part in parts for factor in part.levels)
+        return (*named, *{one.either_order: None for one in self.stimuli if one.either_order})
+
+    @property
+    def sessions(self) -> int:
+        """Number of sessions of each participant."""
+        return max(block.session for block in self.blocks)
+
+    def stimulus(self, name: str) -> Stimulus:
+        """The stimulus of this name."""
+        return next(part for part in self.stimuli if part.name == name)
+
+    def question(self, name: str) -> Question:
+        """The question of this name."""
+        return next(part for part in self.questions if part.name == name)
+
+    def block(self, name: str) -> Block:
+        """The block of this name."""
+        return next(part for part in self.blocks if part.name == name)
+
+    def _parts(self) -> dict[str, Any]:
+        return {"stimuli": self.stimuli, "questions": self.questions, "blocks": self.blocks}
+
+    def _check_analysis(self, questions: list[str]) -> None:
+        chosen = (self.analysis.choice,) if self.analysis.choice else ()
+        _known((*chosen, *self.analysis.rated), questions, "analysis: questions")
+        condition = (self.analysis.condition,) if self.analysis.condition else ()
+        strength = (self.analysis.strength,) if self.analysis.strength else ()
+        factors = (*condition, *strength, *self.analysis.within, *self.analysis.only)
+        truths = tuple(question.truth for question in self.questions if question.truth)
+        _known((*factors, *truths), list(self.factors), "factors")
+        # The table of answers has columns of these names, and one for each factor beside them.
+        taken = {"participant", "trial", "answer", "question", "block", "correct", "right", "stimulus", "scored"}
+        taken |= {"role", "session", "excluded", "simulated"}
+        if clash := (taken & {*self.factors, *self.form}) | (set(self.form) & set(self.factors)):
+            raise MismatchError(
+                f"factors: expected names other than those of columns, got {sorted(clash)}; rename them"
+            )
+
+
+def _known(asked: tuple[str, ...], known: list[str], what: str) -> None:
+    if unknown := [name for name in asked if name not in known]:
+        raise MismatchError(f"{what}: expected names among {', '.join(known) or 'none'}, got {unknown[0]!r}")

@@ -1,0 +1,200 @@
+"""The drives of a study: found or made when its plan is drawn, checked, and known by their digests from then on."""
+
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from hashlib import file_digest
+from pathlib import Path
+from typing import Literal
+
+from midair.errors import BrokenFileError, MismatchError, MissingFileError
+from midair.files import load_solution, open_take, save_solutions
+from midair.flow import felt, lead_of, reproduce_parts
+from midair.model import PressureFrames, Progress, TransducerArray
+from midair.rig import VirtualRig, capture_recording, sensor_named
+from midair.settings import MODES, Mode, Settings
+from midair.study.design import Design, Stimulus
+from midair.targets import led_in
+
+ENDING = ".drive.h5"
+Stage = Callable[[str], Progress | None]
+"""From what is being done to who is told how far it is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyDrive:
+    """One drive of a study, as it was found or made.
+
+    Attributes
+    ----------
+    source : str
+        Its name in the plan.
+    how : {"found", "solved", "virtual"}
+        A drive that was there; one solved from a recording that was there; one of a virtual stroke.
+    duration : float
+        In s.
+    digest : str
+        SHA-256 of the file.
+    """
+
+    source: str
+    how: Literal["found", "solved", "virtual"]
+    duration: float
+    digest: str
+
+
+def digest_of_file(path: Path) -> str:
+    """SHA-256 of a file, 64 hexadecimal digits.
+
+    Raises
+    ------
+    MissingFileError
+        If it is not there.
+    """
+    try:
+        with path.open("rb") as file:
+            return file_digest(file, "sha256").hexdigest()
+    except FileNotFoundError as wrong:
+        raise MissingFileError(f"{path.name}: expected the drive beside the plan, found none; copy it back") from wrong
+
+
+def gather(
+    design: Design,
+    into: Path,
+    *,
+    found_in: Path | None,
+    settings: Settings | None = None,
+    mode: Mode = "quick",
+    seed: int = 0,
+    stage: Stage = lambda _: None,
+) -> list[StudyDrive]:
+    """Put every drive of a design into a folder: copied, solved from a recording, or made of a virtual stroke.
+
+    Parameters
+    ----------
+    design : Design
+        Whose stimuli name their drives.
+    into : Path
+        Where they go.
+    found_in : Path or None
+        Folder of drives, or of recordings: for ``felt.drive.h5`` also ``felt.h5``, which is then solved. Without one,
+        what the stimuli say they are made from is taken.
+    settings : Settings, optional
+        To solve with; those of `mode` if not given, at 1 kHz for virtual strokes.
+    mode : {"paper", "best", "quick"}
+        The settings by name.
+    seed : int
+        Of virtual strokes and of the virtual sensor.
+    stage : callable, optional
+        Shows progress.
+
+    Raises
+    ------
+    MissingFileError
+        If a drive can be had in no way; names all of them.
+    BrokenFileError
+        If a file is no drive, or never sounds.
+    MismatchError
+        If drives are for different arrays.
+    """
+    wanted = {one.source: one for one in reversed(design.stimuli) if one.kind == "drive"}
+    _all_there(wanted, found_in)
+    gathered: list[StudyDrive] = []
+    for source, stimulus in sorted(wanted.items()):
+        target = into / source
+        target.parent.mkdir(parents=True, exist_ok=True)
+        ready, recording = _places(source, found_in)
+        how: Literal["found", "solved", "virtual"]
+        if ready is not None:
+            how = "found"
+            shutil.copyfile(ready, target)
+        elif recording is not None:
+            how, chosen = "solved", settings or MODES[mode]()
+            take = open_take(recording)
+            _solve(felt(take.recording, take.calibration, chosen), chosen, target, stage(source))
+        else:
+            # At 4 kHz a drive for no skin would take four times as long and as much of the disk.
+            how, chosen = "virtual", settings or MODES[mode]().but(rate=1000.0)
+            _solve(_virtual(stimulus.made_from, chosen, seed), chosen, target, stage(source))
+        target.chmod(0o600)
+        gathered.append(StudyDrive(source=source, how=how, duration=_checked(target), digest=digest_of_file(target)))
+    _one_array([into / one.source for one in gathered])
+    return gathered
+
+
+def check_digests(folder: Path, drives: Mapping[str, str], stimuli: tuple[Stimulus, ...]) -> None:
+    """Raise if a drive is not the one for which the plan was drawn.
+
+    Raises
+    ------
+    MissingFileError
+        If the plan was drawn without drives, or one is gone.
+    MismatchError
+        If one was changed since.
+    """
+    for source in dict.fromkeys(one.source for one in stimuli if one.kind == "drive"):
+        if source not in drives:
+            raise MissingFileError(
+                f"{source}: expected a plan that knows its drives, got one drawn without; it can be run with --simulate"
+                " only: draw a new one, `midair study new NAME --drives FOLDER`"
+            )
+        if (found := digest_of_file(folder / source)) != drives[source]:
+            raise MismatchError(
+                f"{source}: expected the drive of the plan (SHA-256 {drives[source][:12]}), got {found[:12]}; it was"
+                " changed since the plan was drawn: copy it back"
+            )
+
+
+def _places(source: str, folder: Path | None) -> tuple[Path | None, Path | None]:
+    """The drive, or the recording for it, that lies in a folder."""
+    if folder is None:
+        return None, None
+    ready, recording = folder / source, folder / f"{source.removesuffix(ENDING)}.h5"
+    return ready if ready.is_file() else None, recording if recording.is_file() and recording != ready else None
+
+
+def _all_there(wanted: Mapping[str, Stimulus], folder: Path | None) -> None:
+    missing = [
+        source
+        for source, one in sorted(wanted.items())
+        if not any(_places(source, folder)) and not (folder is None and one.made_from)
+    ]
+    if missing:
+        names = ", ".join(missing)
+        where = f"in {folder}" if folder else "anywhere"
+        raise MissingFileError(
+            f"drives: expected {names} {where} (or recordings, {missing[0].removesuffix(ENDING)}.h5 and so on), found"
+            " none; give their folder with --drives, or --drives none for a plan that is only simulated"
+        )
+
+
+def _virtual(name: str, settings: Settings, seed: int) -> PressureFrames:
+    rig = VirtualRig(seed=seed, height=settings.target.grid.height)
+    with sensor_named(name, rig) as touched:
+        recording = capture_recording(touched, 1.28 if "am-" not in name else 0.5)
+        return felt(recording, touched.calibration, settings)
+
+
+def _solve(pressure: PressureFrames, settings: Settings, target: Path, progress: Progress | None) -> None:
+    led = led_in(pressure, lead_of(settings))
+    wanted, parts = reproduce_parts(led, TransducerArray.autd3(), settings, progress=progress)
+    save_solutions(parts, target, frames=wanted.frames, target=wanted)
+
+
+def _checked(path: Path) -> float:
+    """Duration of a drive that sounds at all, in s."""
+    solution = load_solution(path, streamed=True)
+    if all(status == "silent" for status in solution.status):
+        raise BrokenFileError(f"{path.name}: expected a drive that sounds, got silence in every frame; solve it again")
+    return solution.drive.frames / solution.drive.rate
+
+
+def _one_array(paths: list[Path]) -> None:
+    arrays = {path.name: load_solution(path, streamed=True).drive.array for path in paths}
+    first = next(iter(arrays.values()), None)
+    for name, array in arrays.items():
+        if first is not None and (array.name, array.count) != (first.name, first.count):
+            raise MismatchError(
+                f"{name}: expected a drive for {first.name} with {first.count} transducers as the others, got one for "
+                f"{array.name} with {array.count}; solve them all for one array"
+            )

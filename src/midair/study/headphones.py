@@ -1,0 +1,116 @@
+"""White noise through the sound card, so that a participant does not hear the array (paper, 5.3)."""
+
+from threading import Event, Lock
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import DeviceError, MissingExtraError, UnknownDeviceError
+from midair.study.design import MaskingNoise
+
+
+class Headphones:
+    """An open sound output that can be full of white noise; a context manager, silent on leaving.
+
+    The noise is spread evenly between two bounds, the same in all channels of a frame, and new in every frame.
+
+    Parameters
+    ----------
+    noise : MaskingNoise
+        Its level and ramp.
+    device : str
+        Name of the sound output as the system lists it, or a part of it; "default" for the system's choice.
+    channels : int
+        Channels of the output.
+    seed : int, optional
+        Of the noise.
+    """
+
+    def __init__(
+        self, noise: MaskingNoise, *, device: str = "default", channels: int = 2, seed: int | None = None
+    ) -> None:
+        self.noise = noise
+        self.rate = 0.0
+        self.underflows = 0
+        self._device = None if device == "default" else device
+        self._channels = channels
+        self._rng = np.random.default_rng(seed)
+        # Full scale is 1; the rms of the largest sine 1/sqrt 2, of evenly spread noise its bound/sqrt 3.
+        self._bound = 10 ** (noise.level_dbfs / 20) * np.sqrt(1.5)
+        self._gain = 0.0
+        self._wanted = 0.0
+        self._lock = Lock()
+        self._there = Event()
+        self._stream: Any = None
+
+    def __enter__(self) -> Self:
+        sounddevice = _sounddevice()
+        try:
+            self._stream = sounddevice.OutputStream(
+                device=self._device, channels=self._channels, dtype="float32", callback=self._fill
+            )
+            self.rate = float(self._stream.samplerate)
+            self._stream.start()
+        except ValueError as wrong:
+            raise UnknownDeviceError(
+                f"headphones: {str(wrong)[:120]}; `python -m sounddevice` lists outputs"
+            ) from wrong
+        except sounddevice.PortAudioError as wrong:
+            raise DeviceError(f"headphones: expected a sound output, got: {str(wrong)[:120]}") from wrong
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self.off()
+        finally:
+            self._stream.close()
+
+    def on(self) -> None:
+        """Let the noise swell; returns when it has its level.
+
+        Raises
+        ------
+        DeviceError
+            If the sound card takes no more samples.
+        """
+        self._go(1.0)
+
+    def off(self) -> None:
+        """Let the noise fade; returns when it is silent."""
+        self._go(0.0)
+
+    def _go(self, gain: float) -> None:
+        with self._lock:
+            self._there.clear()
+            self._wanted = gain
+        if not self._there.wait(self.noise.ramp_s + 2):
+            raise DeviceError("headphones: expected the sound card to take samples, it has taken none for 2 s")
+
+    def _fill(self, out: NDArray[np.float32], frames: int, _time: Any, status: Any) -> None:
+        """Give the sound card its next frames; called from its own thread."""
+        self.underflows += bool(status)
+        wanted = self._wanted
+        step = 1 / (self.noise.ramp_s * self.rate)
+        path = self._gain + np.sign(wanted - self._gain) * step * np.arange(1, frames + 1)
+        low, high = sorted((self._gain, wanted))
+        gain = np.clip(path, low, high) if wanted != self._gain else np.full(frames, wanted)
+        out[:] = (gain * self._rng.uniform(-self._bound, self._bound, frames))[:, None]
+        self._gain = float(gain[-1])
+        with self._lock:
+            # Another may have been wanted meanwhile.
+            if self._gain == self._wanted:
+                self._there.set()
+
+
+def _sounddevice() -> Any:
+    try:
+        import sounddevice
+    except ImportError as wrong:
+        raise MissingExtraError("headphones: expected the extra audio; pip install 'midair[audio]'") from wrong
+    except OSError as wrong:
+        raise DeviceError("headphones: expected PortAudio; apt-get install libportaudio2") from wrong
+    return sounddevice

@@ -1,0 +1,132 @@
+"""Who presents the stimuli of a study: the experimenter, an array, and noise in the headphones meanwhile."""
+
+from collections.abc import Callable, Generator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+
+from midair.devices import Admission, ExposureChoices, VirtualArray, admit
+from midair.errors import InputError
+from midair.files import load_solution, load_target, printable
+from midair.model import Drive, Medium, TransducerArray
+from midair.rig import array_named, room_air, usual_exposure
+from midair.study.design import Plan, Stimulus
+from midair.study.drives import check_digests
+from midair.study.folder import StudyFolder
+from midair.study.headphones import Headphones
+from midair.study.session import ArrayPresenter, ExperimenterPresenter, MaskedPresenter, Presenter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StimulusRig:
+    """What presents in a session, and what its log says of that.
+
+    Attributes
+    ----------
+    presenter : Presenter
+        Open.
+    simulated : bool
+        Whether the array exists only here.
+    about : mapping
+        For `Session`: the array, and the level of the noise (None without) in dB.
+    """
+
+    presenter: Presenter
+    simulated: bool = False
+    about: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+
+@contextmanager
+def open_stimulus_rig(
+    array: str,
+    folder: StudyFolder,
+    plan: Plan,
+    *,
+    exposure: ExposureChoices | None = None,
+    room: Medium | None = None,
+    before: Callable[[Drive], None] | None = None,
+    noise: str = "default",
+) -> Generator[StimulusRig]:
+    """What presents: the experimenter, told on the error stream, or an array that plays drives beside the plan.
+
+    Every drive is the one of the plan and passes the exposure gate before the session begins, which `before` is called
+    with ahead of that, and each time it plays is in the log. The experimenter is told what the air of the room does to
+    it, and how loud the noise in the headphones is.
+    """
+    console = Console(stderr=True, emoji=False)
+    by_hand = ExperimenterPresenter(
+        tell=lambda line: console.print(f"experimenter: {_plain(line)}"),
+        done=lambda: _wait(console),
+    )
+    drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
+    if array == "none":
+        if drives:
+            raise InputError(f"array: expected one to play {len(drives)} drives of the plan, got none; give --array")
+        yield StimulusRig(presenter=by_hand)
+        return
+    check_digests(folder.path, plan.drives, plan.design.stimuli)
+    with ExitStack() as stack:
+        presenter = stack.enter_context(_array_presenter(array, folder, plan, by_hand, exposure, room, before, console))
+        about: dict[str, Any] = {"array": presenter.array.name, "noise_dbfs": None}
+        simulated = presenter.array.simulated
+        if plan.design.noise is None or noise == "none":
+            yield StimulusRig(presenter=presenter, simulated=simulated, about=about)
+            return
+        headphones = stack.enter_context(Headphones(plan.design.noise, device=noise))
+        console.print(_plain(f"headphones: {plan.design.noise.said}"))
+        masked = MaskedPresenter(inner=presenter, noise=headphones)
+        about["noise_dbfs"] = plan.design.noise.level_dbfs
+        yield StimulusRig(presenter=masked, simulated=simulated, about=about)
+
+
+@contextmanager
+def _array_presenter(
+    array: str,
+    folder: StudyFolder,
+    plan: Plan,
+    by_hand: Presenter,
+    exposure: ExposureChoices | None,
+    room: Medium | None,
+    before: Callable[[Drive], None] | None,
+    console: Console,
+) -> Generator[ArrayPresenter]:
+    choices = exposure or usual_exposure()
+    device = VirtualArray(TransducerArray.autd3()) if array == "virtual" else array_named(array)
+    drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
+
+    @lru_cache(maxsize=32)
+    def admitted_share(source: str, share: float) -> Admission:
+        drive = load_solution(folder.path / source).drive
+        if share == 1 and before is not None:
+            before(drive)
+        # Radiation pressure goes with the square of the sound's, which goes with the level.
+        return admit(drive if share == 1 else replace(drive, level=drive.level * share**0.5), device, choices)
+
+    def admitted(stimulus: Stimulus) -> Admission:
+        return admitted_share(stimulus.source, stimulus.share)
+
+    with device:
+        lasting = [load_solution(folder.path / one.source, streamed=True).drive for one in drives]
+        silence = max((drive.frames / drive.rate for drive in lasting), default=0.0)
+        presenter = ArrayPresenter(array=device, admitted=admitted, by_hand=by_hand, room=room, silence_s=silence)
+        presenter.check(plan.design.stimuli)
+        for path in dict.fromkeys(folder.path / one.source for one in drives):
+            air = room_air(load_solution(path).drive, room, partial(load_target, path), simulated=device.simulated)
+            console.print(_plain(f"{path.name}: {air.said}"), style="yellow" if air.warns else None)
+        for one in drives:
+            if (admission := admitted(one)).outcome == "attenuated":
+                console.print(_plain(f"{one.source}: exposure {admission.verdict()}"), style="yellow")
+        yield presenter
+
+
+def _wait(console: Console) -> None:
+    console.input("[dim]Enter when it was presented[/] ")
+
+
+def _plain(text: str) -> str:
+    """Words of a plan or an answer, which are no markup and no escape sequence."""
+    return escape(printable(text))

@@ -1,0 +1,27 @@
+"""A program that hears what is played into JACK: a client "ears" whose inputs it keeps. Run by tests.
+
+Arguments: where to write what it heard, shape (frame, channel), once a line comes on its input.
+"""
+
+import sys
+
+import jack
+import numpy as np
+
+jack.set_error_function(lambda _: None)
+client = jack.Client("ears", no_start_server=True)
+ports = [client.inports.register(f"in_{channel}") for channel in range(2)]
+heard = []
+
+
+@client.set_process_callback
+def process(_count):
+    heard.append(np.array([port.get_array() for port in ports]).T)
+
+
+client.activate()
+print("ready", flush=True)
+sys.stdin.readline()
+client.deactivate()
+np.save(sys.argv[1], np.concatenate(heard))
+print("saved", flush=True)

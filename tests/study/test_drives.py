@@ -1,0 +1,110 @@
+"""The drives of a study: found, solved, made; checked; known by their digests."""
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.calibration import calibrate
+from midair.errors import BrokenFileError, InputError, MismatchError, MissingFileError
+from midair.files import load_solution, save, save_calibration, save_solution
+from midair.model import ControlGrid, Drive, Solution, TransducerArray
+from midair.physics import focus_phase
+from midair.rig import VirtualRig, capture_recording
+from midair.settings import Settings
+from midair.study.design.blocks import Block
+from midair.study.design.question import Question
+from midair.study.design.stimulus import Stimulus
+from midair.study.design.study_design import Design
+from midair.study.drives import check_digests, digest_of_file, gather
+
+QUICK = Settings().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), method="naive")
+
+
+def solution(level=0.01, array=None, status="iterations"):
+    array = array or TransducerArray.autd3()
+    phase = np.broadcast_to(focus_phase(array, np.array([0, 0, 0.2])), (10, array.count))
+    drive = Drive(phase=phase, level=np.full(10, level), rate=1000.0, array=array)
+    return Solution(drive=drive, error=np.zeros(10), iterations=np.ones(10), status=(status,) * 10)
+
+
+def design(*stimuli):
+    felt = Question(name="felt", kind="yes-no", text="Felt?")
+    block = Block(name="b", stimuli=tuple(one.name for one in stimuli), questions=("felt",))
+    return Design(name="d", participants=1, seed=1, stimuli=stimuli, questions=(felt,), blocks=(block,))
+
+
+A, B = (Stimulus(name=name, source=f"{name}.drive.h5") for name in "ab")
+
+
+def test_drives_that_are_there_are_copied_and_hashed(tmp_path):
+    (tmp_path / "from").mkdir()
+    (tmp_path / "to").mkdir()
+    for name in "ab":
+        save_solution(solution(), tmp_path / "from" / f"{name}.drive.h5")
+    found = gather(design(A, B), tmp_path / "to", found_in=tmp_path / "from")
+    assert [(one.source, one.how, one.duration) for one in found] == [
+        ("a.drive.h5", "found", 0.01),
+        ("b.drive.h5", "found", 0.01),
+    ]
+    copied = tmp_path / "to" / "a.drive.h5"
+    assert found[0].digest == hashlib.sha256(copied.read_bytes()).hexdigest() == digest_of_file(copied)
+    assert copied.stat().st_mode & 0o777 == 0o600
+
+
+def test_a_recording_of_that_name_is_solved_and_a_stroke_is_made(tmp_path):
+    rig = VirtualRig()
+    (tmp_path / "to").mkdir()
+    with rig.touched_by("towel") as touched:
+        recording = capture_recording(touched, 0.05)
+        save(recording, tmp_path / "a.h5")
+        save_calibration(touched.calibration, tmp_path / "a.calibration.h5")
+        assert calibrate(recording, touched.calibration).frames
+    made = replace(B, made_from="virtual:brush")
+    with pytest.raises(MissingFileError, match=r"expected b\.drive\.h5 in .*b\.h5 and so on.*--drives"):
+        gather(design(A, made), tmp_path / "to", found_in=tmp_path, settings=QUICK)
+    (virtual,) = gather(design(made), tmp_path / "to", found_in=None, settings=QUICK)
+    assert (virtual.how, load_solution(tmp_path / "to" / "b.drive.h5").drive.provenance.simulated) == ("virtual", True)
+    assert virtual.duration > 1.28
+
+
+def test_what_is_not_there_is_named_all_at_once(tmp_path):
+    with pytest.raises(MissingFileError, match=r"expected a\.drive\.h5, b\.drive\.h5 anywhere"):
+        gather(design(A, B), tmp_path, found_in=None)
+
+
+def test_silent_drives_and_those_of_another_array_are_refused(tmp_path):
+    (tmp_path / "to").mkdir()
+    save_solution(solution(level=0.0, status="silent"), tmp_path / "a.drive.h5")
+    with pytest.raises(BrokenFileError, match=r"a\.drive\.h5: expected a drive that sounds"):
+        gather(design(A), tmp_path / "to", found_in=tmp_path)
+    (tmp_path / "a.drive.h5").unlink()
+    save_solution(solution(), tmp_path / "a.drive.h5")
+    save_solution(solution(array=TransducerArray.autd3(columns=1, rows=1)), tmp_path / "b.drive.h5")
+    with pytest.raises(MismatchError, match=r"b\.drive\.h5: expected a drive for AUTD3 2 x 2 .* got one for .* 249"):
+        gather(design(A, B), tmp_path / "to", found_in=tmp_path)
+
+
+def test_a_drive_that_was_changed_is_told(tmp_path):
+    save_solution(solution(), tmp_path / "a.drive.h5")
+    known = {"a.drive.h5": digest_of_file(tmp_path / "a.drive.h5")}
+    check_digests(tmp_path, known, (A,))
+    with pytest.raises(MissingFileError, match="drawn without; it can be run with --simulate only"):
+        check_digests(tmp_path, {}, (A,))
+    with (tmp_path / "a.drive.h5").open("ab") as file:
+        file.write(b"x")
+    with pytest.raises(MismatchError, match="changed since the plan was drawn"):
+        check_digests(tmp_path, known, (A,))
+    (tmp_path / "a.drive.h5").unlink()
+    with pytest.raises(MissingFileError, match="copy it back"):
+        check_digests(tmp_path, known, (A,))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"source": "/a.drive.h5"}, {"source": "../a.drive.h5"}, {"share": 0}, {"share": 1.1}, {"made_from": "x"}],
+)
+def test_stimuli_that_cannot_be(changes):
+    with pytest.raises(InputError, match="stimulus 'a'"):
+        replace(A, **changes)

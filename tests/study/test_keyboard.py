@@ -1,0 +1,91 @@
+"""Keys at a terminal, which is a pty here."""
+
+import os
+import sys
+import termios
+import threading
+import time
+
+import pytest
+from rich.console import Console
+
+from midair.study.design.question import Question
+from midair.study.keyboard import Keyboard, keyboard_of_terminal
+from midair.study.session.steps import TrialStep
+from midair.study.terminal_screen import TerminalScreen
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such terminals")
+CHOICE = Question(name="w", kind="choice", text="Which?", options=("brush", "sponge"))
+
+
+@pytest.fixture
+def terminal():
+    """The two ends of a terminal: what somebody types into, and what the program reads."""
+    master, slave = os.openpty()
+    yield master, slave
+    os.close(master)
+    os.close(slave)
+
+
+def asked(terminal, question, *typed, width=100):
+    """Ask at the terminal while somebody types, each after its time in s; gives the reply and what was shown."""
+    master, slave = terminal
+
+    def type_all():
+        for after, keys in typed:
+            time.sleep(after)
+            os.write(master, keys)
+
+    with open(os.devnull, "w") as nowhere:
+        console = Console(file=nowhere, record=True, width=width)
+        typing = threading.Thread(target=type_all)
+        typing.start()
+        reply = TerminalScreen(console, Keyboard(file=slave)).ask(
+            TrialStep(kind="ask", code="p01-t001", number=1, total=2, question=question)
+        )
+        typing.join()
+        return reply, console.export_text()
+
+
+def test_one_key_answers_and_its_moment_is_taken(terminal):
+    os.write(terminal[0], b"1")  # before the question: it answers nothing
+    reply, shown = asked(terminal, CHOICE, (0.3, b"x"), (0.1, b"2"))
+    assert (reply.text, reply.by, reply.late) == ("sponge", "key", False)
+    assert 0.3 < reply.reaction_s < 2
+    assert "1  brush" in shown
+    assert "Press 1, 2" in shown
+
+
+def test_without_a_key_in_time_it_is_too_late(terminal):
+    reply, _ = asked(terminal, Question(name="w", kind="yes-no", text="?", timeout_s=0.1))
+    assert (reply.late, reply.text, reply.reaction_s) == (True, "", 0.1)
+
+
+def test_a_slider_moves_by_arrows_and_has_no_mark_before(terminal):
+    slide = Question(
+        name="s", kind="slider", text="How rough?", low=0, high=100, low_label="smooth", high_label="rough"
+    )
+    reply, shown = asked(
+        terminal, slide, (0.2, b"\r"), (0.05, b"\x1b[C"), (0.05, b"\x1b[A"), (0.05, b"\x1b[D"), (0.05, b"\n")
+    )
+    assert (reply.text, reply.by) == ("60", "key")
+    assert "0: smooth, 100: rough" in shown
+
+
+def test_options_that_are_numbers_are_not_numbered(terminal):
+    count = Question(name="n", kind="choice", text="How many?", options=("2", "3", "4"))
+    reply, shown = asked(terminal, count, (0.2, b"2"))
+    assert reply.text == "2"
+    assert "1  2" not in shown
+
+
+def test_the_terminal_is_left_as_it_was(terminal):
+    before = termios.tcgetattr(terminal[1])
+    asked(terminal, CHOICE, (0.2, b"1"))
+    assert termios.tcgetattr(terminal[1]) == before
+
+
+def test_a_pipe_has_no_keys(monkeypatch):
+    with open(os.devnull) as nothing:
+        monkeypatch.setattr("sys.stdin", nothing)
+        assert keyboard_of_terminal() is None
