@@ -3,7 +3,7 @@
 import pytest
 
 from midair.model import Acoustics, Medium
-from midair.settings import Settings, beside_paper, best_mode, coarser, paper_mode, quick_mode
+from midair.settings import Settings, beside_paper, best_mode, coarser, finest_mode, paper_mode, quick_mode
 from midair.solvers import Glide
 
 
@@ -23,6 +23,9 @@ def test_the_modes_are_what_they_say():
     assert isinstance(quick.solver.method, Glide)
     assert quick.solver.method.smooth < best.solver.method.smooth
     assert quick.but(method=best.solver.method) == best
+    finest = finest_mode()
+    assert finest.solver.quiet_palm
+    assert finest.but(quiet_palm=0.0) == best
 
 
 def test_a_coarser_grid_spans_the_same_square():

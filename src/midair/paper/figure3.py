@@ -43,7 +43,7 @@ def figure_3(
         Target over the peak of a single focus of the whole array. The paper does not say.
     paper, best : Settings, optional
         The two modes; their grid, solver and terms count here.
-    mode : {"paper", "best", "quick"}
+    mode : {"paper", "best", "quick", "finest"}
         What is put beside the paper's.
     """
     array, sensor = TransducerArray.autd3(), SensorGrid()

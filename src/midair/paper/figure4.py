@@ -26,7 +26,7 @@ class StimuliPlan:
     ----------
     paper, best : Settings
         The two modes; the other mode's own settings if None.
-    mode : {"paper", "best", "quick"}
+    mode : {"paper", "best", "quick", "finest"}
         What is put beside the paper's.
     duration : float
         Of each stimulus, in s; a multiple of 40 ms.

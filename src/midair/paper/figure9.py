@@ -36,7 +36,7 @@ def figure_9(
         are means of the power over all.
     paper, best : Settings, optional
         The two modes; their mappings count here.
-    mode : {"paper", "best", "quick"}
+    mode : {"paper", "best", "quick", "finest"}
         What is put beside the paper's.
     """
     modes = beside_paper(mode, paper or paper_mode(), best)

@@ -71,7 +71,7 @@ class MaterialsPlan:
     paper : Settings
         The paper's mode; the others take its air. It is solved as a whole, which has about the error of one frame
         after another in a fortieth of the time.
-    mode : {"paper", "best", "quick"}
+    mode : {"paper", "best", "quick", "finest"}
         What is put beside the paper's and the live one.
     rig : VirtualRig
         On which all is played and heard.

@@ -42,7 +42,7 @@ class FidelityPlan:
         Test signals, objects, and files of calibrated recordings.
     paper, best : Settings
         The two modes; the other mode's own settings if None.
-    mode : {"paper", "best", "quick"}
+    mode : {"paper", "best", "quick", "finest"}
         What is put beside the paper's.
     strength : float
         Of the target in both modes.

@@ -279,7 +279,7 @@ def loop(
     ----------
     original : OpenedTake, PressureFrames or path
         A recording with its calibration; or its pressure, in the settings' band and at their rate.
-    settings : Settings or {"paper", "best", "quick"}
+    settings : Settings or {"paper", "best", "quick", "finest"}
         Of every stage, or a mode by name.
     rig : OpenRig or str
         Entered, with a sensor; or the name of an array that is opened for this alone.

@@ -4,7 +4,7 @@ The command line's options, what a drive's provenance keeps and the table of the
 """
 
 from midair.settings.choices import CHOICES, Choice, choices_table, spelt
-from midair.settings.mode import MODES, Mode, beside_paper, best_mode, coarser, paper_mode, quick_mode
+from midair.settings.mode import MODES, Mode, beside_paper, best_mode, coarser, finest_mode, paper_mode, quick_mode
 from midair.settings.settings import (
     CalibrationSettings,
     CompensationSettings,
@@ -27,6 +27,7 @@ __all__ = [
     "best_mode",
     "choices_table",
     "coarser",
+    "finest_mode",
     "paper_mode",
     "quick_mode",
     "spelt",

@@ -209,11 +209,11 @@ def spelt(value: Any, unit: str = "") -> str:
 def choices_table() -> str:
     """The table of the documentation: every choice, its place in `Settings`, what it is, its value in each mode.
 
-    A mode's value is left out where it is that of the mode before it.
+    The best mode's value is left out where it is the paper's, the others' where it is the best one's.
     """
-    lines = ["| option, in `Settings` | what | paper | best | quick |", "| --- | --- | --- | --- | --- |"]
+    lines = ["| option, in `Settings` | what | paper | best | quick | finest |", "| --- " * 6 + "|"]
     for choice in CHOICES:
-        paper, best, quick = (spelt(choice.of(MODES[mode]()), choice.unit) for mode in ("paper", "best", "quick"))
-        said = f"{paper} | {best if best != paper else ''} | {quick if quick != best else ''}"
+        paper, best, *others = (spelt(choice.of(MODES[mode]()), choice.unit) for mode in MODES)
+        said = " | ".join([paper, best if best != paper else "", *(each if each != best else "" for each in others)])
         lines.append(f"| `--{choice.name}`<br>`{choice.path}` | {choice.help} | {said} |")
     return "\n".join(lines)

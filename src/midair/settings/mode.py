@@ -9,8 +9,8 @@ from midair.model import Acoustics, Medium
 from midair.settings.settings import Settings
 from midair.solvers import Glide, Guard
 
-Mode = Literal["paper", "best", "quick"]
-"""The paper's own way; the best that midair can; the best with fewer iterations."""
+Mode = Literal["paper", "best", "quick", "finest"]
+"""The paper's own way; the best for its time; the best with fewer iterations; the best with a quiet palm around it."""
 
 
 def paper_mode() -> Settings:
@@ -44,8 +44,16 @@ def quick_mode() -> Settings:
     return best_mode().but(method=Glide(coarse=512, near=0.2, smooth=4, wide=32, smooth_wide=20, tolerance=1e-2))
 
 
+def finest_mode() -> Settings:
+    """The best mode with the whole palm quiet: 3 to 5 dB more displacement of skin for about a quarter more time.
+
+    The guard stays, since a mean square on the palm does not mind a single spot beside the square.
+    """
+    return best_mode().but(quiet_palm=0.1)
+
+
 MODES: Mapping[Mode, Callable[[], Settings]] = MappingProxyType(
-    {"paper": paper_mode, "best": best_mode, "quick": quick_mode}
+    {"paper": paper_mode, "best": best_mode, "quick": quick_mode, "finest": finest_mode}
 )
 """Settings by name."""
 
@@ -57,7 +65,7 @@ def beside_paper(mode: Mode, paper: Settings, other: Settings | None = None) -> 
 
     Parameters
     ----------
-    mode : {"paper", "best", "quick"}
+    mode : {"paper", "best", "quick", "finest"}
         The other one.
     paper : Settings
         Of the paper's mode.

@@ -79,7 +79,7 @@ def paper_command(
     strokes
         Of each synthetic thing.
     mode
-        What is put beside the paper's mode: best or quick; paper for nothing.
+        What is put beside the paper's mode: best, quick or finest; paper for nothing.
     things
         Of the fidelity: 25+250 Hz, noise, bursts, brush, sponge, towel, and files of calibrated recordings.
     strength
