@@ -11,6 +11,7 @@ from midair.files.loss import Loss
 from midair.files.native import (
     ARRAY_SUFFIX,
     CALIBRATION_SUFFIX,
+    DRIVE_SUFFIX,
     RecordingWriter,
     load_array_calibration,
     load_calibration,
@@ -46,6 +47,7 @@ __all__ = [
     "CALIBRATION_SUFFIX",
     "Contents",
     "DEFAULT_PROFILE",
+    "DRIVE_SUFFIX",
     "FORMATS",
     "OpenedTake",
     "Loss",

@@ -58,3 +58,42 @@ def test_a_perfect_chain_scores_above_60_db(mode, capsys):
 def test_what_was_never_played_is_compared_as_it_is(capsys):
     assert run(["compare", "take.h5", "take.h5", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["figures"]["signal to distortion"]["value"] > 150
+
+
+def test_a_drive_is_played_to_a_virtual_sensor_and_a_whole_palm(capsys):
+    assert run(["solve", "take.h5", "--mode", "paper", *COARSE, "--start-at", "0.55s", "--duration", "0.1s", "-f"]) == 0
+    capsys.readouterr()
+    assert run(["compare", "take.h5", "take.drive.h5", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["simulated"]
+    assert told["figures"]["signal to distortion"]["value"] < 10  # half a wave is gone
+    assert 0.05 < told["palm"]["outside"] < 1
+    assert len(told["palm"]["sdr_displacement_db"]) == 4
+    assert told["verdict"].startswith("A palm would")
+    assert run(["compare", "take.h5", "take.drive.h5", "--palm", "hand.toml"]) == 1
+    assert "hand.toml" in capsys.readouterr().err
+
+
+def test_a_drive_of_another_recording_and_a_palm_without_a_drive_are_refused(capsys):
+    assert run(["solve", "take.h5", "--mode", "paper", *COARSE, "--duration", "0.02s", "-f"]) == 0
+    assert run(["record", "virtual:towel", "short.h5", "--duration", "0.1s"]) == 0
+    Path("hand.toml").write_text("disc_mm = 85")
+    capsys.readouterr()
+    assert run(["compare", "take.h5", "take.h5", "--palm", "hand.toml"]) == 1
+    assert "--palm: expected with a drive" in capsys.readouterr().err
+    Path("other.drive.h5").write_bytes(Path("take.drive.h5").read_bytes())
+    assert run(["solve", "take.h5", "other.drive.h5", "--mode", "paper", *COARSE, "--duration", "0.2s", "-f"]) == 0
+    assert run(["compare", "short.h5", "other.drive.h5"]) == 1
+
+
+@pytest.mark.slow
+def test_a_palm_gets_of_a_drive_what_the_budget_says(capsys):
+    piece = ["--mode", "paper", *COARSE, "--start-at", "0.55s", "--duration", "0.1s"]
+    assert run(["solve", "take.h5", *piece, "-f"]) == 0
+    capsys.readouterr()
+    assert run(["compare", "take.h5", "take.drive.h5", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)["palm"]
+    assert run(["budget", "take.h5", *piece, "--json"]) == 0
+    budgeted = json.loads(capsys.readouterr().out)["palm"]
+    assert told["outside"] == pytest.approx(budgeted["outside"], rel=1e-3)
+    assert told["sdr_pressure_db"] == pytest.approx(budgeted["sdr_pressure_db"], abs=0.05)

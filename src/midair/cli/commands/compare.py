@@ -6,6 +6,7 @@ from pathlib import Path
 from midair.cli.terminal import (
     BandOptions,
     Json,
+    asked_of,
     banner,
     brought_together,
     card_of,
@@ -16,9 +17,13 @@ from midair.cli.terminal import (
     print_card,
     print_figures,
     print_json,
+    print_palm,
 )
-from midair.evaluate import compare
-from midair.files import open_take
+from midair.errors import InputError
+from midair.evaluate import PalmFidelity, compare
+from midair.files import DRIVE_SUFFIX, OpenedTake, load_palm, load_solution, open_take
+from midair.rig import VirtualRig, hear_drive
+from midair.settings import Settings
 
 
 def compare_command(
@@ -27,6 +32,8 @@ def compare_command(
     /,
     *,
     options: BandOptions | None = None,
+    palm: Path | None = None,
+    seed: int = 0,
     json: Json = False,
 ) -> None:
     """Compare a re-recording with its original: waveform, spectrum, level, place, delay, and what skin makes of it.
@@ -39,24 +46,63 @@ def compare_command(
     original
         A recording with a calibration.
     reproduced
-        What was re-recorded of its reproduction.
+        What was re-recorded of its reproduction; or its drive, which a virtual rig plays to a sensor and a whole palm.
     options
         Of the band, where the re-recording does not say.
+    palm
+        TOML with the outline of a palm, for a drive; a disc of 85 mm if not given.
+    seed
+        Of the virtual rig that plays a drive.
 
     Examples
     --------
     $ midair compare take.h5 take.rerecorded.h5
+    $ midair compare take.h5 take.drive.h5
     """
-    again = open_take(reproduced, streamed=True).recording
-    settings = made_with(again.provenance, (options or BandOptions()).settings())
+    told: PalmFidelity | None = None
+    if reproduced.name.lower().endswith(DRIVE_SUFFIX):
+        settings, take, told = _played(original, reproduced, palm, seed)
+    else:
+        if palm is not None:
+            raise InputError(f"--palm: expected with a drive, which a virtual rig plays to it, got {reproduced.name}")
+        take = open_take(reproduced, streamed=True)
+        settings = made_with(take.recording.provenance, (options or BandOptions()).settings())
     with ExitStack() as stack:
-        both = brought_together(felt_part(original, settings, streamed=True), reproduced, settings)
+        both = brought_together(felt_part(original, settings, streamed=True), take, settings)
         before, after = (stack.enter_context(kept_aside(each)) for each in both)
         comparison, card = compare(before, after), card_of(before, after)
     if json:
-        return print_json(plain(comparison) | {"perception": None if card is None else card.plain()["figures"]})
+        skin = {"perception": card and card.plain()["figures"], "verdict": card and card.verdict()}
+        return print_json(plain(comparison) | skin | {"palm": told and told.plain()})
     banner(comparison.simulated)
     print_figures(f"{reproduced.name} against {original.name}", {"": comparison.figures()})
     if card is not None:
         print_card(card)
+    if told is not None:
+        print_palm(told)
     return None
+
+
+def _played(
+    original: Path, drive_file: Path, palm: Path | None, seed: int
+) -> tuple[Settings, OpenedTake, PalmFidelity]:
+    """The settings of a drive, and what a virtual rig's sensor and a whole palm get of it."""
+    drive = load_solution(drive_file).drive
+    settings = Settings.of(drive.provenance)
+    if settings is None:
+        raise InputError(
+            f"{drive_file.name}: expected a drive that says how it was made, got one that does not; make it by "
+            "midair solve"
+        )
+    felt = felt_part(original, settings)
+    piece, asked = asked_of(drive.provenance, felt)
+    if asked.frames != drive.frames:
+        raise InputError(
+            f"{drive_file.name}: expected the drive of {original.name}, {asked.frames} frames, got {drive.frames}; "
+            "name the recording that it was solved for"
+        )
+    band = settings.calibration.band
+    rig = VirtualRig(cells=felt.sensor, seed=seed, height=settings.target.grid.height).hearing(band)
+    outline = None if palm is None else load_palm(palm)
+    heard = hear_drive(drive, piece, asked, rig, palm=outline, band=band)
+    return settings, OpenedTake(recording=heard.recording, calibration=heard.calibration), heard.palm

@@ -165,9 +165,9 @@ def _print(loop: Loop, target: Path, json: bool) -> None:
     if json:
         passes = [plain(one.comparison) | {"step": one.step} for one in loop.passes]
         went = {"passes": passes, "taken_back": loop.taken_back, "end": loop.end, "level": level.plain()}
-        perception = None if card is None else card.plain()["figures"]
+        skin = {"perception": card and card.plain()["figures"], "verdict": card and card.verdict()}
         simulated = loop.passes[-1].comparison.simulated
-        return print_json({"report": str(target), "simulated": simulated, **went, "perception": perception})
+        return print_json({"report": str(target), "simulated": simulated, **went, **skin})
     figures = {f"pass {number + 1}": one.comparison.figures() for number, one in enumerate(loop.passes)}
     print_figures("before and after correction", figures)
     if card is not None:

@@ -45,7 +45,7 @@ from midair.cli.terminal.options import (
     paper_beside,
     way_of,
 )
-from midair.cli.terminal.originals import brought_together, felt_part, kept_aside, made_with
+from midair.cli.terminal.originals import asked_of, brought_together, felt_part, kept_aside, made_with
 from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
 from midair.cli.terminal.quantities import parse_quantity, quantity, spell
 from midair.cli.terminal.rows import (
@@ -87,6 +87,7 @@ __all__ = [
     "Time",
     "as_recording",
     "banner",
+    "asked_of",
     "brought_together",
     "bring",
     "calibrated_by",

@@ -153,7 +153,8 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
     if modes:
         mode = Parameter(
             name=("--mode", "-m"),
-            help="paper, best, quick (the best with fewer iterations) or finest (with a quiet palm); single options go on top.",
+            help="paper, best, quick (the best with fewer iterations) or finest (with a quiet palm); "
+            "single options go on top.",
             show_default=_fixed("best"),
         )
         path = Parameter(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from midair.evaluate import heard_perfectly
-from midair.files import open_take
+from midair.files import OpenedTake, open_take
 from midair.flow import felt
 from midair.model import PressureFrames, Provenance, Setting
 from midair.reel import blocks
@@ -48,28 +48,32 @@ def made_with(provenance: Provenance, settings: Settings) -> Settings:
 
 
 def brought_together(
-    original: PressureFrames, source: Path, settings: Settings
+    original: PressureFrames, take: OpenedTake, settings: Settings
 ) -> tuple[PressureFrames, PressureFrames]:
     """The part of an original that a re-recording says it is of, and the re-recording, its lead left out; of reels.
 
     What was played is compared as a perfect rig would give it back: through the band once more. A recording that does
     not say that it was played is compared as it is.
     """
-    take = open_take(source, streamed=True)
     provenance, calibration = take.recording.provenance, take.calibration
     if not _step(provenance, "play"):
         return original, felt(take.recording, calibration, settings)
-    cut, lead = _step(provenance, "cut"), _step(provenance, "lead").get("lead_s", 0.0)
-    start, duration = cut.get("start_s"), cut.get("duration_s")
-    if isinstance(start, int | float) and isinstance(duration, int | float):
-        original = original.cut(float(start), float(duration))
-    asked = led_in(original, float(lead) if isinstance(lead, int | float) else 0.0)
+    original, asked = asked_of(provenance, original)
     # A virtual sensor hears the drive's first frame at time 0, and has been at rest until then.
     virtual = calibration is not None and calibration.provenance.simulated
     heard = felt(take.recording, calibration, settings, from_rest=virtual)
     first = (asked.frames - original.frames) // 2
     reference = without_lead(heard_perfectly(asked), original.frames)
     return reference, replace(heard, pressure=heard.pressure[first : first + original.frames])
+
+
+def asked_of(provenance: Provenance, original: PressureFrames) -> tuple[PressureFrames, PressureFrames]:
+    """The part of an original that a drive's life says it is of, and the same with the lead that it was solved with."""
+    cut, lead = _step(provenance, "cut"), _step(provenance, "lead").get("lead_s", 0.0)
+    start, duration = cut.get("start_s"), cut.get("duration_s")
+    if isinstance(start, int | float) and isinstance(duration, int | float):
+        original = original.cut(float(start), float(duration))
+    return original, led_in(original, float(lead) if isinstance(lead, int | float) else 0.0)
 
 
 def _step(provenance: Provenance, stage: str) -> Mapping[str, Setting]:

@@ -2,6 +2,7 @@
 
 from midair.rig.looping.budget_stages import BudgetPlan, error_budget, kept_in_band
 from midair.rig.looping.correction_loop import Loop, run_loop
+from midair.rig.looping.drive_heard import DriveHeard, hear_drive
 from midair.rig.looping.loop_pictures import pictures
 from midair.rig.looping.loop_report import write_report
 from midair.rig.looping.outcomes import Outcome, card_of_loop, side_by_side, verdict
@@ -10,11 +11,13 @@ from midair.rig.looping.passes import Stage, quiet
 
 __all__ = [
     "BudgetPlan",
+    "DriveHeard",
     "Loop",
     "Outcome",
     "Stage",
     "card_of_loop",
     "error_budget",
+    "hear_drive",
     "kept_in_band",
     "palm_of_loop",
     "pictures",
