@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
+from midair.model import ArrayCalibration
 from midair.physics.dynamics import TransducerDynamics
 from midair.validation import frozen_array
 
@@ -97,6 +98,11 @@ class Transducers:
         nominal = _pole(dynamics or TransducerDynamics())
         pole = nominal.real / quality + 1j * (nominal.imag + 2 * np.pi * resonance)
         return cls(pole=pole, response=strength * nominal / pole)
+
+    @classmethod
+    def measured(cls, calibration: ArrayCalibration) -> "Transducers":
+        """Those that were measured, a dead one silent."""
+        return cls(pole=calibration.pole, response=calibration.response)
 
 
 def _pole(dynamics: TransducerDynamics) -> complex:

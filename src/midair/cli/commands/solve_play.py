@@ -1,5 +1,6 @@
 """Commands that make a reproduction and play it: solve, play."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -29,10 +30,11 @@ from midair.cli.terminal import (
 )
 from midair.errors import InputError
 from midair.evaluate import error_in_air
-from midair.files import load_placement, load_solution, load_target, save, save_solutions
+from midair.files import load_array_calibration, load_placement, load_solution, load_target, save, save_solutions
 from midair.flow import Reproduction, lead_of, reproduce_parts
 from midair.headroom import level_of
 from midair.model import Acoustics
+from midair.physics import Transducers
 from midair.rig import ArrayKind, VirtualRig, array_of_kind, rerecord
 from midair.settings import Settings
 from midair.targets import cells_of, led_in, piece_of
@@ -144,6 +146,7 @@ def play_command(
     *,
     device: str = "virtual",
     output: Path | None = None,
+    array_calibration: Path | None = None,
     seed: int = 0,
     force: Force = False,
     options: PlayOptions | None = None,
@@ -165,6 +168,8 @@ def play_command(
         openmpd:PORT?board=FILE.pat: a board of OpenMPD (experimental).
     output
         The re-recording of a virtual device; NAME.rerecorded.h5 if not given.
+    array_calibration
+        NAME.array.h5 of midair calibrate array: a virtual device plays on those transducers, in place of the seed's.
     seed
         Of the virtual rig's strengths and noise.
     options
@@ -179,6 +184,11 @@ def play_command(
     """
     options, room = options or PlayOptions(), (air or AirOptions()).medium()
     if device != "virtual":
+        if array_calibration is not None:
+            raise InputError(
+                f"--array-calibration: expected --device virtual, got {device}, whose transducers are what they are; "
+                "solve for them"
+            )
         return play_on_array(source, device, options, room)
     target = output or Path(source.name.removesuffix(".h5").removesuffix(".drive") + ".rerecorded.h5")
     may_write(target, force)
@@ -189,6 +199,10 @@ def play_command(
     cells, height = cells_of(drive.provenance), known.target.grid.height
     rig = VirtualRig(array=drive.array.nominal, cells=cells, height=height, acoustics=around, seed=seed)
     rig = rig.hearing(known.calibration.band)
+    if array_calibration is not None:
+        measured = load_array_calibration(array_calibration)
+        measured.applied(rig.array)  # refuses one of another array
+        rig = replace(rig, transducers=Transducers.measured(measured))
     skin = rig.skin()
     banner(True)
     say_room(drive, source, room, simulated=True)

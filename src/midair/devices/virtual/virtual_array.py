@@ -51,6 +51,8 @@ class VirtualArray(ArrayDevice):
         Standard deviation of the quality factors, as a part of the mean.
     seed : int
         Of the spreads.
+    transducers : Transducers, optional
+        Those that it has, in place of strength, spreads and seed.
     silencer : {"auto", "off", "quarter", "half", "default"}, optional
         How steps are spread, see `choose_silencer`; if None, auto as on a real array, and off where a chain is given.
     chain : PlaybackChain, optional
@@ -74,6 +76,7 @@ class VirtualArray(ArrayDevice):
         resonance_spread: float = 50.0,
         quality_spread: float = 0.05,
         seed: int = 0,
+        transducers: Transducers | None = None,
         silencer: SilencerChoice | None = None,
         chain: PlaybackChain | None = None,
         name: str = "virtual",
@@ -83,7 +86,8 @@ class VirtualArray(ArrayDevice):
         self.silencer: SilencerChoice = silencer or ("auto" if chain is None else "off")
         self.chain = chain or PlaybackChain(
             phase_bits=phase_bits,
-            transducers=Transducers.varied(
+            transducers=transducers
+            or Transducers.varied(
                 array.count,
                 dynamics,
                 seed=seed,

@@ -6,7 +6,7 @@ from midair.datasets import am_stimulus, stroke, taps
 from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
 from midair.errors import BandError, UnknownDeviceError
 from midair.model import Acoustics, PressureFrames, SensorGrid, TransducerArray
-from midair.physics import SensorModel, TransducerDynamics
+from midair.physics import SensorModel, TransducerDynamics, Transducers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +32,8 @@ class VirtualRig:
         Time steps of the simulation in one frame of the sensor.
     seed : int
         Seed of everything random: the sensor's spread and noise, the transducers' strengths.
+    transducers : Transducers or None
+        Those of the array, such as `Transducers.measured` gives; each a little different, by the seed, if None.
     peak : float
         Highest pressure of a modulated focus, in Pa; at 30 Pa two corrected foci stay within the array's power.
     """
@@ -44,6 +46,7 @@ class VirtualRig:
     rate: float = 1000.0
     steps: int = 8
     seed: int = 0
+    transducers: Transducers | None = None
     peak: float = 30.0
 
     @property
@@ -84,6 +87,7 @@ class VirtualRig:
             acoustics=self.acoustics,
             dynamics=self.dynamics,
             seed=self.seed,
+            transducers=self.transducers,
         )
 
     def touched_by(self, thing: str, *, duration: float | None = None) -> VirtualSensor:

@@ -1,13 +1,14 @@
 """The command calibrate array, and drives that are solved for what it wrote."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from midair.cli import run
-from midair.files import load_array_calibration, load_solution, save, save_array_calibration
+from midair.files import load_array_calibration, load_solution, open_take, save, save_array_calibration
 from midair.model import ArrayCalibration, Calibration, Recording, TransducerArray
 
 QUICK = ("--mode", "paper", "--points", "4", "--iterations", "3", "2", "--duration", "0.01s")
@@ -79,3 +80,30 @@ def test_the_virtual_array_is_measured_from_the_command_line(capsys):
     assert np.median(found.strength_uncertainty) < 0.01
     assert np.median(found.phase_uncertainty) < 0.01
     assert np.median(found.resonance_uncertainty) < 15
+
+
+def test_the_virtual_array_plays_on_what_was_measured(capsys):
+    """A measured array that is half as strong presses a quarter; a quarter of a turn on all of them is not heard."""
+    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0
+    words = ["--points", "4", "--pitch", "11mm", "--method", "naive", "--mode", "paper", "--guard", "0mm"]
+    assert run(["solve", "take.h5", *words, "--start-at", "0.15s", "--duration", "0.02s", "-f"]) == 0
+    array = TransducerArray.autd3()
+    for name, response in (("whole", 1.0), ("half", 0.5), ("turned", 1j), ("silent", 1e-6)):
+        made = known(array)
+        save_array_calibration(replace(made, response=np.full(array.count, response + 0j)), f"{name}.array.h5")
+        play = ["play", "take.drive.h5", "--array-calibration", f"{name}.array.h5", "--output", f"{name}.h5", "-f"]
+        assert run(play) == 0
+    capsys.readouterr()
+    # The sensor's noise is the same in all, by its seed.
+    whole, half, turned, silent = (
+        open_take(f"{name}.h5").recording.samples for name in ("whole", "half", "turned", "silent")
+    )
+    heard = np.linalg.norm(whole - silent)
+    assert np.linalg.norm(half - silent) / heard == pytest.approx(0.25, abs=0.01)
+    assert np.linalg.norm(turned - whole) < 0.02 * heard
+
+
+def test_a_real_array_s_transducers_are_what_they_are(capsys):
+    save_array_calibration(known(TransducerArray.autd3()), "b.array.h5")
+    assert run(["play", "any.drive.h5", "--device", "autd3", "--array-calibration", "b.array.h5"]) == 1
+    assert "--array-calibration: expected --device virtual" in capsys.readouterr().err
