@@ -97,7 +97,9 @@ def gather(
     MismatchError
         If drives are for different arrays.
     """
-    wanted = {one.source: one for one in reversed(design.stimuli) if one.kind == "drive"}
+    drives = [one for one in design.stimuli if one.kind == "drive"]
+    # Of those that share a drive, the one that says where it comes from counts.
+    wanted = {one.source: one for one in sorted(drives, key=lambda one: bool(one.made_from))}
     _all_there(wanted, found_in)
     gathered: list[StudyDrive] = []
     for source, stimulus in sorted(wanted.items()):

@@ -112,7 +112,7 @@ def test_nothing_is_told_for_silence_but_to_wait():
     assert told == ["wait, present nothing"]
     nobody = NoPresenter()
     nobody.present(BRUSH)
-    assert nobody.felt == "b"
+    assert nobody.felt == ("b",)
 
 
 def test_a_drive_that_is_too_loud_is_refused_before_the_session_and_never_sounds():

@@ -6,6 +6,7 @@ from midair.study.design.analysis_plan import Analysis, Exclusions
 from midair.study.design.answers import answers_table
 from midair.study.design.blocks import Block, Criterion, Extra
 from midair.study.design.exclusions import left_out
+from midair.study.design.ladder import rungs
 from midair.study.design.order import balanced_latin_square, constrained_shuffle
 from midair.study.design.plan import Plan, Trial, block_order, digest_of, draw_plan
 from midair.study.design.question import Question
@@ -40,5 +41,6 @@ __all__ = [
     "replay",
     "right_answer",
     "right_of",
+    "rungs",
     "thresholds_of",
 ]

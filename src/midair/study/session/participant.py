@@ -6,7 +6,7 @@ from hashlib import sha256
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.design import Plan, Question, Stimulus, Trial, right_answer, right_of
+from midair.study.design import Design, Plan, Question, Stimulus, Trial, right_answer, right_of, rungs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +21,8 @@ class SimulatedParticipant:
       person's level, plus normal noise, rounded to the scale.
     - Slider: as a rating, without rounding. A text says SIMULATED. Attention checks are answered rightly.
     - Magnitude: log-normal, `magnitude` times the person's unit.
-    - In an adaptive block d' is that of strength 1, times the strength.
+    - Where the stimuli of an adaptive block have strengths, d' is that of their geometric middle, and goes with the
+      strength; "yes" is then said above a fixed 1.5, so that 7 % of silences are felt.
     - A lapse is an answer at random. Reaction times are log-normal with a median of 0.9 s.
 
     Each answer depends only on the seed, the participant, the trial and the question: a session that is interrupted and
@@ -72,11 +73,20 @@ class SimulatedParticipant:
             return right, reaction
         if question.answers and rng.random() < self.lapse:
             return str(rng.choice(question.answers)), reaction
-        strength = float(stimulus.levels.get(plan.design.block(trial.block).strength, 1))
-        return self._answer(question, stimulus, trial, rng, strength), reaction
+        middle = _middles(plan.design)
+        factor = next((factor for factor in middle if factor in stimulus.levels), "")
+        strength = float(stimulus.levels[factor]) / middle[factor] if factor else 1.0
+        return self._answer(question, stimulus, trial, rng, strength, criterion=1.5 if middle else None), reaction
 
     def _answer(
-        self, question: Question, stimulus: Stimulus, trial: Trial, rng: np.random.Generator, strength: float
+        self,
+        question: Question,
+        stimulus: Stimulus,
+        trial: Trial,
+        rng: np.random.Generator,
+        strength: float,
+        *,
+        criterion: float | None,
     ) -> str:
         person = self._stream(f"person {trial.participant} {question.name}")
         real = stimulus.kind == "object"
@@ -87,7 +97,7 @@ class SimulatedParticipant:
             value += d * np.array([option == right for option in question.options])
             return question.options[int(np.argmax(value))]
         if question.kind == "yes-no":
-            return "yes" if rng.normal(d if right == "yes" else 0, 1) > d / 2 else "no"
+            return "yes" if rng.normal(d if right == "yes" else 0, 1) > (criterion or d / 2) else "no"
         if question.kind == "same-different":
             apart = abs(rng.normal(d if right == "different" else 0, np.sqrt(2)))
             return "different" if apart > d / 2 + 0.5 else "same"
@@ -104,3 +114,12 @@ class SimulatedParticipant:
 
     def _stream(self, words: str) -> np.random.Generator:
         return np.random.default_rng([self.seed, int.from_bytes(sha256(words.encode()).digest()[:8], "big")])
+
+
+def _middles(design: Design) -> dict[str, float]:
+    """Geometric middle of the strengths of each factor that an adaptive block climbs."""
+    return {
+        block.strength: float(np.exp(np.log(rungs(design, block)[1]).mean()))
+        for block in design.blocks
+        if block.adaptive
+    }

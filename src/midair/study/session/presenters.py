@@ -172,16 +172,16 @@ class NoPresenter:
 
     Attributes
     ----------
-    felt : str
-        Name of the last stimulus.
+    felt : tuple of str
+        Names of the last two stimuli: those of a pair come one by one.
     """
 
     def __init__(self) -> None:
-        self.felt = ""
+        self.felt: tuple[str, ...] = ()
 
     def present(self, stimulus: Stimulus) -> None:
         """Remember it."""
-        self.felt = stimulus.name
+        self.felt = (*self.felt[-1:], stimulus.name)
 
     def silence(self) -> None:
         """Nothing to end."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from midair.errors import DeviceStateError
-from midair.study.design import Plan
+from midair.study.design import Plan, Trial
 from midair.study.session.participant import SimulatedParticipant
 from midair.study.session.presenters import NoPresenter
 from midair.study.session.steps import Reply, TrialStep
@@ -42,8 +42,16 @@ class SimulatedScreen:
             return Reply(text=step.question.answers[0] if step.question.answers else "0", reaction_s=1.0, by="model")
         trial = self.plan.trial(step.code)
         name = step.question.name if step.question else ""
-        text, reaction = self.participant.answer(self.plan, trial, name, felt=self.presenter.felt)
+        text, reaction = self.participant.answer(self.plan, trial, name, felt=self._felt(trial))
         return Reply(text=text, reaction_s=reaction, by="model")
+
+    def _felt(self, trial: Trial) -> str:
+        """The stimulus of a trial, by what was presented: the plan does not know that of an adaptive block."""
+        known = (self.plan.design.stimulus(name) for name in self.plan.design.block(trial.block).stimuli)
+        last = self.presenter.felt
+        return trial.stimulus or next(
+            one.name for one in known if one.members == last or (not one.members and one.name == last[-1])
+        )
 
     def accepted(self, step: TrialStep, answer: str) -> None:
         """Does not care."""

@@ -1,0 +1,82 @@
+"""The studies that are shipped, from plan to report, with simulated participants."""
+
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from midair.study.design.adaptive_block import thresholds_of
+from midair.study.design.answers import answers_table
+from midair.study.design.exclusions import left_out
+from midair.study.design.plan import draw_plan
+from midair.study.drives import gather
+from midair.study.findings import analyse, data_of_answers
+from midair.study.folder import StudyFolder, Template, read_design, template_text
+from midair.study.session import NoPresenter, Session, SimulatedParticipant, SimulatedScreen, StillClock, run
+
+PEOPLE = 6
+
+
+@pytest.fixture(scope="module", params=get_args(Template))
+def done(request, tmp_path_factory):
+    """A template through the sessions of six people who notice what they should."""
+    text = template_text(request.param)
+    folder = StudyFolder.create(tmp_path_factory.mktemp("t") / "s", text, read_design(text, participants=PEOPLE))
+    plan = folder.plan()
+    for number in range(1, PEOPLE + 1):
+        presenter = NoPresenter()
+        screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(spread=0, taste=0), presenter=presenter)
+        with Session(plan, number, folder.log(number), presenter, simulated=True, clock=StillClock()) as session:
+            assert run(session, screen).kind == "done"
+    return request.param, plan, folder.sessions()
+
+
+def test_every_template_goes_from_plan_to_report(done):
+    _, plan, sessions = done
+    assert left_out(plan, sessions).empty
+    table = answers_table(plan, sessions)
+    assert set(table["hand"]) == {"left"}
+    assert "pseudonym" not in table
+    data = data_of_answers(table, plan.design.analysis, thresholds=thresholds_of(plan, sessions))
+    said = [finding.words for finding in analyse(data, draws=50).findings]
+    assert said
+    assert not [words for words in said if words.startswith("Not computed")]
+
+
+def test_training_ends_and_thresholds_are_those_of_the_observer(done):
+    template, plan, sessions = done
+    if template not in ("detection", "intervals"):
+        pytest.skip("has no threshold")
+    assert all(session.waived and not session.untrained for session in sessions)
+    found = np.exp(np.log(thresholds_of(plan, sessions)["threshold"]).mean())
+    # d' is 1.2 at the middle of the ladder: 80 % right of two intervals; felt in 38 % where silence is in 7 %.
+    middle = {"detection": 10 ** np.mean(np.log10([1, 2, 5, 10, 20, 50, 100])), "intervals": 20}[template]
+    assert found == pytest.approx(middle * {"detection": 1.5, "intervals": 1.0}[template], rel=0.4)
+
+
+def test_all_orders_of_a_pair_come_equally_often(done):
+    template, plan, _ = done
+    if template not in ("intervals", "paired"):
+        pytest.skip("has no pairs")
+    for number in range(1, PEOPLE + 1):
+        tests = [trial for trial in plan.of(number) if trial.role == "test" and trial.scored]
+        if template == "paired":
+            first = [trial.levels["grooved_came"] for trial in tests]
+            assert first.count("first") == first.count("second") == 12
+        else:
+            assert sum(trial.variant for trial in tests) == len(tests) / 2
+
+
+@pytest.mark.parametrize("template", get_args(Template))
+def test_every_drive_of_a_template_says_what_it_is_made_from(template):
+    design = read_design(template_text(template))
+    sources = {one.source for one in design.stimuli if one.kind == "drive"}
+    assert {one.source for one in design.stimuli if one.made_from} == sources
+
+
+@pytest.mark.slow
+def test_the_vibration_of_the_thresholds_is_made(tmp_path):
+    plan = draw_plan(read_design(template_text("detection")))
+    (made,) = gather(plan.design, tmp_path, found_in=None)
+    assert made.how == "virtual"
+    assert 0.5 < made.duration < 1.5
