@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[1]
 SRC, TESTS = ROOT / "src" / "midair", ROOT / "tests"
 
 SAME_NAME = {
+    "live": "the command `live`, and the solver that it needs",
     "edit": "the command `edit`, and what it does to a recording",
     "identify": "the command `identify`, and what it does on the bench",
     "patterns": "the command `sweep patterns`, and the patterns of the paper's experiment",
@@ -87,6 +88,10 @@ UNTESTED_BY_NAME = {
     "paper/figure9.py": "paper/test_paper.py",
     "paper/modes_compared.py": "paper/test_paper.py",
     "rig/bench/practice.py": "cli/commands/calibrate/test_apply.py",
+    "cli/commands/live.py": "rig/live_touch/test_session.py",
+    "rig/live_touch/live_order.py": "rig/live_touch/test_session.py",
+    "rig/live_touch/playing_live.py": "rig/live_touch/test_session.py",
+    "rig/live_touch/process.py": "rig/live_touch/test_session.py",
     "rig/looping/passes.py": "rig/looping/test_iteration.py",
     "rig/names/virtual_rig.py": "rig/names/test_source_names.py",
     "rig/takes/take_plan.py": "rig/takes/test_take.py",

@@ -11,7 +11,8 @@ import midair
 NAMES = {
     "nouns": "Acoustics AmplitudeFrames Calibration ControlGrid Drive Medium PressureFrames Recording SensorGrid "
     "Settings Solution TransducerArray",
-    "verbs": "calibrate compare load load_calibration loop open_rig open_take play prepare propagate record save solve",
+    "verbs": "calibrate compare live load load_calibration loop open_rig open_take play prepare propagate record "
+    "save solve",
     "rooms": "calibration correct datasets devices dsp errors evaluate figures files flow model paper physics "
     "recordings rig settings solvers study sweep targets testing view",
 }

@@ -59,7 +59,7 @@ if TYPE_CHECKING:
         TransducerArray,
     )
     from midair.physics import propagate
-    from midair.rig import loop, open_rig, play, record
+    from midair.rig import live, loop, open_rig, play, record
     from midair.settings import Settings
     from midair.solvers import solve
     from midair.targets import prepare
@@ -90,6 +90,7 @@ __all__ = [
     "figures",
     "files",
     "flow",
+    "live",
     "load",
     "load_calibration",
     "loop",
@@ -133,7 +134,7 @@ _ELSEWHERE = {
         "midair.model",
     ),
     **dict.fromkeys(("load", "load_calibration", "open_take", "save"), "midair.files"),
-    **dict.fromkeys(("loop", "open_rig", "play", "record"), "midair.rig"),
+    **dict.fromkeys(("live", "loop", "open_rig", "play", "record"), "midair.rig"),
     "Settings": "midair.settings",
     "calibrate": "midair.calibration",
     "compare": "midair.evaluate",

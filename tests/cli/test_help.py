@@ -27,7 +27,11 @@ def commands(at=app, names=()):
 
 ALL = dict(commands())
 EXAMPLES = [line for below in ALL.values() if below.default_command for line in examples_of(below.default_command)]
-HARDWARE = ['midair record "lsl:Skin?unit=V" --object towel --repeats 5', "midair play take.drive.h5 --device autd3"]
+HARDWARE = [
+    'midair record "lsl:Skin?unit=V" --object towel --repeats 5',
+    "midair play take.drive.h5 --device autd3",
+    'midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3',
+]
 """These need a sensor or an array."""
 SHELL = [line for line in EXAMPLES if line.startswith("eval") or " > " in line]
 """These are for a shell; `test_completion` runs what is in them."""
@@ -45,6 +49,7 @@ SLOW = (
     "midair calibrate tone",
     "midair doctor",
     "midair identify",
+    "midair live",
     "midair study",
 )
 PLAN = "study new touch --participants 2 --drives none"

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError, NonFiniteError, ShapeError
-from midair.model import Drive, Solution, TransducerArray
+from midair.model import Drive, PlayedTouch, Solution, TransducerArray
 
 ARRAY = TransducerArray(position=np.eye(3), normal=np.broadcast_to([0.0, 0, 1], (3, 3)))
 
@@ -51,3 +51,37 @@ def test_a_solution_has_one_entry_a_frame():
     for wrong in ({"error": np.zeros(3)}, {"iterations": np.zeros(1, int)}, {"status": ("silent",)}):
         with pytest.raises(ShapeError, match=next(iter(wrong))):
             Solution(drive=drive, **(good | wrong))
+
+
+ONE_UNIT = TransducerArray.autd3(columns=1, rows=1)
+
+
+def played_touch(state, **changes):
+    frames = len(state)
+    steps = np.arange(frames, dtype=np.uint8)[:, None] * np.ones((1, ONE_UNIT.count), np.uint8)
+    values = {
+        "phase_steps": steps,
+        "intensity": np.full(frames, 51, np.uint8),
+        "instant": np.arange(frames, dtype=np.int64),
+        "state": np.array(state, np.int8),
+        "rate": 1000.0,
+        "array": ONE_UNIT,
+    }
+    return PlayedTouch(**(values | changes))
+
+
+def test_what_was_late_or_never_came_is_the_frame_before_which_stood_on():
+    drive = played_touch([1, 3, 4, 1, 0, 2]).drive
+    assert drive.phase[:, 0] * 256 / (2 * np.pi) == pytest.approx([0, 0, 0, 3, 4, 4])
+    assert drive.level == pytest.approx(0.2)
+
+
+def test_arrays_are_read_only_and_as_long_as_each_other():
+    one = played_touch([1, 1])
+    with pytest.raises(ValueError, match="read-only"):
+        one.intensity[0] = 3
+    with pytest.raises(ShapeError, match="instant"):
+        played_touch([1, 1], instant=np.zeros(3, np.int64))
+    with pytest.raises(ShapeError, match="phase_steps"):
+        played_touch([1, 1], phase_steps=np.zeros((2, 5), np.uint8))
+    assert "2 frames" in repr(one)

@@ -28,7 +28,16 @@ from midair.devices.safety import (
     stop_playing,
     uptime,
 )
-from midair.devices.sensors import Decimated, PacedSensor, ReplaySensor, Rewired, Source, Stream, StreamedSensor
+from midair.devices.sensors import (
+    Chunk,
+    Decimated,
+    PacedSensor,
+    ReplaySensor,
+    Rewired,
+    Source,
+    Stream,
+    StreamedSensor,
+)
 from midair.devices.stages import StageDevice
 from midair.devices.virtual import VirtualArray, VirtualSensor, VirtualSkin, VirtualUnits, virtual_immediate
 
@@ -36,6 +45,7 @@ __all__ = [
     "Admission",
     "ArrayDevice",
     "BankedArray",
+    "Chunk",
     "Decimated",
     "FrameBlock",
     "ImmediateArray",

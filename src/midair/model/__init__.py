@@ -4,7 +4,7 @@ from midair.model.acoustics import Acoustics, Directivity
 from midair.model.array_calibration import ArrayCalibration
 from midair.model.board import Board, array_of_boards
 from midair.model.calibration import Calibration
-from midair.model.drive import Drive, Solution, Status
+from midair.model.drive import Drive, PlayedTouch, Solution, Status
 from midair.model.frames import AmplitudeFrames, PressureFrames
 from midair.model.geometry import ControlGrid, SensorGrid, TransducerArray
 from midair.model.journal import Event, EventKind
@@ -37,6 +37,7 @@ __all__ = [
     "PressureFrames",
     "UNIT",
     "Placement",
+    "PlayedTouch",
     "Palm",
     "Place",
     "Progress",

@@ -1,4 +1,4 @@
-"""What the array is told, and how well it was solved for."""
+"""What the array is told, and how well it was solved for; and what it was told of touch while that was felt."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -148,3 +148,67 @@ class Solution:
     def plays(self) -> NDArray[np.bool_]:
         """Whether a frame has anything to play, shape (frame,); E says something about these only."""
         return np.array([status != "silent" for status in self.status])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlayedTouch:
+    """Frames of live touch as the array was told them, one for each frame that a sensor gave.
+
+    Attributes
+    ----------
+    phase_steps : ndarray of uint8, shape (frame, transducer)
+        In steps of 2 pi / 256; of a silent frame those of the last one that sounded.
+    intensity : ndarray of uint8, shape (frame,)
+        255 is full drive, 0 silence.
+    instant : ndarray of int64, shape (frame,)
+        When it was to sound, in ns of the units' time; 0 of a frame that had no instant.
+    state : ndarray of int8, shape (frame,)
+        1 it sounded; 2 it was late, and the one before stood on; 4 the sensor never gave it; or a sum of these.
+    rate : float
+        Frames per second, in Hz.
+    array : TransducerArray
+        That played.
+    provenance : Provenance
+        Where it came from.
+    """
+
+    phase_steps: NDArray[np.uint8]
+    intensity: NDArray[np.uint8]
+    instant: NDArray[np.int64]
+    state: NDArray[np.int8]
+    rate: float
+    array: TransducerArray
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        frames = len(self.phase_steps)
+        if self.phase_steps.shape != (frames, self.array.count):
+            raise ShapeError(f"phase_steps: expected (frame, {self.array.count}), got {self.phase_steps.shape}")
+        for name in ("phase_steps", "intensity", "instant", "state"):
+            # A view: ten minutes are 600 MB.
+            view = getattr(self, name).view()
+            view.flags.writeable = False
+            object.__setattr__(self, name, view)
+        for name in ("intensity", "instant", "state"):
+            if getattr(self, name).shape != (frames,):
+                raise ShapeError(f"{name}: expected shape ({frames},), got {getattr(self, name).shape}")
+
+    def __repr__(self) -> str:
+        return told(self, counted(self.frames, "frame"), f"{self.rate:g} Hz", self.array.name)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.phase_steps)
+
+    @property
+    def drive(self) -> Drive:
+        """What sounded, frame by frame: where one was late, or none came, the one before, which stood on."""
+        there = np.maximum.accumulate(np.where(self.state & 6, 0, np.arange(self.frames)))
+        return Drive(
+            phase=np.asarray(self.phase_steps[there] * (2 * np.pi / 256), np.float64),
+            level=self.intensity[there] / 255,
+            rate=self.rate,
+            array=self.array,
+            provenance=self.provenance,
+        )

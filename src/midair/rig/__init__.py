@@ -18,6 +18,7 @@ from midair.rig.bench import (
     write_practice,
 )
 from midair.rig.doctor import check_up
+from midair.rig.live_touch import LiveOrder, LiveSession, LiveStatistics, live
 from midair.rig.looping import (
     BudgetPlan,
     DriveHeard,
@@ -67,6 +68,10 @@ __all__ = [
     "handled",
     "OpenRig",
     "Played",
+    "live",
+    "LiveOrder",
+    "LiveSession",
+    "LiveStatistics",
     "loop",
     "open_rig",
     "play",

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def cost_and_slope(z, p, gain, out, drive, weight, y, q, conjugate, g):
     """Write the gradient by z into g and return the cost; see `moves`.
 
@@ -42,7 +42,7 @@ def cost_and_slope(z, p, gain, out, drive, weight, y, q, conjugate, g):
     return np.float32(0.5) * cost + np.float32(0.25) * weight * loud
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def bend(z, p, before, out, lens, towards, weak, y, g):
     """Where the field of a frame starts: z (mode,) of the frame before, moved in place to what is new in the target.
 
@@ -72,7 +72,7 @@ def bend(z, p, before, out, lens, towards, weak, y, g):
         z[k] = complex(part * z[k].real + weak[k] * g[k].real, part * z[k].imag - weak[k] * g[k].imag)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
     """L-BFGS on one row; z (mode,) is moved in place.
 
@@ -113,7 +113,7 @@ def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
             length *= np.float32(0.3)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def _two_loops(gx, S, Y, rho, held, count, scale, direction):
     """Nocedal & Wright, algorithm 7.4, on the last pairs of a ring."""
     memory = len(rho)
@@ -135,7 +135,7 @@ def _two_loops(gx, S, Y, rho, held, count, scale, direction):
             direction[i] += weight * S[row, i]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, nogil=True)
 def lift(q, z, gain, root, V, step, momentum, iterations, error, change, speed):
     """Heavy ball on the phases of q (transducer,), moved in place, until V^H q is close to gain z / root (mode,).
 

@@ -22,6 +22,7 @@ from midair.cli.commands.exposure import exposure_command
 from midair.cli.commands.identify import identify_command
 from midair.cli.commands.import_export import export_command, import_command, mend_command, repair_command
 from midair.cli.commands.info import info_command
+from midair.cli.commands.live import live_command
 from midair.cli.commands.loop import loop_command
 from midair.cli.commands.paper import paper_command
 from midair.cli.commands.record import record_command
@@ -52,6 +53,7 @@ COMMANDS: Mapping[str, tuple[str, Callable[..., Any]]] = {
     "exposure": ("Reproduce", exposure_command),
     "play": ("Reproduce", play_command),
     "stop": ("Reproduce", stop_command),
+    "live": ("Reproduce", live_command),
     "loop": ("Reproduce", loop_command),
     "compare": ("Judge", compare_command),
     "budget": ("Judge", budget_command),

@@ -4,10 +4,11 @@ from midair.devices.sensors.decimated import Decimated
 from midair.devices.sensors.paced import PacedSensor
 from midair.devices.sensors.replay import ReplaySensor
 from midair.devices.sensors.rewired import Rewired
-from midair.devices.sensors.sources import Source, Stream
+from midair.devices.sensors.sources import Chunk, Source, Stream
 from midair.devices.sensors.streamed_sensor import StreamedSensor
 
 __all__ = [
+    "Chunk",
     "Decimated",
     "PacedSensor",
     "ReplaySensor",

@@ -49,6 +49,13 @@ class Reader:
                 raise self._failure
             return None
 
+    def ready(self, wait: float) -> bool:
+        """Whether `take` would give a chunk, or raise, at once; waited for so many seconds at most."""
+        if self._waiting:
+            return True
+        with self._changed:
+            return bool(self._changed.wait_for(lambda: self._waiting or self._failure, wait))
+
     def stop(self) -> None:
         """End the thread; what waits is forgotten."""
         self._ends.set()

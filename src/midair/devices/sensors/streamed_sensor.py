@@ -97,6 +97,12 @@ class StreamedSensor(SensorDevice):
             overflow=lost > 0,
         )
 
+    def ready(self, wait: float) -> bool:
+        """Whether a read would give a frame, or meet a failure, at once; waited for so many seconds at most."""
+        if self._reader is None:
+            raise DeviceStateError(f"{self.name}: expected start before read")
+        return self._rest is not None or self._reader.ready(wait)
+
     def stop(self) -> None:
         """End sampling; harmless when it has not begun."""
         reader, self._reader = self._reader, None

@@ -5,6 +5,7 @@ from midair.files.native.calibration_file import CALIBRATION_SUFFIX, load_calibr
 from midair.files.native.drive_file import DRIVE_SUFFIX, load_solution, load_target, save_solution, save_solutions
 from midair.files.native.hdf5 import check_kind, kind_of, open_file, open_plain, plain_text, stored_dataset
 from midair.files.native.netcdf_file import write_netcdf
+from midair.files.native.played_group import load_played
 from midair.files.native.provenance_json import from_plain, to_json, to_plain
 from midair.files.native.recording_file import load_pressure, read_recording, repair, save_pressure, write_recording
 from midair.files.native.recording_writer import RecordingWriter
@@ -22,6 +23,7 @@ __all__ = [
     "kind_of",
     "load_array_calibration",
     "load_calibration",
+    "load_played",
     "load_pressure",
     "load_solution",
     "load_target",

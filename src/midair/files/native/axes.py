@@ -1,4 +1,4 @@
-"""The axes of what is stored, time and sensor, as the table names them."""
+"""The axes of what is stored, time and sensor, as the table names them, and the precision of what lies along them."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -56,3 +56,12 @@ def check_time(values: Mapping[str, Any], path: Path) -> None:
                 "the file is damaged or its rate was edited"
             )
         first += len(block)
+
+
+def single(samples: "np.ndarray | Reel") -> "np.ndarray | Reel":
+    """Samples as float32 where that holds every one of them; as they are otherwise, and reels always."""
+    if isinstance(samples, Reel):
+        return samples
+    with np.errstate(over="ignore"):
+        small = samples.astype(np.float32)
+    return small if np.array_equal(small, samples) else samples

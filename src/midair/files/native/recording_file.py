@@ -10,7 +10,7 @@ import numpy as np
 from midair.errors import BrokenFileError, MismatchError
 from midair.files.holding import check_unclaimed
 from midair.files.loss import Loss
-from midair.files.native.axes import check_time, sensor_from, sensor_values, time_values
+from midair.files.native.axes import check_time, sensor_from, sensor_values, single, time_values
 from midair.files.native.calibration_file import read_calibration, write_calibration
 from midair.files.native.events import event_values, events_from, with_events
 from midair.files.native.hdf5 import (
@@ -24,12 +24,12 @@ from midair.files.native.hdf5 import (
     stored_group,
     write_group,
 )
-from midair.files.native.precision import single
+from midair.files.native.played_group import load_played, write_played
 from midair.files.native.provenance_json import from_json
 from midair.files.native.stage_stamps import stamps_from, with_stage
 from midair.files.native.unclosed import is_unclosed
 from midair.files.opened_take import Given, OpenedTake
-from midair.model import Calibration, Event, PressureFrames, Recording
+from midair.model import Calibration, Event, PlayedTouch, PressureFrames, Recording
 from midair.reel import Reel, stretches
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def write_recording(
     pressure: PressureFrames | None = None,
     *,
     journal: Sequence[Event] = (),
+    played: PlayedTouch | None = None,
 ) -> tuple[Loss, ...]:
     """Write a recording and what was made of it, whole or not at all; nothing of it is lost.
 
@@ -68,6 +69,8 @@ def write_recording(
             write_calibration(file.create_group("calibration"), calibration)
         if pressure is not None:
             _write_pressure(file.create_group("pressure"), pressure)
+        if played is not None:
+            write_played(file.create_group("played"), played)
     return ()
 
 
@@ -132,7 +135,7 @@ def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> Non
         If the file cannot be read or written.
     """
     take = read_recording(Path(path), Given(streamed=True))
-    write_recording(take.recording, Path(path), take.calibration, pressure)
+    write_recording(take.recording, Path(path), take.calibration, pressure, played=load_played(path))
 
 
 def load_pressure(path: str | os.PathLike[str], *, streamed: bool = False) -> PressureFrames | None:
@@ -179,7 +182,8 @@ def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
     """
     check_unclaimed(Path(path))
     take = read_recording(Path(path), Given(streamed=True))
-    write_recording(take.recording, Path(path), take.calibration, load_pressure(path, streamed=True))
+    pressure = load_pressure(path, streamed=True)
+    write_recording(take.recording, Path(path), take.calibration, pressure, played=load_played(path))
     return take.report
 
 

@@ -5,7 +5,7 @@ import os
 import shutil
 import threading
 import time
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
 from io import BytesIO
 from types import TracebackType
@@ -16,14 +16,14 @@ from numpy.typing import ArrayLike
 
 from midair.errors import FileError, InputError
 from midair.files.atomic import reason, writable_path
-from midair.files.native.axes import sensor_values
+from midair.files.native.axes import sensor_values, single
 from midair.files.native.calibration_file import write_calibration
 from midair.files.native.events import KINDS, event_values
 from midair.files.native.hdf5 import LAYOUT, fixed_text, signature, stored_dataset, write_group
 from midair.files.native.live_file import LiveFile
-from midair.files.native.precision import single
+from midair.files.native.played_group import PLAYED, played_values
 from midair.files.native.stage_stamps import stage_values
-from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, StageStamp, Unit
+from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, StageStamp, TransducerArray, Unit
 from midair.reel import Stored
 from midair.validation import frozen_array, positive
 
@@ -63,6 +63,8 @@ class RecordingWriter:
         Whether a stage moves meanwhile, whose places are kept too.
     stored : {"f4", "f8"}
         Precision of the samples in the file; a block that float32 does not hold is refused where it is "f4".
+    array : TransducerArray, optional
+        That plays meanwhile, so that every frame comes with what was played of it.
 
     Examples
     --------
@@ -84,6 +86,7 @@ class RecordingWriter:
         expected: int = 0,
         staged: bool = False,
         stored: Stored = "f8",
+        array: TransducerArray | None = None,
     ) -> None:
         self.path = writable_path(path)
         self.rate = positive(rate, "rate", "Hz")
@@ -94,6 +97,7 @@ class RecordingWriter:
         self.interval = positive(interval, "interval", "s")
         self.reserve, self.expected, self.staged = reserve, expected, staged
         self.stored: Stored = stored
+        self.array = array
         self._frames = self._safe = 0
         # Rows of what happened and of where the stage was, now and as they were flushed.
         self._rows = {"event": 0, "stage": 0}
@@ -129,13 +133,16 @@ class RecordingWriter:
         """Load what writing needs, so that the first frame does not wait for it."""
         importlib.import_module("h5py")
 
-    def append(self, block: ArrayLike) -> None:
+    def append(self, block: ArrayLike, played: Mapping[str, np.ndarray] | None = None) -> None:
         """Add frames at the end.
 
         Parameters
         ----------
         block : array_like, shape (frame, row, column)
             In the unit of the recording.
+        played : mapping, optional
+            What was played of them, where an array plays: ``phase_steps``, ``intensity``, ``instant`` and ``state``, as
+            in `PlayedTouch`.
 
         Raises
         ------
@@ -149,6 +156,9 @@ class RecordingWriter:
             raise InputError(
                 f'{self.path}: expected samples that float32 holds, got others; write them with stored="f8"'
             )
+        if (self.array is None) != (played is None):
+            which = "without" if self.array is None else "with"
+            raise FileError(f"{self.path}: expected frames {which} what was played of them")
         with self._lock:
             file = self._opened()
             self._check_room()
@@ -156,6 +166,9 @@ class RecordingWriter:
             with self._failing():
                 self._extend(stored_dataset(file, "time"), start, np.arange(start, stop) / self.rate)
                 self._extend(stored_dataset(file, "samples"), start, samples)
+                beside = {} if played is None else {"time": np.arange(start, stop) / self.rate, **played}
+                for name, values in beside.items():
+                    self._extend(stored_dataset(file, f"played/{name}"), start, values)
                 self._frames = stop
                 self._flush_in_time()
 
@@ -245,6 +258,9 @@ class RecordingWriter:
             stored_dataset(file, "event_kind").attrs["flag_meanings"] = fixed_text(" ".join(KINDS))
             if self.calibration is not None:
                 write_calibration(file.create_group("calibration"), self.calibration)
+            if self.array is not None:
+                begun = played_values(self.array, self.rate, self.provenance)
+                write_group(file.create_group("played"), "played", begun, live=True)
         return image.getvalue()
 
     def _opened(self) -> "h5py.File":
@@ -289,6 +305,7 @@ class RecordingWriter:
     def _cut(self, file: "h5py.File") -> None:
         """Drop what an interrupted append or note left behind, so that all that lies along an axis is equally long."""
         lengths = dict.fromkeys(("time", "samples"), self._frames)
+        lengths |= dict.fromkeys((f"played/{name}" for name in PLAYED) if self.array is not None else (), self._frames)
         lengths |= dict.fromkeys(event_values(()), self._rows["event"])
         lengths |= dict.fromkeys(stage_values(()) if self.staged else (), self._rows["stage"])
         for name, length in lengths.items():

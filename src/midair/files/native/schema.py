@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["recording", "calibration", "pressure", "drive", "array"]
+Kind = Literal["recording", "calibration", "pressure", "drive", "array", "played"]
 """What a file, or a group of one, holds."""
 
 FORMAT = 1
@@ -21,7 +21,7 @@ class Entry:
         Name of the dataset or attribute.
     what : str
         What it means, in a few words.
-    dtype : {"f8", "i8", "i1", "text"}
+    dtype : {"f8", "i8", "i1", "u1", "text"}
         Little-endian; text is UTF-8 of fixed length, so that the checksum of HDF5's metadata covers it.
     dimensions : tuple of str or None
         Names of the axes of a dataset, () for a single number; None for an attribute.
@@ -36,7 +36,7 @@ class Entry:
 
     name: str
     what: str
-    dtype: Literal["f8", "i8", "i1", "text"] = "f8"
+    dtype: Literal["f8", "i8", "i1", "u1", "text"] = "f8"
     dimensions: tuple[str, ...] | None = None
     unit: str = ""
     required: bool = True
@@ -60,7 +60,7 @@ def numbers(name: str, dimensions: str, unit: str, what: str, *, required: bool 
 
 
 def indices(
-    name: str, dimensions: str, what: str, *, required: bool = True, dtype: Literal["i8", "i1"] = "i8"
+    name: str, dimensions: str, what: str, *, required: bool = True, dtype: Literal["i8", "i1", "u1"] = "i8"
 ) -> Entry:
     """An entry that is a dataset of whole numbers, its dimensions in words."""
     axes = tuple(dimensions.split())
@@ -68,7 +68,7 @@ def indices(
 
 
 _SIGNED = (
-    attribute("kind", "text", "what the file or group holds: midair recording, calibration, pressure, drive or array"),
+    attribute("kind", "text", "midair and what it holds: recording, calibration, pressure, drive, array or played"),
     attribute("format", "i8", "version of this table"),
     attribute("created", "text", "when the file was made, ISO 8601, UTC"),
     attribute("created_by", "text", "midair and its version"),
@@ -230,6 +230,15 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         numbers("resonance_uncertainty", "transducer", "Hz", "of the resonance, k = 1"),
         numbers("quality_uncertainty", "transducer", "1", "of the quality factor, a part of it, k = 1"),
         indices("dead", "transducer", "1 where nothing was heard", dtype="i1"),
+    ),
+    "played": (
+        *_SIGNED,
+        *_TIME,
+        *_ARRAY,
+        indices("phase_steps", "time transducer", "of what was formed, of 256 to a turn", dtype="u1"),
+        indices("intensity", "time", "that all transducers were told, of 255 at full drive; 0 is silence", dtype="u1"),
+        indices("instant", "time", "at which it was to sound, ns of the units' time; 0 where it had none"),
+        indices("state", "time", "1 it sounded, 2 late: the one before stood on, 4 never felt; sums", dtype="i1"),
     ),
 }
 """What each kind holds."""

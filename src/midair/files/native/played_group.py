@@ -1,0 +1,93 @@
+"""What was played of touch while it was felt: a group of a recording's file, frame by frame beside its samples."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from midair.files.native.axes import check_time
+from midair.files.native.hdf5 import (
+    check_kind,
+    open_file,
+    read_group,
+    signature,
+    stored_dataset,
+    stored_group,
+    write_group,
+)
+from midair.files.native.provenance_json import from_json
+from midair.model import PlayedTouch, Provenance, TransducerArray
+
+if TYPE_CHECKING:
+    import h5py
+
+PLAYED = ("time", "phase_steps", "intensity", "instant", "state")
+"""What grows with the frames."""
+
+
+def played_values(array: TransducerArray, rate: float, provenance: Provenance) -> dict[str, Any]:
+    """What the group holds before the first frame."""
+    return {
+        **signature("played", provenance),
+        "rate_hz": rate,
+        "time": np.zeros(0),
+        "array_name": array.name,
+        "array_pressure_pa_m": array.pressure,
+        "array_frequency_hz": array.frequency,
+        "transducer": np.arange(array.count),
+        "axis": np.arange(3),
+        "transducer_position": array.position,
+        "transducer_normal": array.normal,
+        "transducer_unit": array.unit,
+        "phase_steps": np.zeros((0, array.count), np.uint8),
+        "intensity": np.zeros(0, np.uint8),
+        "instant": np.zeros(0, np.int64),
+        "state": np.zeros(0, np.int8),
+    }
+
+
+def write_played(group: "h5py.Group", played: PlayedTouch) -> None:
+    """Write all of it into a group of a file that is being made."""
+    known = {name: getattr(played, name) for name in PLAYED[1:]}
+    values = played_values(played.array, played.rate, played.provenance)
+    write_group(group, "played", {**values, "time": np.arange(played.frames) / played.rate, **known})
+
+
+def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
+    """What was played while a recording was made; None when nothing was.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        The recording's HDF5 file, which may still be written, or have lost its writer.
+
+    Raises
+    ------
+    MissingFileError, BrokenFileError, UnknownFormatError
+        If the file is not there, is damaged or of another kind, or is newer than this midair.
+    """
+    with open_file(path) as file:
+        check_kind(file, "recording", Path(path))
+        if "played" not in file:
+            return None
+        live = not stored_dataset(file, "finished")[()]
+        values = read_group(stored_group(file, "played"), "played", Path(path), live=live)
+        if live:
+            # Of a writer that was killed, as many as there are samples of.
+            frames = int(np.isfinite(values["time"]).sum())
+            values |= {name: values[name][:frames] for name in PLAYED}
+        check_time(values, Path(path))
+        return PlayedTouch(
+            **{name: values[name] for name in PLAYED[1:]},
+            rate=values["rate_hz"],
+            array=TransducerArray(
+                position=values["transducer_position"],
+                normal=values["transducer_normal"],
+                unit=values["transducer_unit"],
+                pressure=values["array_pressure_pa_m"],
+                frequency=values["array_frequency_hz"],
+                name=values["array_name"],
+            ),
+            provenance=from_json(values["provenance"]),
+        )

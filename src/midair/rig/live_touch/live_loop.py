@@ -1,0 +1,237 @@
+"""The loop of live touch: take a frame, feel it, form phases, send them with their instant, a thousand times a second.
+
+One loop in one thread, and nothing in it waits for anything but the sensor. What comes too late is not played: the
+frame before stands, and it is counted. What does not come at all ends in silence.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from midair.devices import ImmediateArray, Put, StreamedSensor
+from midair.rig.live_touch.timing import TICK, Timetable
+from midair.rig.live_touch.touch import Touch
+from midair.rig.live_touch.touch_ring import HELD, LATE, SOUNDS, TouchRing
+
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pace:
+    """How long the loop waits for what.
+
+    Attributes
+    ----------
+    hold : float
+        From a frame's being taken to its sounding, in s.
+    enough : float
+        Time that a frame needs to be formed and sent, in s: one that has less left is not begun, for those behind it.
+    quiet : float
+        After how long without a frame it fades, in s.
+    fade : float
+        How long it fades, in s.
+    rise : float
+        How long the level rises from nothing, at the beginning and after frames did not come, in s.
+    word : float
+        Between two silent frames while there is nothing else to say, in s; far below the units' failsafe.
+    """
+
+    hold: float = 0.006
+    enough: float = 0.0015
+    quiet: float = 0.02
+    fade: float = 0.005
+    rise: float = 1.0
+    word: float = 0.01
+
+
+class LiveLoop:
+    """One run of live touch.
+
+    Parameters
+    ----------
+    sensor : StreamedSensor
+        Started.
+    touch : Touch
+        For its frames.
+    array : ImmediateArray
+        Open; `run` is called inside its `frames_to_come`.
+    ring : TouchRing
+        Where everything is written down.
+    pace : Pace
+        How long it waits.
+    strongest : int
+        Intensity byte of full level.
+    level : callable
+        How much of it is wanted now, 0 to 1.
+    check : callable
+        Raises where nothing may sound any more; called at least every millisecond.
+    """
+
+    def __init__(
+        self,
+        sensor: StreamedSensor,
+        touch: Touch,
+        array: ImmediateArray,
+        ring: TouchRing,
+        *,
+        pace: Pace,
+        strongest: int,
+        level: Callable[[], float],
+        check: Callable[[], None],
+    ) -> None:
+        self._sensor, self._touch, self._array, self._ring, self._pace = sensor, touch, array, ring, pace
+        self._strongest, self._level, self._check = strongest, level, check
+        self._period = round(_NS / sensor.rate / TICK) * TICK
+        self._times = Timetable(self._period, round(pace.hold * _NS))
+        self._shape = (array.placement.units, -1)
+        self._phases = touch.phases.reshape(self._shape)
+        self._frame = np.zeros(sensor.grid.count)
+        self._next = 0
+        # Frames that were put, by the number of their slot, until it is known when they left.
+        self._put_slots = np.full(64, -1, np.int64)
+        self._puts = self._looked = 0
+        # Since when the level rises; not yet.
+        self._rising: float | None = None
+        self._latest = -np.inf
+        self._spoke = 0.0
+        self._intensity = self._last_instant = 0
+        # Of the computer's clock to the units', in ns; asked again now and then, since clocks drift.
+        self._ahead, self._asked = 0, -np.inf
+
+    def run(self, put: Put, duration: float | None = None) -> None:
+        """Play until the duration is over, or the ring says that it ends; then fade.
+
+        Raises
+        ------
+        DeviceError
+            If the sensor or the array is lost.
+        StoppedError
+            If nothing may sound any more.
+        """
+        ring, began = self._ring, time.monotonic()
+        while not ring.ends and (duration is None or self._next < duration * self._sensor.rate):
+            self._check()
+            if self._sensor.ready(1e-3):
+                self._take(put)
+            self._wait(put, began)
+        self._fade(put)
+        time.sleep(self._pace.hold)
+        self._look_back()
+
+    def _take(self, put: Put) -> None:
+        """All frames of the sensor's next piece."""
+        block = self._sensor.read(1)
+        lost = block.first - self._next
+        if lost > 0:
+            self._hold(lost, block.host_time)
+        self._frame[:] = block.samples.reshape(-1)
+        self._play(put, block.host_time, 0)
+        self._next = block.first + 1
+
+    def _hold(self, lost: int, taken: float) -> None:
+        """Frames that never came: the last good one, so that the filter keeps its time."""
+        self._ring.add("lost", lost)
+        for back in range(lost, 0, -1):
+            self._touch.feel(self._frame)
+            self._write(taken - back / self._sensor.rate, 0, HELD)
+            self._next += 1
+
+    def _play(self, put: Put, taken: float, flags: int) -> None:
+        began = time.monotonic()
+        if began - self._asked > 0.5:
+            self._asked = began
+            self._ahead = self._array.units.now() - time.monotonic_ns()
+        self._touch.feel(self._frame)
+        instant = self._times.instant(self._next, round(taken * _NS) + self._ahead)
+        slot = self._ring.count("head")
+        left = (instant - time.monotonic_ns() - self._ahead) / _NS
+        if left <= self._pace.enough:
+            self._ring.add("late")
+            self._write(taken, instant, flags | LATE)
+            return
+        if self._rising is None:
+            self._rising = taken
+        hurried = left < self._pace.hold / 2
+        if self._touch.form(hurried=hurried):
+            self._ring.add("hurried", int(hurried))
+            self._intensity = int(self._strongest * self._risen(taken) * min(1.0, self._level()))
+            flags |= SOUNDS if self._intensity else 0
+        else:
+            self._intensity = 0
+        if time.monotonic_ns() + self._ahead >= instant:
+            self._ring.add("late")
+            flags |= LATE
+        else:
+            self._say(put, instant, slot)
+            self._latest = began
+        self._write(taken, instant, flags)
+        self._ring.time("work", time.monotonic() - began)
+        self._look_back()
+
+    def _risen(self, taken: float) -> float:
+        """How far the level has risen at a frame, 0 to 1; stamps jitter, so that one may be before the first."""
+        if self._rising is None or self._pace.rise <= 0:
+            return 1.0
+        return min(1.0, max(0.0, (taken - self._rising) / self._pace.rise))
+
+    def _say(self, put: Put, instant: int, slot: int) -> None:
+        """Send what is to sound now, and note which frame of the ring it is."""
+        put(self._phases, self._intensity, instant)
+        self._last_instant = instant
+        self._put_slots[self._puts % 64] = slot
+        self._puts += 1
+        self._spoke = time.monotonic()
+
+    def _write(self, taken: float, instant: int, flags: int) -> None:
+        ring = self._ring
+        slot = ring.next_slot()
+        slot["number"], slot["taken"], slot["instant"], slot["left"] = self._next, taken, instant, 0
+        count = len(self._frame)
+        slot["samples"][:count], slot["pressure"][:count] = self._frame, self._touch.pressure
+        slot["flags"], slot["intensity"] = flags, self._intensity if flags & SOUNDS else 0
+        slot["phases"] = self._touch.phases
+        ring.publish()
+        ring.add("frames")
+        if flags & SOUNDS and not flags & LATE:
+            ring.add("played")
+
+    def _look_back(self) -> None:
+        """When the frames before left, as far as the units know by now."""
+        while self._looked < self._puts:
+            left = self._array.units.sent(self._looked)
+            if not left and self._puts - self._looked < 32:
+                break
+            number = int(self._put_slots[self._looked % 64])
+            self._looked += 1
+            if number < 0:
+                continue
+            slot = self._ring.slots[number % self._ring.shape.slots]
+            slot["left"] = left
+            if left:
+                self._ring.time("left", left * 1e-9 - float(slot["taken"]))
+        told = self._array.units.told()
+        self._ring.put("unanswered", told["lost"] + told["late"] + told["crowded"])
+
+    def _wait(self, put: Put, began: float) -> None:
+        """What is due while no frame comes: fade, then a word now and then so that the units' failsafe stays away."""
+        now = time.monotonic()
+        if self._latest > began and self._rising is not None and now - self._latest > self._pace.quiet:
+            self._fade(put)
+            self._ring.add("gaps")
+        if self._rising is None and now - self._spoke > self._pace.word:
+            self._intensity = 0
+            self._say(put, self._array.units.now() + round(self._pace.hold * _NS), -1)
+
+    def _fade(self, put: Put) -> None:
+        """From what sounds to silence; the level rises anew after it."""
+        loud, steps = self._intensity, max(1, round(self._pace.fade * _NS / self._period))
+        soon = self._array.units.now() + round(self._pace.hold * _NS / 2)
+        # After whatever the units still hold.
+        begin = max(soon, self._last_instant + self._period)
+        for step in range(1, steps + 1):
+            self._intensity = loud * (steps - step) // steps
+            self._say(put, begin + (step - 1) * self._period, -1)
+            time.sleep(self._period / _NS)
+        self._rising = None

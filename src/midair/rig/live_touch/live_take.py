@@ -1,0 +1,143 @@
+"""A take of live touch: what was felt, and beside each frame what was played, written while it runs."""
+
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from midair.errors import MidairError
+from midair.files import RecordingWriter
+from midair.model import Event, Placement, Provenance
+from midair.rig.live_touch.live_order import LiveOrder
+from midair.rig.live_touch.process import Opened
+from midair.rig.live_touch.touch_ring import HELD, TouchRing
+
+
+class LiveTake:
+    """Reads the ring in a thread of the program that looks on, so that no disk can hold up the loop.
+
+    Parameters
+    ----------
+    path : Path
+        The file to make.
+    order : LiveOrder
+        What was asked for.
+    opened : Opened
+        What was found.
+    ring : TouchRing
+        Of the loop.
+    notes : mapping of str to str
+        What people want to remember.
+    every : float
+        How often it reads, in s; the ring holds seconds.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be made.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        order: LiveOrder,
+        opened: Opened,
+        ring: TouchRing,
+        notes: Mapping[str, str],
+        *,
+        every: float = 0.05,
+    ) -> None:
+        self.problem: MidairError | None = None
+        self.missed = 0
+        self._ring, self._count, self._every = ring, opened.sensor.count, every
+        self._grid, self._seen = opened.sensor, 0
+        self._over = threading.Event()
+        self._writer = RecordingWriter(
+            path,
+            rate=opened.rate,
+            sensor=opened.sensor,
+            unit=opened.unit,
+            provenance=_life(order, opened, notes),
+            calibration=opened.calibration,
+            array=(order.placement or Placement.grid()).array(),
+        )
+        self._writer.__enter__()
+
+    @property
+    def frames(self) -> int:
+        """That are in the file."""
+        return self._writer.frames
+
+    def run(self) -> None:
+        """Write until `end`, and then what is left."""
+        try:
+            while not self._over.wait(self._every):
+                self._write()
+            self._write()
+        except MidairError as wrong:
+            self.problem = wrong
+
+    def end(self) -> None:
+        """No more frames come."""
+        self._over.set()
+
+    def close(self) -> None:
+        """Close the file, once `run` has returned.
+
+        Raises
+        ------
+        MidairError
+            What went wrong while it was written.
+        """
+        self._writer.__exit__(None, self.problem, None)
+        if self.problem is not None:
+            raise self.problem
+
+    def _write(self) -> None:
+        found, self._seen, missed = self._ring.since(self._seen)
+        if missed:
+            self._writer.note([Event(kind="lost", frame=self._writer.frames, frames=missed)])
+            self.missed += missed
+        if not len(found):
+            return
+        held = (found["flags"] & HELD) > 0
+        for begin, end in _runs(held):
+            self._writer.note([Event(kind="lost", frame=self._writer.frames + begin, frames=end - begin)])
+        samples = found["samples"][:, : self._count].reshape(-1, *self._grid.shape)
+        played = {
+            "phase_steps": found["phases"],
+            "intensity": found["intensity"],
+            "instant": found["instant"],
+            "state": found["flags"].astype(np.int8),
+        }
+        self._writer.append(samples, played)
+
+
+def _runs(true: np.ndarray) -> list[tuple[int, int]]:
+    """(first, after the last) of each run of frames that is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]])))
+    return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _life(order: LiveOrder, opened: Opened, notes: Mapping[str, str]) -> Provenance:
+    touch, pace = order.touch, order.pace
+    return Provenance(source=order.sensor, simulated=opened.simulated, notes=dict(notes)).then(
+        "live",
+        {
+            "device": order.device,
+            "band_hz": touch.band,
+            "filter_delay_s": touch.delay,
+            "delay_s": opened.delay,
+            "hold_s": pace.hold,
+            "mapping": touch.mapping,
+            "offset_pa": touch.offset,
+            "gain": touch.gain,
+            "height_m": touch.grid.height,
+            "level": opened.level,
+            "exposure": opened.exposure,
+            "silencer": opened.silencer,
+            "error_by_band": opened.error,
+            "computer": opened.granted.words(),
+        },
+    )

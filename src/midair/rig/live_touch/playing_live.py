@@ -1,0 +1,140 @@
+"""`midair.live`: a sensor, an array, and what is felt on one played on the other."""
+
+from pathlib import Path
+
+from midair.devices import ExposureChoices, SilencerChoice
+from midair.errors import InputError
+from midair.files import load_calibration
+from midair.model import Acoustics, Calibration, ControlGrid, Placement, SensorWiring
+from midair.rig.live_touch.live_loop import Pace
+from midair.rig.live_touch.live_order import LiveOrder
+from midair.rig.live_touch.session import LiveSession
+from midair.rig.live_touch.touch import TouchSettings
+from midair.rig.permit import Permit
+from midair.rig.playing import usual_exposure
+
+
+def live(
+    sensor: str = "virtual:towel",
+    device: str = "virtual",
+    *,
+    height: float = 0.2,
+    gain: float = 1.0,
+    level: float = 1.0,
+    hold: float = 0.006,
+    delay: float = 0.006,
+    mapping: str = "half-wave",
+    offset: float | None = None,
+    band: tuple[float, float] = (20.0, 470.0),
+    calibration: Calibration | str | Path | None = None,
+    wiring: SensorWiring | None = None,
+    placement: Placement | None = None,
+    silencer: SilencerChoice = "off",
+    acoustics: Acoustics | None = None,
+    exposure: ExposureChoices | None = None,
+    duration: float | None = None,
+    keep: str | Path | None = None,
+    notes: dict[str, str] | None = None,
+    permit: Permit | None = None,
+    priority: int = 20,
+    seed: int = 0,
+) -> LiveSession:
+    """Play what a sensor feels while it feels it, 13 ms later; a context manager, silent once it is left.
+
+    It runs in a process of its own. A script of yours has to begin it below ``if __name__ == "__main__":``, since that
+    process reads the script, too.
+
+    Parameters
+    ----------
+    sensor : str
+        By name: ``lsl:NAME``, ``serial:PORT``, ``ni:CHANNELS``; ``virtual:towel`` and ``replay:take.h5``, which are
+        repeated. Sound cards are refused: their buffers take 64 ms.
+    device : str
+        ``virtual``, ``autd3``, ``autd3:INTERFACE`` or ``autd3:emulator``.
+    height : float
+        Of the palm above the array, in m.
+    gain : float
+        Multiplies the pressure.
+    level : float
+        Highest drive of any transducer, above 0 to 1. Exposure is admitted for the worst that it can do.
+    hold : float
+        From a frame's being taken to its sounding, in s: what all computing and sending has to fit into.
+    delay : float
+        Of the filter that undoes the sensor, 2 to 10 ms, in s: the less, the further from what it felt.
+    mapping : {"half-wave", "constant-offset", "slow-bias"}
+        From pressure of both signs to pressure that pushes. The slow bias waits for 90 ms more, which is felt as delay.
+    offset : float, optional
+        Of the constant offset, in Pa.
+    band : tuple of float
+        (low, high) of what is felt, in Hz.
+    calibration : Calibration or path, optional
+        Of the sensor; its own if None.
+    wiring : SensorWiring, optional
+        Which channel is which cell.
+    placement : Placement, optional
+        Of the array's units; two by two if None.
+    silencer : {"off", "quarter", "half", "default"}
+        Over how long the firmware spreads steps.
+    acoustics : Acoustics, optional
+        Of the room's air; the paper's if None.
+    exposure : ExposureChoices, optional
+        What the level has to keep; the usual profile, with nobody answering for more, if None.
+    duration : float, optional
+        In s; until it is left if None.
+    keep : str or Path, optional
+        A take of what was felt and what was played.
+    notes : dict of str to str, optional
+        For the take.
+    permit : Permit, optional
+        That another renews, and that can silence it.
+    priority : int
+        Real-time priority that is asked for, 1 to 99; 0 asks for none.
+    seed : int
+        Of a virtual sensor.
+
+    Returns
+    -------
+    LiveSession
+        To be entered by ``with``: ``wait(seconds)``, ``statistics``, ``stop()``.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or what it asks for takes too long to be called live.
+
+    Examples
+    --------
+    >>> with midair.live("virtual:towel", duration=2.0) as session:
+    ...     session.wait()
+    ...     print(session.statistics.late)
+    """
+    if (mapping == "constant-offset") != (offset is not None):
+        raise InputError(
+            "offset: expected one in Pa for constant-offset and none for the others, got "
+            f"{'none' if offset is None else 'one'} for {mapping}; measure it on an earlier recording"
+        )
+    known = calibration if isinstance(calibration, Calibration | None) else load_calibration(calibration)
+    order = LiveOrder(
+        sensor=sensor,
+        device=device,
+        exposure=exposure or usual_exposure(),
+        touch=TouchSettings(
+            band=band,
+            delay=delay,
+            mapping=mapping,
+            offset=offset,
+            gain=gain,
+            grid=ControlGrid(height=height),
+            acoustics=acoustics or Acoustics(),
+        ),
+        pace=Pace(hold=hold),
+        level=level,
+        calibration=known,
+        wiring=wiring,
+        placement=placement,
+        silencer=silencer,
+        duration=duration,
+        priority=priority,
+        seed=seed,
+    )
+    return LiveSession(order, keep=None if keep is None else Path(keep), notes=notes, permit=permit)

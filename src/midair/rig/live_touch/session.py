@@ -1,0 +1,283 @@
+"""Live touch for whoever looks on: starts the loop's process, renews its permit, keeps the take, tells how it goes."""
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import DeviceError, DeviceStateError
+from midair.model import Placement
+from midair.rig.live_touch.live_order import LiveOrder
+from midair.rig.live_touch.live_take import LiveTake
+from midair.rig.live_touch.process import Ended, Opened, play_live
+from midair.rig.live_touch.touch_ring import STEP, RingShape, TouchRing
+from midair.rig.permit import Leave, Permit
+
+CHANNELS = 64
+"""Of a sensor that can be felt live, at most."""
+
+AIR = 1e-3
+"""Rise of the transducers and 200 mm of air, in s; `docs/live.md` says where it is from."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveStatistics:
+    """How a run goes, or went.
+
+    Attributes
+    ----------
+    frames : int
+        Of the sensor, those that it never gave included.
+    played : int
+        Of them, those that sounded.
+    lost : int
+        That the sensor never gave: the last good one was held.
+    late : int
+        That were ready after their instant, or found no room on their way: the frame before stood on.
+    hurried : int
+        That had less than half of the hold left, and were solved in half the time.
+    unanswered : int
+        That left, and no unit said that it had them.
+    gaps : int
+        How often 20 ms passed without a frame, so that it faded.
+    latency : float
+        From skin to skin, half of all frames, in s: filter, hold, transducers and air.
+    parts : dict of str to float
+        Of which it is the sum, in s.
+    left, work : tuple of float
+        From a frame's being taken to its leaving, and what the computer worked on it: half, 99, 99.9 % and all of them
+        took no longer, in s; NaN before the first.
+    """
+
+    frames: int
+    played: int
+    lost: int
+    late: int
+    hurried: int
+    unanswered: int
+    gaps: int
+    latency: float
+    parts: dict[str, float]
+    left: tuple[float, ...]
+    work: tuple[float, ...]
+
+    def plain(self) -> dict[str, Any]:
+        """For a program: times in ms."""
+        names = ("half", "99%", "99.9%", "all")
+        return {
+            "frames": self.frames,
+            "played": self.played,
+            "lost": self.lost,
+            "late": self.late,
+            "hurried": self.hurried,
+            "unanswered": self.unanswered,
+            "gaps": self.gaps,
+            "latency": round(1e3 * self.latency, 3),
+            "latency_parts_ms": {name: round(1e3 * part, 3) for name, part in self.parts.items()},
+            "left_ms": {name: _ms(each) for name, each in zip(names, self.left, strict=True)},
+            "work_ms": {name: _ms(each) for name, each in zip(names, self.work, strict=True)},
+        }
+
+
+class LiveSession:
+    """A run of live touch; a context manager, which is silent and has ended when it is left.
+
+    Parameters
+    ----------
+    order : LiveOrder
+        What and how.
+    keep : Path, optional
+        Where to keep what was felt and what was played.
+    notes : dict of str to str, optional
+        For the take.
+    permit : Permit, optional
+        That another renews; a permit of its own, renewed for as long as this process is well, if None.
+    slots : int
+        Frames that are remembered, for whoever reads them late.
+
+    Examples
+    --------
+    >>> with LiveSession(order) as session:
+    ...     session.wait(10.0)
+    ...     print(session.statistics.late)
+    """
+
+    def __init__(
+        self,
+        order: LiveOrder,
+        *,
+        keep: Path | None = None,
+        notes: dict[str, str] | None = None,
+        permit: Permit | None = None,
+        slots: int = 8192,
+    ) -> None:
+        self.order, self._keep, self._notes = order, keep, notes or {}
+        units = (order.placement or Placement.grid()).array().count
+        self.ring = TouchRing(RingShape(slots=slots, channels=CHANNELS, transducers=units))
+        self._own = permit is None
+        self.permit = permit or Permit()
+        self._context = get_context("spawn")
+        self._process: Any = None
+        self._told: Any = None
+        self._ended: Ended | None = None
+        self._opened: Opened | None = None
+        self._take: LiveTake | None = None
+        self._over = threading.Event()
+        self._threads: list[threading.Thread] = []
+
+    @property
+    def opened(self) -> Opened:
+        """What the process found; DeviceStateError before it is entered."""
+        if self._opened is None:
+            raise DeviceStateError("live: expected to be entered before asking what was found")
+        return self._opened
+
+    @property
+    def running(self) -> bool:
+        """Whether it plays."""
+        return self._process is not None and self._process.is_alive() and self._ended is None
+
+    @property
+    def statistics(self) -> LiveStatistics:
+        """How it goes, or went."""
+        ring, opened = self.ring, self.opened
+        parts = {"filter": opened.delay, "hold": self.order.pace.hold, "rise and air": AIR}
+        return LiveStatistics(
+            frames=ring.count("frames"),
+            played=ring.count("played"),
+            lost=ring.count("lost"),
+            late=ring.count("late"),
+            hurried=ring.count("hurried"),
+            unanswered=ring.count("unanswered"),
+            gaps=ring.count("gaps"),
+            latency=sum(parts.values()),
+            parts=parts,
+            left=_shares(ring.histogram("left")),
+            work=_shares(ring.histogram("work")),
+        )
+
+    def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
+        """Frames from a number on, as `TouchRing.since`; the sensor's channels come first of 64."""
+        return self.ring.since(seen)
+
+    def wait(self, seconds: float | None = None) -> bool:
+        """Return when it has ended, or after so long; whether it still plays.
+
+        Raises
+        ------
+        MidairError
+            By which it ended.
+        """
+        until = None if seconds is None else time.monotonic() + seconds
+        while self.running and (until is None or time.monotonic() < until):
+            self._listen(0.05 if until is None else min(0.05, max(0.0, until - time.monotonic())))
+        self._raise()
+        return self.running
+
+    def stop(self) -> None:
+        """Silence at once; the session ends."""
+        self.permit.stop()
+
+    def __enter__(self) -> Self:
+        leave = self.permit.arm()
+        self._told, tells = self._context.Pipe(duplex=False)
+        arguments = (self.order, self.ring, self.permit, leave, tells)
+        self._process = self._context.Process(target=play_live, args=arguments, name="midair live", daemon=True)
+        self._start("permit", lambda: self._renew(leave))
+        try:
+            self._process.start()
+            # So that the end of the process is the end of the pipe.
+            tells.close()
+            while self._opened is None and self._ended is None:
+                self._listen(0.1)
+            self._raise()
+            if self._keep is not None:
+                self._take = LiveTake(self._keep, self.order, self.opened, self.ring, self._notes)
+                self._start("take", self._take.run)
+        except BaseException:
+            self._end()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._end()
+        if error is None:
+            self._raise()
+
+    def _renew(self, leave: Leave) -> None:
+        while self._own and not self._over.wait(0.1):
+            if self.permit.refusal(leave) is not None:
+                return
+            self.permit.renew()
+
+    def _start(self, name: str, work: Callable[[], None]) -> None:
+        thread = threading.Thread(target=work, name=f"live {name}", daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def _listen(self, wait: float) -> None:
+        """Take what the process says."""
+        try:
+            if not self._told.poll(wait):
+                return
+            said = self._told.recv()
+        except (EOFError, OSError):
+            self._process.join(1)
+            lost = DeviceError(
+                f"live: the process that plays ended with status {self._process.exitcode} and without a word; the "
+                "array's own failsafe has silenced it"
+            )
+            self._ended = self._ended or Ended(error=lost, told={})
+            return
+        if isinstance(said, Opened):
+            self._opened = said
+        else:
+            self._ended = said
+
+    def _raise(self) -> None:
+        if self._ended is not None and self._ended.error is not None:
+            raise self._ended.error
+
+    def _end(self) -> None:
+        """In order, if that takes no longer than it may; at once if not."""
+        self.ring.end()
+        until = time.monotonic() + 5
+        while self._process is not None and self._ended is None and time.monotonic() < until:
+            self._listen(0.1)
+        self._over.set()
+        with suppress(DeviceStateError):
+            self.permit.stop()
+        if self._process is not None:
+            self._process.join(2)
+            if self._process.is_alive():
+                self._process.kill()
+        if self._take is not None:
+            self._take.end()
+        for thread in self._threads:
+            thread.join(5)
+        take, self._take = self._take, None
+        if take is not None:
+            take.close()
+
+
+def _shares(histogram: NDArray[np.int64]) -> tuple[float, ...]:
+    """Upper ends of the bins below which half, 99, 99.9 % and all of them lie."""
+    total = histogram.sum()
+    if not total:
+        return (np.nan,) * 4
+    so_far = np.cumsum(histogram)
+    return tuple(float((np.searchsorted(so_far, share * total) + 1) * STEP) for share in (0.5, 0.99, 0.999, 1.0))
+
+
+def _ms(seconds: float) -> float | None:
+    return None if np.isnan(seconds) else round(1e3 * seconds, 3)

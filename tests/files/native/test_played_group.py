@@ -1,0 +1,92 @@
+import h5py
+import numpy as np
+import pytest
+
+from midair.errors import FileError
+from midair.files import RecordingWriter, load_played, open_take, repair, save_pressure
+from midair.model import PressureFrames, Provenance, SensorGrid, TransducerArray
+
+ARRAY = TransducerArray.autd3(columns=1, rows=1)
+SENSOR = SensorGrid(rows=2, columns=3)
+
+
+def beside(frames, seed):
+    rng = np.random.default_rng(seed)
+    return {
+        "phase_steps": rng.integers(0, 256, (frames, ARRAY.count), np.uint8),
+        "intensity": rng.integers(0, 256, frames, np.uint8),
+        "instant": rng.integers(0, 2**60, frames, np.int64),
+        "state": rng.integers(0, 7, frames, np.int8),
+    }
+
+
+def writer(path, **changes):
+    known = {"rate": 1000.0, "sensor": SENSOR, "unit": "V", "provenance": Provenance(source="skin", simulated=True)}
+    return RecordingWriter(path, **known, array=ARRAY, **changes)
+
+
+def written(path, *, blocks=(5, 300, 1)):
+    parts = [beside(frames, seed) for seed, frames in enumerate(blocks)]
+    with writer(path) as file:
+        for part in parts:
+            file.append(np.random.default_rng(9).standard_normal((len(part["state"]), 2, 3)), part)
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def check(path, wanted):
+    played = load_played(path)
+    for name, values in wanted.items():
+        assert np.array_equal(getattr(played, name), values), name
+    assert played.array.same_as(ARRAY)
+    assert (played.rate, played.provenance.simulated) == (1000.0, True)
+    assert open_take(path).recording.frames == len(wanted["state"])
+
+
+def test_what_was_played_comes_back_to_the_last_bit(tmp_path):
+    wanted = written(tmp_path / "take.h5")
+    check(tmp_path / "take.h5", wanted)
+
+
+def test_it_stays_when_the_file_is_written_anew(tmp_path):
+    path = tmp_path / "take.h5"
+    wanted = written(path)
+    take = open_take(path)
+    save_pressure(PressureFrames(pressure=take.recording.samples, rate=1000.0, sensor=SENSOR), path)
+    check(path, wanted)
+    repair(path)
+    check(path, wanted)
+
+
+def test_can_be_read_while_it_is_written(tmp_path):
+    path = tmp_path / "take.h5"
+    part = beside(300, 1)
+    with writer(path) as file:
+        file.append(np.ones((300, 2, 3)), part)
+        while file._safe < 300:  # flushed by a timer
+            pass
+        found = load_played(path)
+    assert found.frames == 300
+    assert np.array_equal(found.phase_steps, part["phase_steps"])
+
+
+def test_a_recording_without_an_array_has_none_and_frames_come_with_what_was_played_or_not_at_all(tmp_path):
+    known = {"rate": 1000.0, "sensor": SENSOR, "unit": "V", "provenance": Provenance()}
+    with RecordingWriter(tmp_path / "plain.h5", **known) as file:
+        file.append(np.ones((4, 2, 3)))
+        with pytest.raises(FileError, match="without what was played"):
+            file.append(np.ones((4, 2, 3)), beside(4, 1))
+    assert load_played(tmp_path / "plain.h5") is None
+    with writer(tmp_path / "take.h5") as file, pytest.raises(FileError, match="with what was played"):
+        file.append(np.ones((4, 2, 3)))
+
+
+def test_the_group_holds_what_the_table_says(tmp_path):
+    from midair.files.native.schema import TABLE
+
+    written(tmp_path / "take.h5", blocks=(3,))
+    with h5py.File(tmp_path / "take.h5") as file:
+        group = file["played"]
+        assert set(group) == {entry.name for entry in TABLE["played"] if entry.dimensions is not None}
+        for entry in TABLE["played"]:
+            if entry.dimensions is not None:
+                assert group[entry.name].dtype == np.dtype(entry.dtype)

@@ -1,0 +1,164 @@
+"""The loop on a source that says what it is told to say, and on virtual units whose frames can be looked at."""
+
+import time
+
+import numpy as np
+import pytest
+
+from midair.devices import Chunk, ExposureChoices, Stream, StreamedSensor, VirtualUnits, admit_level, virtual_immediate
+from midair.errors import DeviceError, StoppedError
+from midair.files import DEFAULT_PROFILE, profile_named
+from midair.model import ControlGrid, Placement
+from midair.rig.live_touch.live_loop import LiveLoop, Pace
+from midair.rig.live_touch.touch import Touch, TouchSettings
+from midair.rig.live_touch.touch_ring import HELD, LATE, SOUNDS, RingShape, TouchRing
+
+pytest.importorskip("numba")
+
+ONE = Placement.grid(columns=1, rows=1)
+SMALL = ControlGrid(rows=4, columns=4, pitch=11e-3)
+
+
+class Script:
+    """Frames of 10 Pa on every cell: (number, s from the start, by how much the stamp says earlier) each."""
+
+    def __init__(self, frames, *, dies=None):
+        self._frames, self._dies = frames, dies
+
+    def open(self):
+        return Stream(channels=16, rate=1000.0, unit="Pa")
+
+    def start(self):
+        self._begin, self._left = time.monotonic(), list(self._frames)
+
+    def pull(self, wait):
+        now = time.monotonic() - self._begin
+        if self._dies is not None and now > self._dies:
+            raise DeviceError("script: expected a cable, it was pulled")
+        if not self._left or now + wait < self._left[0][1]:
+            time.sleep(min(wait, 2e-3))
+            return None
+        number, due, early = self._left.pop(0)
+        time.sleep(max(0.0, due - now))
+        return Chunk(
+            samples=np.full((1, 16), 10.0), first=number, device_time=number / 1000, host_time=self._begin + due - early
+        )
+
+    def stop(self):
+        pass
+
+    close = stop
+
+    def describe(self):
+        return {}
+
+
+def steady(count, first=0, begin=0.02):
+    return [(number, begin + number / 1000, 0.0) for number in range(first, first + count)]
+
+
+def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, **pace):
+    """(slots of the ring, ring, frames that the units got) of a run."""
+    units = VirtualUnits(kept=10_000)
+    array = virtual_immediate(ONE, units=units)
+    ring = TouchRing(RingShape(slots=4096, channels=16, transducers=249))
+    sensor = StreamedSensor(script, name="script")
+    problem = None
+    with sensor, array:
+        choices = ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
+        admission = admit_level(0.5, array, choices, rate=1000.0)
+        touch = Touch(TouchSettings(grid=SMALL), None, sensor.grid, 1000.0, array.array, 0.5)
+        loop = LiveLoop(
+            sensor,
+            touch,
+            array,
+            ring,
+            pace=Pace(**({"hold": 0.1, "rise": 0.0} | pace)),
+            strongest=admission.strongest,
+            level=level,
+            check=check,
+        )
+        try:
+            with array.frames_to_come(admission) as put:
+                sensor.start()
+                loop.run(put, duration)
+        except DeviceError as wrong:
+            problem = wrong
+        finally:
+            sensor.stop()
+    return ring.since(0)[0], ring, list(units.frames), problem
+
+
+def test_every_frame_sounds_a_hold_after_it_was_taken_in_order():
+    slots, ring, frames, _ = ran(Script(steady(60)), duration=0.06)
+    assert slots["number"].tolist() == list(range(60))
+    on_time = slots[slots["flags"] == SOUNDS]
+    assert len(on_time) > 40
+    assert np.abs(on_time["instant"] * 1e-9 - on_time["taken"] - 0.1).max() < 5e-3
+    instants = [instant for _, intensity, instant in frames if intensity]
+    assert np.all(np.diff(instants) > 0)
+    assert ring.count("played") + ring.count("late") == 60
+    assert max(intensity for _, intensity, _ in frames) == 127
+
+
+def test_frames_that_never_came_are_held_and_counted():
+    script = Script([*steady(20), *steady(20, first=25)])
+    slots, ring, _, _ = ran(script, duration=0.045)
+    assert slots["number"].tolist() == list(range(45))
+    assert np.flatnonzero(slots["flags"] & HELD).tolist() == list(range(20, 25))
+    assert ring.count("lost") == 5
+    assert (slots["samples"][20:25] == 10.0).all()
+
+
+def test_a_frame_past_its_instant_is_not_played():
+    """Stamps say that all were taken 150 ms before they came, and the hold is 100 ms."""
+    slots, ring, played, _ = ran(Script([(number, due, 0.15) for number, due, _ in steady(30)]), duration=0.03)
+    assert (slots["flags"] == LATE).all()
+    assert ring.count("late") == 30
+    assert not any(intensity for _, intensity, _ in played)
+
+
+def test_without_frames_it_fades_and_rises_again():
+    """A gap of 150 ms; quiet is longer than usual, since a busy machine holds this process up for 20 ms and more."""
+    script = Script([*steady(100), *steady(60, first=250)])
+    slots, ring, frames, _ = ran(script, duration=0.31, rise=0.05, quiet=0.08)
+    assert ring.count("gaps") == 1
+    silent = [instant for _, intensity, instant in frames if not intensity]
+    last = slots["instant"][99]
+    faded = min(instant for instant in silent if instant > last)
+    assert (faded - last) * 1e-9 < 0.15
+    again = slots["intensity"][250:310].astype(int)
+    assert again[0] < 20
+    assert again.max() == 127
+    assert (np.diff(again[slots["flags"][250:310] == SOUNDS]) >= 0).all()
+
+
+def test_the_level_is_turned_down_at_once():
+    moments = []
+
+    def level():
+        moments.append(0)
+        return 1.0 if len(moments) < 30 else 0.25
+
+    slots, _, _, _ = ran(Script(steady(60)), duration=0.06, level=level)
+    loud = slots["intensity"][slots["flags"] == SOUNDS]
+    assert set(loud.tolist()) == {127, 31}
+
+
+def test_a_sensor_that_is_lost_ends_in_silence():
+    _, _, frames, problem = ran(Script(steady(30), dies=0.06))
+    assert "pulled" in str(problem)
+    assert frames[-1][1] == 0
+
+
+def test_a_permit_that_is_gone_ends_in_silence_while_frames_come():
+    began = []
+
+    def check():
+        began.append(time.monotonic())
+        if began[-1] - began[0] > 0.3:
+            raise StoppedError("virtual: expired")
+
+    _, _, frames, problem = ran(Script(steady(2000)), check=check)
+    assert isinstance(problem, StoppedError)
+    assert frames[-1][1] == 0

@@ -1,0 +1,96 @@
+import threading
+
+import numpy as np
+import pytest
+
+from midair.devices import ExposureChoices
+from midair.errors import FileError
+from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
+from midair.model import Calibration, Placement, SensorGrid
+from midair.rig.live_touch.live_order import LiveOrder
+from midair.rig.live_touch.live_take import LiveTake
+from midair.rig.live_touch.process import Opened
+from midair.rig.live_touch.timing import Granted
+from midair.rig.live_touch.touch_ring import HELD, SOUNDS, RingShape, TouchRing
+
+SENSOR, ONE = SensorGrid(rows=2, columns=2), Placement.grid(columns=1, rows=1)
+ORDER = LiveOrder(
+    sensor="lsl:Skin",
+    device="virtual",
+    exposure=ExposureChoices(profile=profile_named(DEFAULT_PROFILE)),
+    placement=ONE,
+)
+FOUND = Opened(
+    sensor=SENSOR,
+    unit="V",
+    rate=1000.0,
+    calibration=Calibration.flat(SENSOR, sensitivity=0.1),
+    simulated=True,
+    transducers=249,
+    units=1,
+    exposure="kept",
+    level=0.5,
+    strongest=127,
+    granted=Granted(priority="", memory=""),
+    delay=0.006,
+    parts=((20.0, 470.0),),
+    error=(0.1,),
+    silencer="off",
+    described={},
+)
+
+
+def fill(ring, first, count, flags=SOUNDS):
+    for number in range(first, first + count):
+        slot = ring.next_slot()
+        slot["number"], slot["samples"][:4], slot["phases"] = number, number, number % 256
+        slot["flags"], slot["intensity"], slot["instant"] = flags, 100, 10**9 + number
+        ring.publish()
+
+
+def taking(path, ring):
+    take = LiveTake(path, ORDER, FOUND, ring, {"object": "towel"}, every=0.005)
+    thread = threading.Thread(target=take.run)
+    thread.start()
+    return take, thread
+
+
+def test_holds_what_was_felt_and_what_was_played_frame_by_frame(tmp_path):
+    ring = TouchRing(RingShape(slots=4096, channels=64, transducers=249))
+    take, thread = taking(tmp_path / "felt.h5", ring)
+    fill(ring, 0, 500)
+    fill(ring, 500, 3, HELD)
+    fill(ring, 503, 700)
+    take.end()
+    thread.join()
+    take.close()
+    kept, played = open_take(tmp_path / "felt.h5"), load_played(tmp_path / "felt.h5")
+    assert (kept.recording.samples == np.arange(1203)[:, None, None]).all()
+    assert (played.phase_steps == (np.arange(1203) % 256)[:, None]).all()
+    assert np.flatnonzero(played.state & HELD).tolist() == [500, 501, 502]
+    assert [(event.kind, event.frame, event.frames) for event in kept.journal] == [("lost", 500, 3)]
+    assert kept.calibration is not None
+    assert kept.recording.provenance.notes == {"object": "towel"}
+    (step, *_) = [each for each in kept.recording.provenance.steps if each.stage == "live"]
+    assert (step.settings["hold_s"], step.settings["level"]) == (0.006, 0.5)
+    assert take.missed == 0
+
+
+def test_frames_that_it_could_not_read_in_time_are_told(tmp_path):
+    ring = TouchRing(RingShape(slots=64, channels=64, transducers=249))
+    fill(ring, 0, 200)
+    take, thread = taking(tmp_path / "felt.h5", ring)
+    take.end()
+    thread.join()
+    take.close()
+    kept = open_take(tmp_path / "felt.h5")
+    assert take.missed == 137
+    assert [(event.kind, event.frame, event.frames) for event in kept.journal] == [("lost", 0, 137)]
+    assert kept.recording.frames == 63
+
+
+def test_a_file_that_is_there_is_left_alone(tmp_path):
+    (tmp_path / "felt.h5").write_bytes(b"something")
+    with pytest.raises(FileError):
+        taking(tmp_path / "felt.h5", TouchRing(RingShape(slots=64, channels=64, transducers=249)))
+    assert (tmp_path / "felt.h5").read_bytes() == b"something"

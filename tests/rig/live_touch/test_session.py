@@ -1,0 +1,127 @@
+"""The whole of live touch in its own process: from a virtual sensor to emulated units, and into a take."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import midair
+from midair.devices import ExposureChoices, stop_playing
+from midair.errors import DeviceError, ExposureError, InputError, MissingFileError, StoppedError, UnknownDeviceError
+from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
+
+ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a test")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"sensor": "audio:USB"}, "sound card, whose buffers take 64 ms"),
+        ({"hold": 0.05}, "2 to 20 ms"),
+        ({"delay": 0.05}, "2 to 10 ms"),
+        ({"level": 0.0}, "above 0 and at most 1"),
+        ({"duration": -1.0}, "above 0 s"),
+        ({"mapping": "constant-offset"}, "expected one in Pa"),
+        ({"offset": 3.0}, "none for the others"),
+        ({"gain": -1.0}, "above 0"),
+    ],
+)
+def test_what_cannot_be_live_is_refused_before_anything_opens(wrong, words):
+    with pytest.raises(InputError, match=words):
+        midair.live(**wrong)
+
+
+def test_a_calibration_that_is_not_there_is_said_at_once():
+    with pytest.raises(MissingFileError):
+        midair.live(calibration="nowhere.calibration.h5")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("wrong", "error", "words"),
+    [
+        ({"sensor": "nothing"}, UnknownDeviceError, "expected virtual:OBJECT"),
+        ({"device": "pyautd3:nop"}, UnknownDeviceError, "take single frames"),
+        ({"device": "autd3:emulator"}, ExposureError, "answer for it"),
+    ],
+)
+def test_errors_of_the_process_are_raised_here(wrong, error, words):
+    with pytest.raises(error, match=words), midair.live(**wrong):
+        pass
+
+
+@pytest.mark.slow
+def test_felt_and_played_are_one_take_in_which_nothing_is_missing(tmp_path):
+    path = tmp_path / "felt.h5"
+    with midair.live("virtual:towel", "autd3:emulator", exposure=ANSWERED, duration=3.0, keep=path) as session:
+        session.wait()
+    told, kept, played = session.statistics, open_take(path), load_played(path)
+    assert told.frames == kept.recording.frames == played.frames == 3000
+    assert told.lost == 0
+    assert told.latency == pytest.approx(0.013)
+    # The sensor's own round but for its noise, without a break.
+    once = midair.record("virtual:towel", 3.0).recording.samples
+    assert kept.recording.samples == pytest.approx(once, abs=1e-3)
+    assert kept.recording.provenance.simulated
+    sounded = (played.state & 1) > 0
+    assert sounded.sum() == pytest.approx(told.played, abs=told.late)
+    # The level rises in the first second.
+    assert played.intensity[sounded][:20].max() < 60
+    assert played.intensity[2000:].max() == 255
+
+
+@pytest.mark.slow
+def test_midair_stop_silences_it():
+    with pytest.raises(StoppedError), midair.live("virtual:brush", "autd3:emulator", exposure=ANSWERED) as session:
+        session.wait(1.0)
+        (stopped,) = stop_playing()
+        assert stopped.outcome == "silent"
+        session.wait(5.0)
+
+
+@pytest.mark.slow
+def test_a_stop_of_its_own_silences_it_at_once():
+    with pytest.raises(StoppedError), midair.live("virtual:brush") as session:
+        session.wait(0.5)
+        session.stop()
+        session.wait(5.0)
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_is_said():
+    with pytest.raises(DeviceError, match="without a word"), midair.live("virtual:brush") as session:
+        session.wait(0.5)
+        os.kill(session._process.pid, signal.SIGKILL)
+        session.wait(5.0)
+
+
+@pytest.mark.slow
+def test_the_command_prints_numbers_for_a_program_and_ends_by_ctrl_c(tmp_path):
+    line = [sys.executable, "-m", "midair", "live", "--json", "--keep", "felt.h5"]
+    running = subprocess.Popen(line, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60
+    while not (tmp_path / "felt.h5").exists() and time.monotonic() < until:
+        time.sleep(0.1)
+    time.sleep(1.0)
+    running.send_signal(signal.SIGINT)
+    said, _ = running.communicate(timeout=30)
+    told = json.loads(said)
+    assert running.returncode == 0
+    assert all(np.isfinite(told[name]) for name in ("frames", "lost", "late", "latency"))
+    assert told["latency"] == 13.0
+    assert open_take(tmp_path / "felt.h5").recording.frames == told["frames"] > 500
+
+
+@pytest.mark.slow
+def test_a_take_that_is_there_is_left_alone(tmp_path):
+    (tmp_path / "felt.h5").write_bytes(b"something")
+    line = [sys.executable, "-m", "midair", "live", "--duration", "1s", "--keep", "felt.h5"]
+    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "is there already; give another name" in done.stderr
+    assert (tmp_path / "felt.h5").read_bytes() == b"something"

@@ -1,0 +1,52 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from midair.rig.live_touch.timing import TICK, Granted, Timetable
+
+MS = 1_000_000
+
+
+def test_frames_sound_at_an_even_pace_whatever_the_jitter_of_their_stamps():
+    """Stamps up to 1 ms off: instants a period apart, now and then a tick more or less, and a hold later on average."""
+    rng = np.random.default_rng(1)
+    taken = 10**9 + np.arange(5000) * MS + rng.integers(0, MS, 5000)
+    table = Timetable(MS, 6 * MS)
+    instants = np.array([table.instant(number, int(at)) for number, at in enumerate(taken)])
+    assert set(np.diff(instants)) <= {MS - TICK, MS, MS + TICK}
+    assert np.mean(np.diff(instants) == MS) > 0.9
+    assert np.mean(instants[2000:] - taken[2000:]) == pytest.approx(6 * MS, abs=2 * TICK)
+    assert (instants % TICK == 0).all()
+
+
+@pytest.mark.parametrize("ppm", [-200, 200])
+def test_follows_a_sensor_whose_clock_is_another(ppm):
+    taken = 10**9 + np.round(np.arange(20000) * MS * (1 + ppm * 1e-6)).astype(int)
+    table = Timetable(MS, 6 * MS)
+    instants = np.array([table.instant(number, int(at)) for number, at in enumerate(taken)])
+    assert np.abs(instants - taken - 6 * MS)[1000:].max() < 4 * TICK
+
+
+def test_lost_frames_leave_their_place_and_a_long_pause_begins_anew():
+    table = Timetable(MS, 6 * MS)
+    first = table.instant(0, 10**9)
+    assert table.instant(4, 10**9 + 4 * MS) == first + 4 * MS
+    assert table.instant(5, 2 * 10**9) == 2 * 10**9 + 6 * MS
+
+
+def test_what_was_not_granted_is_said():
+    both = Granted(priority="Operation not permitted; midair doctor says how", memory="Cannot allocate memory")
+    assert both.words().startswith("no real-time priority (Operation not permitted")
+    assert Granted(priority="", memory="").words() == "real-time priority, memory locked"
+
+
+def test_asks_for_time_or_says_why_not_and_keeps_no_garbage_collector():
+    """In a process of its own, since it changes the process."""
+    code = (
+        "import gc, os; from midair.rig.live_touch.timing import ask_for_time; said = ask_for_time(5);"
+        "print(gc.isenabled(), (os.sched_getscheduler(0) == os.SCHED_FIFO) == (said.priority == ''))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]

@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+
+from midair.calibration import CausalInverse
+from midair.errors import InputError
+from midair.model import Calibration, ControlGrid, Drive, PressureFrames, SensorGrid, TransducerArray
+from midair.physics import SensorModel, calibration_of, focus_amplitude, propagate
+from midair.rig.live_touch.touch import Touch, TouchSettings
+from midair.targets import decouple, prepare
+
+SENSOR = SensorGrid()
+KNOWN = calibration_of(SensorModel().with_spread(seed=3))
+ARRAY = TransducerArray.autd3(columns=1, rows=1)
+SMALL = ControlGrid(rows=8, columns=8, pitch=22e-3 / 3)
+
+pytest.importorskip("numba")
+
+
+def touch(calibration=KNOWN, **settings):
+    return Touch(TouchSettings(grid=SMALL, **settings), calibration, SENSOR, 1000.0, ARRAY, 1.0)
+
+
+def felt(rng, frames=3, size=20.0):
+    return size * rng.standard_normal((frames, 4, 4))
+
+
+@pytest.mark.parametrize(("mapping", "offset"), [("half-wave", None), ("constant-offset", 15.0)])
+def test_asks_for_what_the_stages_ask_for(mapping, offset):
+    """Decoupled, mapped, gained and interpolated as by `prepare`, over the focus of the array."""
+    pressure = felt(np.random.default_rng(1))
+    live = touch(None, mapping=mapping, offset=offset, gain=1.7)
+    apart = decouple(PressureFrames(pressure=pressure, rate=1000.0), grid=SMALL)
+    lifted = np.maximum(1.7 * apart.pressure + (offset or 0.0), 0.0)
+    target = prepare(PressureFrames(pressure=lifted, rate=1000.0), grid=SMALL, interpolate="pressure")
+    focus = focus_amplitude(SMALL, ARRAY)
+    for frame, wanted in zip(pressure, target.amplitude, strict=True):
+        live.feel(frame.ravel())
+        assert live.form()
+        assert live.wanted == pytest.approx(wanted / focus, abs=1e-9)
+
+
+def test_phases_press_where_it_was_felt():
+    """One cell alone, held: the field of the phases, worked out by `propagate`, is highest at that cell."""
+    live = touch(None)
+    frame = np.zeros((4, 4))
+    frame[1, 2] = 5.0
+    for _ in range(30):
+        live.feel(frame.ravel())
+        assert live.form()
+    drive = Drive(phase=2 * np.pi * live.phases[None] / 256, level=np.ones(1), rate=1000.0, array=ARRAY)
+    field = np.abs(propagate(drive, SMALL)).reshape(8, 8)
+    row, column = np.unravel_index(field.argmax(), field.shape)
+    assert abs(SMALL.y[row] - SENSOR.y[1]) < 6e-3
+    assert abs(SMALL.x[column] - SENSOR.x[2]) < 6e-3
+
+
+def test_feels_through_the_causal_inverse_and_says_its_delay_and_error():
+    live = touch(delay=0.004)
+    samples = np.random.default_rng(2).standard_normal((40, 16))
+    alone = CausalInverse(KNOWN, 1000.0, delay=0.004).push(samples.reshape(40, 4, 4))
+    for sample, pressure in zip(samples, alone, strict=True):
+        live.feel(sample)
+        assert live.pressure == pytest.approx(pressure.ravel())
+    assert live.delay == 0.004
+    assert len(live.error) == len(live.parts) == 3
+    assert touch(None).error is None
+    assert touch(None).delay == 0.0
+
+
+def test_noise_that_nobody_feels_is_silence():
+    live = touch(None, faintest=0.5)
+    live.feel(np.full(16, 0.01))
+    assert not live.form()
+    live.feel(np.full(16, 5.0))
+    assert live.form()
+    live.feel(np.full(16, -5.0))
+    assert not live.form()
+
+
+def test_the_slow_bias_is_late_and_says_so():
+    live = touch(None, mapping="slow-bias")
+    assert live.delay == pytest.approx(0.09, abs=0.002)
+    frames = round(live.delay * 1000)
+    formed = []
+    for number in range(2 * frames):
+        live.feel(np.full(16, 10.0 if number >= 20 else 0.0))
+        formed.append(live.form())
+    assert not any(formed[: frames + 19])
+    assert all(formed[frames + 20 :])
+
+
+def test_a_band_beyond_the_rate_or_settings_that_make_no_sense_are_refused():
+    for wrong in ({"delay": 0.02}, {"gain": 0.0}, {"faintest": -1.0}):
+        with pytest.raises(InputError):
+            TouchSettings(**wrong)
+    slow = Calibration.flat(SENSOR)
+    with pytest.raises(InputError):
+        Touch(TouchSettings(band=(20.0, 470.0)), slow, SENSOR, 500.0, ARRAY, 1.0)

@@ -1,0 +1,48 @@
+import numpy as np
+
+from midair.rig.live_touch.touch_ring import STEP, RingShape, TouchRing
+
+SHAPE = RingShape(slots=8, channels=4, transducers=6)
+
+
+def written(ring, numbers):
+    for number in numbers:
+        slot = ring.next_slot()
+        slot["number"], slot["samples"], slot["phases"] = number, number, number
+        ring.publish()
+
+
+def test_gives_every_frame_once_and_in_order():
+    ring, seen, got = TouchRing(SHAPE), 0, []
+    for first in range(0, 30, 5):
+        written(ring, range(first, first + 5))
+        found, seen, missed = ring.since(seen)
+        assert missed == 0
+        assert (found["phases"] == found["number"][:, None]).all()
+        got += found["number"].tolist()
+    assert got == list(range(30))
+    assert len(ring.since(seen)[0]) == 0
+
+
+def test_a_reader_that_is_too_slow_finds_out_how_many_it_missed():
+    ring = TouchRing(SHAPE)
+    written(ring, range(20))
+    found, seen, missed = ring.since(3)
+    # The oldest slot may be the one that is being written.
+    assert found["number"].tolist() == list(range(13, 20))
+    assert (seen, missed) == (20, 10)
+
+
+def test_is_one_memory_wherever_it_is():
+    ring = TouchRing(SHAPE)
+    other = TouchRing.__new__(TouchRing)
+    other.__setstate__(ring.__getstate__())
+    written(ring, [7])
+    ring.add("lost", 3)
+    ring.time("left", 3.2 * STEP)
+    ring.time("left", 1e9)
+    assert other.since(0)[0]["number"].tolist() == [7]
+    assert other.count("lost") == 3
+    assert np.flatnonzero(other.histogram("left")).tolist() == [3, 999]
+    other.end()
+    assert ring.ends
