@@ -137,7 +137,7 @@ def test_every_key_of_the_transport(opened):
     page.keyboard.press("k")
     assert state("playing") is False
     page.keyboard.press("Space")
-    assert state("playing") is True
+    assert state("playing") is True, "from the other end, where it had come to one"
 
 
 def test_at_full_speed_a_picture_is_the_rms_of_its_frames_and_in_slow_motion_one_of_them(opened):

@@ -1,5 +1,6 @@
 """What a channel sounds like: its samples as a sound file that any player takes."""
 
+import base64
 import io
 import wave
 from dataclasses import dataclass
@@ -34,8 +35,15 @@ class AudibleChannel:
     data: bytes
     full_scale: float
 
+    @property
+    def source(self) -> str:
+        """The file as a data address, for an ``audio`` element."""
+        return "data:audio/wav;base64," + base64.b64encode(self.data).decode()
 
-def audible(channels: Channels, channel: int, rate: float, *, sound_rate: float = RATE) -> AudibleChannel:
+
+def audible(
+    channels: Channels, channel: int, rate: float, *, sound_rate: float = RATE, full_scale: float | None = None
+) -> AudibleChannel:
     """One channel as sound: resampled, without its mean, 10 ms of fading at both ends, its peak near full scale.
 
     Parameters
@@ -48,6 +56,9 @@ def audible(channels: Channels, channel: int, rate: float, *, sound_rate: float 
         Of the channels, in Hz.
     sound_rate : float
         Of the sound, in Hz.
+    full_scale : float, optional
+        What full scale is, in the unit of the channel, so that two can be heard beside each other: what is above it is
+        cut. What makes the loudest sample nine tenths of it if None.
 
     Raises
     ------
@@ -57,8 +68,9 @@ def audible(channels: Channels, channel: int, rate: float, *, sound_rate: float 
     channels.check(channel)
     heard = channels.values[:, channel] - channels.values[:, channel].mean()
     heard = _faded(resample(heard, rate, sound_rate), round(10e-3 * sound_rate))
-    full_scale = float(np.abs(heard).max()) / _PEAK or 1.0
-    return AudibleChannel(data=_wav(heard / full_scale, sound_rate), full_scale=full_scale)
+    if full_scale is None:
+        full_scale = float(np.abs(heard).max()) / _PEAK or 1.0
+    return AudibleChannel(data=_wav(np.clip(heard / full_scale, -1, 1), sound_rate), full_scale=full_scale)
 
 
 def _faded(x: Array, length: int) -> Array:

@@ -15,8 +15,11 @@ from midair.view.wire import Kind, Section, counted, pack, phase_counts
 CHUNK = 250
 """Frames of a section: each has its own unit, so that quiet frames keep their fine steps."""
 
-PHASE_ROWS = 4000
-"""Frames of which a page keeps all phases; of longer drives every second, third ..."""
+PHASE_ROWS = 1000
+"""Frames of which a page keeps the phases; of longer drives every second, third ..."""
+
+FINE_FRAMES = 1500
+"""Up to which a field is kept in 16 bits, which show a focus to .01 %, and above in 8, to 1 %."""
 
 
 def about(showing: Showing) -> dict[str, object]:
@@ -49,7 +52,7 @@ def sections(showing: Showing) -> dict[str, bytes]:
     if sound is not None and sound.wanted is not None:
         packed["wanted"] = _counts(sound.wanted, Kind.FIELD, "u1", showing.rate)
     if sound is not None and sound.played is not None:
-        dtype = "<i2" if showing.frames <= PHASE_ROWS else "i1"
+        dtype = "<i2" if showing.frames <= FINE_FRAMES else "i1"
         packed["played"] = _counts(sound.played, Kind.FIELD, dtype, showing.rate)
     if sound is not None and sound.drive is not None:
         packed["phases"] = pack(_phases(sound, showing.frames, showing.rate))
@@ -63,8 +66,9 @@ def size_of(showing: Showing) -> int:
         width += 2 * channels.values.shape[1]
     if sound is not None:
         width += sound.grid.count * (sound.wanted is not None)
-        width += sound.grid.count * (sound.played is not None) * (4 if showing.frames <= PHASE_ROWS else 2)
-    rows = 0 if sound is None or sound.drive is None else min(showing.frames, PHASE_ROWS) * sound.drive.array.count
+        width += sound.grid.count * (sound.played is not None) * (4 if showing.frames <= FINE_FRAMES else 2)
+    kept = -(-showing.frames // _every(showing.frames))
+    rows = 0 if sound is None or sound.drive is None else kept * sound.drive.array.count
     return width * showing.frames + rows
 
 
@@ -125,8 +129,13 @@ def _phases(sound: Sound, frames: int, rate: float) -> Iterator[Section]:
     """A section a frame, so that frames may be left out."""
     if sound.drive is None:
         return
-    for frame in range(0, frames, -(-frames // PHASE_ROWS)):
+    for frame in range(0, frames, _every(frames)):
         yield phase_counts(sound.drive.phase[frame : frame + 1], first=frame, rate=rate)
+
+
+def _every(frames: int) -> int:
+    """Of how many frames a page keeps the phases of one."""
+    return -(-frames // PHASE_ROWS)
 
 
 def _text(data: bytes) -> str:

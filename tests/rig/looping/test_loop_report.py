@@ -23,6 +23,17 @@ def test_needs_nothing_from_outside(page):
     assert page.count("data:image/png;base64,") == 7
 
 
+def test_can_be_watched_and_heard(page):
+    assert set(re.findall(r'data-name="(\w+)"', page)) == {"about", "samples", "again", "wanted", "played", "phases"}
+    assert page.count('src="data:audio/wav;base64,') == 2
+
+
+def test_may_ask_for_nothing(page):
+    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
+    assert policy.startswith("default-src 'none'; img-src data:; media-src data:;")
+    assert policy.count("script-src 'sha256-") == 1
+
+
 def test_holds_what_a_reader_looks_for(loop, page):
     for words in (
         "SIMULATED",

@@ -15,9 +15,11 @@ from midair.headroom import level_of
 from midair.physics import propagate
 from midair.rig.looping.correction_loop import Loop
 from midair.rig.looping.loop_pictures import further_pictures, pictures
+from midair.rig.looping.loop_view import watched
 from midair.rig.looping.outcomes import Outcome, palm_picture, side_by_side, verdict
 from midair.settings import Settings
 from midair.targets import piece_of
+from midair.view import sealed
 
 Row = tuple[str, ...]
 
@@ -63,8 +65,11 @@ def render(
     outcomes = tuple(outcomes) or (Outcome.of(loop),)
     own = next(each for each in outcomes if each.loop is loop)
     name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
-    return render_page(
+    watch = watched(loop)
+    page = render_page(
         "rig/looping/report.html.j2",
+        watch=watch,
+        view=watch.page(),
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=loop.passes[-1].comparison.simulated,
         verdict=verdict(outcomes),
@@ -83,6 +88,7 @@ def render(
         versions=versions(),
         commands=commands,
     )
+    return sealed(page)
 
 
 def settings_rows(settings: object, prefix: str = "") -> list[Row]:

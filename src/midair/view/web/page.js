@@ -12,12 +12,14 @@ export function mount(root, about, bytes) {
   }));
   const colours = Object.fromEntries(Object.entries(about.colours).map(([name, text]) => [name, new Colours(bytesOf(text))]));
   const floats = (text) => { const raw = bytesOf(text); return new Float32Array(raw.buffer); };
-  const transport = new Transport({ frames: about.frames, rate: about.rate });
+  const still = root.dataset.start === "paused" || undefined;
+  const transport = new Transport({ frames: about.frames, rate: about.rate, still });
   transport.set({ channel: about.channel, channels: about.channels, marks: about.marks });
   root.classList.add("view");
   const grid = element(root, "div", "view-grid"), pictures = [], seek = (frame) => transport.seek(frame), choose = (channel) => transport.set({ channel });
+  let group = grid; // pictures that share a scale stay together
   const show = (title, note, kind, make) => {
-    const figure = element(grid, "figure", `view-${kind}`), caption = element(figure, "figcaption");
+    const figure = element(group, "figure", `view-${kind}`), caption = element(figure, "figcaption");
     element(caption, "b").textContent = title;
     const words = element(caption, "span");
     words.textContent = note;
@@ -27,6 +29,7 @@ export function mount(root, about, bytes) {
   };
   const { samples, again, wanted, played, phases } = tracks, { sensor, field } = about;
   const top = Math.max(wanted?.top ?? 0, played?.top ? about.top : 0), maps = { colours: colours.inferno, phaseColours: colours.twilight, top };
+  if (wanted || played) group = element(grid, "div", "view-group");
   if (wanted) show("Wanted", `${field.rows} × ${field.columns}, Pa of sound`, "map", (box, label) => new FieldPicture(box, { label, track: wanted, ...field, ...maps, cells: sensor }));
   if (played) {
     const finer = { down: floats(field.down), across: floats(field.across) };
@@ -40,11 +43,13 @@ export function mount(root, about, bytes) {
   if (wanted || played) show("Pa", "", "bar", (box, label) => new BarPicture(box, { label, colours: colours.inferno, phaseColours: colours.twilight, top }));
   if (samples) {
     const most = Math.max(samples.top, again?.top ?? 0), place = { pitch: sensor.pitch, x: 0, y: 0 };
+    group = element(grid, "div", "view-group");
     const cells = (track, title) => show(title, `${sensor.rows} × ${sensor.columns} cells, ${track.unit}`, "map", (box, label) => new CellsPicture(box, { label, track, colours: colours.inferno, top: most, rows: sensor.rows, columns: sensor.columns, place, unit: track.unit }));
     cells(samples, samples.label);
     if (again) cells(again, again.label);
     show(samples.unit, "", "bar", (box, label) => new BarPicture(box, { label, colours: colours.inferno, top: most, unit: samples.unit }));
   }
+  group = grid;
   if (phases) show("Array", `phases of ${about.positions.length / 2} transducers`, "map", (box, label) => new PhasesPicture(box, { label, track: phases, colours: colours.twilight, positions: about.positions }));
   if (samples) {
     const legend = again ? `${samples.label} behind, ${again.label} in front` : samples.label;
@@ -58,6 +63,7 @@ export function mount(root, about, bytes) {
   controls(transport, root);
   keys(transport, root);
   if (about.simulated) { root.classList.add("view-simulated"); const mark = element(root, "span", "view-mark"); mark.textContent = "SIMULATED"; }
+  if (!transport.playing) transport.seek(loudest(samples ?? played ?? wanted)); // what stands still is to be seen
   const draw = (state) => { for (const picture of pictures) picture.draw(picture.fixed ? { ...state, ...picture.fixed } : state); };
   transport.run(draw);
   return { transport, pictures, tracks, remove() { transport.stop(); for (const picture of pictures) picture.remove(); root.replaceChildren(); } };
@@ -68,6 +74,12 @@ export function mountInlined(root) {
   const held = (name) => root.querySelector(`script[data-name="${name}"]`).textContent;
   const about = JSON.parse(held("about"));
   return mount(root, about, Object.fromEntries(about.tracks.map(({ name }) => [name, bytesOf(held(name))])));
+}
+
+function loudest(track) {
+  let at = track.first;
+  for (let frame = track.first; frame < track.last; frame++) if (track.loudness(frame) > track.loudness(at)) at = frame;
+  return at;
 }
 
 function keys(transport, root) {

@@ -45,7 +45,13 @@ export class Transport extends EventTarget {
     this._at = this.frame = this.from = Math.max(this.first, Math.min(this.last, Math.round(frame)));
     this._changed();
   }
-  play() { this.playing = true; this._before = undefined; this._changed(); }
+  play() {
+    // At the end there is nothing left to play: from the other one.
+    if (!this.loop.on && this.frame === (this.speed > 0 ? this.last : this.first)) this.seek(this.speed > 0 ? this.first : this.last);
+    this.playing = true;
+    this._before = undefined;
+    this._changed();
+  }
   pause() { this.playing = false; this.from = this.frame; this._at = this.frame; this._changed(); }
   toggle() { if (this.playing) this.pause(); else this.play(); }
   step(count) { this.pause(); this.seek(this.frame + count); }
@@ -167,12 +173,7 @@ export function controls(transport, root) {
 }
 
 function drawing(page, path) {
-  const make = (name, attributes) => {
-    const made = page.createElementNS("http://www.w3.org/2000/svg", name);
-    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-    return made;
-  };
-  const svg = make("svg", { viewBox: "0 0 16 16", width: 14, height: 14, "aria-hidden": "true" });
-  svg.append(make("path", { d: path, fill: "currentColor" }));
-  return svg;
+  const made = page.createElement("template"); // its text is ours; the parser knows what an svg is
+  made.innerHTML = `<svg viewBox="0 0 16 16" width="14" height="14" aria-hidden="true"><path d="${path}" fill="currentColor"/></svg>`;
+  return made.content.firstChild;
 }

@@ -585,19 +585,20 @@ export class PhasesPicture extends Picture {
 export class SpectrogramPicture extends Picture {
   constructor(box, options) {
     super(box, options);
-    const { track, colours, length = 128, hop = 8, depth = 60 } = options;
-    Object.assign(this, { track, colours, length, hop, depth });
+    const { track, colours, depth = 60, limit = 1000 } = options;
+    // Windows of an eighth of a second or so, a power of two.
+    const length = 2 ** Math.max(4, Math.round(Math.log2(track.rate * 0.128))), hop = Math.max(1, length >> 4);
+    Object.assign(this, { track, colours, length, hop, depth, limit: Math.min(limit, track.rate / 2) });
     this.columns = new Map();
     this._transform = transform(length);
     this._small = box.ownerDocument.createElement("canvas");
   }
-  get summary() { return this.state ? `channel ${this.state.channel ?? 0}, 0 to ${said(this.track.rate / 2)} Hz` : ""; }
-  _stale() { this.columns?.clear(); }
+  get summary() { return this.state ? `channel ${this.state.channel ?? 0}, 0 to ${said(this.limit)} Hz` : ""; }
   paint(context, width, height, state) {
     const { track, hop, ratio } = this, span = (state.span ?? 1) * track.rate, left = 34 * ratio, bottom = 18 * ratio, w = width - left - 4 * ratio, h = height - bottom;
     const key = `${state.channel}/${track.capacity}`;
     if (this._key !== key) { this.columns.clear(); this._key = key; }
-    const begin = Math.floor((state.frame - span / 2) / hop), count = Math.ceil(span / hop) + 1, bins = this.length / 2;
+    const begin = Math.floor((state.frame - span / 2) / hop), count = Math.ceil(span / hop) + 1, bins = Math.round((this.limit / track.rate) * this.length);
     if (this._small.width !== count || this._small.height !== bins) {
       this._small.width = count;
       this._small.height = bins;
@@ -621,7 +622,7 @@ export class SpectrogramPicture extends Picture {
     context.fillStyle = this.colour.ink;
     context.fillRect(left + w / 2 - ratio / 2, 0, ratio, h);
     context.restore();
-    const top = track.rate / 2;
+    const top = this.limit;
     this.text(said(top), left - 4 * ratio, 6 * ratio, { align: "right" });
     this.text(said(top / 2), left - 4 * ratio, h / 2, { align: "right" });
     this.text("0 Hz", left - 4 * ratio, h - 6 * ratio, { align: "right" });
@@ -640,7 +641,7 @@ export class SpectrogramPicture extends Picture {
     }
     this._transform(real, imaginary);
     // A full tone of the track's top is 0 dB.
-    const column = new Uint32Array(length / 2), full = (track.top * length) / 4 || 1;
+    const column = new Uint32Array(Math.round((this.limit / track.rate) * length)), full = (track.top * length) / 4 || 1;
     for (let b = 0; b < column.length; b++) {
       const level = 20 * Math.log10(Math.hypot(real[b], imaginary[b]) / full + 1e-9);
       column[b] = this.colours.pixels[Math.max(0, Math.min(255, Math.round((level / this.depth + 1) * 255)))];
