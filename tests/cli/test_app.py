@@ -4,9 +4,12 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from midair.cli import app, run
+from midair.files import save
+from midair.model import Recording
 
 FAILURES = {
     "bug": (KeyError("rate"), "KeyError: 'rate'"),
@@ -53,3 +56,16 @@ def test_a_name_that_is_no_text_is_said(tmp_path):
     assert done.stderr.startswith("midair: ")
     assert "\\udcff.h5" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_name_that_the_terminal_cannot_spell_is_printed_all_the_same(tmp_path):
+    take = tmp_path / "tüß☃.h5"
+    save(Recording(samples=np.zeros((30, 4, 4)), rate=1000.0), take)
+    done = subprocess.run(
+        [sys.executable, "-m", "midair", "info", str(take)],
+        capture_output=True,
+        check=False,
+        env=os.environ | {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"},
+    )
+    assert done.returncode == 0
+    assert rb"\u2603" in done.stdout

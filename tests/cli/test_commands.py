@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from midair.cli import run
 from midair.datasets import sample_path
@@ -159,6 +160,7 @@ def test_demo_leaves_a_report_and_what_it_shows(capsys):
         "rerecorded.h5",
         "towel.drive.h5",
         "field.png",
+        "palm.png",
     }
     captured = capsys.readouterr()
     assert "SIMULATED" in captured.err
@@ -198,6 +200,18 @@ def test_a_demo_shows_the_paper_s_mode_beside_the_best_and_both_again_by_hand(ca
     for mine, name in zip(beside[0], ("report.html", "paper.html"), strict=True):
         again = re.findall(r"signal to distortion</td>.*?<td class=\"n\">([\d.]+)</td><td>dB", Path(name).read_text())
         assert float(again[0]) == pytest.approx(float(mine), abs=0.06)
+
+
+@pytest.mark.slow
+def test_the_picture_of_the_readme_is_the_one_that_the_demo_draws():
+    assert run(["demo", "out"]) == 0
+    drawn, shown = (
+        np.asarray(Image.open(path).convert("L"), float)
+        for path in ("out/palm.png", Path(__file__).parents[2] / "docs/images/palm.png")
+    )
+    assert drawn.shape == shown.shape
+    # Another machine's arithmetic and fonts move a line by less than its width.
+    assert np.abs(drawn - shown).mean() < 4
 
 
 @pytest.mark.slow

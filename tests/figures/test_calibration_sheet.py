@@ -65,3 +65,11 @@ def test_what_was_measured_is_drawn(calibration):
     empty = [text.get_text() for axis in calibration_figure(calibration).axes for text in axis.texts]
     complete = calibration.linearity is not None and calibration.crosstalk is not None
     assert complete == (not empty)
+
+
+@pytest.mark.parametrize(("rows", "named"), [(2, 4), (4, 16), (8, 16)])
+def test_a_reader_can_tell_the_channels_apart(rows, named):
+    sheet = calibration_figure(Calibration.flat(SensorGrid(rows=rows, columns=rows), sensitivity=0.02))
+    said = [text.get_text() for text in sheet.axes[0].get_legend().get_texts()]
+    assert len(said) == named
+    assert said[0] == "0"

@@ -3,12 +3,13 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from midair.errors import BrokenFileError, FileError, MissingFileError, NonFiniteError
 from midair.files import open_take
-from midair.files.atomic import existing_file, refusing, whole_file
+from midair.files.atomic import existing_file, files_noted, refusing, whole_file, whole_folder
 
 
 def test_a_file_appears_when_the_block_ends(tmp_path):
@@ -136,3 +137,17 @@ def test_a_disk_that_takes_nothing_is_named(tmp_path):
         pytest.skip(f"no disk to be had: {done.stderr}")
     assert done.stderr == ""
     assert done.stdout == f"{tmp_path}/a.txt: cannot be written: Read-only file system\n"
+
+
+def test_files_that_came_to_be_are_noted_as_they_were_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with files_noted() as noted:
+        with whole_file("one.txt") as partial:
+            partial.write_text("1")
+        with pytest.raises(ZeroDivisionError), whole_file("never.txt"):
+            raise ZeroDivisionError
+        with whole_folder("many") as partial:
+            (partial / "a").write_text("a")
+    with whole_file("later.txt") as partial:
+        partial.write_text("2")
+    assert noted == [Path("one.txt"), Path("many")]

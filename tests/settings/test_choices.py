@@ -6,7 +6,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.model import Acoustics, Medium
-from midair.settings import CHOICES, Settings
+from midair.settings import CHOICES, Settings, spelt_setting
 
 # What only Python can say: parts of what has an option, and constants of the array.
 PYTHON_ONLY = {
@@ -56,3 +56,18 @@ def test_a_temperature_is_the_air_of_a_laboratory_and_the_surface_stays():
 def test_a_humidity_alone_says_nothing():
     with pytest.raises(InputError, match="--humidity: expected --temperature beside it"):
         put(Settings(), "humidity", 0.3)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        ("target.grid.height", 0.2, "200mm"),
+        ("calibration.band", (20.0, 470.0), "20Hz 470Hz"),
+        ("acoustics.medium.speed", 345.0, "345m/s"),
+        ("compensation.dynamics.time_constant", 1.9e-4, "0.00019s"),
+        ("solver.method.near", 0.2, "0.2"),
+        ("target.strength", None, "default"),
+    ],
+)
+def test_a_setting_is_told_with_its_unit(path, value, words):
+    assert spelt_setting(path, value) == words

@@ -1,10 +1,12 @@
 """The command `midair`: one line for an error, 0 when done, 1 when the work failed, 2 for wrong usage."""
 
+import io
 import os
 import sys
 import time
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
@@ -13,7 +15,7 @@ from midair.cli.commands import COMMANDS, FOLDERS
 from midair.cli.terminal import GROUPS, err, flags_of, offer, talk, talking
 from midair.devices import ordered_at, process_began
 from midair.errors import MidairError, UnknownDeviceError
-from midair.files import NoLocksWarning
+from midair.files import NoLocksWarning, files_noted
 from midair.version import __version__
 
 TRACEBACK = "MIDAIR_TRACEBACK"
@@ -37,6 +39,8 @@ app = App(
     help_format="plaintext",
     help_on_error=False,
     default_parameter=Parameter(negative=()),
+    # What was kept is said here, and not nothing there.
+    suppress_keyboard_interrupt=False,
 )
 
 
@@ -69,6 +73,9 @@ for flag in ("--help", "--version"):
 def main(tokens: Sequence[str] | None = None) -> None:
     """Run a command line and leave with its exit status."""
     warnings.showwarning = _say_warning
+    # A name that the terminal cannot spell is printed all the same.
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
     # From here on a stop counts, also one that comes before the command says that it plays.
     with ordered_at(process_began()):
         sys.exit(run(sys.argv[1:] if tokens is None else tokens))
@@ -86,6 +93,11 @@ def run(tokens: Sequence[str]) -> int:
 
 
 def _status(tokens: Sequence[str]) -> int:
+    with files_noted() as files:
+        return _status_of(tokens, files)
+
+
+def _status_of(tokens: Sequence[str], files: Sequence[Path]) -> int:
     try:
         status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as wrong:
@@ -95,12 +107,21 @@ def _status(tokens: Sequence[str]) -> int:
     except MidairError as wrong:
         return _say(str(wrong), 1)
     except KeyboardInterrupt:
-        return _say("stopped", 130)
+        return _say(_kept(files), 130)
     except BrokenPipeError:
         return 1
     except Exception as wrong:  # noqa: BLE001  # the last resort: one line, whatever happened
         return _unforeseen(wrong)
     return status if isinstance(status, int) else 0
+
+
+def _kept(files: Sequence[Path]) -> str:
+    """What Ctrl-C leaves, in one line."""
+    here = Path.cwd()
+    there = [str(file.relative_to(here) if file.is_relative_to(here) else file) for file in files if file.exists()]
+    if not there:
+        return "stopped; nothing was written"
+    return f"stopped; kept {', '.join(there[:5])}{f' and {len(there) - 5} more' if len(there) > 5 else ''}"
 
 
 def _unforeseen(wrong: Exception) -> int:

@@ -7,6 +7,7 @@ from midair.evaluate.distortion import Fidelity, fidelity, image_level, in_band
 from midair.evaluate.field import peak_position
 from midair.evaluate.heard_again import heard_perfectly, resting
 from midair.evaluate.leakage import Leak, leak, surroundings
+from midair.evaluate.met import Met, met
 from midair.evaluate.other_air import error_in_air
 from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
@@ -21,6 +22,7 @@ __all__ = [
     "Comparison",
     "Fidelity",
     "Leak",
+    "Met",
     "PalmFidelity",
     "PerceptualCard",
     "PressedPalm",
@@ -39,6 +41,7 @@ __all__ = [
     "image_level",
     "in_band",
     "leak",
+    "met",
     "pacinian_level",
     "palm_fidelity",
     "peak_position",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -104,7 +105,17 @@ def _response(axis: Axes, calibration: Calibration, style: Style) -> None:
             low, high = size[channel] * (1 - np.minimum(wide[channel], 0.99)), size[channel] * (1 + wide[channel])
             _band(axis, calibration.frequency, low, high, colours[channel], 0.15)
     axis.set_yscale("log")
-    axis.set_title("magnitude, channel 0 (dark) to the last (light)", fontsize=8, loc="left")
+    axis.set_title("magnitude", fontsize=8, loc="left")
+    _name_channels(axis, colours, heard)
+
+
+def _name_channels(axis: Axes, colours: Array, heard: Sequence[int], *, most: int = 16) -> None:
+    """Which line is which channel; of many channels every so many."""
+    from matplotlib.lines import Line2D
+
+    named = list(heard)[:: -(-len(heard) // most) or 1]
+    lines = [Line2D([], [], color=colours[channel], label=str(channel)) for channel in named]
+    axis.legend(handles=lines, title="channel", title_fontsize=7, fontsize=7, ncols=4, frameon=False, loc="best")
 
 
 def _deviation(axis: Axes, calibration: Calibration, style: Style) -> None:

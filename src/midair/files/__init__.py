@@ -1,6 +1,6 @@
 """Files: recordings, calibrations and drives in HDF5, and recordings in the formats of other programs."""
 
-from midair.files.atomic import refusing, whole_file, whole_folder, writable_path
+from midair.files.atomic import files_noted, refusing, whole_file, whole_folder, writable_path
 from midair.files.fitting import check_fits
 from midair.files.foreign import load_board
 from midair.files.formats import FORMATS, format_of, load, open_take, save
@@ -58,6 +58,7 @@ __all__ = [
     "check_unclaimed",
     "contents",
     "csv_text",
+    "files_noted",
     "for_json",
     "format_of",
     "from_plain",

@@ -11,6 +11,7 @@ import zipfile
 import zlib
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 
 from midair.errors import BrokenFileError, FileError, MidairError, MissingFileError
@@ -74,6 +75,27 @@ def existing_file(path: str | os.PathLike[str], *, empty: bool = False) -> Path:
         raise BrokenFileError(f"{file}: cannot be read: {reason(wrong)}") from wrong
 
 
+_noting: ContextVar[list[Path] | None] = ContextVar("noting", default=None)
+
+
+@contextmanager
+def files_noted() -> Generator[list[Path]]:
+    """Every file that comes to be inside, as it was named, in their order."""
+    noted: list[Path] = []
+    before = _noting.set(noted)
+    try:
+        yield noted
+    finally:
+        _noting.reset(before)
+
+
+def note_file(path: str | os.PathLike[str]) -> None:
+    """Say that a file is there, whole, to whoever notes it."""
+    noted = _noting.get()
+    if noted is not None and Path(path) not in noted:
+        noted.append(Path(path))
+
+
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Generator[Path]:
     """A name beside `path` to write to; it becomes `path` when the block ends well and is removed when it does not.
@@ -97,6 +119,7 @@ def whole_file(path: str | os.PathLike[str]) -> Generator[Path]:
         _sync(partial)
         check_unclaimed(target)
         os.replace(partial, target)
+        note_file(path)
     except MidairError:
         raise
     except (OSError, RuntimeError) as wrong:
@@ -144,6 +167,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Generator[Path]:
         if target.exists():
             target.rmdir()
         partial.rename(target)
+        note_file(path)
     except MidairError:
         raise
     except (OSError, RuntimeError) as wrong:

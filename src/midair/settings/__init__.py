@@ -3,7 +3,7 @@
 The command line's options, what a drive's provenance keeps and the table of the documentation come from here.
 """
 
-from midair.settings.choices import CHOICES, Choice, choices_table, spelt
+from midair.settings.choices import CHOICES, Choice, choices_table, spelt, spelt_setting
 from midair.settings.mode import MODES, Mode, beside_paper, best_mode, coarser, finest_mode, paper_mode, quick_mode
 from midair.settings.settings import (
     CalibrationSettings,
@@ -31,4 +31,5 @@ __all__ = [
     "paper_mode",
     "quick_mode",
     "spelt",
+    "spelt_setting",
 ]

@@ -206,6 +206,27 @@ def spelt(value: Any, unit: str = "") -> str:
     return f"{value:.6g}{unit}" if unit or isinstance(value, float) else str(value)
 
 
+UNITS: Mapping[str, str] = MappingProxyType(
+    {choice.path: choice.unit for choice in CHOICES}
+    | {
+        "target.grid.centre": "m",
+        "compensation.ramp": "s",
+        "compensation.dynamics.time_constant": "s",
+        "compensation.dynamics.detuning": "rad/s",
+        "solver.guard.pitch": "m",
+        "acoustics.medium.density": "kg/m3",
+        "acoustics.medium.speed": "m/s",
+        "acoustics.medium.attenuation": "Np/m",
+    }
+)
+"""Units of settings by their place in `Settings`; the others have none."""
+
+
+def spelt_setting(path: str, value: Any) -> str:
+    """A setting's value as a person would type it, with its unit, by its place such as ``target.grid.height``."""
+    return spelt(value, UNITS.get(path, "")) if value is not None else "default"
+
+
 def choices_table() -> str:
     """The table of the documentation: every choice, its place in `Settings`, what it is, its value in each mode.
 

@@ -1,12 +1,16 @@
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from midair.cli import run
 from midair.cli.terminal import ExposureOptions, say_how_long, say_how_long_to_come
-from midair.errors import InputError
+from midair.devices import ExposureChoices, admit
+from midair.errors import ExposureError, InputError
 from midair.files import profile_named
 from midair.model import Acoustics, Drive, TransducerArray
+from midair.rig import VirtualRig
 
 PROFILE = profile_named("occupational-110")
 ARRAY = TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]]))
@@ -38,3 +42,17 @@ def test_options_are_one_choice():
     assert chosen.attenuate
     with pytest.raises(InputError, match="occupational-110"):
         ExposureOptions(profile="none").choices()
+
+
+@pytest.mark.parametrize("command", ["play", "loop", "study run", "calibrate beam"])
+def test_what_a_refusal_advises_is_taken_by_every_command_that_refuses(command, capsys):
+    array = VirtualRig().array
+    loud = Drive(phase=np.zeros((20, array.count)), level=np.ones(20), rate=1000.0, array=array)
+    device = SimpleNamespace(array=array, gated=True)
+    with pytest.raises(ExposureError) as refused:
+        admit(loud, device, ExposureChoices(profile=PROFILE))
+    advised = re.findall(r"--[a-z-]+", str(refused.value))
+    assert {"--attenuate", "--profile", "--override-exposure"} <= set(advised)
+    assert run([*command.split(), "--help"]) == 0
+    page = capsys.readouterr().out
+    assert all(option in page for option in advised)

@@ -104,12 +104,15 @@ def test_quiet_says_only_what_goes_wrong():
     ]
 
 
-def test_a_channel_that_clips_is_told_every_two_seconds_at_most():
+def test_a_channel_that_clips_is_told_once_a_take():
     shown, console = screen(terminal=False, quiet=True)
     with shown.take("x"):
         for frame in range(0, 5000, 50):
             shown.tell(Event(kind="clipped", frame=frame, frames=3, channel=6))
-    assert len(console.file.getvalue().splitlines()) == 3
+    assert len(console.file.getvalue().splitlines()) == 1
+    with shown.take("y"):
+        shown.tell(Event(kind="clipped", frame=0, frames=3, channel=6))
+    assert len(console.file.getvalue().splitlines()) == 2
 
 
 def test_signals_and_keys_become_orders(monkeypatch):

@@ -161,8 +161,9 @@ def _keep(outcomes: list[Outcome], output: Path, piece: _Touched, commands: tupl
     save_solution(last.reproduction.solution, output / f"{piece.object_name}.drive.h5", target=last.reproduction.target)
     save(last.rerecorded, output / "rerecorded.h5")
     shown = write_report(loop, output / "report.html", commands=commands, beside=outcomes)
-    with whole_file(output / "field.png") as partial:
-        partial.write_bytes(shown[2].data)
+    for name, title in (("palm.png", "What reaches a palm"), ("field.png", "Target and reproduced field")):
+        with whole_file(output / name) as partial:
+            partial.write_bytes(next(each.data for each in shown if each.title == title))
 
 
 def _print(outcomes: list[Outcome], output: Path) -> None:

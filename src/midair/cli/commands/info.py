@@ -13,6 +13,7 @@ from midair.cli.terminal import (
     calibrated_by,
     calibration_figures,
     level_of_file,
+    met_of,
     print_json,
     print_rows,
     recording_figures,
@@ -20,10 +21,19 @@ from midair.cli.terminal import (
     stroke_rows,
     strokes_of,
 )
-from midair.files import contents, load_array_calibration, load_calibration, load_pressure, load_solution, open_take
+from midair.files import (
+    contents,
+    load_array_calibration,
+    load_calibration,
+    load_pressure,
+    load_solution,
+    load_target,
+    open_take,
+)
 from midair.model import Provenance, Setting
 from midair.reel import moments
 from midair.rig import calibration_rows, uncertainty_of
+from midair.settings import spelt_setting
 from midair.targets import piece_of
 
 
@@ -129,6 +139,9 @@ def _told_of_drive(source: Path) -> _FileFacts:
     error = solution.error[inside][plays[inside]]
     mean, worst = (float(error.mean()), float(error.max())) if len(error) else (None, None)
     level = level_of_file(source) if plays.any() else None
+    target = load_target(source, streamed=True) if plays.any() else None
+    error_told = None if target is None else met_of(solution, target)
+    said = "nothing plays" if mean is None else f"mean {100 * mean:.1f} %, worst {100 * (worst or 0):.1f} %"
     rows = [
         ("drive", str(source)),
         ("source", drive.provenance.source),
@@ -136,7 +149,7 @@ def _told_of_drive(source: Path) -> _FileFacts:
         ("array", f"{drive.array.name}, {drive.array.count} transducers"),
         ("level", f"{drive.level.min():g} to {drive.level.max():g} of full drive"),
         *([] if level is None else level.rows()),
-        ("E", "nothing plays" if mean is None else f"mean {100 * mean:.1f} %, worst {100 * (worst or 0):.1f} %"),
+        ("E", said if error_told is None else str(error_told)),
         *((f"note: {name}", text) for name, text in drive.provenance.notes.items()),
     ]
     figures: dict[str, object] = {
@@ -151,6 +164,7 @@ def _told_of_drive(source: Path) -> _FileFacts:
         "pressure": None if level is None else level.plain(),
         "E_mean": mean,
         "E_worst": worst,
+        **({} if error_told is None else error_told.plain()),
     }
     return _FileFacts(rows=rows, figures=figures, provenance=drive.provenance)
 
@@ -158,6 +172,11 @@ def _told_of_drive(source: Path) -> _FileFacts:
 def _settings(settings: Mapping[str, Setting]) -> str:
     # Places of a stage, ten a second, are for programs (--json).
     return ", ".join(
-        f"{len(value)} {name}" if name == "stamps" and isinstance(value, tuple) else f"{name} {value}"
+        f"{len(value)} {name}" if name == "stamps" and isinstance(value, tuple) else f"{name} {_spelt(name, value)}"
         for name, value in settings.items()
     )
+
+
+def _spelt(name: str, value: Setting) -> object:
+    """With the unit of a setting, which its place tells; other names carry their units."""
+    return spelt_setting(name, value) if "." in name else value

@@ -19,6 +19,7 @@ from midair.cli.terminal import (
     level_of_file,
     level_rows,
     may_write,
+    met_of,
     play_on_array,
     print_json,
     print_rows,
@@ -104,14 +105,14 @@ def solve_command(
     level = level_of(solution, made.target, band=settings.calibration.band)
     inside = piece_of(made.target.provenance, made.target.frames, made.target.rate)
     plays = np.array([status != "silent" for status in solution.status])
-    # Of the piece alone: in the lead there is next to nothing to be met, of which any field is far off.
-    error = 100 * solution.error[inside][plays[inside]] if plays[inside].any() else np.zeros(1)
+    error = met_of(solution, made.target)
     warn_level(level)
     if json:
         told = {"frames": made.target.frames, "lead_frames": inside.start, "rate_hz": made.target.rate}
-        met = {"E_mean": float(error.mean()) / 100, "E_worst": float(error.max()) / 100}
         simulated = pressure.provenance.simulated
-        return print_json({"drive": str(target), "simulated": simulated, **told, **met, "level": level.plain()})
+        return print_json(
+            {"drive": str(target), "simulated": simulated, **told, **error.plain(), "level": level.plain()}
+        )
     print_rows(
         [
             ("drive", f"{target} for {transducers.name}, {transducers.count} transducers"),
@@ -121,7 +122,7 @@ def solve_command(
                 "lead at either end",
             ),
             *level.rows(),
-            ("E", f"mean {error.mean():.1f} %, worst {error.max():.1f} %"),
+            ("E", str(error)),
             *_over_the_range(made, settings),
             ("solver", f"{settings.solver.name}, {solution.iterations[plays].mean():.1f} iterations a frame"),
         ]

@@ -56,7 +56,7 @@ class MeterScreen:
         self._quiet, self._every = quiet, every
         self._title = ""
         self._shown = -np.inf
-        self._clipped: dict[int, float] = {}
+        self._clipped: set[int] = set()
         self._live: Live | None = None
 
     @contextmanager
@@ -109,12 +109,11 @@ class MeterScreen:
             self._shown = now
 
     def tell(self, event: Event, drift: Drift | None = None) -> None:
-        """Say it at once; a channel that clips is told every two seconds at most."""
+        """Say it at once; that a channel clips once a take: its meter shows it, and the end of the take tells."""
         if event.kind == "clipped":
-            seconds = event.frame / self._sensor.rate
-            if seconds - self._clipped.get(event.channel, -np.inf) < 2:
+            if event.channel in self._clipped:
                 return
-            self._clipped[event.channel] = seconds
+            self._clipped.add(event.channel)
         if not (self._quiet and event.kind == "trigger"):
             self._say(told(event, self._sensor.rate, self._sensor.grid, drift))
 

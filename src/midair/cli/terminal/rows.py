@@ -6,10 +6,13 @@ import numpy as np
 
 from midair.cli.terminal.air_options import note_air
 from midair.cli.terminal.quantities import spell
+from midair.evaluate import Met, met
 from midair.files import load_solution, load_target
 from midair.headroom import PressureLevel, band_of, level_of
-from midair.model import Calibration, Recording
+from midair.model import AmplitudeFrames, Calibration, Recording, Solution
 from midair.recordings import dead_channels
+from midair.reel import blocks
+from midair.targets import piece_of
 
 
 def recording_rows(recording: Recording) -> list[tuple[str, str]]:
@@ -21,13 +24,22 @@ def recording_rows(recording: Recording) -> list[tuple[str, str]]:
         ("sensor", f"{recording.sensor.name}, {rows} x {columns}, pitch {spell(recording.sensor.pitch, 'm')}"),
         ("unit", recording.unit),
         ("range", f"{recording.samples.min():.4g} to {recording.samples.max():.4g} {recording.unit}"),
-        ("dead channels", ", ".join(str(channel) for channel in dead) or "none"),
+        (
+            "untouched cells" if _synthetic(recording) else "dead channels",
+            ", ".join(str(channel) for channel in dead) or "none",
+        ),
     ]
+
+
+def _synthetic(recording: Recording) -> bool:
+    """Whether cells that never change are not broken: the object of a synthetic field passed them by."""
+    return any(step.stage == "footprint" for step in recording.provenance.steps)
 
 
 def recording_figures(recording: Recording) -> dict[str, object]:
     """What a recording holds, for a program: numbers in units that their names carry."""
     rows, columns = recording.sensor.shape
+    synthetic, silent = _synthetic(recording), np.flatnonzero(dead_channels(recording)).tolist()
     return {
         "frames": recording.frames,
         "rate_hz": recording.rate,
@@ -40,7 +52,8 @@ def recording_figures(recording: Recording) -> dict[str, object]:
         },
         "unit": recording.unit,
         "range": [float(recording.samples.min()), float(recording.samples.max())],
-        "dead_channels": np.flatnonzero(dead_channels(recording)).tolist(),
+        "dead_channels": [] if synthetic else silent,
+        **({"untouched_cells": silent} if synthetic else {}),
     }
 
 
@@ -67,6 +80,14 @@ def level_of_file(source: Path) -> PressureLevel | None:
     """How hard the drive of a file was asked to press, and what comes of it; None where its file has no target."""
     target = load_target(source, streamed=True)
     return None if target is None else level_of(load_solution(source, streamed=True), target, band=band_of(target))
+
+
+def met_of(solution: Solution, target: AmplitudeFrames) -> Met:
+    """How well the piece was met, without its lead, in which there is next to nothing to be met."""
+    inside = piece_of(target.provenance, target.frames, target.rate)
+    plays = np.array([status != "silent" for status in solution.status])
+    power = np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
+    return met(solution.error[inside], (power * plays)[inside])
 
 
 def level_rows(level: PressureLevel | None) -> list[tuple[str, str]]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from midair.errors import FileError, InputError
-from midair.files.atomic import reason, writable_path
+from midair.files.atomic import note_file, reason, writable_path
 from midair.files.native.axes import sensor_values, single
 from midair.files.native.calibration_file import write_calibration
 from midair.files.native.events import KINDS, event_values
@@ -227,6 +227,8 @@ class RecordingWriter:
                 self._cut(live.file)
                 stored_dataset(live.file, "finished")[()] = 1
                 live.close()
+                if self._frames:
+                    note_file(self.path)
             except (OSError, RuntimeError) as wrong:
                 # After a failure the disk has what it had; trying to close in order was worth it all the same.
                 if self._failure is None:

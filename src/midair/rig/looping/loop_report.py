@@ -17,7 +17,7 @@ from midair.rig.looping.correction_loop import Loop
 from midair.rig.looping.loop_pictures import further_pictures, pictures
 from midair.rig.looping.loop_view import watched
 from midair.rig.looping.outcomes import Outcome, palm_picture, side_by_side, verdict
-from midair.settings import Settings
+from midair.settings import Settings, spelt_setting
 from midair.targets import piece_of
 from midair.view import sealed
 
@@ -32,7 +32,7 @@ def write_report(
     palm: PalmFidelity | None = None,
     beside: Sequence[Outcome] = (),
 ) -> list[Picture]:
-    """Write the report of a loop; the pictures that are in it, beginning with those of the pipeline.
+    """Write the report of a loop; the pictures that are in it, in its order.
 
     Parameters
     ----------
@@ -52,14 +52,20 @@ def write_report(
     # Drawn once, since that takes longer than solving does.
     own = next(each for each in outcomes if each.loop is loop)
     shown = [*pictures(loop), *further_pictures(loop, own.card)]
-    page = render(loop, shown, commands=commands, outcomes=outcomes)
+    palms = [] if (pressed := palm_picture(outcomes)) is None else [pressed]
+    page = render(loop, shown, commands=commands, outcomes=outcomes, palms=palms)
     with whole_file(path) as partial:
         partial.write_text(page, encoding="utf-8")
-    return shown
+    return [*palms, *shown]
 
 
 def render(
-    loop: Loop, shown: Sequence[Picture], *, commands: tuple[str, ...] = (), outcomes: Sequence[Outcome] = ()
+    loop: Loop,
+    shown: Sequence[Picture],
+    *,
+    commands: tuple[str, ...] = (),
+    outcomes: Sequence[Outcome] = (),
+    palms: Sequence[Picture] = (),
 ) -> str:
     """The report with these pictures as HTML that needs nothing from outside."""
     outcomes = tuple(outcomes) or (Outcome.of(loop),)
@@ -74,7 +80,7 @@ def render(
         simulated=loop.passes[-1].comparison.simulated,
         verdict=verdict(outcomes),
         summary=_summary(loop),
-        palm_picture=palm_picture(outcomes),
+        palms=palms,
         ways=[each.name for each in outcomes] if len(outcomes) > 1 else [],
         side_by_side=side_by_side(outcomes),
         pictures=shown,
@@ -102,7 +108,7 @@ def settings_rows(settings: object, prefix: str = "") -> list[Row]:
         if is_dataclass(value) and not isinstance(value, type):
             rows += settings_rows(value, f"{name}.")
         else:
-            rows.append((name, _word(value)))
+            rows.append((name, spelt_setting(name, value)))
     return rows
 
 

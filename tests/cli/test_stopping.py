@@ -1,0 +1,107 @@
+"""Ctrl-C in the middle of any command: one line that says what was kept, status 130, nothing half-written."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.progress import Progress
+
+from midair.cli import run
+from midair.files import atomic, save
+from midair.model import Calibration, Recording, SensorGrid
+
+QUICK = "--mode paper --points 6 --pitch 11mm --iterations 2 1 --duration 0.03s"
+
+AT_A_BAR = {
+    f"solve take.h5 {QUICK}": "nothing was written",
+    f"loop take.h5 {QUICK}": "nothing was written",
+    f"budget take.h5 there.png {QUICK}": "nothing was written",
+    f"demo out {QUICK}": "kept out/stroke.h5",
+    "play take.drive.h5": "nothing was written",
+    "paper figures --figure 4": "nothing was written",
+}
+"""Commands that have bars, by what is said when the work begins that the first is of."""
+
+AT_THE_END = {
+    "import song.wav song.h5": "nothing was written",
+    "import sample:denim denim.h5 --peak 30Pa": "nothing was written",
+    "export take.h5 take.csv": "nothing was written",
+    "cut take.h5 part.h5 --start 0.1s": "nothing was written",
+    "trim take.h5 part.h5": "nothing was written",
+    "join take.h5 take.h5 both.h5": "nothing was written",
+    "gain take.h5 loud.h5 --by 2": "nothing was written",
+    "mask take.h5 masked.h5 --channels 3": "nothing was written",
+    "resample take.h5 slow.h5 --rate 500Hz": "nothing was written",
+    f"solve take.h5 {QUICK}": "nothing was written",
+    "exposure take.drive.h5 --figure loud.png": "nothing was written",
+}
+"""Commands that write, stopped when the file is whole and has not got its name."""
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    """A recording, its drive and a sound."""
+    folder = tmp_path_factory.mktemp("desk")
+    grid = SensorGrid()
+    noise = 0.05 * np.random.default_rng(0).standard_normal((300, *grid.shape))
+    take = Recording(samples=noise, rate=1000.0, unit="V", sensor=grid)
+    save(take, folder / "take.h5", calibration=Calibration.flat(grid, sensitivity=0.02))
+    save(
+        Recording(samples=noise[:, :1, :1], rate=1000.0, unit="Pa", sensor=SensorGrid(rows=1, columns=1)),
+        folder / "song.wav",
+    )
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        assert run(["solve", "take.h5", *QUICK.split()]) == 0
+    finally:
+        os.chdir(before)
+    return folder
+
+
+@pytest.fixture
+def folder(desk, tmp_path, monkeypatch):
+    shutil.copytree(desk, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def stopped(line, capsys):
+    """What the command says last; its files but those that are kept are gone."""
+    before = set(Path().rglob("*"))
+    if "take.drive.h5" not in line and "solve" in line:
+        Path("take.drive.h5").unlink()
+        before -= {Path("take.drive.h5")}
+    capsys.readouterr()
+    assert run(line.split()) == 130
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert said.startswith("midair: stopped; "), said
+    new = {path for path in set(Path().rglob("*")) - before if path.is_file()}
+    assert new == {Path(name) for name in said.partition("kept ")[2].split(", ") if name}
+    return said.removeprefix("midair: stopped; ")
+
+
+@pytest.mark.parametrize("line", AT_A_BAR)
+def test_stopped_at_work(line, folder, capsys, monkeypatch):
+    begin, begun = Progress.add_task, []
+
+    def stop(self, description, **more):
+        begun.append(description)
+        if description != "record":
+            raise KeyboardInterrupt
+        return begin(self, description, **more)
+
+    monkeypatch.setattr(Progress, "add_task", stop)
+    assert stopped(line, capsys) == AT_A_BAR[line]
+    assert begun
+
+
+@pytest.mark.parametrize("line", AT_THE_END)
+def test_stopped_at_the_last_moment(line, folder, capsys, monkeypatch):
+    def stop(old, new):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(atomic.os, "replace", stop)
+    assert stopped(line, capsys) == AT_THE_END[line]
