@@ -4,10 +4,10 @@ from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.card import CardFigure, PerceptualCard, perceptual_card
 from midair.evaluate.comparison import Comparison, compare
 from midair.evaluate.distortion import Fidelity, fidelity, image_level, in_band
+from midair.evaluate.energy_error import Met, met
 from midair.evaluate.field import peak_position
 from midair.evaluate.heard_again import heard_perfectly, resting
 from midair.evaluate.leakage import Leak, leak, surroundings
-from midair.evaluate.met import Met, met
 from midair.evaluate.other_air import error_in_air
 from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
