@@ -28,6 +28,7 @@ WHOLE_SUITES = {
     "cli/test_flat_memory.py": "what each command takes of the memory",
     "cli/test_commands.py": "the whole loop by commands, and what all commands have in common",
     "cli/test_mistakes.py": "what people type wrong, at every command",
+    "cli/test_interrupts.py": "Ctrl-C in the middle of every command",
     "cli/test_help.py": "the help and the examples of every command",
     "devices/sensors/test_sensor_contract.py": "one contract, each kind of sensor",
     "devices/test_contract.py": "one contract, each kind of array",
