@@ -5,10 +5,10 @@ import io
 import numpy as np
 import pytest
 import soundfile
-from tests.view.shown import recording
+from tests.view.shown import focus, pressure, recording
 
 from midair.errors import InputError
-from midair.view import Channels, audible, show_recording
+from midair.view import Channels, audible, heard_together, show_comparison, show_recording
 
 
 def test_a_tone_is_heard_at_its_pitch_and_its_peak_near_full_scale():
@@ -31,3 +31,11 @@ def test_silence_stays_silent_and_a_rest_makes_no_click():
 def test_a_channel_that_is_not_there(channel):
     with pytest.raises(InputError, match="expected 0 to 15"):
         audible(show_recording(recording()).samples, channel, 1000)
+
+
+def test_both_are_heard_at_one_scale():
+    (_, first), (name, second) = heard_together(show_comparison(pressure(), pressure(scale=0.5)))
+    loud, soft = (np.abs(soundfile.read(io.BytesIO(each.data))[0]).max() for each in (first, second))
+    assert name == "re-recorded"
+    assert (loud, soft / loud) == pytest.approx((0.9, 0.5), abs=1e-3)
+    assert heard_together(focus()) == ()

@@ -3,7 +3,7 @@
 from midair.view.colours import TABLES, colour_table
 from midair.view.film import Film, ffmpeg, write_gif, write_mp4
 from midair.view.finer_field import Finer, finer, finer_grid
-from midair.view.hearing import AudibleChannel, audible
+from midair.view.hearing import AudibleChannel, audible, heard_together
 from midair.view.pages import WEB, inlined, one_module, sealed, show_page, style
 from midair.view.showing import (
     Channels,
@@ -17,9 +17,13 @@ from midair.view.showing import (
     show_target,
 )
 from midair.view.told import about, sections, size_of
+from midair.view.widget import framed_page, in_notebook
 from midair.view.wire import Kind, Section, counted, pack, phase_counts, unpack
 
 __all__ = [
+    "in_notebook",
+    "framed_page",
+    "heard_together",
     "Part",
     "write_mp4",
     "write_gif",

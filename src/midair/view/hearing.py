@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.dsp import resample
-from midair.view.showing import Channels
+from midair.view.showing import Channels, Showing
 
 Array = NDArray[np.float64]
 
@@ -71,6 +71,15 @@ def audible(
     if full_scale is None:
         full_scale = float(np.abs(heard).max()) / _PEAK or 1.0
     return AudibleChannel(data=_wav(np.clip(heard / full_scale, -1, 1), sound_rate), full_scale=full_scale)
+
+
+def heard_together(showing: Showing, *, sound_rate: float = 8000.0) -> tuple[tuple[str, AudibleChannel], ...]:
+    """The chosen channel of what was felt, and of what was felt again, with what to call them: both at one scale."""
+    both = [each for each in (showing.samples, showing.again) if each is not None]
+    alone = [audible(each, showing.channel, showing.rate, sound_rate=sound_rate) for each in both]
+    scale = max((each.full_scale for each in alone), default=1.0)
+    heard = [audible(each, showing.channel, showing.rate, sound_rate=sound_rate, full_scale=scale) for each in both]
+    return tuple((each.label, sound) for each, sound in zip(both, heard, strict=True))
 
 
 def _faded(x: Array, length: int) -> Array:

@@ -4,19 +4,27 @@ import base64
 import hashlib
 import json
 import re
+from collections.abc import Sequence
+from html import escape
 from pathlib import Path
 
 from midair.figures import render_page
+from midair.view.hearing import heard_together
 from midair.view.showing import Showing
 from midair.view.told import about, sections
 
 WEB = Path(__file__).parent / "web"
-"""Folder of view.js (canvases), transport.js (time) and page.js (a whole page of both): ES modules without others."""
+"""Folder of view.js (canvases), transport.js (time), page.js (both) and widget.js (for notebooks): ES modules."""
 
 
-def one_module() -> str:
-    """view.js, transport.js and page.js as one module, for where there is no second file to ask for."""
-    parts = [(WEB / name).read_text(encoding="utf-8") for name in ("view.js", "transport.js", "page.js")]
+Tables = Sequence[tuple[str, Sequence[Sequence[str]]]]
+"""A title, and rows of text, each."""
+
+
+def one_module(*more: str) -> str:
+    """view.js, transport.js, page.js and more as one module, for where there is no second file to ask for."""
+    names = ("view.js", "transport.js", "page.js", *more)
+    parts = [(WEB / name).read_text(encoding="utf-8") for name in names]
     return "\n".join(re.sub(r'^import .* from "\./\w+\.js";$', "", part, flags=re.MULTILINE) for part in parts)
 
 
@@ -26,7 +34,7 @@ def style() -> str:
 
 
 def inlined(showing: Showing) -> dict[str, str]:
-    """What a page holds of a view: ``style``, ``module`` (its script), and ``blocks``, the elements with the frames.
+    """What a page holds of a view: ``style``, ``module`` (its script), ``sounds``, and ``blocks``, the frames.
 
     The script shows every element of class ``midair-view`` from the blocks inside it.
     """
@@ -36,10 +44,19 @@ def inlined(showing: Showing) -> dict[str, str]:
         f'<script type="application/midair" data-name="{name}">{text}</script>' for name, text in held.items()
     )
     begin = 'for (const root of document.querySelectorAll(".midair-view")) root.midair = mountInlined(root);'
-    return {"style": style(), "module": f"{one_module()}\n{begin}", "blocks": blocks}
+    return {"style": style(), "module": f"{one_module()}\n{begin}", "sounds": _sounds(showing), "blocks": blocks}
 
 
-def show_page(showing: Showing, *, commands: tuple[str, ...] = ()) -> str:
+def _sounds(showing: Showing) -> str:
+    """Players of the chosen channel; nothing where there is none."""
+    players = [
+        f'<label>{escape(name)} <audio controls loop preload="auto" src="{sound.source}"></audio></label>'
+        for name, sound in heard_together(showing)
+    ]
+    return f'<div class="view-heard">{"".join(players)}</div>' if players else ""
+
+
+def show_page(showing: Showing, *, commands: tuple[str, ...] = (), tables: Tables = ()) -> str:
     """The view as HTML that needs nothing from outside, and whose browser lets it ask for nothing.
 
     Parameters
@@ -48,6 +65,8 @@ def show_page(showing: Showing, *, commands: tuple[str, ...] = ()) -> str:
         What it shows.
     commands : tuple of str
         With which the same can be made again.
+    tables : sequence of (str, rows)
+        Further words below it, each with its title: rows of text, one cell after another.
     """
     page = render_page(
         "view/show.html.j2",
@@ -56,6 +75,7 @@ def show_page(showing: Showing, *, commands: tuple[str, ...] = ()) -> str:
         lead=f"{showing.frames} frames at {showing.rate:.6g} Hz, {showing.duration:.4g} s",
         facts=showing.facts,
         commands=commands,
+        tables=tables,
         **inlined(showing),
     )
     return sealed(page)

@@ -19,7 +19,7 @@ from midair.rig.looping.loop_view import watched
 from midair.rig.looping.outcomes import Outcome, palm_picture, side_by_side, verdict
 from midair.settings import Settings, spelt_setting
 from midair.targets import piece_of
-from midair.view import sealed
+from midair.view import inlined, sealed
 
 Row = tuple[str, ...]
 
@@ -75,7 +75,7 @@ def render(
     page = render_page(
         "rig/looping/report.html.j2",
         watch=watch,
-        view=watch.page(),
+        view=inlined(watch),
         title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
         simulated=loop.passes[-1].comparison.simulated,
         verdict=verdict(outcomes),
