@@ -108,7 +108,7 @@ def test_what_does_not_fit_into_memory_is_refused_before_it_is_made(monkeypatch,
     monkeypatch.setattr("midair.ram.available", lambda: 50_000_000)
     settings = Settings().but(grid=ControlGrid(rows=64, columns=64))
     pressure = felt(recording(), None, settings).cut(0.1, 0.02)
-    monkeypatch.setattr("midair.solvers.solving.transfer_matrix", None)  # which would be called, and is nothing
+    monkeypatch.setattr("midair.solvers.ordering.scene.transfer_matrix", None)  # which would be called, and is nothing
     with pytest.raises(InputError, match=r"0\.05 GB that are free, got 15936 transducers x 4096 points, .* GB; ask"):
         way(pressure, TransducerArray.autd3(columns=8, rows=8), settings)
 

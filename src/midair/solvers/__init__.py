@@ -9,8 +9,9 @@ from midair.solvers.lens import spreading_phase
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Follower, Live
 from midair.solvers.methods import METHODS, TAKES, Method, name_of, solver
+from midair.solvers.ordering import read_as_solved, solve_parts, solve_piece
 from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
-from midair.solvers.solving import memory_of, read_as_solved, solve, solve_parts, solve_piece
+from midair.solvers.solving import memory_of, solve
 from midair.solvers.terms import Cells, Fit, Guard, Windows
 from midair.solvers.threads import one_blas_thread
 

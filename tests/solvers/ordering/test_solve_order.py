@@ -1,0 +1,68 @@
+"""What is asked of a solver is checked before any work, and reaches it."""
+
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
+from midair.solvers import Glide, solve
+
+SMALL = ControlGrid(rows=4, columns=4, pitch=11e-3, height=0.1)
+UNIT = TransducerArray.autd3(columns=1, rows=1)
+
+
+def target(amplitude):
+    return AmplitudeFrames(amplitude=np.asarray(amplitude, float), rate=500.0, grid=SMALL)
+
+
+def wave(frames=4, points=16, pascal=3000.0):
+    return pascal * np.random.default_rng(0).uniform(size=(frames, points))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "magic"}, "method: expected one of lm"),
+        ({"start": "random"}, "start: expected previous or zero"),
+        ({"level": 0.0}, "level: expected above 0"),
+        ({"level": 1.5}, "level: expected above 0"),
+        ({"bits": 0}, "bits: expected 1 to 16"),
+        ({"iterations": 0}, "iterations: expected 1 or more"),
+        ({"level": "loud"}, "level: expected above 0 .* or auto, got 'loud'"),
+        ({"amplitudes": "free"}, "amplitudes: expected equal or bounded, got 'free'"),
+        ({"fit": "palm"}, "fit: expected points, windows, cells"),
+        ({"smooth": -1.0}, "smooth: expected 0 or more"),
+        ({"smooth": float("nan")}, "smooth: expected 0 or more"),
+        ({"smooth": 0.1}, "method lm: expected terms that it takes .*, got smooth; choose fast"),
+        ({"method": "gs", "amplitudes": "bounded"}, "method gs: .*none.*, got amplitudes"),
+        ({"backend": "torch"}, "backend: expected method fast or glide, got lm"),
+    ],
+)
+def test_wrong_settings_say_what_was_expected(options, message):
+    with pytest.raises(InputError, match=message):
+        solve(target(wave(1)), UNIT, **options)
+
+
+@pytest.mark.parametrize("robust", [-1.0, 11.0, float("nan")])
+def test_a_range_that_is_none_is_refused(robust):
+    with pytest.raises(InputError, match="robust: expected 0 to 10 degrees Celsius"):
+        solve(target(wave()), UNIT, robust=robust)
+
+
+def test_published_methods_refuse_a_range():
+    with pytest.raises(InputError, match=r"method gs: expected terms that it takes \(none\), got robust"):
+        solve(target(wave()), UNIT, method="gs", robust=2.0)
+
+
+def test_a_method_knows_where_the_transducers_are(monkeypatch):
+    """Glide looks at an even part of them; without places it would take every fourth in their order."""
+    seen = []
+    solve_as_it_is = Glide.solve
+
+    def solve_and_look(self, problem, **rest):
+        seen.append(problem.position)
+        return solve_as_it_is(self, problem, **rest)
+
+    monkeypatch.setattr(Glide, "solve", solve_and_look)
+    solve(target(wave()), UNIT, method="glide")
+    np.testing.assert_array_equal(seen[0], UNIT.position)
