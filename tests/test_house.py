@@ -106,6 +106,8 @@ UNTESTED_BY_NAME = {
     "study/findings/choice_findings.py": "study/findings/test_analysis.py",
     "study/findings/rating_findings.py": "study/findings/test_analysis.py",
     "study/statistics/logistic.py": "study/statistics/test_mixed.py",
+    "study/statistics/psychometric_fit.py": "study/statistics/test_psychometric.py",
+    "study/statistics/psychometric_profile.py": "study/statistics/test_psychometric.py",
     "study/statistics/sphericity.py": "study/statistics/test_anova.py",
     "study/study_report.py": "cli/commands/study/test_study.py",
     "study/session/simulated_screen.py": "study/session/test_participant.py",

@@ -30,7 +30,7 @@ def report_page(report: Report, *, title: str, within: tuple[str, ...] = ()) -> 
         simulated=report.simulated,
         pictures=study_pictures(report, within=within),
         findings=[_shown(finding) for finding in report.findings],
-        notes=f"midair {__version__}; seed of permutations and bootstrap {report.seed}.",
+        notes=f"midair {__version__}; seed of permutations {report.seed}.",
     )
 
 

@@ -26,7 +26,7 @@ def number_after(words, text):
 
 
 def test_a_known_threshold_is_found():
-    (found,) = psychometric(answers(8, 60), rng=np.random.default_rng(1), draws=40)
+    (found,) = psychometric(answers(8, 60), rng=np.random.default_rng(1))
     # the Weibull function's threshold is where 1 - .5 / e = 82 % are right
     assert number_after(found.words, "Threshold ") == pytest.approx(1.0, abs=0.12)
     low, high = number_after(found.words, "over people "), number_after(found.words.split("over people")[1], " to ")
@@ -37,7 +37,7 @@ def test_a_known_threshold_is_found():
 
 
 def test_one_person_has_limits_from_trials_only():
-    (found,) = psychometric(answers(1, 100), rng=np.random.default_rng(1), draws=40)
+    (found,) = psychometric(answers(1, 100), rng=np.random.default_rng(1))
     assert "from trials" in found.words
     assert "over people" not in found.words
 
@@ -46,7 +46,7 @@ def test_answers_that_follow_no_such_function_are_told():
     data = answers(1, 200)
     wrong = np.where(data.strengths["level"] == 1.0, 0.0, data.strengths["correct"])
     worse = StudyData(strengths=data.strengths.assign(correct=wrong))
-    (found,) = psychometric(worse, rng=np.random.default_rng(1), draws=40)
+    (found,) = psychometric(worse, rng=np.random.default_rng(1))
     assert "does NOT fit" in found.words
 
 

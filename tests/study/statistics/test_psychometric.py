@@ -52,3 +52,27 @@ def test_says_what_is_wrong():
         Psychometric(threshold=1, slope=1, shape="cubic")
     with pytest.raises(InputError, match="together below 1"):
         Psychometric(threshold=1, slope=1, guess=0.9, lapse=0.2)
+
+
+def test_limits_from_many_trials_are_those_of_a_regression():
+    sm = pytest.importorskip("statsmodels.api")
+    right = np.random.default_rng(3).binomial(500, Psychometric(threshold=2.0, slope=1.5).probability(LEVELS))
+    fit = fit_psychometric(LEVELS, right, np.full(8, 500), rng=np.random.default_rng(1), lapse_most=0.0, draws=200)
+    glm = sm.GLM(np.c_[right, 500 - right], sm.add_constant(LEVELS), family=sm.families.Binomial()).fit()
+    intercept, slope = glm.params
+    threshold = -intercept / slope
+    gradient = np.array([-1 / slope, intercept / slope**2])
+    half = 1.96 * np.sqrt(gradient @ glm.cov_params() @ gradient)
+    assert fit.function.threshold == pytest.approx(threshold, abs=1e-3)
+    assert [fit.threshold_low, fit.threshold_high] == pytest.approx(
+        [threshold - half, threshold + half], abs=0.2 * half
+    )
+
+
+def test_answers_that_set_no_limit_say_so():
+    # Right answers begin to rise at the last level only: the threshold may lie anywhere beyond.
+    rng = np.random.default_rng(1)
+    fit = fit_psychometric(
+        LEVELS, [3, 3, 2, 3, 3, 2, 3, 4], np.full(8, 6), rng=rng, guess=0.5, shape="weibull", draws=9
+    )
+    assert fit.threshold_high == np.inf

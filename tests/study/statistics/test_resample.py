@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError
-from midair.study import bootstrap, sign_flip
+from midair.study import limits_over_people, sign_flip
 
 
 def test_sign_flip_by_hand():
@@ -27,33 +27,41 @@ def test_random_turns_agree_with_exact_ones():
     assert sign_flip(padded, rng=rng, draws=40_000) == pytest.approx(exact, abs=0.01)
 
 
-def test_bootstrap_agrees_with_scipy():
-    import scipy.stats
+def test_limits_of_a_mean_are_those_of_student():
+    from scipy.stats import t, ttest_1samp
 
-    x = np.random.default_rng(2).gamma(2, 1, 25)
-    mine = bootstrap(np.mean, x, rng=np.random.default_rng(3), draws=4000)
-    theirs = scipy.stats.bootstrap((x,), np.mean, n_resamples=4000, method="BCa", rng=np.random.default_rng(4))
-    limits = theirs.confidence_interval
-    assert float(mine.low) == pytest.approx(limits.low, abs=0.03)
-    assert float(mine.high) == pytest.approx(limits.high, abs=0.03)
+    x = np.random.default_rng(2).gamma(2, 1, 12)
+    mine = limits_over_people(np.mean, x)
+    theirs = ttest_1samp(x, 0).confidence_interval(0.95)
+    assert [float(mine.low), float(mine.high)] == pytest.approx([theirs.low, theirs.high])
+    # A share keeps within 0 and 1: to first order t on the logit.
+    share = limits_over_people(np.mean, np.array([0.9, 0.95, 1, 0.9, 1, 0.85]), scale="share")
+    assert 0.8 < float(share.low) < 0.93 < float(share.high) < 1
+    logs = limits_over_people(lambda y: np.exp(np.log(y).mean()), x, scale="positive")
+    middle, half = np.log(x).mean(), t.ppf(0.975, 11) * np.log(x).std(ddof=1) / 12**0.5
+    assert [float(logs.low), float(logs.high)] == pytest.approx(np.exp([middle - half, middle + half]).tolist())
 
 
-def test_bootstrap_covers():
+def test_limits_cover_with_five_people():
     rng = np.random.default_rng(3)
     inside = 0
     for _ in range(300):
-        found = bootstrap(lambda x: x.mean(axis=0), rng.normal(0, 1, (20, 2)), rng=rng, draws=300)
+        found = limits_over_people(lambda x: x.mean(axis=0), rng.normal(0, 1, (5, 2)))
         inside += int(((found.low < 0) & (found.high > 0)).sum())
-    assert 0.88 < inside / 600 < 0.98
+    assert 0.93 < inside / 600 < 0.97
 
 
-def test_constant_figures_have_no_width_and_no_nan():
-    found = bootstrap(lambda x: x.mean(axis=0), np.ones((5, 2)), rng=np.random.default_rng(0), draws=50)
-    assert found.low.tolist() == found.high.tolist() == [1, 1]
+@pytest.mark.parametrize("scale", ["plain", "share", "positive", "correlation"])
+def test_where_nothing_says_how_people_differ_there_are_no_limits(scale):
+    found = limits_over_people(lambda x: x.mean(axis=0), np.ones((5, 2)), scale=scale)
+    assert found.value.tolist() == [1, 1]
+    assert np.isnan([found.low, found.high]).all()
 
 
-def test_one_person_is_refused():
-    with pytest.raises(InputError, match="got 1"):
-        bootstrap(np.mean, np.ones(1), rng=np.random.default_rng(0))
+def test_too_few_people_are_refused():
+    with pytest.raises(InputError, match="got 4"):
+        limits_over_people(np.mean, np.ones(4))
     with pytest.raises(InputError, match="got 1"):
         sign_flip(np.ones(1), rng=np.random.default_rng(0))
+    with pytest.raises(InputError, match="scale"):
+        limits_over_people(np.mean, np.ones(5), scale="odds")

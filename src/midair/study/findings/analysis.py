@@ -50,12 +50,12 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     data : StudyData
         What was answered.
     seed : int
-        Of permutations and bootstrap; stored in the report.
+        Of permutations and drawn data; stored in the report.
     draws : int
-        Permutations; a fifth of it bootstrap draws.
+        Permutations.
     """
     rng = np.random.default_rng(seed)
-    choices, failed = confusions(data, rng=rng, draws=draws // 5)
+    choices, failed = confusions(data)
     findings = [_people(data), *failed]
     for one in choices:
         findings += attempt(f"Which object: {one.name}", lambda one=one: choice_findings(one, rng=rng, draws=draws))
@@ -70,7 +70,7 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
         findings += attempt("Ratings: check on ranks", lambda: ranks(data, rng=rng))
     if data.others is not None:
         findings += other_questions(data.others)
-    findings += attempt("Psychometric function", lambda: psychometric(data, rng=rng, draws=max(draws // 25, 40)))
+    findings += attempt("Psychometric function", lambda: psychometric(data, rng=rng))
     findings += attempt("Thresholds of adaptive blocks", lambda: adaptive(data))
     return Report(
         findings=tuple(findings), choices=choices, ratings=rating_means(data), simulated=data.simulated, seed=seed
@@ -84,6 +84,6 @@ def _people(data: StudyData) -> Finding:
     words += f", {data.left_out} answers of familiarisation left out." if data.left_out else "."
     if len(people) < 2:
         words += " One person says nothing about others: there are no limits and no tests over people."
-    elif len(people) < 10:
-        words += " With fewer than ten people the limits from resampling are too narrow."
+    elif len(people) < 5:
+        words += " With fewer than five people there are no limits over people: they would not cover what they promise."
     return Finding(title="Who took part", words=("SIMULATED: no person was asked. " if data.simulated else "") + words)

@@ -13,13 +13,13 @@ from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
     Confusion,
     bayes_factor,
-    bootstrap,
     chance_macro_f,
     choice_model,
     confusion_matrix,
     d_prime_choice,
     equivalence,
     f_measure,
+    limits_over_people,
     logistic_mixed,
     mutual_information,
     paired_t,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-def confusions(data: StudyData, *, rng: np.random.Generator, draws: int) -> tuple[tuple[Choices, ...], list[Finding]]:
+def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
     """Confusions of the other trials and of each condition, and a word on those that cannot be had."""
     parts: list[tuple[str, DataFrame]] = []
     if data.other_choices is not None:
@@ -42,18 +42,18 @@ def confusions(data: StudyData, *, rng: np.random.Generator, draws: int) -> tupl
     failed: list[Finding] = []
     for name, rows in parts:
         failed += attempt(
-            f"Which object: {name}", lambda name=name, rows=rows: found.append(_confusion(name, rows, rng, draws)) or []
+            f"Which object: {name}", lambda name=name, rows=rows: found.append(_confusion(name, rows)) or []
         )
     return tuple(found), failed
 
 
-def _confusion(name: str, rows: DataFrame, rng: np.random.Generator, draws: int) -> Choices:
+def _confusion(name: str, rows: DataFrame) -> Choices:
     presented, answered, people = (rows[name].to_numpy() for name in ("presented", "answered", "participant"))
     labels = sorted({*presented.tolist(), *answered.tolist()})
     confusion = confusion_matrix(presented, answered, participant=people, labels=labels)
-    if len(confusion.participants) < 2:
+    if len(confusion.participants) < 5:
         return Choices(name=name, confusion=confusion, f_limits=None)
-    limits = bootstrap(lambda counts: f_measure(counts.sum(axis=0)), confusion.by_person, rng=rng, draws=draws)
+    limits = limits_over_people(lambda counts: f_measure(counts.sum(axis=0)), confusion.by_person, scale="share")
     return Choices(name=name, confusion=confusion, f_limits=limits)
 
 
@@ -149,5 +149,5 @@ def mixed(data: StudyData) -> list[Finding]:
         if small
         else "No effect on the chance of a right"
         " answer was found; that none was found does not show that there is none."
-    ) + " Likelihood ratios of a logistic model in which each person has a level of their own, and no slopes."
+    ) + " Likelihood ratios of a logistic model in which people differ in every effect."
     return [Finding(title="Mixed model of right answers", words=words, table=table)]

@@ -6,11 +6,11 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.study.findings.finding import Finding
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics import bootstrap, fit_psychometric, fit_threshold, levels
+from midair.study.statistics import fit_psychometric, fit_threshold, levels, limits_over_people
 
 
-def psychometric(data: StudyData, *, rng: np.random.Generator, draws: int = 400) -> list[Finding]:
-    """One Weibull function for the answers of all people; limits by drawing people again."""
+def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
+    """One Weibull function for the answers of all people; limits by leaving out people."""
     from pandas import DataFrame
 
     if data.strengths is None:
@@ -35,8 +35,8 @@ def psychometric(data: StudyData, *, rng: np.random.Generator, draws: int = 400)
         f"Threshold {fit.function.threshold:.3g} (where {100 * _rate(guess, fit.function.lapse):.0f} % are right),"
         f" slope {fit.function.slope:.2g}; 95 % limits from trials {fit.threshold_low:.3g} to {fit.threshold_high:.3g}"
     )
-    if len(people) > 1:
-        limits = bootstrap(threshold, counts, rng=rng, draws=draws)
+    if len(people) >= 5:
+        limits = limits_over_people(threshold, counts, scale="positive")
         words += f", over people {float(limits.low):.3g} to {float(limits.high):.3g}"
     fits = "fits" if fit.deviance_p > 0.05 else "does NOT fit"
     words += f". The Weibull function {fits} the answers (deviance {fit.deviance:.1f}, p = {fit.deviance_p:.2f})."

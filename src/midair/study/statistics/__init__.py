@@ -33,16 +33,10 @@ from midair.study.statistics.power import (
     power_paired_t,
     simulated_power,
 )
-from midair.study.statistics.psychometric import (
-    CurveShape,
-    Psychometric,
-    PsychometricFit,
-    fit_psychometric,
-    fit_threshold,
-    steepness,
-)
+from midair.study.statistics.psychometric import CurveShape, Psychometric, steepness
+from midair.study.statistics.psychometric_fit import PsychometricFit, fit_psychometric, fit_threshold
 from midair.study.statistics.published import chance_of_published, derive
-from midair.study.statistics.resample import Chance, Interval, bootstrap, sign_flip
+from midair.study.statistics.resample import Chance, Interval, limits_over_people, sign_flip
 
 __all__ = [
     "Chance",
@@ -59,7 +53,6 @@ __all__ = [
     "RatingExperiment",
     "Sensitivity",
     "bayes_factor",
-    "bootstrap",
     "cell_means",
     "chance_macro_f",
     "chance_of_published",
@@ -77,6 +70,7 @@ __all__ = [
     "frame_of",
     "holm",
     "levels",
+    "limits_over_people",
     "logistic_mixed",
     "logistic_posterior",
     "mutual_information",

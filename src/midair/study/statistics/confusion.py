@@ -138,7 +138,7 @@ def scores(confusion: Confusion, *, level: float = 0.95) -> DataFrame:
     -------
     DataFrame
         Columns object, presented, answered, precision, recall, recall_low, recall_high, F. The limits are Wilson's,
-        which take trials as independent; for limits over people resample them with `bootstrap`. The precision of an
+        which take trials as independent; for limits over people see `limits_over_people`. The precision of an
         object that nobody ever answered is NaN and `note` says so.
     """
     from pandas import DataFrame

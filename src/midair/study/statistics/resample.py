@@ -1,8 +1,8 @@
-"""Resampling: chance distributions by permutation, intervals by drawing people again."""
+"""Resampling: chance distributions by permutation, and limits by leaving out one person after the other."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 
 Array = NDArray[np.float64]
+Scale = Literal["plain", "share", "positive", "correlation"]
+"""Values without bounds; between 0 and 1; above 0; between -1 and 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,12 +54,15 @@ class Interval:
         The figure and its limits, all of one shape.
     level : float
         Confidence.
+    people : int
+        How many it rests on.
     """
 
     value: Array
     low: Array
     high: Array
     level: float
+    people: int
 
 
 def percentile_p(value: float, distribution: Array) -> float:
@@ -99,15 +104,19 @@ def sign_flip(z: NDArray[Any], *, rng: np.random.Generator, draws: int = 10_000)
     return percentile_p(observed, size)
 
 
-def bootstrap(
+def limits_over_people(
     statistic: Callable[[NDArray[Any]], Any],
     by_person: NDArray[Any],
     *,
-    rng: np.random.Generator,
-    draws: int = 2000,
+    scale: Scale = "plain",
     level: float = 0.95,
 ) -> Interval:
-    """Limits of a figure by drawing people with replacement: bias-corrected and accelerated (Efron, 1987).
+    """Limits of a figure for people like these: the jackknife with Student's t (Efron and Stein, 1981).
+
+    The figure is made again without each person. On a scale without bounds (the logit of a share, the logarithm of
+    what is positive, Fisher's z of a correlation) its standard error is sqrt((n - 1) / n sum (without_i - mean)^2), and
+    the limits are t on n - 1 degrees of freedom away. A bootstrap of people (BCa) covers .83 to .86 for a 95 % interval
+    of F with five people; this .94 to .97 (`python -m benchmarks.studies`).
 
     Parameters
     ----------
@@ -115,55 +124,57 @@ def bootstrap(
         Takes an array like `by_person`, with people in any number, and gives a number or an array.
     by_person : ndarray, shape (participant, ...)
         What each person contributes.
-    rng : Generator
-        Draws the people.
-    draws : int
-        Number of draws.
+    scale : {"plain", "share", "positive", "correlation"}
+        Bounds of the figure.
     level : float
         Confidence.
 
     Returns
     -------
     Interval
-        Of the shape of the statistic. With fewer than about ten people the limits are too narrow; say so.
+        Of the shape of the statistic; NaN where the figure is the same whoever is left out, or at its bound: nothing
+        then says how people differ.
 
     Raises
     ------
     InputError
-        If there is one person: nothing is known then about others.
+        If there are fewer than five people: the limits would not cover what they promise. If the scale is unknown.
     """
+    from scipy.stats import t as t_distribution
+
+    if scale not in get_args(Scale):
+        raise InputError(f"scale: expected one of {', '.join(get_args(Scale))}, got {scale!r}")
     people = len(by_person)
-    if people < 2:
-        raise InputError(f"participants: expected two or more to draw from, got {people}; an interval needs others")
+    if people < 5:
+        raise InputError(
+            f"limits over people: expected five people or more, got {people}; with fewer, limits do not cover what they"
+            " promise"
+        )
     value = np.asarray(statistic(by_person), float)
-    drawn = np.array([statistic(by_person[rng.integers(people, size=people)]) for _ in range(draws)], float)
-    left = np.array([statistic(np.delete(by_person, i, axis=0)) for i in range(people)], float)
-    share = _bca_shares(value, drawn, left, level)
-    ordered = np.sort(drawn, axis=0)
-    low, high = (_quantile(ordered, part) for part in share)
-    return Interval(value=value, low=low, high=high, level=level)
+    without = np.array([statistic(np.delete(by_person, i, axis=0)) for i in range(people)], float)
+    middle, moved = _open(value, scale), _open(without, scale)
+    error = np.sqrt((people - 1) / people * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
+    half = error * float(t_distribution.ppf((1 + level) / 2, people - 1))
+    # At a bound, and where leaving people out changes nothing but rounding, there is no error to go by.
+    known = (error > 1e-12) & (_open(value, scale, reach=np.inf) == middle)
+    low, high = (np.where(known, _close(middle + side * half, scale), np.nan) for side in (-1, 1))
+    return Interval(value=value, low=low, high=high, level=level, people=people)
 
 
-def _bca_shares(value: Array, drawn: Array, left: Array, level: float) -> tuple[Array, Array]:
-    """Which quantiles of the draws are the limits."""
-    from scipy.stats import norm
-
-    below = (drawn < value).mean(axis=0) + (drawn == value).mean(axis=0) / 2
-    # A value beyond all draws would have an infinite bias.
-    bias = norm.ppf(np.clip(below, 1 / (2 * len(drawn)), 1 - 1 / (2 * len(drawn))))
-    away = left.mean(axis=0) - left
-    spread = (away**2).sum(axis=0) ** 1.5
-    skew = np.where(spread > 0, (away**3).sum(axis=0) / (6 * np.where(spread > 0, spread, 1)), 0)
-    z = float(norm.ppf((1 + level) / 2))
-    low, high = (bias + (bias + end) / (1 - skew * (bias + end)) for end in (-z, z))
-    return np.asarray(norm.cdf(low), np.float64), np.asarray(norm.cdf(high), np.float64)
+def _open(value: Array, scale: Scale, *, reach: float = 7.0) -> Array:
+    """A figure on a scale without bounds; what lies at a bound comes to `reach` (a share of .999)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if scale == "share":
+            return np.clip(np.log(value) - np.log1p(-value), -reach, reach)
+        if scale == "correlation":
+            return np.clip(np.arctanh(value), -reach / 2, reach / 2)
+        return np.log(value) if scale == "positive" else value
 
 
-def _quantile(ordered: Array, share: Array) -> Array:
-    """Quantile of sorted draws along the first axis, a different one for each entry."""
-    place = np.clip(share, 0, 1) * (len(ordered) - 1)
-    low = np.floor(place).astype(int)
-    high = np.minimum(low + 1, len(ordered) - 1)
-    pick = np.take_along_axis
-    first, second = (pick(ordered, np.asarray(row)[None], axis=0)[0] for row in (low, high))
-    return np.asarray(first + (place - low) * (second - first))
+def _close(value: Array, scale: Scale) -> Array:
+    """Back from a scale without bounds."""
+    if scale == "share":
+        return 1 / (1 + np.exp(-value))
+    if scale == "correlation":
+        return np.tanh(value)
+    return np.exp(value) if scale == "positive" else value

@@ -1,0 +1,158 @@
+"""Fit a psychometric function: the maximum of the likelihood, and limits of the threshold from its profile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, ShapeError
+from midair.study.statistics.psychometric import CurveFamily, CurveShape, Psychometric
+from midair.study.statistics.psychometric_profile import net_around, threshold_limits
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PsychometricFit:
+    """A psychometric function and how sure it is.
+
+    Attributes
+    ----------
+    function : Psychometric
+        The function at the maximum of the likelihood.
+    threshold_low, threshold_high : float
+        95 % limits of the threshold, for trials that are independent (`threshold_limits`); 0 or infinite where the
+        answers set no limit.
+    deviance : float
+        Deviance from the saturated model; about the number of levels less that of parameters for a good fit.
+    deviance_p : float
+        Share of data sets drawn from the function with a deviance as large.
+    """
+
+    function: Psychometric
+    threshold_low: float
+    threshold_high: float
+    deviance: float
+    deviance_p: float
+
+
+def fit_psychometric(
+    level: Sequence[float] | Array,
+    correct: Sequence[int] | NDArray[Any],
+    total: Sequence[int] | NDArray[Any],
+    *,
+    rng: np.random.Generator,
+    guess: float = 0.0,
+    shape: CurveShape = "logistic",
+    lapse_most: float = 0.05,
+    draws: int = 200,
+) -> PsychometricFit:
+    """Fit threshold, slope and lapse by maximum likelihood (Wichmann and Hill, 2001).
+
+    Parameters
+    ----------
+    level : sequence of float
+        Strength of the stimulus; the same level may come more than once.
+    correct, total : sequence of int
+        Answers counted, and all answers, at each level; 0/1 and ones for single trials.
+    rng : Generator
+        Draws the data sets that the deviance and the likelihood of other thresholds are compared with.
+    guess : float
+        Known chance of the answer without a stimulus.
+    shape : {"logistic", "normal", "weibull"}
+        F.
+    lapse_most : float
+        Upper limit of the lapse.
+    draws : int
+        Data sets for the deviance.
+
+    Raises
+    ------
+    ShapeError
+        If the lengths differ.
+    InputError
+        If there are fewer than three levels, or the answers do not rise with the level.
+    """
+    x, k, n = _merge(level, correct, total)
+    if len(x) < 3:
+        raise InputError(f"levels: expected three or more, got {len(x)}; a function cannot be fitted to them")
+    if shape == "weibull" and x.min() < 0:
+        raise InputError(f"levels: expected 0 or more for a Weibull function, got {x.min():g}")
+    rate = k / n
+    if np.ptp(rate) == 0 or np.cov(x, rate, aweights=n)[0, 1] <= 0:
+        raise InputError("answers: expected them to become more frequent with the level; there is no threshold in them")
+    curves = CurveFamily(x=x, guess=guess, lapse_most=lapse_most, shape=shape)
+    net = net_around(curves, k, n)
+    best, loss = _polish(curves, k, n, net.best(k[None], n)[0])
+    function = curves.function(best)
+    deviance = max(float(2 * (loss + _saturated(k, n))), 0.0)
+    data = rng.binomial(n.astype(int), function.probability(x), (draws, len(x))).astype(float)
+    again = 2 * (_saturated(data, n) - net.profile(data, n).max(axis=1))
+    low, high = threshold_limits(net, k, n, rng=rng)
+    return PsychometricFit(
+        function=function,
+        threshold_low=low,
+        threshold_high=high,
+        deviance=deviance,
+        # The data count as one of the draws, so that p is never 0.
+        deviance_p=float((1 + np.count_nonzero(again >= deviance)) / (1 + draws)),
+    )
+
+
+def fit_threshold(
+    level: Array, correct: Array, total: Array, *, guess: float, shape: CurveShape, near: Psychometric
+) -> float:
+    """The threshold alone, from one start near a function that is known to fit: for leaving people out.
+
+    Parameters
+    ----------
+    level, correct, total : ndarray
+        As for `fit_psychometric`.
+    guess, shape
+        As for `fit_psychometric`.
+    near : Psychometric
+        Where to start.
+    """
+    x, k, n = _merge(level, correct, total)
+    curves = CurveFamily(x=x, guess=guess, lapse_most=0.05, shape=shape)
+    unit = 1.0 if shape == "weibull" else float(np.ptp(x)) or 1.0
+    start = np.array([curves.place(near.threshold), np.log(near.slope * unit), near.lapse])
+    return curves.function(_polish(curves, k, n, start)[0]).threshold
+
+
+def _polish(curves: CurveFamily, right: Array, total: Array, start: Array) -> tuple[Array, float]:
+    """The maximum of the likelihood near a start."""
+    from scipy.optimize import minimize
+
+    def loss(z: Array) -> float:
+        yes, no = curves.logarithms(z)
+        return -float(right @ yes + (total - right) @ no)
+
+    low, high = np.array(curves.box).T
+    found = minimize(loss, np.clip(start, low, high), method="L-BFGS-B", bounds=curves.box)
+    return np.asarray(found.x, np.float64), float(found.fun)
+
+
+def _saturated(right: Array, total: Array) -> Array:
+    """Logarithm of the likelihood of a model with a rate of its own for each level."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        hits = np.where(right > 0, right * np.log(right / total), 0)
+        misses = np.where(right < total, (total - right) * np.log1p(-right / total), 0)
+    return np.asarray((hits + misses).sum(axis=-1), np.float64)
+
+
+def _merge(level: Any, correct: Any, total: Any) -> tuple[Array, Array, Array]:
+    x, k, n = (np.asarray(values, float) for values in (level, correct, total))
+    if not x.shape == k.shape == n.shape or x.ndim != 1 or not x.size:
+        raise ShapeError(f"answers: expected three sequences of one length, got {x.shape}, {k.shape}, {n.shape}")
+    if (n < 1).any() or (k < 0).any() or (k > n).any() or not np.isfinite(x).all():
+        raise InputError("answers: expected finite levels and 0 <= correct <= total with total >= 1")
+    values, where = np.unique(x, return_inverse=True)
+    hits, trials = (np.asarray(np.bincount(where, weights=w), np.float64) for w in (k, n))
+    return values, hits, trials
