@@ -16,11 +16,12 @@ from midair.view.showing import (
     show_recording,
     show_target,
 )
-from midair.view.told import about, sections, size_of
+from midair.view.told import about, check_size, sections, size_of
 from midair.view.widget import framed_page, in_notebook
 from midair.view.wire import Kind, Section, counted, pack, phase_counts, unpack
 
 __all__ = [
+    "check_size",
     "in_notebook",
     "framed_page",
     "heard_together",

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.errors import InputError
 from midair.model import ControlGrid
 from midair.view.colours import colour_table
 from midair.view.finer_field import Finer
@@ -70,6 +71,22 @@ def size_of(showing: Showing) -> int:
     kept = -(-showing.frames // _every(showing.frames))
     rows = 0 if sound is None or sound.drive is None else kept * sound.drive.array.count
     return width * showing.frames + rows
+
+
+def check_size(showing: Showing, *, most: int = 64 * 2**20) -> None:
+    """Refuse what is too much for one page.
+
+    Raises
+    ------
+    InputError
+        If its frames are more than `most` bytes.
+    """
+    size = size_of(showing)
+    if size > most:
+        raise InputError(
+            f"page: expected at most {most / 1e6:.3g} MB of frames, which a browser opens, got {size / 1e6:.3g} MB; "
+            "show a part (--start-at, --duration)"
+        )
 
 
 def _channels(showing: Showing) -> Iterator[tuple[str, Channels]]:

@@ -97,3 +97,15 @@ def test_a_palm_gets_of_a_drive_what_the_budget_says(capsys):
     budgeted = json.loads(capsys.readouterr().out)["palm"]
     assert told["outside"] == pytest.approx(budgeted["outside"], rel=1e-3)
     assert told["sdr_pressure_db"] == pytest.approx(budgeted["sdr_pressure_db"], abs=0.05)
+
+
+def test_a_report_holds_the_figures_and_both_recordings(capsys):
+    assert run(["compare", "take.h5", "take.h5", "--report", "compared.html"]) == 0
+    said = capsys.readouterr().out
+    page = Path("compared.html").read_text(encoding="utf-8")
+    assert "report compared.html" in said
+    for words in ("SIMULATED", "signal to distortion", "midair compare take.h5 take.h5", 'data-name="again"'):
+        assert words in page
+    assert page.count("data:audio/wav") == 2
+    assert run(["compare", "take.h5", "take.h5", "--report", "compared.html"]) == 1
+    assert "--force" in capsys.readouterr().err

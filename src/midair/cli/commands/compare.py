@@ -5,6 +5,7 @@ from pathlib import Path
 
 from midair.cli.terminal import (
     BandOptions,
+    Force,
     Json,
     asked_of,
     banner,
@@ -13,17 +14,22 @@ from midair.cli.terminal import (
     felt_part,
     kept_aside,
     made_with,
+    may_write,
     plain,
     print_card,
     print_figures,
     print_json,
     print_palm,
+    say,
+    talk,
 )
 from midair.errors import InputError
-from midair.evaluate import PalmFidelity, compare
-from midair.files import DRIVE_SUFFIX, OpenedTake, load_palm, load_solution, open_take
+from midair.evaluate import Comparison, PalmFidelity, PerceptualCard, compare
+from midair.files import DRIVE_SUFFIX, OpenedTake, load_palm, load_solution, open_take, whole_file
+from midair.model import PressureFrames
 from midair.rig import VirtualRig, hear_drive
 from midair.settings import Settings
+from midair.view import check_size, show_comparison, show_page
 
 
 def compare_command(
@@ -34,6 +40,8 @@ def compare_command(
     options: BandOptions | None = None,
     palm: Path | None = None,
     seed: int = 0,
+    report: Path | None = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Compare a re-recording with its original: waveform, spectrum, level, place, delay, and what skin makes of it.
@@ -53,12 +61,19 @@ def compare_command(
         TOML with the outline of a palm, for a drive; a disc of 85 mm if not given.
     seed
         Of the virtual rig that plays a drive.
+    report
+        page.html, to hold the figures, and both recordings to be watched and heard.
+    force
+        Write over a report that is there.
 
     Examples
     --------
     $ midair compare take.h5 take.rerecorded.h5
     $ midair compare take.h5 take.drive.h5
+    $ midair compare take.h5 take.rerecorded.h5 --report compared.html
     """
+    if report is not None:
+        may_write(report, force, ".html")
     told: PalmFidelity | None = None
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
         settings, take, told = _played(original, reproduced, palm, seed)
@@ -71,6 +86,8 @@ def compare_command(
         both = brought_together(felt_part(original, settings, streamed=True), take, settings)
         before, after = (stack.enter_context(kept_aside(each)) for each in both)
         comparison, card = compare(before, after), card_of(before, after)
+        if report is not None:
+            _write_report(report, before, after, comparison, card)
     if json:
         skin = {"perception": card and card.plain()["figures"], "verdict": card and card.verdict()}
         return print_json(plain(comparison) | skin | {"palm": told and told.plain()})
@@ -80,7 +97,23 @@ def compare_command(
         print_card(card)
     if told is not None:
         print_palm(told)
+    if report is not None:
+        say(f"report {report}")
     return None
+
+
+def _write_report(
+    path: Path, before: PressureFrames, after: PressureFrames, comparison: Comparison, card: PerceptualCard | None
+) -> None:
+    """Figures, and both recordings to be watched and heard."""
+    shown = show_comparison(before, after)
+    check_size(shown)
+    figures = [(name, f"{value:.3g}", unit) for name, (value, unit) in comparison.figures().items()]
+    felt = [] if card is None else [(one.name, f"{one.overall:.3g}", one.unit, one.meaning) for one in card.figures]
+    tables = [("Figures", figures), *([] if card is None else [(f"What skin makes of it: {card.verdict()}", felt)])]
+    page = show_page(shown, tables=tables, commands=(talk().line,))
+    with whole_file(path) as partial:
+        partial.write_text(page, encoding="utf-8")
 
 
 def _played(

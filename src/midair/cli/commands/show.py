@@ -33,22 +33,19 @@ from midair.view import (
     Part,
     Showing,
     audible,
+    check_size,
     ffmpeg,
     show_comparison,
     show_drive,
     show_page,
     show_recording,
     show_target,
-    size_of,
     write_gif,
     write_mp4,
 )
 
 ENDINGS = (".html", ".mp4", ".gif", ".wav")
 """Of what `show` makes."""
-
-_LARGEST = 64 * 2**20
-"""Bytes of frames in a page: more is slow to open."""
 
 _OURS = '<div class="midair-view" data-keys="page">'
 """Stands in every page that `show` made, and nowhere else."""
@@ -120,9 +117,9 @@ def show_command(
 
 def _shown(source: Path, again: Path | None, part: Part, *, target: bool, options: BandOptions) -> Showing:
     if again is not None:
-        provenance = open_take(again, streamed=True).recording.provenance
-        settings = made_with(provenance, options.settings())
-        return show_comparison(*brought_together(felt_part(source, settings), again, settings), part=part)
+        take = open_take(again)
+        settings = made_with(take.recording.provenance, options.settings())
+        return show_comparison(*brought_together(felt_part(source, settings), take, settings), part=part)
     if source.name.lower().endswith((".h5", ".hdf5", ".nc")) and contents(source).kind == "drive":
         return show_drive(load_solution(source, streamed=True), target=load_target(source, streamed=True), part=part)
     settings = options.settings()
@@ -134,12 +131,7 @@ def _shown(source: Path, again: Path | None, part: Part, *, target: bool, option
 
 
 def _page(shown: Showing, path: Path) -> list[tuple[str, str]]:
-    size = size_of(shown)
-    if size > _LARGEST:
-        raise InputError(
-            f"{path}: expected at most {_size(_LARGEST)} of frames in a page, got {_size(size)}; "
-            "show a part with --start-at and --duration"
-        )
+    check_size(shown)
     page = show_page(shown)
     with whole_file(path) as partial:
         partial.write_text(page, encoding="utf-8")
