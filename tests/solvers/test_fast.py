@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.model import ControlGrid
-from midair.solvers import Fast, Problem, error_of
+from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
+from midair.solvers import Fast, Problem, error_of, solve
 from midair.solvers.lens import spreading_phase
 from midair.solvers.terms.cells import CellTarget
 from midair.solvers.terms.guard import GuardField
@@ -104,3 +104,13 @@ def test_cells_are_met_where_points_are_too_many_to_be_met():
     by_points, by_cells = (error_of(fitted, Fast().solve(one).phase).max() for one in (problem, fitted))
     assert by_cells < 1e-3
     assert by_points > 0.01
+
+
+@pytest.mark.parametrize("method", ["fast", "glide"])
+def test_the_progress_ends_at_the_end_also_behind_silence(method):
+    amplitude = np.zeros((9, 4))
+    amplitude[1:6] = 300.0
+    target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=ControlGrid(rows=2, columns=2, pitch=20e-3))
+    told = []
+    solve(target, TransducerArray.autd3(), method=method, progress=lambda *done: told.append(done))
+    assert told[-1] == (9, 9)

@@ -98,6 +98,8 @@ class Fast:
                 machine = Machine.of(problem, there, tolerance=self.tolerance, memory=self.memory)
                 self._fill(phase, machine, audible, after, progress)
             made[audible] = self._iterations(problem)
+            if progress is not None:
+                progress(len(phase), len(phase))
         end = End(theta=phase[audible[-1]]) if len(audible) else after
         held = hold(phase, audible, None if after is None else after.theta)
         return Answer(phase=held, iterations=made, status=status_of(len(phase), audible), end=end)

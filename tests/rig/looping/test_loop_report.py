@@ -53,8 +53,7 @@ def test_holds_what_a_reader_looks_for(loop, page):
 @pytest.fixture
 def without_pictures(monkeypatch):
     """They take seconds to draw, and `page` has them."""
-    monkeypatch.setattr(loop_report, "pictures", lambda loop: [])
-    monkeypatch.setattr(loop_report, "further_pictures", lambda loop, card: [])
+    monkeypatch.setattr(loop_report, "drawn", lambda loop, card, progress: [])
 
 
 @pytest.mark.usefixtures("without_pictures")

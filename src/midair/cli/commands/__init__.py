@@ -68,4 +68,9 @@ FOLDERS: Mapping[str, tuple[str, App]] = {
 }
 """Commands that have commands below them."""
 
-__all__ = ["COMMANDS", "FOLDERS"]
+SILENT = frozenset(
+    ("import", "mend", "repair", "info", "cut", "trim", "join", "gain", "mask", "resample", "export")
+) | {"exposure", "compare", "doctor"}
+"""Commands without bars, meters and questions of their own: a moving line says so when they take long."""
+
+__all__ = ["COMMANDS", "FOLDERS", "SILENT"]

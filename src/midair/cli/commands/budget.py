@@ -1,5 +1,6 @@
 """The command `budget`: what each stage of a reproduction loses."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +22,8 @@ from midair.cli.terminal import (
     quantity,
     say_air,
     stages,
+    work_of,
+    workload_of,
 )
 from midair.devices import SilencerChoice
 from midair.evaluate import Budget
@@ -99,16 +102,23 @@ def budget_command(
     )
     banner(True)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
-    with stages() as stage:
-        made = error_budget(original, plan, kept=kept_in_band(open_take(source).recording, band), stage=stage)
+    workload = workload_of(settings, measured.count)
+    frames = round((original.frames / original.rate + 2 * plan.lead) * settings.target.rate)
+    with stages([work_of(name, workload, frames) for name in _STAGES]) as stage:
+        paced = partial(stage, workload=workload)
+        made = error_budget(original, plan, kept=kept_in_band(open_take(source).recording, band), stage=paced)
     if figure is not None:
-        with whole_file(figure) as partial:
-            partial.write_bytes(png(budget_figure([(source.name, made)])))
+        with whole_file(figure) as unfinished:
+            unfinished.write_bytes(png(budget_figure([(source.name, made)])))
     if json:
         return print_json(made.plain())
     print_budget(f"what each stage of {source.name} loses", made)
     print_rows([("figure", str(figure))] if figure is not None else [])
     return None
+
+
+_STAGES = ("solve", "solver", "quantisation", "frame hold", "transducers", "silencer", "palm")
+"""Of a budget, those that take long."""
 
 
 def print_budget(title: str, budget: Budget) -> None:

@@ -3,13 +3,16 @@
 import shlex
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from midair.cli.terminal import (
     Force,
     SolveOptions,
+    Stages,
     Time,
+    Work,
     banner,
     err,
     level_rows,
@@ -22,14 +25,17 @@ from midair.cli.terminal import (
     say_air,
     stages,
     way_of,
+    work_of,
+    workload_of,
 )
 from midair.errors import InputError
 from midair.files import check_unclaimed, save, save_solution, whole_file
-from midair.flow import felt
+from midair.flow import felt, lead_of
 from midair.headroom import level_of
-from midair.model import Calibration, Recording
-from midair.rig import Outcome, Stage, VirtualRig, capture_recording, open_rig, palm_of_loop, verdict, write_report
+from midair.model import Calibration, Progress, Recording
+from midair.rig import Outcome, VirtualRig, capture_recording, open_rig, palm_of_loop, verdict, write_report
 from midair.rig import loop as go_round
+from midair.settings import Settings
 
 _STROKE = 1.28
 """Duration of a virtual stroke over the whole sensor, in s."""
@@ -108,26 +114,35 @@ def demo_command(
     banner(True)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
     paper = paper_beside(options)
-    with stages() as stage:
+    ways = [options] if paper is None else [options, paper]
+    with stages([work for each in ways for work in _works(each.settings(), piece)]) as stage:
         with touched_by as touched:
             recording = capture_recording(
                 touched, _STROKE, path=output / "stroke.h5", notes={"object": object_name}, progress=stage("record")
             )
-        ways = [options] if paper is None else [options, paper]
         outcomes = [_outcome(recording, touched.calibration, each, piece, stage) for each in ways]
-    _keep(outcomes, output, piece, _by_hand(piece, options, paper))
+        _keep(outcomes, output, piece, _by_hand(piece, options, paper), stage("draw"))
     _print(outcomes, output)
 
 
 def _outcome(
-    recording: Recording, calibration: Calibration | None, options: SolveOptions, piece: _Touched, stage: Stage
+    recording: Recording, calibration: Calibration | None, options: SolveOptions, piece: _Touched, stage: Stages
 ) -> Outcome:
     """One way through the loop."""
     settings = options.settings()
+    paced = partial(stage, workload=workload_of(settings, piece.rig.array.count))
     original = felt(recording, calibration, settings).cut(piece.start_at, piece.duration)
     with open_rig("virtual", height=settings.target.grid.height, seed=piece.rig.seed) as opened:
-        loop = go_round(original, settings, opened, stage=stage)
-    return Outcome.of(loop, palm=palm_of_loop(loop, piece.rig), name=way_of(options))
+        loop = go_round(original, settings, opened, stage=paced)
+    return Outcome.of(loop, palm=palm_of_loop(loop, piece.rig, progress=paced("palm")), name=way_of(options))
+
+
+def _works(settings: Settings, piece: _Touched) -> list[Work]:
+    """What takes long: both passes, and the palm."""
+    workload = workload_of(settings, piece.rig.array.count)
+    frames = round((piece.duration + 2 * lead_of(settings)) * settings.target.rate)
+    passes = {"solve": 2, "play and re-record": 2, "palm": 1}
+    return [work_of(name, workload, times * frames) for name, times in passes.items()]
 
 
 def _ask_to_write_over(output: Path, force: bool) -> None:
@@ -154,13 +169,15 @@ def _by_hand(piece: _Touched, options: SolveOptions, paper: SolveOptions | None)
     return tuple(shlex.join(words) for words in lines)
 
 
-def _keep(outcomes: list[Outcome], output: Path, piece: _Touched, commands: tuple[str, ...]) -> None:
+def _keep(
+    outcomes: list[Outcome], output: Path, piece: _Touched, commands: tuple[str, ...], progress: Progress
+) -> None:
     """Write everything that came of the first way into the folder."""
     loop = outcomes[0].loop
     last = loop.passes[-1]
     save_solution(last.reproduction.solution, output / f"{piece.object_name}.drive.h5", target=last.reproduction.target)
     save(last.rerecorded, output / "rerecorded.h5")
-    shown = write_report(loop, output / "report.html", commands=commands, beside=outcomes)
+    shown = write_report(loop, output / "report.html", commands=commands, beside=outcomes, progress=progress)
     for name, title in (("palm.png", "What reaches a palm"), ("field.png", "Target and reproduced field")):
         with whole_file(output / name) as partial:
             partial.write_bytes(next(each.data for each in shown if each.title == title))

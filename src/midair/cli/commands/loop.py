@@ -1,6 +1,7 @@
 """The command `loop`: solve, play, re-record, correct, play again, compare, report."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +28,8 @@ from midair.cli.terminal import (
     stages,
     talk,
     warn_level,
+    work_of,
+    workload_of,
 )
 from midair.devices import SilencerChoice
 from midair.errors import InputError
@@ -152,8 +155,11 @@ def loop_command(
     # Every pass is another drive, and measured before it plays.
     frames = (corrections + 1 + iterate) * round((original.frames / original.rate + 2 * lead) * settings.target.rate)
     say_how_long_to_come(frames, opened.array.array, settings.acoustics, opened.exposure.profile)
-    with stages() as stage, opened:
-        loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
+    workload = workload_of(settings, opened.array.array.count)
+    works = [work_of(name, workload, frames) for name in ("solve", "play and re-record")]
+    with stages(works) as stage, opened:
+        paced = partial(stage, workload=workload)
+        loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=paced)
     write_report(loop, target, commands=(talk().line,))
     _print(loop, target, json)
 

@@ -28,6 +28,8 @@ from midair.cli.terminal import (
     say_room,
     stages,
     warn_level,
+    work_of,
+    workload_of,
 )
 from midair.errors import InputError
 from midair.evaluate import error_in_air
@@ -96,8 +98,12 @@ def solve_command(
     transducers, settings, pressure = as_measured(array_calibration, transducers, settings, pressure)
     banner(pressure.provenance.simulated)
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
-    with stages() as stage:
-        wanted, parts = reproduce_parts(pressure, transducers, settings, progress=stage("solve"))
+    frames, workload = (
+        round(pressure.frames / pressure.rate * settings.target.rate),
+        workload_of(settings, transducers.count),
+    )
+    with stages([work_of("solve", workload, frames)]) as stage:
+        wanted, parts = reproduce_parts(pressure, transducers, settings, progress=stage("solve", workload))
         save_solutions(parts, target, frames=wanted.frames, target=wanted)
     # What was written: to look at the reels again would be to make them again.
     solution = load_solution(target, streamed=True)

@@ -1,5 +1,6 @@
 """What commands share: options, quantities, what is printed, keys and meters."""
 
+from midair.cli.pace import Work, workload_of
 from midair.cli.terminal.air_options import AirOptions, say_air
 from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
 from midair.cli.terminal.calibration_output import (
@@ -13,6 +14,7 @@ from midair.cli.terminal.calibration_output import (
 from midair.cli.terminal.comparisons import card_of, plain, print_card, print_palm, print_side_by_side
 from midair.cli.terminal.console import (
     PlainConsole,
+    Stages,
     Talk,
     banner,
     err,
@@ -22,10 +24,12 @@ from midair.cli.terminal.console import (
     print_json,
     print_rows,
     say,
+    seen_waiting,
     stages,
     talk,
     talking,
     warn_simulated,
+    work_of,
 )
 from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long, say_how_long_to_come
 from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
@@ -84,7 +88,9 @@ __all__ = [
     "Signals",
     "SolveOptions",
     "StageOptions",
+    "Stages",
     "Talk",
+    "Work",
     "Time",
     "as_recording",
     "banner",
@@ -136,6 +142,7 @@ __all__ = [
     "say_room",
     "show_patterns",
     "show_trials",
+    "seen_waiting",
     "signals_noted",
     "spell",
     "stages",
@@ -148,5 +155,7 @@ __all__ = [
     "talking",
     "tell",
     "way_of",
+    "work_of",
+    "workload_of",
     "warn_simulated",
 ]

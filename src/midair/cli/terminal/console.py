@@ -2,20 +2,22 @@
 
 import json
 import shlex
+import time
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
+from midair.cli.pace import Pace, Work, told
+from midair.cli.waiting import Waiting, waiting
 from midair.files import for_json, printable
 from midair.model import Progress as Report
-from midair.rig import Stage
 
 _FLAGS = {"-q": "quiet", "-v": "verbose", "--verbose": "verbose"}
 
@@ -108,13 +110,39 @@ def bars(items: str = "frames", *, width: int = 16, name: str = "<27", digits: i
     )
 
 
+_waiting: ContextVar[Waiting | None] = ContextVar("waiting", default=None)
+
+
+@contextmanager
+def seen_waiting(words: str) -> Generator[None]:
+    """A moving line after two seconds inside, until results come; nothing with -q."""
+    if talk().quiet:
+        yield
+        return
+    with waiting(words, PlainConsole(stderr=True)) as line:
+        before = _waiting.set(line)
+        try:
+            yield
+        finally:
+            _waiting.reset(before)
+
+
+def _no_longer_waiting() -> None:
+    """Results come, or a bar: the moving line makes room."""
+    line = _waiting.get()
+    if line is not None:
+        line.end()
+
+
 def out() -> PlainConsole:
     """Where results go."""
+    _no_longer_waiting()
     return PlainConsole()
 
 
 def err() -> PlainConsole:
     """Where everything else goes: questions, progress, errors."""
+    _no_longer_waiting()
     return PlainConsole(stderr=True)
 
 
@@ -123,15 +151,38 @@ def say(line: str) -> None:
     out().print(line)
 
 
+class Stages(Protocol):
+    """Told the name of each stage as it begins, and what it works on; gives the progress to report to."""
+
+    def __call__(self, name: str, /, workload: str = "") -> Report:
+        """The progress of this stage."""
+        ...
+
+
+def work_of(name: str, workload: str, frames: int) -> Work:
+    """So many frames of a stage: its name up to the first comma and what it works on decide how fast they go."""
+    return Work(kind=f"{name.partition(',')[0]} {workload}".strip(), frames=frames)
+
+
 @contextmanager
-def stages() -> Generator[Stage]:
-    """A progress bar on the error stream with a line for each stage: frames, frames per second, time left."""
+def stages(works: Sequence[Work] = ()) -> Generator[Stages]:
+    """A progress bar on the error stream with a line for each stage: frames, frames per second, time left.
+
+    Before it, how long these works will take; after it, what was learnt of how fast they go here.
+    """
+    pace, running = Pace.known(), list[_Running]()
+    if works and (line := told(pace, works)) and not talk().quiet:
+        err().print(line, style="dim")
     with bars() as shown:
 
-        def begin(name: str) -> Report:
+        def begin(name: str, /, workload: str = "") -> Report:
             task = shown.add_task(printable(name), total=None)
+            if running:
+                running[-1].ended = time.monotonic()
+            running.append(stage := _Running(name=name, workload=workload))
 
             def report(done: int, total: int) -> None:
+                stage.done = done
                 shown.update(task, completed=done, total=total)
 
             return report
@@ -140,6 +191,27 @@ def stages() -> Generator[Stage]:
         for task in shown.tasks:
             if task.total is None:
                 shown.remove_task(task.id)
+    for stage in running:
+        took = (stage.ended or time.monotonic()) - stage.began
+        if stage.done and took >= _MEASURED:
+            pace = pace.learnt(work_of(stage.name, stage.workload, stage.done), took)
+    if running:
+        pace.keep()
+
+
+_MEASURED = 0.5
+"""A stage of fewer seconds than these says little of how fast the next one goes."""
+
+
+@dataclass(slots=True, kw_only=True)
+class _Running:
+    """A stage at work, and how far it is."""
+
+    name: str
+    workload: str
+    began: float = field(default_factory=time.monotonic)
+    ended: float = 0.0
+    done: int = 0
 
 
 def print_figures(title: str, columns: Mapping[str, Mapping[str, tuple[float, str]]]) -> None:
@@ -167,6 +239,7 @@ def print_rows(rows: Iterable[tuple[str, str]]) -> None:
 
 def print_json(value: object) -> None:
     """One JSON document on the output; NaN and infinity, which JSON lacks, become null."""
+    _no_longer_waiting()
     print(json.dumps(for_json(value), indent=2, default=str))  # noqa: T201
 
 

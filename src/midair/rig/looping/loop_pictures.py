@@ -1,5 +1,8 @@
 """The pictures of a loop, in the order of the pipeline."""
 
+from collections.abc import Iterator
+from itertools import chain
+
 import numpy as np
 
 from midair.evaluate import PerceptualCard
@@ -15,12 +18,23 @@ from midair.figures import (
     spectra_figure,
     traces_figure,
 )
-from midair.model import Drive, PressureFrames
+from midair.model import Drive, PressureFrames, Progress
 from midair.physics import propagate
 from midair.rig.looping.correction_loop import Loop
 
 
-def pictures(loop: Loop) -> list[Picture]:
+def drawn(loop: Loop, card: PerceptualCard | None, progress: Progress | None = None) -> list[Picture]:
+    """Every picture of a loop, those of the pipeline first; tells (drawn, in all) as it goes."""
+    count = 7 + (card is not None) + bool(loop.end)
+    shown: list[Picture] = []
+    for picture in chain(pictures(loop), further_pictures(loop, card)):
+        shown.append(picture)
+        if progress is not None:
+            progress(len(shown), count)
+    return shown
+
+
+def pictures(loop: Loop) -> Iterator[Picture]:
     """Every figure of a loop, in the order of the pipeline."""
     last, simulated = loop.passes[-1], loop.passes[-1].comparison.simulated
     solution, target = last.reproduction.solution, last.reproduction.target
@@ -30,74 +44,72 @@ def pictures(loop: Loop) -> list[Picture]:
     channels = strongest_channels(loop.original)
     rectified = loop.settings.target.mapping == "half-wave"
     felt_maps = [("original", loop.original), ("re-recorded", last.felt)]
-    return [
-        Picture(
-            title="What the sensor felt, and what it felt of the reproduction",
-            caption="Calibrated pressure of every channel, laid out like the sensor's cells, all on one scale.",
-            data=png(traces_figure(loop.original, last.felt)),
+    yield Picture(
+        title="What the sensor felt, and what it felt of the reproduction",
+        caption="Calibrated pressure of every channel, laid out like the sensor's cells, all on one scale.",
+        data=png(traces_figure(loop.original, last.felt)),
+    )
+    yield Picture(
+        title="Where it pressed",
+        caption="Root mean square of the calibrated pressure on each cell.",
+        data=png(
+            maps_figure(
+                [(name, np.sqrt((frames.pressure**2).mean(axis=0))) for name, frames in felt_maps],
+                loop.original.sensor,
+                quantity="rms pressure (Pa)",
+                simulated=simulated,
+            )
         ),
-        Picture(
-            title="Where it pressed",
-            caption="Root mean square of the calibrated pressure on each cell.",
-            data=png(
-                maps_figure(
-                    [(name, np.sqrt((frames.pressure**2).mean(axis=0))) for name, frames in felt_maps],
-                    loop.original.sensor,
-                    quantity="rms pressure (Pa)",
-                    simulated=simulated,
-                )
-            ),
+    )
+    yield Picture(
+        title="Target and reproduced field",
+        caption=f"Peak sound pressure at the control points in the strongest frame ({moment}), where E is "
+        f"{100 * solution.error[frame]:.1f} %. Circles are the sensor's cells.",
+        data=png(
+            maps_figure(
+                [("target", target.amplitude[frame]), ("reproduced", field[frame])],
+                target.grid,
+                quantity="sound pressure (Pa, peak)",
+                simulated=simulated,
+                sensor=loop.original.sensor,
+            )
         ),
-        Picture(
-            title="Target and reproduced field",
-            caption=f"Peak sound pressure at the control points in the strongest frame ({moment}), where E is "
-            f"{100 * solution.error[frame]:.1f} %. Circles are the sensor's cells.",
-            data=png(
-                maps_figure(
-                    [("target", target.amplitude[frame]), ("reproduced", field[frame])],
-                    target.grid,
-                    quantity="sound pressure (Pa, peak)",
-                    simulated=simulated,
-                    sensor=loop.original.sensor,
-                )
-            ),
+    )
+    yield Picture(
+        title="The array",
+        caption=f"Phase of each transducer in the same frame ({moment}); {_loudness(solution.drive, frame)}.",
+        data=png(phase_figure(solution.drive, frame, simulated=simulated)),
+    )
+    yield Picture(
+        title="Spectra of the channels that were pressed hardest",
+        caption="After calibration and half-wave rectification, as in the paper's Fig. 9."
+        if rectified
+        else "After calibration, both signs of the pressure.",
+        data=png(
+            spectra_figure(
+                [("original", loop.original), ("re-recorded", last.felt)], channels=channels, rectified=rectified
+            )
         ),
-        Picture(
-            title="The array",
-            caption=f"Phase of each transducer in the same frame ({moment}); {_loudness(solution.drive, frame)}.",
-            data=png(phase_figure(solution.drive, frame, simulated=simulated)),
+    )
+    yield Picture(
+        title="Error of each frame",
+        caption="E = || |Gq| - p || / ||p||. The shaded range is what the paper reports for static patterns.",
+        data=png(error_figure(solution, simulated=simulated)),
+    )
+    yield Picture(
+        title="Gain of the beam",
+        caption=f"A focus that beats at {len(loop.beam.commanded)} levels on channel {loop.beam.channel}: pressure "
+        "that the sensor read, over the pressure that the model commanded.",
+        data=png(
+            beam_figure(
+                loop.beam.commanded,
+                loop.beam.measured,
+                gain=loop.beam.line.gain,
+                intercept=loop.beam.line.intercept,
+                simulated=simulated,
+            )
         ),
-        Picture(
-            title="Spectra of the channels that were pressed hardest",
-            caption="After calibration and half-wave rectification, as in the paper's Fig. 9."
-            if rectified
-            else "After calibration, both signs of the pressure.",
-            data=png(
-                spectra_figure(
-                    [("original", loop.original), ("re-recorded", last.felt)], channels=channels, rectified=rectified
-                )
-            ),
-        ),
-        Picture(
-            title="Error of each frame",
-            caption="E = || |Gq| - p || / ||p||. The shaded range is what the paper reports for static patterns.",
-            data=png(error_figure(solution, simulated=simulated)),
-        ),
-        Picture(
-            title="Gain of the beam",
-            caption=f"A focus that beats at {len(loop.beam.commanded)} levels on channel {loop.beam.channel}: pressure "
-            "that the sensor read, over the pressure that the model commanded.",
-            data=png(
-                beam_figure(
-                    loop.beam.commanded,
-                    loop.beam.measured,
-                    gain=loop.beam.line.gain,
-                    intercept=loop.beam.line.intercept,
-                    simulated=simulated,
-                )
-            ),
-        ),
-    ]
+    )
 
 
 def further_pictures(loop: Loop, card: PerceptualCard | None) -> list[Picture]:

@@ -12,9 +12,10 @@ from midair.evaluate import PalmFidelity, printed_error, relative_error
 from midair.figures import Picture, render_page
 from midair.files import whole_file
 from midair.headroom import level_of
+from midair.model import Progress
 from midair.physics import propagate
 from midair.rig.looping.correction_loop import Loop
-from midair.rig.looping.loop_pictures import further_pictures, pictures
+from midair.rig.looping.loop_pictures import drawn
 from midair.rig.looping.loop_view import watched
 from midair.rig.looping.outcomes import Outcome, palm_picture, side_by_side, verdict
 from midair.settings import Settings, spelt_setting
@@ -31,6 +32,7 @@ def write_report(
     commands: tuple[str, ...] = (),
     palm: PalmFidelity | None = None,
     beside: Sequence[Outcome] = (),
+    progress: Progress | None = None,
 ) -> list[Picture]:
     """Write the report of a loop; the pictures that are in it, in its order.
 
@@ -47,11 +49,13 @@ def write_report(
     beside : sequence of Outcome
         The same recording in other ways, the loop's own among them where it is to be seen beside them: in the order of
         the page.
+    progress : callable, optional
+        Called with (pictures drawn, pictures in all).
     """
     outcomes = tuple(beside) or (Outcome.of(loop, palm=palm),)
     # Drawn once, since that takes longer than solving does.
     own = next(each for each in outcomes if each.loop is loop)
-    shown = [*pictures(loop), *further_pictures(loop, own.card)]
+    shown = drawn(loop, own.card, progress)
     palms = [] if (pressed := palm_picture(outcomes)) is None else [pressed]
     page = render(loop, shown, commands=commands, outcomes=outcomes, palms=palms)
     with whole_file(path) as partial:

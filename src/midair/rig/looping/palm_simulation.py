@@ -62,7 +62,9 @@ def palm_of_drive(
     )
 
 
-def palm_of_loop(loop: Loop, rig: VirtualRig, palm: Palm | None = None) -> PalmFidelity:
+def palm_of_loop(
+    loop: Loop, rig: VirtualRig, palm: Palm | None = None, *, progress: Progress | None = None
+) -> PalmFidelity:
     """What a palm, a disc of 85 mm if None, gets of a loop's last pass on the virtual rig."""
     last, original = loop.passes[-1], loop.original
     lead = (last.asked.frames - original.frames) // 2 / original.rate
@@ -77,4 +79,5 @@ def palm_of_loop(loop: Loop, rig: VirtualRig, palm: Palm | None = None) -> PalmF
         rig=rig,
         judged=(lead, original.frames / original.rate),
         band=loop.settings.calibration.band,
+        progress=progress,
     )

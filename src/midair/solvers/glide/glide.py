@@ -147,6 +147,9 @@ class Glide:
                     phase[frames], made[frames] = found.theta, found.iterations
                     if progress is not None:
                         progress(int(frames[-1]) + 1, len(phase))
+            if progress is not None:
+                # Frames after the last audible one need no work: they are done.
+                progress(len(phase), len(phase))
             after = End(theta=phase[audible[-1]], known=last)
         held = hold(phase, audible)
         return Answer(phase=held, iterations=made, status=status_of(len(phase), audible), end=after)

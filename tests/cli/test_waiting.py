@@ -1,0 +1,43 @@
+import io
+import time
+
+from rich.console import Console
+
+from midair.cli.waiting import Waiting, waiting
+
+
+def screen(*, terminal):
+    return Console(file=io.StringIO(), force_terminal=terminal, width=60)
+
+
+def until(true, *, within=5.0):
+    ends = time.monotonic() + within
+    while not true() and time.monotonic() < ends:
+        time.sleep(0.005)
+    return true()
+
+
+def test_appears_when_it_takes_long_and_goes_with_the_end():
+    console = screen(terminal=True)
+    line = Waiting("compare", console, after=0.01)
+    assert until(lambda: line.seen)
+    line.end()
+    line.end()
+    assert not line.seen
+    assert "compare" in console.file.getvalue()
+
+
+def test_short_work_shows_nothing():
+    console = screen(terminal=True)
+    with waiting("info", console) as line:
+        assert not line.seen
+    assert console.file.getvalue() == ""
+
+
+def test_nothing_is_shown_where_nobody_looks():
+    console = screen(terminal=False)
+    line = Waiting("info", console, after=0.0)
+    time.sleep(0.05)
+    assert not line.seen
+    line.end()
+    assert console.file.getvalue().strip() == ""
