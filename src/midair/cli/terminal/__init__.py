@@ -1,6 +1,6 @@
 """What commands share: options, quantities, what is printed, keys and meters."""
 
-from midair.cli.pace import Work, workload_of
+from midair.cli.speeds import Work, workload_of
 from midair.cli.terminal.air_options import AirOptions, say_air
 from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
 from midair.cli.terminal.calibration_output import (

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Table
 from rich.text import Text
 
-from midair.cli.pace import Pace, Work, told
+from midair.cli.speeds import Speeds, Work, told
 from midair.cli.waiting import Waiting, waiting
 from midair.files import for_json, printable
 from midair.model import Progress as Report
@@ -170,8 +170,8 @@ def stages(works: Sequence[Work] = ()) -> Generator[Stages]:
 
     Before it, how long these works will take; after it, what was learnt of how fast they go here.
     """
-    pace, running = Pace.known(), list[_Running]()
-    if works and (line := told(pace, works)) and not talk().quiet:
+    speeds, running = Speeds.known(), list[_Running]()
+    if works and (line := told(speeds, works)) and not talk().quiet:
         err().print(line, style="dim")
     with bars() as shown:
 
@@ -194,9 +194,9 @@ def stages(works: Sequence[Work] = ()) -> Generator[Stages]:
     for stage in running:
         took = (stage.ended or time.monotonic()) - stage.began
         if stage.done and took >= _MEASURED:
-            pace = pace.learnt(work_of(stage.name, stage.workload, stage.done), took)
+            speeds = speeds.learnt(work_of(stage.name, stage.workload, stage.done), took)
     if running:
-        pace.keep()
+        speeds.keep()
 
 
 _MEASURED = 0.5

@@ -1,6 +1,6 @@
 import pytest
 
-from midair.cli.pace import Pace, Work, spoken, told
+from midair.cli.speeds import Speeds, Work, spoken, told
 from midair.cli.terminal import console
 from midair.cli.terminal.console import stages, work_of
 
@@ -8,18 +8,18 @@ SOLVE, PLAY = Work(kind="solve exact 256", frames=3000), Work(kind="play", frame
 
 
 def test_what_is_not_known_is_not_told_and_what_is_known_adds_up():
-    pace = Pace().learnt(Work(kind=SOLVE.kind, frames=100), 10.0)
-    assert pace.seconds([SOLVE]) == pytest.approx(300)
-    assert pace.seconds([SOLVE, PLAY]) is None
-    assert pace.learnt(Work(kind="play", frames=500), 1.0).seconds([SOLVE, PLAY]) == pytest.approx(306)
-    assert "not known" in told(pace, [SOLVE, PLAY])
-    assert told(pace, [SOLVE]) == "this takes about 5 min, as fast as the last time on this machine"
-    assert told(pace, [Work(kind=SOLVE.kind, frames=30)]) == ""
+    speeds = Speeds().learnt(Work(kind=SOLVE.kind, frames=100), 10.0)
+    assert speeds.seconds([SOLVE]) == pytest.approx(300)
+    assert speeds.seconds([SOLVE, PLAY]) is None
+    assert speeds.learnt(Work(kind="play", frames=500), 1.0).seconds([SOLVE, PLAY]) == pytest.approx(306)
+    assert "not known" in told(speeds, [SOLVE, PLAY])
+    assert told(speeds, [SOLVE]) == "this takes about 5 min, as fast as the last time on this machine"
+    assert told(speeds, [Work(kind=SOLVE.kind, frames=30)]) == ""
 
 
 def test_a_busy_day_is_forgotten_by_half():
-    pace = Pace().learnt(SOLVE, 100.0).learnt(SOLVE, 400.0)
-    assert pace.seconds([SOLVE]) == pytest.approx(200, rel=1e-3)
+    speeds = Speeds().learnt(SOLVE, 100.0).learnt(SOLVE, 400.0)
+    assert speeds.seconds([SOLVE]) == pytest.approx(200, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -31,13 +31,13 @@ def test_durations_are_told_in_two_digits(seconds, words):
 
 def test_the_pace_is_kept_between_programs_and_a_broken_file_is_no_matter(monkeypatch, tmp_path):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
-    assert Pace.known().rates == {}
-    Pace().learnt(SOLVE, 10.0).keep()
-    assert Pace.known().rates == {SOLVE.kind: 300.0}
-    (tmp_path / "state" / "pace.toml").write_text("rates = [")
-    assert Pace.known().rates == {}
-    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state" / "pace.toml"))
-    Pace().learnt(SOLVE, 10.0).keep()
+    assert Speeds.known().rates == {}
+    Speeds().learnt(SOLVE, 10.0).keep()
+    assert Speeds.known().rates == {SOLVE.kind: 300.0}
+    (tmp_path / "state" / "speeds.toml").write_text("rates = [")
+    assert Speeds.known().rates == {}
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state" / "speeds.toml"))
+    Speeds().learnt(SOLVE, 10.0).keep()
 
 
 def test_a_stage_teaches_how_fast_it_went_and_the_next_time_it_is_told(monkeypatch, capsys):
@@ -45,7 +45,7 @@ def test_a_stage_teaches_how_fast_it_went_and_the_next_time_it_is_told(monkeypat
     with stages([work_of("solve", "exact", 3000)]) as stage:
         stage("solve, pass 1", "exact")(3000, 3000)
     assert "not known here yet" in capsys.readouterr().err
-    rate = Pace.known().rates["solve exact"]
+    rate = Speeds.known().rates["solve exact"]
     with stages([work_of("solve", "exact", round(40 * rate))]):
         pass
     assert "this takes about 40 s" in capsys.readouterr().err
@@ -56,4 +56,4 @@ def test_work_that_was_stopped_teaches_nothing(monkeypatch):
     with pytest.raises(KeyboardInterrupt), stages() as stage:
         stage("solve", "exact")(10, 3000)
         raise KeyboardInterrupt
-    assert Pace.known().rates == {}
+    assert Speeds.known().rates == {}

@@ -17,7 +17,7 @@ from midair.settings import Settings
 LONG = 10.0
 """Work of fewer seconds than these is not told beforehand."""
 
-_FILE = "pace.toml"
+_FILE = "speeds.toml"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +37,7 @@ class Work:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pace:
+class Speeds:
     """Frames a second of each kind of work, as they were measured on this machine.
 
     Attributes
@@ -49,7 +49,7 @@ class Pace:
     rates: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     @classmethod
-    def known(cls) -> "Pace":
+    def known(cls) -> "Speeds":
         """What the state folder tells; nothing where it cannot be read."""
         with suppress(OSError, ValueError):
             told = tomllib.loads((state_folder() / _FILE).read_text(encoding="utf-8"))
@@ -63,11 +63,11 @@ class Pace:
             return None
         return sum(work.frames / self.rates[work.kind] for work in works)
 
-    def learnt(self, work: Work, seconds: float) -> "Pace":
+    def learnt(self, work: Work, seconds: float) -> "Speeds":
         """With what this work took; what it took before counts for half, since a machine is not always as busy."""
         rate = work.frames / seconds
         rate = (rate * self.rates.get(work.kind, rate)) ** 0.5
-        return Pace(rates=MappingProxyType({**self.rates, work.kind: float(f"{rate:.4g}")}))
+        return Speeds(rates=MappingProxyType({**self.rates, work.kind: float(f"{rate:.4g}")}))
 
     def keep(self) -> None:
         """Write it to the state folder, whole; a folder that refuses costs no more than the next estimate."""
@@ -89,9 +89,9 @@ def workload_of(settings: Settings, transducers: int) -> str:
     return " ".join([*parts, f"jobs {solver.jobs or 1}"])
 
 
-def told(pace: Pace, works: Sequence[Work]) -> str:
+def told(speeds: Speeds, works: Sequence[Work]) -> str:
     """One line before long work; empty for short."""
-    seconds = pace.seconds(works)
+    seconds = speeds.seconds(works)
     if seconds is None:
         return "how long it takes is not known here yet: the bar tells, and the next time this line"
     if seconds < LONG:
