@@ -30,6 +30,8 @@ EXAMPLES = [line for below in ALL.values() if below.default_command for line in 
 HARDWARE = [
     'midair record "lsl:Skin?unit=V" --object towel --repeats 5',
     "midair play take.drive.h5 --device autd3",
+    "midair live --listen 0.0.0.0:5005 --key touch.key --device autd3",
+    'midair live --to lab.example:5005 --key touch.key --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5',
     'midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3',
 ]
 """These need a sensor or an array."""

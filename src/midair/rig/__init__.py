@@ -18,7 +18,7 @@ from midair.rig.bench import (
     write_practice,
 )
 from midair.rig.doctor import check_up
-from midair.rig.live_touch import LiveOrder, LiveSession, LiveStatistics, live
+from midair.rig.live_touch import LiveOrder, LiveSession, LiveStatistics, live, make_key, speak
 from midair.rig.looping import (
     BudgetPlan,
     DriveHeard,
@@ -69,6 +69,8 @@ __all__ = [
     "OpenRig",
     "Played",
     "live",
+    "make_key",
+    "speak",
     "LiveOrder",
     "LiveSession",
     "LiveStatistics",

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -29,6 +30,8 @@ ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a t
         ({"mapping": "constant-offset"}, "expected one in Pa"),
         ({"offset": 3.0}, "none for the others"),
         ({"gain": -1.0}, "above 0"),
+        ({"listen": "0.0.0.0:5005"}, "expected --key"),
+        ({"listen": "somewhere", "key": "touch.key"}, "HOST:PORT"),
     ],
 )
 def test_what_cannot_be_live_is_refused_before_anything_opens(wrong, words):
@@ -115,6 +118,30 @@ def test_the_command_prints_numbers_for_a_program_and_ends_by_ctrl_c(tmp_path):
     assert all(np.isfinite(told[name]) for name in ("frames", "lost", "late", "latency"))
     assert told["latency"] == 13.0
     assert open_take(tmp_path / "felt.h5").recording.frames == told["frames"] > 500
+
+
+@pytest.mark.slow
+def test_two_sides_by_the_command_line(tmp_path):
+    midair_live = [sys.executable, "-m", "midair", "live"]
+    subprocess.run([*midair_live, "--new-key", "touch.key"], cwd=tmp_path, check=True)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        place = f"127.0.0.1:{one.getsockname()[1]}"
+    both = ["--key", "touch.key", "--json"]
+    there = subprocess.Popen(
+        [*midair_live, "--listen", place, "--duration", "2s", *both], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    )
+    here = subprocess.Popen([*midair_live, "--to", place, *both], cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    told = json.loads(there.communicate(timeout=60)[0])
+    here.send_signal(signal.SIGINT)
+    spoken = json.loads(here.communicate(timeout=30)[0])
+    assert there.returncode == here.returncode == 0
+    # Filter, jitter buffer, hold, rise and air.
+    assert told["latency"] == 6 + 10 + 6 + 1
+    assert told["frames"] == 2000
+    assert told["played"] > 100
+    assert 1000 < told["network"]["frames"] <= spoken["frames"]
+    assert told["network"]["refused"] == 0
 
 
 @pytest.mark.slow

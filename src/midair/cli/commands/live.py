@@ -1,7 +1,8 @@
 """The command `live`: what a sensor feels now is played now."""
 
 import sys
-from dataclasses import dataclass
+import time
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -27,8 +28,34 @@ from midair.cli.terminal import (
 from midair.errors import InputError
 from midair.files import load_placement, load_sensor
 from midair.model import Acoustics, Medium
-from midair.rig import LiveSession, LiveStatistics
+from midair.rig import LiveSession, LiveStatistics, make_key, speak
 from midair.rig import live as begin
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkOptions:
+    """Two people: the sensor here, the array there.
+
+    Parameters
+    ----------
+    listen
+        HOST:PORT here, where the other side's frames come in place of a sensor's: 0.0.0.0:5005.
+    to
+        HOST:PORT of the other side: what the sensor feels goes there, and nothing is played here.
+    key
+        File that both sides share; what it does not open is refused.
+    new_key
+        Makes such a file, and does nothing else.
+    buffer
+        Of jitter on the way; it is added to the delay.
+    """
+
+    listen: str | None = None
+    to: str | None = None
+    key: Path | None = None
+    new_key: Path | None = None
+    buffer: Time = 0.01
 
 
 @Parameter(name="*")
@@ -92,7 +119,7 @@ class LiveOptions(ExposureOptions):
     priority: int = 20
     seed: int = 0
 
-    def session(self, duration: float | None, keep: Path | None) -> LiveSession:
+    def session(self, duration: float | None, keep: Path | None, network: NetworkOptions) -> LiveSession:
         """What these options mean, not yet begun."""
         if not 0 <= self.priority <= 99:
             raise InputError(f"--priority: expected 0 to 99, got {self.priority}")
@@ -116,6 +143,9 @@ class LiveOptions(ExposureOptions):
             exposure=self.choices(),
             duration=duration,
             keep=keep,
+            listen=network.listen,
+            key=network.key,
+            buffer=network.buffer,
             priority=self.priority,
             seed=self.seed,
         )
@@ -124,6 +154,7 @@ class LiveOptions(ExposureOptions):
 def live_command(
     *,
     options: LiveOptions | None = None,
+    network: NetworkOptions | None = None,
     duration: Annotated[float | None, quantity("s")] = None,
     keep: Path | None = None,
     json: Json = False,
@@ -138,6 +169,8 @@ def live_command(
     ----------
     options
         Sensor, array, and the way between them.
+    network
+        Over a network.
     duration
         Until Ctrl-C if not given.
     keep
@@ -149,13 +182,22 @@ def live_command(
     --------
     $ midair live --duration 2s
     $ midair live --sensor virtual:sponge --duration 2s --keep felt.h5 --json
+    $ midair live --new-key touch.key
+    $ midair live --listen 0.0.0.0:5005 --key touch.key --device autd3
+    $ midair live --to lab.example:5005 --key touch.key --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5
     $ midair live --sensor "lsl:Skin?unit=V" --calibration skin.calibration.h5 --device autd3 --level 0.3
     """
+    options, network = options or LiveOptions(), network or NetworkOptions()
+    if network.new_key is not None:
+        make_key(network.new_key)
+        return print_rows([("key", f"{network.new_key}; give the other side a copy, and nobody else")])
+    if network.to is not None:
+        return _speak(options, network, duration, json=json)
     if keep is not None:
         if keep.exists():
             raise InputError(f"{keep}: is there already; give another name")
         may_write(keep, True, ".h5")
-    with signals_noted() as signals, (options or LiveOptions()).session(duration, keep) as session:
+    with signals_noted() as signals, options.session(duration, keep, network) as session:
         if not json:
             banner(session.opened.simulated)
             print_rows(_found(session))
@@ -166,9 +208,36 @@ def live_command(
         opened = ended.opened
         beside = {"simulated": opened.simulated, "exposure": opened.exposure, "computer": opened.granted.words()}
         kept = {} if keep is None else {"take": str(keep)}
-        return print_json(told.plain() | {"error_by_band": _by_band(ended)} | beside | kept)
-    print_rows([*_went(told), *([] if keep is None else [("take", str(keep))])])
+        return print_json(told.plain() | {"error_by_band": _by_band(ended), "network": ended.network} | beside | kept)
+    print_rows([*_went(told), *_heard(ended), *([] if keep is None else [("take", str(keep))])])
     return None
+
+
+def _speak(options: LiveOptions, network: NetworkOptions, duration: float | None, *, json: bool) -> None:
+    """The side that feels: nothing is played here."""
+    if network.key is None or network.listen is not None:
+        raise InputError("--to: expected --key with the file that both sides share, and no --listen")
+    with (
+        signals_noted() as signals,
+        speak(
+            options.sensor,
+            network.to or "",
+            network.key,
+            delay=options.delay,
+            band=options.band,
+            calibration=options.calibration,
+            wiring=None if options.sensor_file is None else load_sensor(options.sensor_file),
+            seed=options.seed,
+        ) as speaker,
+    ):
+        if not json:
+            banner(speaker.greeting.simulated)
+        until = None if duration is None else time.monotonic() + duration
+        speaker.run(lambda: not signals.came and (until is None or time.monotonic() < until))
+    spoken = asdict(speaker.spoken)
+    if json:
+        return print_json(spoken | {"simulated": speaker.greeting.simulated})
+    return print_rows([(name, str(count)) for name, count in spoken.items()])
 
 
 def _watch(session: LiveSession, signals: Signals, *, quiet: bool) -> None:
@@ -216,6 +285,15 @@ def _found(session: LiveSession) -> list[tuple[str, str]]:
         ("error of the filter", errors),
         ("computer", opened.granted.words()),
     ]
+
+
+def _heard(session: LiveSession) -> list[tuple[str, str]]:
+    """What came over a network, where anything did."""
+    told = session.network
+    if not told:
+        return []
+    said = f"{told['frames']} frames, {told['concealed']} concealed, {told['tardy']} of them came too late"
+    return [("network", f"{said}; {told['repeated']} repeated and {told['refused']} others refused")]
 
 
 def _went(told: LiveStatistics) -> list[tuple[str, str]]:

@@ -3,8 +3,9 @@
 from midair.rig.live_touch.live_loop import LiveLoop, Pace
 from midair.rig.live_touch.live_order import LiveOrder
 from midair.rig.live_touch.live_take import LiveTake
-from midair.rig.live_touch.playing_live import live
+from midair.rig.live_touch.playing_live import live, speak
 from midair.rig.live_touch.process import Opened, play_live
+from midair.rig.live_touch.sealed import make_key
 from midair.rig.live_touch.session import LiveSession, LiveStatistics
 from midair.rig.live_touch.touch import Touch, TouchSettings
 from midair.rig.live_touch.touch_ring import HELD, LATE, SOUNDS, RingShape, TouchRing
@@ -25,5 +26,7 @@ __all__ = [
     "Touch",
     "TouchSettings",
     "live",
+    "make_key",
     "play_live",
+    "speak",
 ]

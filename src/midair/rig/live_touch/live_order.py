@@ -16,13 +16,33 @@ than it lasts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Listening:
+    """Frames that come over a network.
+
+    Attributes
+    ----------
+    host, port : str, int
+        Where to listen.
+    key : bytes
+        That both sides share.
+    buffer : float
+        Length of the jitter buffer, in s.
+    """
+
+    host: str
+    port: int
+    key: bytes = field(repr=False)
+    buffer: float = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LiveOrder:
     """What is felt where, and how it is played.
 
     Attributes
     ----------
     sensor : str
-        By name, as in `midair.record`; empty where frames come over a network.
+        By name, as in `midair.record`; what to call it where frames come over a network.
     device : str
         ``virtual``, or an AUTD3 array by name: ``autd3``, ``autd3:INTERFACE``, ``autd3:emulator``.
     exposure : ExposureChoices
@@ -43,6 +63,8 @@ class LiveOrder:
         Over how long the firmware spreads steps.
     duration : float or None
         In s; until it is told to end if None.
+    listen : Listening or None
+        Where frames come from over a network, in place of a sensor here.
     priority : int
         Real-time priority of the loop, 1 to 99; 0 asks for none.
     seed : int
@@ -60,6 +82,7 @@ class LiveOrder:
     placement: Placement | None = None
     silencer: SilencerChoice = "off"
     duration: float | None = None
+    listen: "Listening | None" = None
     priority: int = 20
     seed: int = 0
 

@@ -1,5 +1,7 @@
 """`midair.live`: a sensor, an array, and what is felt on one played on the other."""
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 from midair.devices import ExposureChoices, SilencerChoice
@@ -7,8 +9,11 @@ from midair.errors import InputError
 from midair.files import load_calibration
 from midair.model import Acoustics, Calibration, ControlGrid, Placement, SensorWiring
 from midair.rig.live_touch.live_loop import Pace
-from midair.rig.live_touch.live_order import LiveOrder
+from midair.rig.live_touch.live_order import Listening, LiveOrder
+from midair.rig.live_touch.process import calibration_for, check_rate, sensor_for
+from midair.rig.live_touch.sealed import read_key
 from midair.rig.live_touch.session import LiveSession
+from midair.rig.live_touch.speaking import Speaker
 from midair.rig.live_touch.touch import TouchSettings
 from midair.rig.permit import Permit
 from midair.rig.playing import usual_exposure
@@ -35,6 +40,9 @@ def live(
     duration: float | None = None,
     keep: str | Path | None = None,
     notes: dict[str, str] | None = None,
+    listen: str | None = None,
+    key: str | Path | None = None,
+    buffer: float = 0.01,
     permit: Permit | None = None,
     priority: int = 20,
     seed: int = 0,
@@ -85,6 +93,12 @@ def live(
         A take of what was felt and what was played.
     notes : dict of str to str, optional
         For the take.
+    listen : str, optional
+        Address and port, such as ``0.0.0.0:5005``, where frames of a `speak` come over a network, and not of a sensor.
+    key : str or Path, optional
+        Of a file that both sides share, see `make_key`.
+    buffer : float
+        Length of the jitter buffer, in s.
     permit : Permit, optional
         That another renews, and that can silence it.
     priority : int
@@ -115,7 +129,7 @@ def live(
         )
     known = calibration if isinstance(calibration, Calibration | None) else load_calibration(calibration)
     order = LiveOrder(
-        sensor=sensor,
+        sensor=sensor if listen is None else f"listen:{listen}",
         device=device,
         exposure=exposure or usual_exposure(),
         touch=TouchSettings(
@@ -134,7 +148,87 @@ def live(
         placement=placement,
         silencer=silencer,
         duration=duration,
+        listen=None if listen is None else _listening(listen, key, buffer),
         priority=priority,
         seed=seed,
     )
     return LiveSession(order, keep=None if keep is None else Path(keep), notes=notes, permit=permit)
+
+
+@contextmanager
+def speak(
+    sensor: str,
+    to: str,
+    key: str | Path,
+    *,
+    delay: float = 0.006,
+    band: tuple[float, float] = (20.0, 470.0),
+    calibration: Calibration | str | Path | None = None,
+    wiring: SensorWiring | None = None,
+    patience: float = 30.0,
+    seed: int = 0,
+) -> Generator[Speaker]:
+    """What a sensor feels here, for a `live` that listens elsewhere: greeted when entered, sent by its ``run``.
+
+    Parameters
+    ----------
+    sensor : str
+        By name, as in `live`.
+    to : str
+        Host and port of the side that plays, such as ``lab.example:5005``.
+    key : str or Path
+        Of the file that both sides share.
+    delay, band, calibration, wiring, seed
+        As in `live`.
+    patience : float
+        How long to wait for an answer, in s.
+
+    Raises
+    ------
+    DeviceError
+        If nobody answers who has the key.
+    InputError
+        If an address, a key or a setting cannot be used.
+    """
+    known = calibration if isinstance(calibration, Calibration | None) else load_calibration(calibration)
+    here = LiveOrder(
+        sensor=sensor,
+        device="",
+        exposure=usual_exposure(),
+        touch=TouchSettings(band=band, delay=delay),
+        calibration=known,
+        wiring=wiring,
+        seed=seed,
+    )
+    opened, _ = sensor_for(here)
+    with opened:
+        check_rate(opened)
+        undone = calibration_for(here, opened) or Calibration.flat(opened.grid, unit="Pa")
+        address, secret = host_and_port(to, "--to"), read_key(Path(key))
+        speaker = Speaker(opened, undone, address, secret, band=band, delay=delay, patience=patience)
+        try:
+            speaker.greet()
+            yield speaker
+        finally:
+            speaker.close()
+
+
+def host_and_port(text: str, option: str) -> tuple[str, int]:
+    """Both parts of an address such as ``lab.example:5005`` or ``[::1]:5005``.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    host, colon, port = text.rpartition(":")
+    if not (colon and host and port.isdecimal() and 0 < int(port) < 65536):
+        raise InputError(f"{option}: expected HOST:PORT, such as 192.168.1.20:5005, got {text!r}")
+    return host.removeprefix("[").removesuffix("]"), int(port)
+
+
+def _listening(listen: str, key: str | Path | None, buffer: float) -> Listening:
+    if key is None:
+        raise InputError("--listen: expected --key with the file that both sides share; --new-key FILE makes one")
+    host, port = host_and_port(listen, "--listen")
+    return Listening(host=host, port=port, key=read_key(Path(key)), buffer=buffer)

@@ -4,7 +4,7 @@ import os
 import signal
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
 from types import MappingProxyType
@@ -22,6 +22,7 @@ from midair.devices import (
 )
 from midair.errors import DeviceError, InputError, MidairError, StoppedError, UnknownDeviceError
 from midair.model import Calibration, SensorGrid, Unit
+from midair.rig.live_touch.listening import ListeningSource
 from midair.rig.live_touch.live_loop import LiveLoop
 from midair.rig.live_touch.live_order import RATES, LiveOrder
 from midair.rig.live_touch.repeated import streamed
@@ -102,10 +103,13 @@ class Ended:
         By what; None if it was its time, or somebody ended it.
     told : dict of str to int
         What became of all frames on their way to the units.
+    network : dict of str to int
+        What came over a network, and what became of it; empty where nothing did.
     """
 
     error: MidairError | None
     told: dict[str, int]
+    network: dict[str, int] = field(default_factory=dict[str, int])
 
 
 def _viewed(known: dict[Any, Any]) -> MappingProxyType[Any, Any]:
@@ -138,10 +142,11 @@ def play_live(order: LiveOrder, ring: TouchRing, permit: Permit, leave: Leave, t
     # Ctrl-C of the terminal is for whoever started this, who then ends it in order; `midair stop` sends one too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     counted: dict[str, int] = {}
+    network: dict[str, int] = {}
     error: MidairError | None = None
     try:
         with ordered_at(process_began()), one_blas_thread():
-            _play(order, ring, permit, leave, told, counted)
+            _play(order, ring, permit, leave, told, counted, network)
     except MidairError as wrong:
         error = wrong
     except KeyboardInterrupt:
@@ -149,15 +154,19 @@ def play_live(order: LiveOrder, ring: TouchRing, permit: Permit, leave: Leave, t
     except Exception as wrong:  # noqa: BLE001  # a process has nobody above it: whoever started it is told
         error = DeviceError(f"live: this is an error in midair, please report it: {type(wrong).__name__}: {wrong}")
     with suppress(OSError):  # nobody is there any more
-        told.send(Ended(error=error, told=counted))
+        told.send(Ended(error=error, told=counted, network=network))
 
 
 def _play(
-    order: LiveOrder, ring: TouchRing, permit: Permit, leave: Leave, told: Connection, counted: dict[str, int]
+    order: LiveOrder,
+    ring: TouchRing,
+    permit: Permit,
+    leave: Leave,
+    told: Connection,
+    counted: dict[str, int],
+    network: dict[str, int],
 ) -> None:
-    sensor = streamed(
-        sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=3.0, wiring=order.wiring), longest=3.0
-    )
+    sensor, source = sensor_for(order)
     # Before the SDK starts threads of its own, which then have it too.
     granted = ask_for_time(order.priority)
     with sensor:
@@ -168,6 +177,8 @@ def _play(
                 order.level, array, order.exposure, rate=sensor.rate, acoustics=order.touch.acoustics
             )
             touch = Touch(order.touch, calibration, sensor.grid, sensor.rate, array.array, admission.level)
+            if source is not None:
+                touch.delay += source.delay
             told.send(_found(sensor, calibration, array, admission, touch, granted))
             loop = LiveLoop(
                 sensor,
@@ -184,6 +195,8 @@ def _play(
                     loop.run(put, order.duration)
             finally:
                 counted |= array.units.told()
+                if source is not None:
+                    network |= asdict(source.counted)
 
 
 def _checks(permit: Permit, leave: Leave, name: str) -> Callable[[], None]:
@@ -215,6 +228,16 @@ def check_rate(sensor: StreamedSensor) -> None:
         )
 
 
+def sensor_for(order: LiveOrder) -> tuple[StreamedSensor, ListeningSource | None]:
+    """The sensor of an order, not yet open; and where its frames come from, if that is a network."""
+    if order.listen is None:
+        named = sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=ROUND, wiring=order.wiring)
+        return streamed(named, longest=ROUND), None
+    heard = order.listen
+    source = ListeningSource((heard.host, heard.port), heard.key, buffer=heard.buffer)
+    return StreamedSensor(source, name=order.sensor, wire=lambda _: source.wiring), source
+
+
 def calibration_for(order: LiveOrder, sensor: StreamedSensor) -> Calibration | None:
     """The calibration that undoes a sensor; None where it gives pressure already.
 
@@ -223,6 +246,8 @@ def calibration_for(order: LiveOrder, sensor: StreamedSensor) -> Calibration | N
     InputError
         If it gives volts or counts and nobody knows what they mean.
     """
+    if order.listen is not None:
+        return None
     known = order.calibration or sensor.calibration
     if known is None and sensor.unit != "Pa":
         raise InputError(
@@ -279,7 +304,7 @@ def _found(
         strongest=admission.strongest,
         granted=granted,
         delay=touch.delay,
-        parts=tuple(touch.parts),
+        parts=() if touch.error is None else tuple(touch.parts),
         error=() if touch.error is None else tuple(float(each) for each in touch.error),
         silencer=str(array.silencer),
         described=array.describe(),

@@ -149,7 +149,9 @@ class LiveSession:
     def statistics(self) -> LiveStatistics:
         """How it goes, or went."""
         ring, opened = self.ring, self.opened
-        parts = {"filter": opened.delay, "hold": self.order.pace.hold, "rise and air": AIR}
+        buffer = 0.0 if self.order.listen is None else self.order.listen.buffer
+        among = {} if self.order.listen is None else {"jitter buffer": buffer}
+        parts = {"filter": opened.delay - buffer, **among, "hold": self.order.pace.hold, "rise and air": AIR}
         return LiveStatistics(
             frames=ring.count("frames"),
             played=ring.count("played"),
@@ -163,6 +165,11 @@ class LiveSession:
             left=_shares(ring.histogram("left")),
             work=_shares(ring.histogram("work")),
         )
+
+    @property
+    def network(self) -> dict[str, int]:
+        """What came over a network, once it has ended: see `Counted`; empty where nothing did."""
+        return {} if self._ended is None else self._ended.network
 
     def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
         """Frames from a number on, as `TouchRing.since`; the sensor's channels come first of 64."""
@@ -251,7 +258,8 @@ class LiveSession:
     def _end(self) -> None:
         """In order, if that takes no longer than it may; at once if not."""
         self.ring.end()
-        until = time.monotonic() + 5
+        # One that has not opened its devices yet makes no sound.
+        until = time.monotonic() + (0 if self._opened is None else 5)
         while self._process is not None and self._ended is None and time.monotonic() < until:
             self._listen(0.1)
         self._over.set()
