@@ -66,7 +66,6 @@ UNTESTED_BY_NAME = {
     "cli/commands/solve_play.py": "cli/commands/test_play_arrays.py",
     "cli/commands/study/numbers.py": "cli/commands/study/test_study.py",
     "cli/commands/study/planning.py": "cli/commands/study/test_study.py",
-    "cli/commands/study/running.py": "cli/commands/study/test_study.py",
     "cli/commands/stop.py": "cli/commands/test_play_arrays.py",
     "cli/commands/sweep/recordings.py": "cli/commands/sweep/test_patterns.py",
     "cli/terminal/calibration_output.py": "cli/commands/calibrate/test_apply.py",

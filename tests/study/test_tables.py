@@ -1,4 +1,5 @@
 import json
+import re
 import shutil
 import subprocess
 
@@ -55,16 +56,61 @@ def test_bids_has_what_it_must(study, tmp_path):
     assert [line.split("\t")[0] for line in people[1:]] == ["sub-01", "sub-02"]
 
 
-@pytest.mark.skipif(shutil.which("bids-validator-deno") is None, reason="needs the public BIDS validator")
-def test_the_public_validator_finds_no_error(study, tmp_path):
+@pytest.fixture(scope="module")
+def datasets(study, tmp_path_factory):
+    """The dataset of the study, and one of two sessions with all that a plan may state about it."""
+    folder = tmp_path_factory.mktemp("datasets")
     plan, answers = study
-    write_bids(answers, plan.design, tmp_path / "bids")
+    write_bids(answers, plan.design, folder / "one")
+    text = paper_design_text().replace('group = "grooved"', 'group = "grooved"\nsession = 2').replace("= 4", "= 1")
+    stated = 'authors = ["A. Person", "B. Person"]\nlicense = "CC0"\ninstitution = "A University"\nseed = 2020'
+    design = read_design(text.replace("seed = 2020", stated, 1), participants=1)
+    several = StudyFolder.create(folder / "s", text, design)
+    for _ in (1, 2):
+        with Session(several.plan(), 1, several.log(1), NoPresenter(), simulated=True) as session:
+            run(session, SimulatedScreen(plan=several.plan(), participant=SimulatedParticipant()))
+    write_bids(answers_table(several.plan(), several.sessions()), several.plan().design, folder / "two")
+    return folder
+
+
+def test_sessions_have_folders_of_their_own(datasets):
+    found = sorted(path.relative_to(datasets / "two").as_posix() for path in (datasets / "two").rglob("*_beh.tsv"))
+    name = "sub-01/ses-{0}/beh/sub-01_ses-{0}_task-paper_beh.tsv"
+    assert found == [name.format("01"), name.format("02")]
+    back = read_bids(datasets / "two")
+    assert set(back["participant"]) == {"sub-01"}
+    assert sorted(set(back["session"])) == [1, 2]
+    assert set(back["hand"]) == {"left"}
+    description = json.loads((datasets / "two" / "dataset_description.json").read_text())
+    assert (description["Authors"], description["License"]) == (["A. Person", "B. Person"], "CC0")
+
+
+def test_no_date_and_no_pseudonym_leave_with_a_dataset(datasets):
+    words = "".join(path.read_text() for path in (datasets / "two").rglob("*.*") if path.suffix == ".tsv")
+    assert "pseudonym" not in words
+    assert not re.search(r"20\d\d-\d\d-\d\d", words)
+
+
+@pytest.mark.skipif(shutil.which("bids-validator-deno") is None, reason="needs the public BIDS validator")
+@pytest.mark.parametrize("name", ["one", "two"])
+def test_the_public_validator_finds_no_error(datasets, name):
     done = subprocess.run(
-        ["bids-validator-deno", str(tmp_path / "bids"), "--json"], capture_output=True, text=True, check=False
+        ["bids-validator-deno", str(datasets / name), "--json"], capture_output=True, text=True, check=False
     )
     issues = json.loads(done.stdout)["issues"]["issues"]
     assert [issue for issue in issues if issue["severity"] == "error"] == []
     assert done.returncode == 0
+
+
+@pytest.mark.skipif(shutil.which("bids-validator") is None, reason="needs the older public BIDS validator")
+@pytest.mark.parametrize(("name", "warnings"), [("one", ["NO_AUTHORS"]), ("two", [])])
+def test_the_older_validator_finds_no_error_and_one_thing_to_state(datasets, name, warnings):
+    done = subprocess.run(
+        ["bids-validator", str(datasets / name), "--json"], capture_output=True, text=True, check=False
+    )
+    issues = json.loads(done.stdout)["issues"]
+    assert issues["errors"] == []
+    assert [issue["key"] for issue in issues["warnings"]] == warnings
 
 
 def test_csv_comes_back(tmp_path):

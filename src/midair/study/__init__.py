@@ -24,6 +24,7 @@ from midair.study.drives import StudyDrive, gather
 from midair.study.findings import Report, StudyData, analyse, data_of_answers, data_of_columns
 from midair.study.folder import StudyFolder, Template, paper_design_text, read_design, template_text
 from midair.study.keyboard import keyboard_of_terminal
+from midair.study.registration import plan_page
 from midair.study.session import (
     ArrayPresenter,
     MaskedPresenter,
@@ -83,6 +84,7 @@ from midair.study.study_figures import chance_figure, power_figure
 from midair.study.study_report import report_json, report_page, report_text
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
 from midair.study.terminal_screen import TerminalScreen, stops_on_signals
+from midair.study.withdrawal import check_not_withdrawn, remember_made, withdraw, withdrawn
 
 __all__ = [
     "Analysis",
@@ -131,6 +133,7 @@ __all__ = [
     "chance_figure",
     "chance_macro_f",
     "chance_of_published",
+    "check_not_withdrawn",
     "choice_model",
     "confusion_matrix",
     "constrained_shuffle",
@@ -155,6 +158,7 @@ __all__ = [
     "paired_t",
     "paper_design_text",
     "participants_for_paired_t",
+    "plan_page",
     "power_curve",
     "power_figure",
     "power_paired_t",
@@ -163,6 +167,7 @@ __all__ = [
     "read_csv",
     "read_design",
     "read_events",
+    "remember_made",
     "replay",
     "report_json",
     "report_page",
@@ -177,6 +182,8 @@ __all__ = [
     "open_stimulus_rig",
     "thresholds_of",
     "wilson",
+    "withdraw",
+    "withdrawn",
     "write_bids",
     "write_csv",
 ]

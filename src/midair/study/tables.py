@@ -75,6 +75,8 @@ def read_csv(path: Path) -> DataFrame:
 def write_bids(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
     """Answers as a BIDS dataset: ``sub-NN/beh/sub-NN_task-NAME_beh.tsv`` with a JSON sidecar for each participant.
 
+    With several sessions each has a folder of its own, ``sub-NN/ses-MM/beh/sub-NN_ses-MM_task-NAME_beh.tsv``.
+
     Parameters
     ----------
     answers : DataFrame
@@ -109,9 +111,13 @@ def _dataset(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
     simulated = bool(answers["simulated"].any())
     written = [_text(folder / "README", _readme(design, simulated))]
     written.append(_json(folder / "dataset_description.json", _description(design, simulated)))
-    written += _participants(answers, folder)
-    for person, rows in answers.groupby("participant", sort=False):
-        name = folder / str(person) / "beh" / f"{person}_task-{design.name}_beh"
+    written += _participants(answers, design, folder)
+    in_folders = design.sessions > 1
+    of_session = answers["session"].map("ses-{:02d}".format) if in_folders else answers["participant"]
+    for person, session in dict.fromkeys(zip(answers["participant"], of_session, strict=True)):
+        rows = answers.loc[(answers["participant"] == person) & (of_session == session)]
+        parts = [str(person), *([str(session)] if in_folders else [])]
+        name = folder.joinpath(*parts, "beh", "_".join([*parts, f"task-{design.name}", "beh"]))
         name.parent.mkdir(parents=True)
         tsv = rows.drop(columns="participant").rename(columns={"reaction_s": "response_time"})
         tsv["correct"] = tsv["correct"].astype(str).replace("-1", "n/a")
@@ -195,12 +201,13 @@ def _write_separated(table: DataFrame, path: Path, delimiter: str) -> None:
 
 
 def _description(design: Design, simulated: bool) -> dict[str, Any]:
+    stated = {"Authors": list(design.authors), "License": design.license}
     return {
         "Name": ("SIMULATED: " if simulated else "") + (design.title or design.name),
         "BIDSVersion": "1.10.0",
         "DatasetType": "raw",
         "GeneratedBy": [{"Name": "midair", "Version": __version__}],
-    }
+    } | {name: value for name, value in stated.items() if value}
 
 
 def _readme(design: Design, simulated: bool) -> str:
@@ -211,28 +218,34 @@ def _readme(design: Design, simulated: bool) -> str:
     )
 
 
-def _participants(answers: DataFrame, folder: Path) -> list[Path]:
-    simulated = answers.groupby("participant", sort=False)["simulated"]
-    rows = simulated.agg(simulated="any", answers="size").rename_axis("participant_id").reset_index()
+def _participants(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
+    people = answers.groupby("participant", sort=False)
+    rows = people["simulated"].agg(simulated="any", answers="size").rename_axis("participant_id").reset_index()
+    form = [design.question(name) for name in design.form if name in answers]
+    for question in form:
+        rows[question.name] = people[question.name].first().tolist()
     path = folder / "participants.tsv"
     _write_separated(rows, path, "\t")
     meaning = {
         "participant_id": {"Description": "Name of the participant in this dataset."},
         "simulated": {"Description": MEANING["simulated"]},
         "answers": {"Description": "Number of answers that count."},
+        **{question.name: {"Description": question.text} for question in form},
     }
     return [path, _json(folder / "participants.json", meaning)]
 
 
 def _sidecar(table: DataFrame, design: Design) -> dict[str, Any]:
+    meaning = {**MEANING, **{name: design.question(name).text for name in design.form}}
     columns: dict[str, Any] = {
-        name: {"Description": MEANING.get(name, f"Level of the factor {name}; n/a where it has none.")}
+        name: {"Description": meaning.get(name, f"Level of the factor {name}; n/a where it has none.")}
         for name in table
     }
     columns["response_time"]["Units"] = columns["time"]["Units"] = "s"
     columns["question"]["Levels"] = {question.name: question.text for question in design.questions}
     told = [text for text in (design.consent, *(block.text for block in design.blocks)) if text]
     task = {"TaskName": design.name, "TaskDescription": design.title or design.name}
+    task |= {"InstitutionName": design.institution} if design.institution else {}
     return {**task, "Instructions": " ".join(told), **columns} if told else {**task, **columns}
 
 

@@ -69,8 +69,8 @@ class TerminalScreen:
 
     def _pressed(self, keyboard: Keyboard, question: Question) -> Reply:
         """The answer of one key, and when it came."""
-        self._console.print(f"Press {_plain(', '.join(question.keys))}")
         with keyboard.listening():
+            self._console.print(f"Press {_plain(', '.join(question.keys))}")
             begin = monotonic()
             until = begin + question.timeout_s if question.timeout_s else None
             while key := keyboard.key(until):
@@ -82,11 +82,11 @@ class TerminalScreen:
 
     def _slid(self, keyboard: Keyboard, question: Question) -> Reply:
         """Where the mark stood at Enter; there is none before the first arrow key."""
-        self._console.print("Arrow keys: left and right by a hundredth, down and up by a tenth; then Enter")
         span = question.high - question.low
         moves = {"left": -0.01, "right": 0.01, "down": -0.1, "up": 0.1}
         share: float | None = None
         with keyboard.listening():
+            self._console.print("Arrow keys: left and right by a hundredth, down and up by a tenth; then Enter")
             begin = monotonic()
             until = begin + question.timeout_s if question.timeout_s else None
             while key := keyboard.key(until):

@@ -2,7 +2,7 @@
 
 from midair.study.design.adaptive import QuestPlus, Staircase
 from midair.study.design.adaptive_block import next_stimulus, thresholds_of
-from midair.study.design.analysis_plan import Analysis, Exclusions
+from midair.study.design.analysis_plan import Analysis, Exclusions, PlannedPower
 from midair.study.design.answers import answers_table
 from midair.study.design.blocks import Block, Criterion, Extra
 from midair.study.design.exclusions import left_out
@@ -23,6 +23,7 @@ __all__ = [
     "Extra",
     "MaskingNoise",
     "Plan",
+    "PlannedPower",
     "Policy",
     "QuestPlus",
     "Question",

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 from midair.errors import InputError
 
@@ -38,6 +39,30 @@ class Analysis:
     strength: str = ""
     guess: float = 0.5
     margin: float = 0.1
+
+
+PowerTest = Literal["paired", "identification", "rating"]
+"""Paired t over people; objects told apart better than by guessing; a factor of two levels of a rating."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedPower:
+    """What the number of people is for: the chance that a test finds an effect of a stated size.
+
+    Attributes
+    ----------
+    test : {"paired", "identification", "rating"}
+        As in `midair study power`.
+    effect : float
+        d_z, mean d', or difference in rating steps.
+    objects, trials : int
+        Of "identification": alternatives, and trials of each participant.
+    """
+
+    test: PowerTest
+    effect: float
+    objects: int = 3
+    trials: int = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

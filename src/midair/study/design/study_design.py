@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from midair.errors import InputError, MismatchError
-from midair.study.design.analysis_plan import Analysis, Exclusions
+from midair.study.design.analysis_plan import Analysis, Exclusions, PlannedPower
 from midair.study.design.blocks import Block
 from midair.study.design.question import Question
 from midair.study.design.stimulus import Stimulus
@@ -76,6 +76,14 @@ class Design:
         Who and what will be left out.
     hypotheses : tuple of str
         In words, for the page to be registered.
+    power : tuple of PlannedPower
+        What the number of people is for, worked out on that page.
+    authors : tuple of str
+        Names, for datasets.
+    license : str
+        Of datasets, such as "CC0".
+    institution : str
+        Where the study takes place, for datasets.
     """
 
     name: str
@@ -94,6 +102,10 @@ class Design:
     noise: MaskingNoise | None = None
     exclusions: Exclusions = field(default_factory=Exclusions)
     hypotheses: tuple[str, ...] = ()
+    power: tuple[PlannedPower, ...] = ()
+    authors: tuple[str, ...] = ()
+    license: str = ""
+    institution: str = ""
 
     def __post_init__(self) -> None:
         if not (self.name.isascii() and self.name.isalnum()):

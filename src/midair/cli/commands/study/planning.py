@@ -1,11 +1,13 @@
-"""Commands for a study before its first participant: new."""
+"""Commands for a study before its first participant, and for one who goes: new, plan, withdraw."""
 
 import shlex
+import sys
+from hashlib import sha256
 from pathlib import Path
 
-from midair.cli.terminal import banner, say, stages
+from midair.cli.terminal import Force, banner, err, say, stages
 from midair.errors import InputError
-from midair.files import read_text
+from midair.files import read_text, whole_file
 from midair.settings import Mode
 from midair.study import (
     Design,
@@ -14,8 +16,10 @@ from midair.study import (
     Template,
     block_order,
     gather,
+    plan_page,
     read_design,
     template_text,
+    withdraw,
 )
 
 
@@ -81,6 +85,69 @@ def new_command(
     _say_next(path, design, gathered)
 
 
+def plan_command(study: Path, output: Path | None = None, /, *, runs: int = 500, force: Force = False) -> None:
+    """Write the plan of a study as a page to be registered: hypotheses, exclusions, analyses, power, digests.
+
+    Parameters
+    ----------
+    study
+        Folder of the study.
+    output
+        The HTML file; plan.html in the folder if not given.
+    runs
+        Simulated studies for each statement of power.
+    force
+        Write over it.
+
+    Examples
+    --------
+    $ midair study plan touch
+    """
+    plan, target = StudyFolder(study).plan(), output or study / "plan.html"
+    if target.exists() and not force:
+        raise InputError(f"{target}: expected a new file, got one that is there; give another name, or --force")
+    page = plan_page(plan, runs=runs)
+    with whole_file(target) as partial:
+        partial.write_text(page, encoding="utf-8")
+    say(f"{target}: plan {plan.digest}, the page's SHA-256 {sha256(page.encode()).hexdigest()}")
+
+
+def withdraw_command(study: Path, participant: int, /, *, force: Force = False) -> None:
+    """Delete one participant everywhere: the log, and whatever was exported or reported from here.
+
+    Files are deleted, not wiped; copies and backups are yours to delete. The number stays empty.
+
+    Parameters
+    ----------
+    study
+        Folder of the study.
+    participant
+        Number, from 1 on.
+    force
+        Do not ask.
+
+    Examples
+    --------
+    $ midair study withdraw touch 2 --force
+    """
+    folder = StudyFolder(study)
+    folder.plan()
+    if not force:
+        _ask_to_delete(study, participant)
+    for line in withdraw(folder, participant):
+        say(line)
+    say(f"participant {participant} has withdrawn.")
+
+
+def _ask_to_delete(study: Path, participant: int) -> None:
+    """Let a person decide; nobody to ask means no."""
+    if sys.stdin.isatty():
+        err().print(f"Delete participant {participant} of {study} for good? [y/N] ", end="")
+        if sys.stdin.readline().strip().lower() in ("y", "yes"):
+            return
+    raise InputError(f"{study}: nothing was deleted; --force does not ask")
+
+
 def _say_drives(gathered: list[StudyDrive]) -> None:
     words = {"found": "as it was found", "solved": "solved from its recording", "virtual": "of a virtual stroke"}
     for one in gathered:
@@ -99,4 +166,5 @@ def _say_next(path: Path, design: Design, gathered: list[StudyDrive]) -> None:
     noise = " --noise none" if design.noise else ""
     array = f" --array virtual{noise}" if drives else ""
     say(f"Next: midair study run {there} --participant 1{array}")
+    say(f"To register it before: midair study plan {there}")
     say(f"Or with nobody: midair study run {there} --simulate")

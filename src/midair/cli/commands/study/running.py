@@ -15,12 +15,14 @@ from midair.study import (
     StillClock,
     StudyFolder,
     TerminalScreen,
+    check_not_withdrawn,
     keyboard_of_terminal,
     open_stimulus_rig,
     read_events,
     replay,
     run,
     stops_on_signals,
+    withdrawn,
 )
 
 
@@ -75,6 +77,7 @@ def run_command(
         return _run_simulated(folder, plan, participant, policy, d_prime)
     if participant < 1:
         raise InputError("participant: expected --participant N, from 1 on; or --simulate for simulated ones")
+    check_not_withdrawn(folder, participant)
     if _is_done(folder, plan, participant):
         say(f"participant {participant} was done before; nothing was asked.")
         return 0
@@ -134,9 +137,12 @@ def _say_next_session(standing: Standing) -> None:
 
 
 def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Policy, d_prime: float) -> int:
-    numbers = [participant] if participant else range(1, plan.design.participants + 1)
+    gone = withdrawn(folder)
+    everybody = [number for number in range(1, plan.design.participants + 1) if number not in gone]
+    numbers = [participant] if participant else everybody
     model = SimulatedParticipant(d_prime=d_prime, seed=plan.design.seed)
     for number in numbers:
+        check_not_withdrawn(folder, number)
         presenter, log = NoPresenter(), folder.log(number)
         screen = SimulatedScreen(plan=plan, participant=model, presenter=presenter)
         for _ in range(plan.design.sessions):

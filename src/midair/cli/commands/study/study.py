@@ -18,6 +18,7 @@ from midair.study import (
     data_of_columns,
     read_bids,
     read_csv,
+    remember_made,
     report_json,
     report_page,
     report_text,
@@ -99,6 +100,8 @@ def analyse_command(
         )
         title, target = source.name, output or source.with_name(f"{source.stem}-report.html")
     report = analyse(data, seed=seed, draws=draws)
+    if (source / "plan.json").exists():
+        remember_made(StudyFolder(source), target, "report")
     page = report_page(report, title=title, within=data.within)
     with whole_file(target) as partial:
         partial.chmod(0o600)
@@ -126,11 +129,14 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
     plan = folder.plan()
     answers = answers_table(plan, folder.sessions())
     if format == "bids":
+        # Before it is there: killed in between, it is known all the same to whoever withdraws.
+        remember_made(folder, output, "bids")
         written = write_bids(answers, plan.design, output)
         say(f"{output}: {len(written)} files, {len(answers)} answers.")
     else:
         if answers.empty:
             raise InputError("export: expected answers, got none; run a participant first")
+        remember_made(folder, output, "csv")
         write_csv(answers, output)
         say(f"{output}: {len(answers)} answers.")
     warn_simulated(bool(answers["simulated"].any()))

@@ -1,0 +1,67 @@
+"""The page of a plan: everything that was decided, and nothing that chance decides again."""
+
+import re
+from hashlib import sha256
+
+import pytest
+
+from midair.cli import run as midair
+from midair.study.design.analysis_plan import Analysis, Exclusions
+from midair.study.design.plan import draw_plan
+from midair.study.folder import paper_design_text, read_design, template_text
+from midair.study.registration import analysis_in_words, exclusions_in_words, plan_page
+from midair.study.statistics import power_paired_t
+
+
+def words(page):
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", page.partition("<main")[2]))
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return draw_plan(read_design(paper_design_text()), drives={"towel-plain.drive.h5": "ab" * 32})
+
+
+def test_the_page_says_what_was_planned(plan):
+    said = words(plan_page(plan, runs=20))
+    assert f"Plan {plan.digest} " in said
+    assert "seed 2020 for 10 participants" in said
+    assert all(" ".join(line.split()) in said for line in plan.design.hypotheses)
+    assert "Answers given sooner than 0.2 s" in said
+    assert "equivalence within 0.1" in said
+    assert "towel-plain.drive.h5 " + "ab" * 32 in said
+    assert f"d_z = 1: power {power_paired_t(10, d_z=1.0):.2f}" in said
+    assert "plain_scored 1 12 shuffle, at most 3 alike in a row" in said
+
+
+def test_the_same_plan_gives_the_same_page_and_another_another(plan):
+    other = draw_plan(read_design(paper_design_text(), seed=1))
+    assert plan_page(plan, runs=20) == plan_page(plan, runs=20)
+    assert other.digest not in plan_page(plan, runs=20)
+    assert other.digest != plan.digest
+
+
+def test_every_rule_of_exclusion_has_its_sentence():
+    rules = Exclusions(
+        fastest_s=0.2, slowest_s=9, attention=0.8, catch=0.6, timeouts=0.1, training=True, failed_plays=True
+    )
+    said = exclusions_in_words(rules)
+    assert len(said) == 7
+    assert said[2] == "People who answered rightly fewer than 80 % of the attention checks."
+    assert exclusions_in_words(Exclusions()) == ("Nobody and nothing, but answers that were not given in time.",)
+
+
+def test_what_was_not_said_is_not_said():
+    assert analysis_in_words(Analysis()) == ("Nothing was said.",)
+    assert [line.split(" over ")[1][:7] for line in analysis_in_words(Analysis(strength="percent"))] == ["percent"]
+
+
+def test_the_command_writes_it_with_its_digest(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "d.toml").write_text(template_text("detection"))
+    assert midair(["study", "new", "d", "--source", "d.toml", "--drives", "none"]) == 0
+    assert midair(["study", "plan", "d", "--runs", "5"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert sha256((tmp_path / "d" / "plan.html").read_bytes()).hexdigest() in said.replace(" ", "")
+    assert midair(["study", "plan", "d", "--runs", "5"]) == 1
+    assert "--force" in capsys.readouterr().err

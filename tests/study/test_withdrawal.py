@@ -1,0 +1,112 @@
+"""A person who withdraws is deleted everywhere, and nobody else is touched."""
+
+import json
+import os
+import shutil
+import sys
+
+import pytest
+
+from midair.cli import run as midair
+from midair.errors import DeviceStateError, InputError
+from midair.study.folder import StudyFolder, paper_design_text, read_design
+from midair.study.session import NoPresenter, Session, SimulatedParticipant, SimulatedScreen, StillClock, run
+from midair.study.tables import read_bids, read_csv
+from midair.study.withdrawal import withdraw, withdrawn
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Three simulated people, a report inside, a dataset and a table elsewhere."""
+    root = tmp_path_factory.mktemp("withdrawal")
+    text = paper_design_text().replace("repetitions = 4", "repetitions = 1")
+    folder = StudyFolder.create(root / "s", text, read_design(text, name="s", participants=3))
+    plan = folder.plan()
+    for number in (1, 2, 3):
+        presenter = NoPresenter()
+        with Session(plan, number, folder.log(number), presenter, simulated=True, clock=StillClock()) as session:
+            run(session, SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter))
+    for line in (f"analyse {root}/s --draws 20", f"export {root}/s {root}/bids"):
+        assert midair(["study", *line.split()]) == 0
+    assert midair(["study", "export", f"{root}/s", f"{root}/table.csv", "--format", "csv"]) == 0
+    return root
+
+
+@pytest.fixture
+def study(made, tmp_path, monkeypatch):
+    """A copy of it, which knows where it lies."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    known = tmp_path / "s" / "made.jsonl"
+    known.write_text(known.read_text().replace(str(made), str(tmp_path)))
+    monkeypatch.chdir(tmp_path)
+    return StudyFolder(tmp_path / "s")
+
+
+def everything(folder):
+    """All bytes that are there, by name."""
+    return {str(path): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_one_person_goes_and_the_others_stay_byte_by_byte(study, tmp_path, capsys):
+    before = everything(tmp_path)
+    assert midair(["study", "withdraw", "s", "2", "--force"]) == 0
+    said = capsys.readouterr().out
+    after = everything(tmp_path)
+    assert not [name for name, content in after.items() if b"sub-02" in content or "sub-02" in name]
+    gone = {os.path.relpath(name, tmp_path) for name in set(before) - set(after)}
+    assert gone == {
+        "s/sessions/sub-02.jsonl",
+        "s/report.html",
+        "bids/sub-02/beh/sub-02_task-s_beh.tsv",
+        "bids/sub-02/beh/sub-02_task-s_beh.json",
+    }
+    assert all(name.split("/")[0] in said or name in said for name in gone)
+    assert "report.html: deleted" in " ".join(said.split())
+    changed = {os.path.relpath(name, tmp_path) for name in before if name in after and before[name] != after[name]}
+    assert changed == {"bids/participants.tsv", "table.csv"}
+    assert set(read_csv(tmp_path / "table.csv")["participant"]) == {"sub-01", "sub-03"}
+    assert set(read_bids(tmp_path / "bids")["participant"]) == {"sub-01", "sub-03"}
+    kept = [line for line in before[str(tmp_path / "table.csv")].splitlines() if not line.startswith(b"sub-02")]
+    assert after[str(tmp_path / "table.csv")].splitlines() == kept
+
+
+def test_the_number_stays_empty_and_the_study_goes_on(study, capsys):
+    withdraw(study, 2)
+    assert withdrawn(study) == {2}
+    assert midair(["study", "run", "s", "--participant", "2", "--array", "virtual"]) == 1
+    assert "got one who withdrew" in capsys.readouterr().err
+    assert midair(["study", "run", "s", "--simulate"]) == 0
+    assert not study.log(2).exists()
+    assert midair(["study", "analyse", "s", "--draws", "20"]) == 0
+    assert "2 participant(s)" in capsys.readouterr().out
+
+
+def test_whoever_is_not_there_cannot_go_and_nobody_goes_unasked(study, tmp_path, capsys):
+    before = everything(tmp_path)
+    with pytest.raises(InputError, match="somebody who took part, got 9"):
+        withdraw(study, 9)
+    assert midair(["study", "withdraw", "s", "2"]) == 1
+    assert "--force does not ask" in capsys.readouterr().err
+    assert everything(tmp_path) == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of POSIX")
+def test_a_session_that_runs_is_not_deleted(study):
+    presenter = NoPresenter()
+    with Session(study.plan(), 2, study.log(2), presenter), pytest.raises(DeviceStateError, match="another program"):
+        withdraw(study, 2)
+    assert withdrawn(study) == set()
+
+
+def test_what_a_kill_has_left_is_deleted_by_the_same_call(study, tmp_path):
+    """The tombstone comes first, the log last: between them the rest may be done in part."""
+    (tmp_path / "s" / "withdrawn.jsonl").write_text(json.dumps({"participant": 2}) + "\n")
+    withdraw(study, 2)
+    assert not [name for name in everything(tmp_path) if "sub-02" in name]
+    assert withdraw(study, 2)[0].endswith("if it went elsewhere")
+
+
+def test_an_export_that_was_moved_is_named(study, tmp_path):
+    (tmp_path / "table.csv").rename(tmp_path / "elsewhere.csv")
+    said = withdraw(study, 2)
+    assert [line for line in said if "table.csv: not there; delete the person from it by hand" in line]
