@@ -36,7 +36,7 @@ test-slow: $(VENV)/dev
 	$(BIN)/python -m pytest -m slow $(PARALLEL)
 
 test-browser: $(VENV)/dev
-	$(BIN)/python -m pytest -m browser
+	$(BIN)/python -m pytest -m browser --durations 10
 
 check: $(VENV)/dev
 	$(BIN)/ruff check

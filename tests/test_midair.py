@@ -14,7 +14,7 @@ NAMES = {
     "verbs": "calibrate compare live load load_calibration loop open_rig open_take play prepare propagate record "
     "save solve",
     "rooms": "calibration correct datasets devices dsp errors evaluate figures files flow model paper physics "
-    "recordings rig settings solvers study sweep targets testing view",
+    "recordings rig settings solvers studio study sweep targets testing view",
 }
 
 

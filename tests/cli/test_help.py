@@ -37,6 +37,8 @@ HARDWARE = [
 """These need a sensor or an array."""
 SHELL = [line for line in EXAMPLES if line.startswith("eval") or " > " in line]
 """These are for a shell; `test_completion` runs what is in them."""
+SERVED = [line for line in EXAMPLES if line.startswith("midair studio")]
+"""These go on until somebody ends them; `tests/studio/test_browser.py` opens them."""
 SLOW = (
     "midair demo",
     "midair loop",
@@ -63,7 +65,7 @@ BEFORE = {
     "sweep report": ["sweep patterns patterns.zarr --count 1000 --strength 0.1"],
 }
 """What an example stands on."""
-HERE = [line for line in EXAMPLES if line not in (*HARDWARE, *SHELL)]
+HERE = [line for line in EXAMPLES if line not in (*HARDWARE, *SHELL, *SERVED)]
 
 
 def test_every_command_has_an_example_that_names_it():

@@ -29,11 +29,13 @@ from midair.cli.commands.record import record_command
 from midair.cli.commands.show import show_command
 from midair.cli.commands.solve_play import play_command, solve_command
 from midair.cli.commands.stop import stop_command
+from midair.cli.commands.studio import studio_command
 from midair.cli.commands.study import study_app
 from midair.cli.commands.sweep import sweep_app
 
 COMMANDS: Mapping[str, tuple[str, Callable[..., Any]]] = {
     "demo": ("Begin", demo_command),
+    "studio": ("Begin", studio_command),
     "doctor": ("Begin", doctor_command),
     "record": ("Record", record_command),
     "import": ("Record", import_command),

@@ -359,7 +359,8 @@ export class FieldPicture extends MapPicture {
     const R = finer ? this.down.length / rows : rows, C = finer ? this.across.length / columns : columns;
     this.size(R, C);
     this._frame ??= new Float32Array(track.width || 2 * rows * columns);
-    this.field ??= new Float32Array(2 * R * C);
+    // Before its frames have come a track does not say whether it is complex.
+    if (this.field?.length !== 2 * R * C) { this.field = new Float32Array(2 * R * C); this._half = null; }
     const byPhase = state.phase && this.complex && this.phaseColours, power = this.shown.fill(0);
     let count = 0;
     for (let f = byPhase ? state.frame : Math.min(state.from ?? state.frame, state.frame); f <= state.frame; f++) {
@@ -419,7 +420,7 @@ export class CellsPicture extends MapPicture {
   }
   paint(context, width, height, state) {
     this.size(this.rows, this.columns);
-    this._frame ??= new Float32Array(this.track.width);
+    if (this._frame?.length !== this.track.width) this._frame = new Float32Array(this.track.width);
     const power = this.shown.fill(0);
     let count = 0;
     for (let f = Math.min(state.from ?? state.frame, state.frame); f <= state.frame; f++)
@@ -438,8 +439,8 @@ export class CellsPicture extends MapPicture {
 export class TracesPicture extends Picture {
   constructor(box, options) {
     super(box, options);
-    const { track, over = null, names = null, choose = null, seek = null } = options;
-    Object.assign(this, { track, over, names, choose, seek });
+    const { track, over = null, names = null, choose = null, seek = null, head = true } = options;
+    Object.assign(this, { track, over, names, choose, seek, head });
     this.canvas.addEventListener("pointerdown", (event) => this._press(event));
     this.canvas.addEventListener("keydown", (event) => {
       const step = { ArrowUp: -1, ArrowDown: 1 }[event.key];
@@ -471,7 +472,7 @@ export class TracesPicture extends Picture {
     this._lines(context, track, colour.trace, scale, ratio);
     if (this.over) this._lines(context, this.over, colour.second, scale, ratio);
     context.fillStyle = colour.ink;
-    context.fillRect(left + w / 2 - ratio / 2, 0, ratio, height - bottom);
+    if (this.head) context.fillRect(left + w / 2 - ratio / 2, 0, ratio, height - bottom);
     context.restore();
     for (let c = 0; c < track.width; c++)
       this.text(this.names?.[c] ?? String(c), left - 6 * ratio, (c + 0.5) * lane, c === state.channel ? { align: "right", weight: "700", colour: colour.ink } : { align: "right" });
@@ -585,10 +586,10 @@ export class PhasesPicture extends Picture {
 export class SpectrogramPicture extends Picture {
   constructor(box, options) {
     super(box, options);
-    const { track, colours, depth = 60, limit = 1000 } = options;
+    const { track, colours, depth = 60, limit = 1000, head = true } = options;
     // Windows of an eighth of a second or so, a power of two.
     const length = 2 ** Math.max(4, Math.round(Math.log2(track.rate * 0.128))), hop = Math.max(1, length >> 4);
-    Object.assign(this, { track, colours, length, hop, depth, limit: Math.min(limit, track.rate / 2) });
+    Object.assign(this, { track, colours, length, hop, depth, head, limit: Math.min(limit, track.rate / 2) });
     this.columns = new Map();
     this._transform = transform(length);
     this._small = box.ownerDocument.createElement("canvas");
@@ -620,13 +621,13 @@ export class SpectrogramPicture extends Picture {
     context.imageSmoothingEnabled = false;
     context.drawImage(this._small, left + (begin * hop - state.frame + span / 2) * (w / span), 0, step * count, h);
     context.fillStyle = this.colour.ink;
-    context.fillRect(left + w / 2 - ratio / 2, 0, ratio, h);
+    if (this.head) context.fillRect(left + w / 2 - ratio / 2, 0, ratio, h);
     context.restore();
     const top = this.limit;
     this.text(said(top), left - 4 * ratio, 6 * ratio, { align: "right" });
     this.text(said(top / 2), left - 4 * ratio, h / 2, { align: "right" });
     this.text("0 Hz", left - 4 * ratio, h - 6 * ratio, { align: "right" });
-    this.text(`${said((state.frame - track.first) / track.rate, 4)} s`, left + w / 2, h + 10 * ratio, { align: "center" });
+    if (this.head) this.text(`${said((state.frame - track.first) / track.rate, 4)} s`, left + w / 2, h + 10 * ratio, { align: "center" });
   }
   _column(index, channel) {
     const { track, hop, length } = this, middle = index * hop, from = middle - length / 2;
@@ -750,6 +751,7 @@ export class BarPicture extends Picture {
 
 /** A number in as few letters as its reader needs. */
 export function said(value, digits = 3) {
+  if (!Number.isFinite(value)) return "–"; // nothing has come yet
   if (value === 0 || Math.abs(value) < 1e-12) return "0";
   return String(Number(value.toPrecision(digits)));
 }

@@ -1,0 +1,264 @@
+"""The studio as a web application: its pages, its files, one socket."""
+
+import asyncio
+import contextlib
+import secrets
+import time
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from midair.errors import InputError, MidairError
+from midair.files import DEFAULT_PROFILE
+from midair.studio.asking import asked
+from midair.studio.desk import LARGEST_ORDER, Desk, Page
+from midair.studio.doorkeeper import Doorkeeper, DoorKeys
+from midair.studio.jobs import Jobs, StudioJob
+from midair.studio.one_folder import OneFolder
+from midair.studio.player import PlayerPlan
+from midair.studio.rooms import CompareRoom, PlayingRoom, RecordRoom, ReproduceRoom
+from midair.studio.scenes import TakeScene, frames_of
+from midair.studio.takes_list import TakesList
+from midair.studio.work import make_samples, settings_form, warm_up
+from midair.version import __version__
+from midair.view import TABLES, WEB, colour_table
+
+OWN = Path(__file__).parent / "web"
+_TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudioPlan:
+    """What a studio is opened with.
+
+    Attributes
+    ----------
+    folder : Path
+        The one folder that it reads and writes.
+    device, sensor : str
+        Names of array and sensor; both virtual where nobody named others.
+    seed : int
+        Of the virtual rig.
+    """
+
+    folder: Path
+    device: str = "virtual"
+    sensor: str = "virtual:towel"
+    seed: int = 0
+
+
+class Studio:
+    """Everything that lives as long as the server does.
+
+    Parameters
+    ----------
+    plan : StudioPlan
+        What to open.
+    samples : Path
+        A folder for this session alone.
+    port : int
+        On which it will be reached.
+    """
+
+    def __init__(self, plan: StudioPlan, samples: Path, port: int) -> None:
+        self.plan, self.keys = plan, DoorKeys(port=port)
+        self.folder = OneFolder.at(plan.folder)
+        self.takes = TakesList(self.folder, samples)
+        self.desk = Desk(lambda: self.playing.sounding)
+        self.loop: asyncio.AbstractEventLoop | None = None
+        self.jobs = Jobs(self._job_changed, name="work", warm=warm_up)
+        self.reading = Jobs(_nobody, name="reading")
+        self._shown: dict[int, StudioJob] = {}
+        self._kept: dict[tuple[str, str, int], bytes] = {}
+        token = secrets.token_urlsafe(24)
+        player = PlayerPlan(device=plan.device, seed=plan.seed, token=token)
+        self.playing = PlayingRoom(self.desk, self.takes, player, self.later, profile=DEFAULT_PROFILE)
+        self.reproduce = ReproduceRoom(self.desk, self.takes, self.jobs, self.reading, self.later)
+        self.compare = CompareRoom(self.desk, self.takes, self.jobs, self.playing, self.later)
+        self.record = RecordRoom(self.desk, self.takes, plan.sensor, plan.seed, self.later, self.reproduce.show)
+        self.desk.put(
+            studio={
+                "version": __version__,
+                "folder": str(self.folder.path),
+                "sensor": plan.sensor,
+                "stop_port": self.playing.port,
+                "stop_token": token,
+                "form": settings_form(),
+            },
+            jobs=[],
+        )
+
+    @property
+    def origins(self) -> tuple[str, ...]:
+        """Pages of this studio."""
+        return tuple(f"http://{name}:{self.keys.port}" for name in ("127.0.0.1", "localhost", "[::1]"))
+
+    def later(self, act: Callable[..., Any], *values: Any) -> None:
+        """Have something done on the event loop, from any thread."""
+        if self.loop is not None and not self.loop.is_closed():
+            self.loop.call_soon_threadsafe(act, *values)
+
+    @asynccontextmanager
+    async def running(self, _: Starlette) -> AsyncGenerator[None]:
+        """Processes are started as the server is, and ended with it."""
+        self.loop = asyncio.get_running_loop()
+        self.reading.start()
+        self.reading.add("samples", make_samples, str(self.takes.samples), ended=lambda _: self.later(self._sampled))
+        self.playing.start(self.origins)
+        try:
+            yield
+        finally:
+            self.playing.close()
+            self.record.close()
+            self.jobs.close()
+            self.reading.close()
+
+    def application(self) -> Doorkeeper:
+        """The ASGI application, guarded."""
+        routes = [
+            Route("/", self._index),
+            Route("/favicon.ico", self._icon),
+            Route("/web/{name}", self._web),
+            Route("/colours/{name}", self._colours),
+            Route("/frames/{stream}/{second:int}", self._frames),
+            Route("/file/{name:path}", self._file),
+            Route("/upload", self._upload, methods=["POST"]),
+            WebSocketRoute("/socket", self._socket),
+        ]
+        app = Starlette(routes=routes, lifespan=self.running)
+        return Doorkeeper(app, self.keys, stop_port=self.playing.port)
+
+    def _sampled(self) -> None:
+        self.reproduce.show()
+        self.reproduce.solve_sample()
+
+    def _job_changed(self, job: StudioJob) -> None:
+        self.later(self._show_job, job)
+
+    def _show_job(self, job: StudioJob) -> None:
+        self._shown[job.number] = job
+        while len(self._shown) > 8:
+            ended = [number for number, each in self._shown.items() if each.state not in ("waits", "runs")]
+            if not ended:
+                break
+            self._shown.pop(ended[0])
+        now = time.monotonic()
+        self.desk.put(jobs=[each.told(now) for each in self._shown.values()])
+
+    async def _index(self, _: Request) -> Response:
+        return FileResponse(OWN / "index.html", media_type="text/html")
+
+    async def _icon(self, _: Request) -> Response:
+        return FileResponse(OWN / "icon.svg", media_type=_TYPES[".svg"])
+
+    async def _web(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        for folder in (OWN, WEB):
+            # Only what is there by exactly this name: no path is put together from what was sent.
+            found = {path.name: path for path in folder.iterdir() if path.suffix in _TYPES}
+            if name in found:
+                return FileResponse(found[name], media_type=_TYPES[found[name].suffix])
+        return PlainTextResponse("not there\n", 404)
+
+    async def _colours(self, request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in TABLES:
+            return PlainTextResponse("not there\n", 404)
+        return Response(colour_table(name).tobytes(), media_type="application/octet-stream")
+
+    async def _frames(self, request: Request) -> Response:
+        """A second of a stream of a take, as sections."""
+        stream, second = request.path_params["stream"], request.path_params["second"]
+        take = request.query_params.get("take", "")
+        if stream not in ("samples", "wanted", "played", "phases", "original", "again"):
+            return PlainTextResponse("not there\n", 404)
+        try:
+            scene = self.takes.scene(take)
+            key = (f"{scene.take} {scene.stamp}", stream, second)
+            if key not in self._kept:
+                while len(self._kept) > 64:
+                    self._kept.pop(next(iter(self._kept)))
+                self._kept[key] = await asked(self.reading, f"frames of {take}", _frames_of, (scene, stream, second))
+        except MidairError as wrong:
+            return PlainTextResponse(f"{wrong}\n", 404)
+        return Response(self._kept[key], media_type="application/octet-stream")
+
+    async def _file(self, request: Request) -> Response:
+        """A file of the folder; a report as a page that can do nothing."""
+        name = request.path_params["name"]
+        try:
+            if name.startswith("sample:"):
+                path = self.takes.beside(name.removesuffix(".report.html"), ".report.html")
+                if not path.exists():
+                    raise InputError(f"{name}: expected a report, found none")
+            else:
+                path = self.folder.find(name)
+        except MidairError as wrong:
+            return PlainTextResponse(f"{wrong}\n", 404)
+        if not path.is_file():
+            return PlainTextResponse("not a file\n", 404)
+        if path.name.endswith(".report.html"):
+            policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox; frame-ancestors 'none'"
+            return FileResponse(path, media_type="text/html", headers={"content-security-policy": policy})
+        disposition = {"content-disposition": "attachment", "content-security-policy": "sandbox; default-src 'none'"}
+        return FileResponse(path, media_type="application/octet-stream", headers=disposition)
+
+    async def _upload(self, request: Request) -> Response:
+        """A recording that somebody drops on the page."""
+        name = unquote(request.headers.get("x-name", ""))
+        try:
+            page = int(request.headers.get("x-page", "0"))
+            self.desk.control.check(page)
+            path = await self.folder.receive(name[:200], request.stream())
+        except (MidairError, ValueError) as wrong:
+            return JSONResponse({"error": str(wrong)}, 400)
+        self.reproduce.show()
+        return JSONResponse({"ok": path.name})
+
+    async def _socket(self, socket: WebSocket) -> None:
+        """One page, until it goes."""
+        await socket.accept()
+        page = self.desk.enter(socket)
+        sending = asyncio.create_task(_send(page))
+        orders: set[asyncio.Task[None]] = set()
+        try:
+            while True:
+                text = await socket.receive_text()
+                if len(text) > LARGEST_ORDER:
+                    break
+                # An order may take as long as a drive plays; "alive" must not wait for it.
+                task = asyncio.create_task(self.desk.hear(page, text))
+                orders.add(task)
+                task.add_done_callback(orders.discard)
+        except (WebSocketDisconnect, KeyError, RuntimeError):
+            pass
+        finally:
+            self.desk.leave(page)
+            self.record.left(page)
+            sending.cancel()
+            with contextlib.suppress(Exception):
+                await socket.close()
+
+
+def _nobody(_: StudioJob) -> None:
+    """Reading is quick, and shows by what it gives."""
+
+
+async def _send(page: Page) -> None:
+    """State, in its order."""
+    with contextlib.suppress(Exception):
+        while True:
+            await page.wire.send_text(await page.waiting.get())
+
+
+def _frames_of(order: tuple[TakeScene, Any, int], _: Any) -> bytes:
+    return frames_of(order)

@@ -1,0 +1,348 @@
+"""The player: a process that alone has the array, and lets nothing sound without the permit.
+
+It looks at the permit before every frame or switch of banks and, by a thread, two hundred times a second in between. It
+has a port of its own for STOP. When the studio is gone it silences and ends.
+"""
+
+import os
+import signal
+import socket
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack, suppress
+from dataclasses import asdict, dataclass, field
+from multiprocessing import connection, get_context, parent_process
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from midair.studio.stop_port import StopPort
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlayerPlan:
+    """What a player is started with.
+
+    Attributes
+    ----------
+    device : str
+        Name of the array, as in ``midair play --device``.
+    sensor : str
+        Name of the sensor that hears a real array; empty for none. A virtual array brings its own.
+    seed : int
+        Of a virtual rig.
+    token : str
+        Word for the stop port.
+    origins : tuple of str
+        Pages that may use it.
+    """
+
+    device: str = "virtual"
+    sensor: str = ""
+    seed: int = 0
+    token: str = ""
+    origins: tuple[str, ...] = ()
+
+
+def run_player(pipe: Connection, permit: Any, listening: socket.socket, plan: PlayerPlan) -> None:
+    """What runs in the player's process, until its studio is gone.
+
+    Parameters
+    ----------
+    pipe : Connection
+        Orders come by it, answers go by it.
+    permit : Permit
+        Without whose leave nothing sounds.
+    listening : socket
+        For STOP.
+    plan : PlayerPlan
+        The devices.
+    """
+    # Ctrl-C in the terminal ends the studio, whose end ends this.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    player = _Player(pipe, permit, plan)
+    port = StopPort(listening, plan.token, plan.origins, player.stop)
+    port.start()
+    threading.Thread(target=player.end_with_the_studio, name="studio", daemon=True).start()
+    player.serve()
+
+
+@dataclass(slots=True, eq=False)
+class _Player:
+    pipe: Connection
+    permit: Any
+    plan: PlayerPlan
+    array: Any = None
+    admitted: dict[int, tuple[Any, Path]] = field(default_factory=dict[int, tuple[Any, Path]])
+    number: int = 0
+    emits: bool = False
+
+    def serve(self) -> None:
+        """One order after the other."""
+        from midair.errors import MidairError
+
+        self._tell("ready", process=os.getpid())
+        with ExitStack() as held:
+            while True:
+                try:
+                    order: dict[str, Any] = self.pipe.recv()
+                except (EOFError, OSError):
+                    return
+                try:
+                    match order["do"]:
+                        case "open":
+                            self._tell("answer", id=order["id"], value=self._open(held))
+                        case "admit":
+                            self._tell("answer", id=order["id"], value=self._admit(order))
+                        case "play":
+                            self._tell("answer", id=order["id"], value=self._play(order))
+                        case _:
+                            return
+                except MidairError as wrong:
+                    self._tell("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
+                except Exception as wrong:  # noqa: BLE001  # the player stays, whatever an order does
+                    said = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
+                    self._tell("wrong", id=order["id"], error=said, of="unforeseen")
+
+    def stop(self) -> None:
+        """STOP: from any thread, at any time; returns when the array is silent."""
+        self.permit.stop()
+        if self.array is not None:
+            self.array.silence()
+        self._tell("stopped", by="the page, at the player's own port")
+
+    def end_with_the_studio(self) -> None:
+        """Wait for the studio's end; then silence, and end too."""
+        studio = parent_process()
+        if studio is None:
+            return
+        connection.wait([studio.sentinel])
+        with suppress(Exception):
+            self.permit.stop()
+        with suppress(Exception):
+            if self.array is not None:
+                self.array.silence()
+        # What plays in the main thread finds the permit stopped, silences too and closes the device; not for ever.
+        time.sleep(2.0)
+        os._exit(0)
+
+    def _open(self, held: ExitStack) -> dict[str, Any]:
+        """Open the array, unless it is; what it says of itself. The virtual one is made anew for each drive."""
+        from midair.rig import VirtualRig, array_named
+
+        if self.plan.device == "virtual":
+            array = VirtualRig(seed=self.plan.seed).array
+            return {"name": "virtual", "units": "", "count": array.count, "simulated": True, "heard": True}
+        if self.array is None:
+            self.array = held.enter_context(array_named(self.plan.device))
+        said = self.array.describe()
+        return {
+            "name": self.array.name,
+            "units": "; ".join(f"{name}: {value}" for name, value in said.items()),
+            "count": self.array.array.count,
+            "simulated": self.array.simulated,
+            "heard": False,
+        }
+
+    def _admit(self, order: Mapping[str, Any]) -> dict[str, Any]:
+        """Measure the exposure of a drive's file on this array, before any sound, and keep the admission."""
+        from midair.devices import ExposureChoices, admit
+        from midair.errors import DeviceStateError, ExposureError
+        from midair.files import load_solution, profile_named
+
+        path = Path(order["path"])
+        drive = load_solution(path).drive
+        array = self.array if self.plan.device != "virtual" else self._virtual(drive).array_device()
+        if array is None:
+            raise DeviceStateError(f"{self.plan.device}: expected an open array")
+        profile = profile_named(order["profile"])
+        choices = ExposureChoices(profile=profile, attenuate=order["attenuate"], override=order["override"] or None)
+        try:
+            admission = admit(drive, array, choices, repeats=order["repeats"])
+        except ExposureError as wrong:
+            # The page shows by how much, and what can be done about it: measured once more, for nobody's playing.
+            return {"number": 0, "refused": str(wrong), **_exposed(_measured(drive, array, profile))}
+        self.number += 1
+        self.admitted = {self.number: (admission, path)}
+        return {
+            "number": self.number,
+            "outcome": admission.outcome,
+            "verdict": admission.verdict(),
+            "by": admission.by,
+            "duration_s": admission.repeats * drive.frames / drive.rate,
+            "refused": "",
+            **_exposed(admission.exposure),
+        }
+
+    def _virtual(self, drive: Any) -> Any:
+        """A virtual rig for a drive: its array, its cells, its height and its band."""
+        from midair.rig import VirtualRig
+        from midair.settings import Settings
+        from midair.targets import cells_of
+
+        known = Settings.of(drive.provenance) or Settings()
+        rig = VirtualRig(
+            array=drive.array.nominal,
+            cells=cells_of(drive.provenance),
+            height=known.target.grid.height,
+            seed=self.plan.seed,
+        )
+        return rig.hearing(known.calibration.band)
+
+    def _play(self, order: Mapping[str, Any]) -> dict[str, Any]:
+        """Play an admission, by a leave; where a sensor hears it, write what it heard."""
+        from midair.errors import DeviceStateError
+        from midair.files import save
+        from midair.rig import permitted, play_admitted, rerecord
+
+        found = self.admitted.pop(order["admission"], None)
+        if found is None:
+            raise DeviceStateError("play: expected a drive that was just checked, got none; check its exposure again")
+        (admission, path), leave, output = found, order["leave"], order["output"]
+        if self.plan.device != "virtual":
+            with permitted(self.array, self.permit, leave):
+                report = play_admitted(admission, self.array, source=path, progress=self._progress(leave))
+            return {"output": "", **asdict(report)}
+        rig = self._virtual(admission.drive)
+        skin = rig.skin()
+        with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
+            self.array = array
+            try:
+                with permitted(array, self.permit, leave):
+                    paced = self._progress(leave, paced=admission.drive.rate)
+                    heard = rerecord(admission, array, sensor, source=path, progress=paced)
+            finally:
+                self.array = None
+        if output:
+            save(heard, Path(output), calibration=sensor.calibration)
+        return {"output": Path(output).name if output else "", "frames": admission.drive.frames}
+
+    def _progress(self, leave: Any, paced: float = 0.0) -> Any:
+        """Tell how far it is; a virtual array is held back to the pace of a real one, so that it sounds as long."""
+        began, told = time.monotonic(), [0.0]
+
+        def progress(done: int, total: int) -> None:
+            # What was worked out is what sounds now; looked at as often as a real array's banks are.
+            while paced and time.monotonic() < began + done / paced:
+                self.permit.check(leave, "virtual")
+                time.sleep(0.002)
+            if time.monotonic() - told[0] > 0.05 or done >= total:
+                told[0] = time.monotonic()
+                self._tell("sounds", done=done, total=total, emitting=bool(getattr(self.array, "emitting", True)))
+
+        return progress
+
+    def _tell(self, kind: str, **said: Any) -> None:
+        with suppress(OSError, ValueError), _TELLING:
+            self.pipe.send({"kind": kind, **said})
+
+
+_TELLING = threading.Lock()
+
+
+def _measured(drive: Any, array: Any, profile: Any) -> Any:
+    from midair.devices import measure
+
+    return measure(drive, array.array, profile)
+
+
+def _exposed(found: Any) -> dict[str, Any]:
+    """An exposure for the page: each place with its level and limit, in dB."""
+    place, _ = found.worst
+    return {
+        "worst": place.name,
+        "excess_db": round(float(found.excess), 2),
+        "pressure_pa": round(float(found.pressure), 2),
+        "profile": found.profile.name,
+        "places": [
+            {
+                "name": place.name,
+                "peak_db": round(float(found.peak[number]), 1),
+                "limit_db": place.limit,
+                "enforced": place.enforced,
+            }
+            for number, place in enumerate(found.profile.places)
+        ],
+    }
+
+
+class PlayerProcess:
+    """The player, seen from the studio.
+
+    Parameters
+    ----------
+    permit : Permit
+        Held here.
+    plan : PlayerPlan
+        The devices.
+    heard : callable
+        Called, from a thread, with everything that the player says.
+    """
+
+    def __init__(self, permit: Any, plan: PlayerPlan, heard: Any) -> None:
+        self._permit, self._plan, self._heard = permit, plan, heard
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self._process: Any = None
+        self._pipe: Connection | None = None
+        self._closed = False
+
+    @property
+    def port(self) -> int:
+        """For STOP; open from the beginning, and the same when the player had to be started again."""
+        return self._listening.getsockname()[1]
+
+    @property
+    def process(self) -> int:
+        """Number of the process; 0 where there is none."""
+        return self._process.pid if self._process is not None and self._process.is_alive() else 0
+
+    def start(self, origins: tuple[str, ...]) -> None:
+        """Start the process."""
+        from dataclasses import replace
+
+        context = get_context("spawn")
+        self._pipe, there = context.Pipe()
+        plan = replace(self._plan, origins=origins)
+        self._process = context.Process(
+            target=run_player, args=(there, self._permit, self._listening, plan), name="midair player"
+        )
+        self._process.start()
+        there.close()
+        threading.Thread(target=self._listen, args=(self._pipe, origins), name="player", daemon=True).start()
+
+    def send(self, order: dict[str, Any]) -> None:
+        """Hand over an order; DeviceStateError where there is nobody to take it."""
+        from midair.errors import DeviceStateError
+
+        try:
+            if self._pipe is None:
+                raise OSError
+            self._pipe.send(order)
+        except OSError as wrong:
+            raise DeviceStateError("player: expected it to be there, it is not yet, or no more; try again") from wrong
+
+    def close(self) -> None:
+        """Silence, and end it."""
+        self._closed = True
+        self._permit.stop()
+        with suppress(Exception):
+            self.send({"do": "end", "id": 0})
+        if self._process is not None:
+            self._process.join(3)
+            if self._process.is_alive():
+                self._process.terminate()
+                self._process.join(2)
+        self._listening.close()
+
+    def _listen(self, pipe: Connection, origins: tuple[str, ...]) -> None:
+        while True:
+            try:
+                self._heard(pipe.recv())
+            except (EOFError, OSError):
+                break
+        if not self._closed:
+            self._heard({"kind": "gone"})
+            # Its array's failsafe has silenced it; a new one is there for the next order, with the permit taken back.
+            self._permit.stop()
+            self.start(origins)

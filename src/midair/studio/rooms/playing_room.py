@@ -1,0 +1,253 @@
+"""Playing, wherever it is ordered: the exposure check, arming by a held button, the permit's renewal, STOP."""
+
+import asyncio
+import itertools
+import secrets
+import time
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
+from midair.rig import Permit
+from midair.studio.desk import Desk, Nothing, Page
+from midair.studio.player import PlayerPlan, PlayerProcess
+from midair.studio.takes_list import TakesList
+
+ALIVE = 0.5
+"""How long the permit lasts after the controlling page was heard, in s."""
+
+
+class CheckExposure(BaseModel):
+    """What to check before it is played."""
+
+    model_config = ConfigDict(extra="forbid")
+    take: str = Field(max_length=1000)
+    profile: str = Field(default="", max_length=100)
+    attenuate: bool = False
+    override: str = Field(default="", max_length=200)
+    repeats: int = Field(default=1, ge=1, le=1000)
+
+
+class PlayNow(BaseModel):
+    """To play what was checked: the button was held."""
+
+    model_config = ConfigDict(extra="forbid")
+    admission: int
+
+
+class PlayingRoom:
+    """The player's desk.
+
+    Parameters
+    ----------
+    desk : Desk
+        Orders come from it.
+    takes : TakesList
+        Drives, and where re-recordings go.
+    plan : PlayerPlan
+        The devices.
+    later : callable
+        Has something done on the desk's loop, from any thread.
+    profile : str
+        Name of the exposure profile where nobody names one.
+    """
+
+    def __init__(self, desk: Desk, takes: TakesList, plan: PlayerPlan, later: Any, *, profile: str) -> None:
+        self._desk, self._takes, self._later, self._profile = desk, takes, later, profile
+        self.permit = Permit()
+        self.token = plan.token or secrets.token_urlsafe(24)
+        self._player = PlayerProcess(self.permit, plan, self._told)
+        self._waiting: dict[int, asyncio.Future[Any]] = {}
+        self._numbers = itertools.count(1)
+        self._controls = 0
+        self._opening: asyncio.Future[None] | None = None
+        self._checked: dict[int, str] = {}
+        self.played: list[Any] = []
+        self._state: dict[str, Any] = {
+            "state": "starts",
+            "device": plan.device,
+            "simulated": plan.device == "virtual",
+            "count": 0,
+            "units": "",
+            "done": 0,
+            "total": 0,
+            "emitting": False,
+            "take": "",
+            "said": "",
+        }
+        desk.offer("play", "check", self.check, CheckExposure)
+        desk.offer("play", "play", self.play, PlayNow)
+        desk.offer("play", "stop", self.stop, Nothing, watchers=True)
+        desk.offer("control", "take", self.take_control, watchers=True)
+        desk.offer("control", "give", self.give_control)
+        desk.offer("control", "refuse", self.refuse_control)
+        desk.left.append(self._left)
+        desk.alive.append(self._alive)
+        self._show()
+
+    @property
+    def port(self) -> int:
+        """The player's own, for STOP."""
+        return self._player.port
+
+    @property
+    def sounding(self) -> bool:
+        """Whether something sounds, or may at any moment."""
+        return self.permit.armed or self._state["emitting"]
+
+    @property
+    def process(self) -> int:
+        """Number of the player's process."""
+        return self._player.process
+
+    def start(self, origins: tuple[str, ...]) -> None:
+        """Start the player."""
+        self._player.start(origins)
+
+    def close(self) -> None:
+        """Silence, and end the player."""
+        self._player.close()
+
+    async def check(self, _: Page, order: CheckExposure) -> Any:
+        """Have a drive admitted; what it exposes people to."""
+        drive = self._takes.beside(order.take, ".drive.h5")
+        if not drive.exists():
+            raise InputError(f"{order.take}: expected a take that was solved; solve it first")
+        self._busy()
+        found = await self._ask(
+            do="admit",
+            path=str(drive),
+            profile=order.profile or self._profile,
+            attenuate=order.attenuate,
+            override=order.override.strip(),
+            repeats=order.repeats,
+        )
+        self._checked = {found["number"]: order.take} if found["number"] else {}
+        self._desk.put(exposure={"take": order.take, **found})
+        return found
+
+    async def play(self, page: Page, order: PlayNow) -> Any:
+        """Arm, and play; answers when it is over."""
+        self._busy()
+        if not page.visible or time.monotonic() - page.heard > ALIVE:
+            raise DeviceStateError("play: expected the page to be in sight, it is hidden or has not been heard")
+        take = self._checked.pop(order.admission, None)
+        if take is None:
+            raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
+        output = self._takes.beside(take, ".rerecorded.h5")
+        self._controls = page.number
+        leave = self.permit.arm(lasts=ALIVE)
+        self._show(state="plays", take=take, done=0, total=0, said="")
+        try:
+            report = await self._ask(
+                do="play", admission=order.admission, leave=leave, output=str(self._beside(output))
+            )
+        except MidairError as wrong:
+            said = str(wrong)
+            self._show(state="ready", emitting=False, said=said)
+            raise
+        finally:
+            self.permit.disarm()
+        partial = self._beside(output)
+        if report.get("output") and partial.exists():
+            partial.replace(output)
+            report["output"] = output.name
+        self._show(state="ready", emitting=False, said="played to its end")
+        for tell in self.played:
+            tell(take)
+        return report
+
+    def stop(self, _: Page, __: Nothing) -> bool:
+        """STOP, from any page: the permit is over, and the player's thread silences within milliseconds."""
+        self.permit.stop()
+        return True
+
+    def take_control(self, page: Page, _: Nothing) -> bool:
+        """A page wants control."""
+        had = self._desk.control.take(page.number)
+        self._desk.show_control()
+        return had
+
+    def give_control(self, page: Page, _: Nothing) -> bool:
+        """The holder consents; what it had armed is over."""
+        control = self._desk.control
+        control.give(page.number, to=control.asking)
+        self.permit.stop()
+        self._desk.show_control()
+        return True
+
+    def refuse_control(self, page: Page, _: Nothing) -> bool:
+        """The holder keeps it."""
+        self._desk.control.refuse(page.number)
+        self._desk.show_control()
+        return True
+
+    def _beside(self, output: Any) -> Any:
+        return output.with_name(f".{output.name.removesuffix('.h5')}.partial.h5")
+
+    def _busy(self) -> None:
+        if self._state["state"] == "plays":
+            raise DeviceStateError("play: expected silence first, something plays; press STOP or wait for its end")
+
+    def _alive(self, page: Page) -> None:
+        """The controlling page was heard: what it armed may go on, if somebody can see it."""
+        if page.number != self._controls or page.number != self._desk.control.holder:
+            return
+        if page.visible:
+            self.permit.renew(lasts=ALIVE)
+        elif self.permit.armed:
+            self.permit.stop()
+
+    def _left(self, page: Page, _: bool) -> None:
+        """A page went: what it had armed is over, at once."""
+        if page.number == self._controls:
+            self.permit.stop()
+
+    async def _ask(self, **order: Any) -> Any:
+        number = next(self._numbers)
+        done: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+        self._waiting[number] = done
+        try:
+            self._player.send({"id": number, **order})
+            return await done
+        finally:
+            self._waiting.pop(number, None)
+
+    def _told(self, said: dict[str, Any]) -> None:
+        self._later(self._hear, said)
+
+    def _hear(self, said: dict[str, Any]) -> None:
+        """What the player says."""
+        match said["kind"]:
+            case "ready":
+                self._show(state="opens")
+                self._opening = asyncio.ensure_future(self._open())
+            case "answer":
+                if (waits := self._waiting.get(said["id"])) is not None and not waits.done():
+                    waits.set_result(said["value"])
+            case "wrong":
+                if (waits := self._waiting.get(said["id"])) is not None and not waits.done():
+                    kind = StoppedError if said["of"] == "StoppedError" else InputError
+                    waits.set_exception(kind(said["error"]))
+            case "sounds":
+                self._show(done=said["done"], total=said["total"], emitting=said["emitting"])
+            case "stopped":
+                self._show(emitting=False, said="silenced")
+            case _:
+                for waits in self._waiting.values():
+                    if not waits.done():
+                        waits.set_exception(DeviceStateError("player: it ended; its array's failsafe has silenced it"))
+                self._show(state="starts", emitting=False, said="the player ended, and is started again")
+
+    async def _open(self) -> None:
+        try:
+            found = await self._ask(do="open")
+        except MidairError as wrong:
+            self._show(state="failed", said=str(wrong))
+            return
+        self._show(state="ready", units=found["units"], count=found["count"], simulated=found["simulated"], said="")
+
+    def _show(self, **changes: Any) -> None:
+        self._state = {**self._state, **changes}
+        self._desk.put(player=self._state)

@@ -1,0 +1,151 @@
+"""Room Reproduce: takes, how a drive is made of one, and the job that makes it."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from midair.errors import InputError
+from midair.settings import Mode
+from midair.studio.asking import asked
+from midair.studio.desk import Desk, Page
+from midair.studio.jobs import Jobs, Progressed, StudioJob
+from midair.studio.scenes import TakeScene, facts
+from midair.studio.takes_list import TakesList
+from midair.studio.work import SolveWish, report_loop, settings_of, solve_take
+
+
+class TakeNamed(BaseModel):
+    """A take."""
+
+    model_config = ConfigDict(extra="forbid")
+    take: str = Field(max_length=1000)
+
+
+class HowMade(BaseModel):
+    """How a drive is to be made; what is None is the mode's."""
+
+    model_config = ConfigDict(extra="forbid")
+    take: str = Field(max_length=1000)
+    mode: Mode = "paper"
+    mapping: Literal["half-wave", "constant-offset", "slow-bias"] | None = None
+    method: Literal["live", "fast", "exact", "lm", "glide"] | None = None
+    level: Annotated[float, Field(gt=0, le=1)] | Literal["auto"] | None = None
+    gain: float | None = Field(default=None, gt=0, le=100)
+    height_mm: float | None = Field(default=None, ge=50, le=600)
+    guard_mm: float | None = Field(default=None, ge=0, le=100)
+    visible_s: float | None = Field(default=None, ge=0)
+
+    def choices(self) -> tuple[tuple[str, Any], ...]:
+        """What was chosen over the mode, in the settings' own units."""
+        given = {
+            "mapping": self.mapping,
+            "method": self.method,
+            "level": self.level,
+            "gain": self.gain,
+            "height": None if self.height_mm is None else self.height_mm * 1e-3,
+            "guard": None if self.guard_mm is None else self.guard_mm * 1e-3,
+        }
+        return tuple((name, value) for name, value in given.items() if value is not None)
+
+
+class JobNumber(BaseModel):
+    """A job."""
+
+    model_config = ConfigDict(extra="forbid")
+    number: int
+
+
+class ReproduceRoom:
+    """Takes and drives.
+
+    Parameters
+    ----------
+    desk : Desk
+        Orders come from it.
+    takes : TakesList
+        What there is.
+    jobs, reading : Jobs
+        The queue of long work, and that of quick looks into files.
+    later : callable
+        Has something done on the desk's loop, from any thread.
+    """
+
+    def __init__(self, desk: Desk, takes: TakesList, jobs: Jobs, reading: Jobs, later: Any) -> None:
+        self._desk, self._takes, self._jobs, self._reading, self._later = desk, takes, jobs, reading, later
+        desk.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
+        desk.offer("reproduce", "solve", self.solve, HowMade)
+        desk.offer("compare", "report", self.report, HowMade)
+        desk.offer("jobs", "cancel", self.cancel, JobNumber)
+        self.show()
+
+    def show(self) -> None:
+        """Tell which takes there are."""
+        self._desk.put(takes=self._takes.rows())
+
+    async def open(self, _: Page, order: TakeNamed) -> Any:
+        """Facts of a take."""
+        scene = self._takes.scene(order.take)
+        found = await asked(self._reading, f"reading {order.take}", facts_of, scene)
+        return {"stamp": scene.stamp, **found}
+
+    def solve(self, _: Page, order: HowMade) -> dict[str, int]:
+        """Put the solving of a take into the queue; of a long one, first of the second that is in sight."""
+        return {"job": self._solve(order, f"solve {order.take}").number}
+
+    def _solve(self, order: HowMade, title: str) -> StudioJob:
+        take, target = self._takes.path(order.take), self._takes.beside(order.take, ".drive.h5")
+        whole = SolveWish(take=str(take), drive=str(target), mode=order.mode, choices=order.choices())
+        settings_of(whole)  # refused now, in words, rather than when its turn comes
+        for job in self._jobs.unfinished():
+            if job.title.endswith(order.take) and job.room == "reproduce":
+                self._jobs.cancel(job.number)
+        if order.visible_s is not None:
+            part = self._takes.part(order.take)
+            first = replace(whole, drive=part, start=order.visible_s, duration=1.0)
+            self._jobs.add(
+                f"solve the second in sight of {order.take}", solve_take, first, room="reproduce", ended=self._solved
+            )
+        else:
+            Path(self._takes.part(order.take)).unlink(missing_ok=True)
+        return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._whole(order.take))
+
+    def solve_sample(self) -> None:
+        """Solve the first sample, so that there is something to see and to play from the first moment on."""
+        rows = [row for row in self._takes.rows() if row["sample"]]
+        if rows and not rows[0]["solved"]:
+            sample = HowMade(take=rows[0]["name"], method="live", level="auto")
+            self._solve(sample, f"solve {sample.take}")
+
+    def report(self, _: Page, order: HowMade) -> dict[str, int]:
+        """Put the whole loop on the virtual rig, and its report, into the queue."""
+        target = self._takes.beside(order.take, ".report.html")
+        take = str(self._takes.path(order.take))
+        solve = SolveWish(take=take, drive="", mode=order.mode, choices=order.choices())
+        settings_of(solve)
+        title = f"report of {order.take}"
+        job = self._jobs.add(title, report_loop, (solve, str(target)), room="compare", ended=self._solved)
+        return {"job": job.number}
+
+    def cancel(self, _: Page, order: JobNumber) -> bool:
+        """End a job."""
+        if not self._jobs.cancel(order.number):
+            raise InputError(f"job {order.number}: expected one that waits or runs; it has ended")
+        return True
+
+    def _whole(self, take: str) -> Any:
+        def ended(job: StudioJob) -> None:
+            if job.state == "done":
+                Path(self._takes.part(take)).unlink(missing_ok=True)
+            self._solved(job)
+
+        return ended
+
+    def _solved(self, _: StudioJob) -> None:
+        self._later(self.show)
+
+
+def facts_of(scene: TakeScene, _: Progressed) -> Any:
+    """Facts of a scene, in the worker."""
+    return facts(scene)

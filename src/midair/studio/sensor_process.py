@@ -1,0 +1,346 @@
+"""The sensor's process: listens all the time, shows what it hears, and writes takes; it alone touches the sensor."""
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.devices import FrameBlock, PacedSensor, SensorDevice
+from midair.errors import MidairError
+from midair.model import Event
+from midair.rig import (
+    Drift,
+    Levels,
+    Take,
+    TakeOrder,
+    TakePlan,
+    TapTest,
+    View,
+    VirtualRig,
+    findings,
+    identify_by_taps,
+    problems,
+    record_take,
+    sensor_named,
+    told,
+)
+
+STEP = 1 / 120
+"""Seconds of samples that are handed on at once: two 60 Hz clocks would beat against each other."""
+
+
+class StrokesAgain(SensorDevice):
+    """What a virtual sensor says of one stroke, again and again, as if somebody went on stroking.
+
+    A virtual sensor works out all that pressed on it since it was started: without end that would take ever longer.
+
+    Parameters
+    ----------
+    sensor : SensorDevice
+        Virtual; open.
+    duration : float
+        Of what is repeated, in s.
+    """
+
+    def __init__(self, sensor: SensorDevice, duration: float = 1.6) -> None:
+        self._sensor, self._duration = sensor, duration
+        self.name, self.grid, self.rate, self.unit = sensor.name, sensor.grid, sensor.rate, sensor.unit
+        self.calibration, self.simulated, self.full_scale = sensor.calibration, sensor.simulated, sensor.full_scale
+        self.stored = sensor.stored
+        self._samples: NDArray[np.float64] | None = None
+        self._next = 0
+
+    def open(self) -> None:
+        """Take hold of the other sensor."""
+        self._sensor.open()
+
+    def start(self) -> None:
+        """Begin with the beginning of a stroke."""
+        if self._samples is None:
+            self._sensor.start()
+            self._samples = np.array(self._sensor.read(round(self._duration * self.rate)).samples)
+            self._sensor.stop()
+        self._next = 0
+
+    def read(self, frames: int) -> FrameBlock:
+        """The next frames."""
+        if self._samples is None:
+            self.start()
+        kept = np.zeros((1, *self.grid.shape)) if self._samples is None else self._samples
+        first, self._next = self._next, self._next + frames
+        now = first / self.rate
+        samples = kept[np.arange(first, self._next) % len(kept)]
+        return FrameBlock(samples=samples, first=first, device_time=now, host_time=now)
+
+    def stop(self) -> None:
+        """Nothing to end."""
+
+    def close(self) -> None:
+        """Let go of the other sensor."""
+        self._sensor.close()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TakeWish:
+    """A take that somebody ordered.
+
+    Attributes
+    ----------
+    path : str
+        Where it goes.
+    start : {"at once", "key", "touch"}
+    duration, level, pre_roll, post_roll
+        As in `TakePlan`.
+    notes : mapping of str to str
+    """
+
+    path: str
+    start: Any = "at once"
+    duration: float | None = None
+    level: float | None = None
+    pre_roll: float = 0.0
+    post_roll: float | None = None
+    notes: Mapping[str, str] = field(default_factory=dict[str, str])
+
+
+def run_listening(pipe: Connection, name: str, seed: int) -> None:
+    """What runs in the sensor's process, until its studio is gone.
+
+    Parameters
+    ----------
+    pipe : Connection
+        Orders come by it: a `TakeWish`, "toggle", "quit", "taps"; frames, levels and words go by it.
+    name : str
+        Of the sensor.
+    seed : int
+        Of a virtual one.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        sensor = _named(name, seed)
+        with sensor:
+            _Listening(pipe, sensor, name, seed).run()
+    except MidairError as wrong:
+        _say(pipe, "lost", error=str(wrong))
+    except (EOFError, OSError):
+        pass
+    finally:
+        with contextlib.suppress(OSError):
+            pipe.close()
+        os._exit(0)
+
+
+def _named(name: str, seed: int) -> SensorDevice:
+    made = sensor_named(name, VirtualRig(seed=seed))
+    if name.startswith("virtual:"):
+        return PacedSensor(StrokesAgain(made))
+    return PacedSensor(made) if made.on_demand else made
+
+
+class _Tap(SensorDevice):
+    """A sensor whose frames somebody else sees as well."""
+
+    def __init__(self, sensor: SensorDevice, pipe: Connection) -> None:
+        self._sensor, self._pipe = sensor, pipe
+        self.name, self.grid, self.rate, self.unit = sensor.name, sensor.grid, sensor.rate, sensor.unit
+        self.calibration, self.simulated, self.full_scale = sensor.calibration, sensor.simulated, sensor.full_scale
+        self.wiring, self.on_demand, self.stored = sensor.wiring, sensor.on_demand, sensor.stored
+        self._rest: NDArray[np.float64] | None = None
+
+    def open(self) -> None:
+        """Open already."""
+
+    def start(self) -> None:
+        """Start the sensor."""
+        self._sensor.start()
+
+    def read(self, frames: int) -> FrameBlock:
+        """Its frames, shown on the way."""
+        block = self._sensor.read(frames)
+        if len(block.samples):
+            rows = block.samples.reshape(len(block.samples), -1)
+            mean = rows.mean(axis=0)
+            # Traces are drawn around rest: a slow mean, so that an offset is no signal.
+            rest = self._rest = mean if self._rest is None else 0.99 * self._rest + 0.01 * mean
+            _say(self._pipe, "frames", first=block.first, rows=(rows - rest).astype(np.float32))
+        return block
+
+    def stop(self) -> None:
+        """Stop the sensor."""
+        self._sensor.stop()
+
+    def close(self) -> None:
+        """Closed by whoever opened it."""
+
+
+class _Listening:
+    """Orders, frames, takes."""
+
+    def __init__(self, pipe: Connection, sensor: SensorDevice, name: str, seed: int) -> None:
+        self._pipe, self._sensor, self._name, self._seed = pipe, sensor, name, seed
+        self._shown = 0.0
+        self._pending: list[Any] = []
+
+    def run(self) -> None:
+        """Listen; make the takes that are ordered."""
+        sensor = self._sensor
+        _say(
+            self._pipe,
+            "open",
+            sensor=sensor.name,
+            rate_hz=sensor.rate,
+            rows=sensor.grid.rows,
+            columns=sensor.grid.columns,
+            pitch_mm=1e3 * sensor.grid.pitch,
+            unit=sensor.unit,
+            full_scale=sensor.full_scale,
+            simulated=sensor.simulated,
+            calibrated=sensor.calibration is not None,
+        )
+        while True:
+            wish = self._wait()
+            if wish == "quit":
+                return
+            if wish == "taps":
+                self._taps()
+            elif isinstance(wish, TakeWish):
+                self._take(wish)
+
+    def _wait(self) -> Any:
+        """Show what the sensor says, until somebody orders something: a take that only waits, and is never begun."""
+        watcher = _Watching(self._pipe, self._sensor, idle=True)
+        nowhere = Path(os.devnull)
+        while watcher.wish is None:
+            try:
+                record_take(_Tap(self._sensor, self._pipe), TakePlan(path=nowhere, start="key", block=STEP), watcher)
+            except MidairError as wrong:
+                _say(self._pipe, "lost", error=str(wrong))
+                # A sensor that was pulled may come back.
+                if self._pipe.poll(1.0):
+                    return self._pipe.recv()
+        return watcher.wish
+
+    def _take(self, wish: TakeWish) -> None:
+        plan = TakePlan(
+            path=Path(wish.path),
+            start=wish.start,
+            duration=wish.duration,
+            level=wish.level,
+            pre_roll=wish.pre_roll,
+            post_roll=wish.post_roll,
+            notes=dict(wish.notes),
+            block=STEP,
+        )
+        watcher = _Watching(self._pipe, self._sensor)
+        try:
+            take = record_take(_Tap(self._sensor, self._pipe), plan, watcher)
+        except MidairError as wrong:
+            _say(self._pipe, "failed", error=str(wrong))
+            return
+        _say(self._pipe, "taken", **_told(take, self._sensor.rate))
+        if watcher.wish is not None:
+            self._pending.append(watcher.wish)
+
+    def _taps(self) -> None:
+        """Which channel is which cell, by taps; on a virtual sensor by the taps that it knows to make."""
+        sensor = self._sensor
+        try:
+            if self._name.startswith("virtual:"):
+                with sensor_named("virtual:taps", VirtualRig(seed=self._seed)) as tapped:
+                    found = identify_by_taps(tapped, TapTest(every=0.5), self._prompt)
+            else:
+                found = identify_by_taps(sensor, TapTest(), self._prompt)
+        except MidairError as wrong:
+            _say(self._pipe, "failed", error=str(wrong))
+            return
+        _say(
+            self._pipe,
+            "identified",
+            channel=[-1 if each is None else each for each in found.channel],
+            margin=[float(min(each, 99.0)) for each in found.margin],
+            dead=list(found.dead),
+            doubtful=list(found.doubtful),
+            findings=findings(found),
+            in_order=bool(found.in_order),
+        )
+
+    def _prompt(self, cell: int) -> None:
+        _say(self._pipe, "tap", cell=cell)
+
+
+class _Watching:
+    """Looks on at a take: orders in, levels and words out."""
+
+    def __init__(self, pipe: Connection, sensor: SensorDevice, *, idle: bool = False) -> None:
+        self._pipe, self._sensor, self._idle = pipe, sensor, idle
+        self._shown = 0.0
+        self.wish: Any = None
+
+    def order(self) -> TakeOrder | None:
+        """What was ordered since the last time."""
+        if not self._pipe.poll():
+            return None
+        said = self._pipe.recv()
+        if self._idle:
+            self.wish = said
+            return "quit"
+        if said == "toggle":
+            return "toggle"
+        self.wish = said
+        return "quit"
+
+    def show(self, view: View) -> None:
+        """Levels, fifteen times a second."""
+        now = time.monotonic()
+        if now - self._shown < 1 / 15:
+            return
+        self._shown = now
+        _say(
+            self._pipe,
+            "levels",
+            state="listening" if self._idle else view.state,
+            frames=view.frames,
+            wanted=view.wanted,
+            lost=view.lost,
+            drift_ppm=None if view.rate is None or not view.rate.certain else round(view.rate.ppm, 1),
+            **_levels(view.levels),
+        )
+
+    def tell(self, event: Event, drift: Drift | None = None) -> None:
+        """Something happened."""
+        said = told(event, self._sensor.rate, self._sensor.grid, drift)
+        _say(self._pipe, "event", event=event.kind, channel=event.channel, said=said)
+
+
+def _levels(levels: Levels) -> dict[str, Any]:
+    return {
+        "rms": np.round(levels.rms, 6).tolist(),
+        "peak": np.round(levels.peak, 6).tolist(),
+        "highest": np.round(levels.highest, 6).tolist(),
+        "clipped": levels.clipped.tolist(),
+        "dead": levels.dead.tolist(),
+        "stuck": levels.stuck.tolist(),
+    }
+
+
+def _told(take: Take, rate: float) -> dict[str, Any]:
+    return {
+        "path": "" if take.path is None else str(take.path),
+        "frames": take.frames,
+        "duration_s": take.frames / rate,
+        "lost": take.lost,
+        "end": take.end,
+        "problems": [list(row) for row in problems(take, rate)],
+    }
+
+
+def _say(pipe: Connection, kind: str, **said: Any) -> None:
+    pipe.send({"kind": kind, **said})

@@ -1,0 +1,104 @@
+"""The studio's server: loopback alone, one link on one line, a browser that opens it, silence at the end."""
+
+import os
+import socket
+import sys
+import tempfile
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+
+import uvicorn
+
+from midair.errors import DeviceError, InputError
+from midair.studio.application import Studio, StudioPlan
+from midair.studio.desk import LARGEST_ORDER
+
+
+def listen(port: int) -> socket.socket:
+    """A socket on the loopback interface; there is no option for any other.
+
+    Raises
+    ------
+    InputError
+        If the port is no port.
+    DeviceError
+        If it is taken.
+    """
+    if not 0 <= port < 65536:
+        raise InputError(f"--port: expected 0 (any that is free) to 65535, got {port}")
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    if sys.platform != "win32":
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind(("127.0.0.1", port))
+    except OSError as wrong:
+        listening.close()
+        raise DeviceError(f"--port {port}: expected a free port, got: {wrong.strerror}; leave --port out") from wrong
+    return listening
+
+
+def open_studio(
+    plan: StudioPlan, *, port: int = 0, browser: bool = True, say: Callable[[str], None] | None = None
+) -> None:
+    """Serve a studio until it is ended, by Ctrl-C or a signal.
+
+    Parameters
+    ----------
+    plan : StudioPlan
+        Folder and devices.
+    port : int
+        On which to listen; any that is free if 0.
+    browser : bool
+        Whether to open the link in the browser.
+    say : callable, optional
+        Takes the one line with the link; printed and flushed if None.
+
+    Raises
+    ------
+    InputError, DeviceError
+        As `listen`.
+    MissingFileError
+        If there is no such folder.
+    """
+    # One BLAS thread in every process that is started from here: several spin, and hold up the feed for seconds.
+    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    with listen(port) as listening, tempfile.TemporaryDirectory(prefix="midair-studio-") as samples:
+        studio = Studio(plan, Path(samples), listening.getsockname()[1])
+        config = uvicorn.Config(
+            studio.application(),
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            date_header=False,
+            ws="websockets-sansio",
+            ws_max_size=LARGEST_ORDER,
+            ws_per_message_deflate=False,
+            timeout_graceful_shutdown=2,
+            lifespan="on",
+        )
+        _Server(config, lambda: _announce(studio.keys.link(), browser, say)).run(sockets=[listening])
+
+
+def _announce(link: str, browser: bool, say: Callable[[str], None] | None) -> None:
+    if say is None:
+        sys.stdout.write(f"{link}\n")
+        sys.stdout.flush()
+    else:
+        say(link)
+    if browser:
+        webbrowser.open(link)
+
+
+class _Server(uvicorn.Server):
+    """Says the link when it answers, not before."""
+
+    def __init__(self, config: uvicorn.Config, ready: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._ready = ready
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Answer, then say so."""
+        await super().startup(sockets=sockets)
+        self._ready()

@@ -1,0 +1,98 @@
+"""Which takes there are: those of the studio's folder, and the samples that came along; and what belongs to each."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from midair.errors import InputError
+from midair.studio.one_folder import OneFolder
+from midair.studio.scenes import TakeScene
+
+SAMPLE = "sample:"
+"""Begins the name of a take that is no file of the folder's."""
+
+_ENDINGS = (".drive.h5", ".rerecorded.h5", ".calibration.h5", ".array.h5")
+"""Of files that are no takes."""
+
+
+@dataclass(frozen=True, slots=True)
+class TakesList:
+    """The studio's takes.
+
+    Attributes
+    ----------
+    folder : OneFolder
+        That the person opened.
+    samples : Path
+        Where the samples of this session are, and what was made of them; gone when the studio ends.
+    """
+
+    folder: OneFolder
+    samples: Path
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a take: samples last."""
+        own = [name for name in self.folder.names(".h5") if not name.endswith(_ENDINGS)]
+        own += [name for ending in (".csv", ".wav", ".npz") for name in self.folder.names(ending)]
+        samples = [SAMPLE + path.stem for path in self._sample_files()]
+        return [self._row(name) for name in [*own, *samples]]
+
+    def path(self, name: str) -> Path:
+        """The recording of a name.
+
+        Raises
+        ------
+        InputError
+            If the name leads elsewhere.
+        MissingFileError
+            If there is none.
+        """
+        if name.startswith(SAMPLE):
+            found = {SAMPLE + path.stem: path for path in self._sample_files()}
+            if name not in found:
+                raise InputError(f"take: expected one of {', '.join(found) or 'no samples yet'}, got {name[:80]!r}")
+            return found[name]
+        return self.folder.find(name)
+
+    def beside(self, name: str, ending: str) -> Path:
+        """A file that belongs to a take, whether it is there or not: its drive, its re-recording, its report."""
+        path = self.path(name)
+        return path.with_name(path.name.removesuffix(path.suffix) + ending)
+
+    def kept(self, name: str) -> Path:
+        """Where the pressures of a comparison are kept for this session."""
+        return self.samples / ("compared-" + name.replace(":", "-").replace("/", "-") + ".npz")
+
+    def part(self, name: str) -> str:
+        """Where the drive of the second that is in sight goes, until the whole one is there."""
+        return str(self.samples / ("in-sight-" + name.replace(":", "-").replace("/", "-") + ".drive.h5"))
+
+    def scene(self, name: str) -> TakeScene:
+        """Everything that the page shows of a take; the second in sight, where only that was solved anew."""
+        path, drive, kept = self.path(name), self.beside(name, ".drive.h5"), self.kept(name)
+        part = Path(self.part(name))
+        if part.exists():
+            drive = part
+        there = [each for each in (path, drive, kept) if each.exists()]
+        return TakeScene(
+            take=str(path),
+            drive=str(drive) if drive in there else "",
+            comparison=str(kept) if kept in there else "",
+            stamp="-".join(f"{each.stat().st_mtime_ns:x}" for each in there),
+        )
+
+    def _row(self, name: str) -> dict[str, Any]:
+        return {
+            "name": name,
+            "sample": name.startswith(SAMPLE),
+            "solved": self.beside(name, ".drive.h5").exists(),
+            "played": self.beside(name, ".rerecorded.h5").exists(),
+            "compared": self.kept(name).exists(),
+            "report": self.beside(name, ".report.html").exists(),
+            "stamp": self.scene(name).stamp,
+        }
+
+    def _sample_files(self) -> list[Path]:
+        order = {"towel": 0, "brush": 1, "sponge": 2}
+        files = [path for path in self.samples.glob("*.h5") if not path.name.endswith(_ENDINGS)]
+        return sorted((path for path in files if path.stem in order), key=lambda path: order[path.stem])

@@ -1,0 +1,122 @@
+/* The page: what is always on top, which room is shown, what its address says. */
+
+import { Link } from "/web/socket.js";
+import { TABLE, listen } from "/web/keys.js";
+import { make, toast, tried } from "/web/dom.js";
+import { Record } from "/web/room-record.js";
+import { Reproduce } from "/web/room-reproduce.js";
+import { Compare } from "/web/room-compare.js";
+import { jobsShown } from "/web/jobs.js";
+
+const ROOMS = { record: Record, reproduce: Reproduce, compare: Compare };
+const by = (id) => document.getElementById(id);
+const link = new Link();
+const main = by("main"), footer = by("transport");
+
+export const studio = {
+  link, main, footer,
+  room: null,
+  name: "",
+  /** Room, take and time as the address has them. */
+  get address() {
+    const [path, query = ""] = decodeURI(location.hash.slice(1)).split("?"), [room, ...rest] = path.split("/");
+    return { room: room in ROOMS ? room : "reproduce", take: rest.join("/"), time: Number(new URLSearchParams(query).get("t") ?? NaN) };
+  },
+  /** Put take and time into the address, without another step for Back. */
+  here(take, time) {
+    const query = Number.isFinite(time) ? `?t=${Number(time.toFixed(4))}` : "";
+    history.replaceState(null, "", `#${this.name}/${encodeURI(take)}${query}`);
+  },
+  go(room, take = "") { location.hash = take ? `${room}/${encodeURI(take)}` : room; },
+  code(title, commands, python) { showCode(title, commands, python); },
+};
+
+function show() {
+  const { room } = studio.address;
+  if (studio.name === room && studio.room) { studio.room.moved?.(studio.address); return; }
+  studio.room?.leave?.();
+  main.replaceChildren();
+  footer.replaceChildren();
+  footer.hidden = true;
+  studio.name = room;
+  for (const link of by("rooms").children) if (link.dataset.room === room) link.setAttribute("aria-current", "page"); else link.removeAttribute("aria-current");
+  document.title = `${room[0].toUpperCase()}${room.slice(1)} · midair studio`;
+  studio.room = new ROOMS[room](studio);
+}
+
+async function stop() {
+  by("stop").classList.add("pressed");
+  const began = performance.now();
+  try { await link.stop(); studio.silent = performance.now() - began; if (link.state.player?.state === "plays") toast("STOP: silent"); } catch { toast("STOP was not confirmed: run midair stop in a terminal, or switch the units off"); }
+  by("stop").classList.remove("pressed");
+}
+
+link.addEventListener("close", () => banner("The studio does not answer. Nothing plays. Is it still running in its terminal?"));
+link.addEventListener("open", () => { banner(""); studio.room?.reopened?.(); });
+
+function banner(words, ...buttons) {
+  const shown = by("banner");
+  shown.hidden = !words;
+  shown.replaceChildren(make("span", {}, words), ...buttons);
+}
+
+link.on("player", (player) => {
+  const pill = by("state-array"), plays = player.state === "plays";
+  pill.textContent = player.state === "failed" ? `array: ${player.said}` : player.state === "starts" || player.state === "opens" ? `${player.device} opens` : plays ? `${player.device} sounds` : player.device;
+  pill.title = player.count ? `${player.count} transducers; ${player.units}` : "";
+  pill.className = `pill ${plays ? "loud" : player.state === "ready" ? "on" : player.state === "failed" ? "bad" : ""}`;
+  by("simulated").hidden = !player.simulated;
+});
+link.on("record", (record) => {
+  const pill = by("state-sensor"), bad = record.state === "lost";
+  pill.textContent = bad ? `${record.sensor} lost` : record.sensor;
+  pill.title = record.about ? `${record.about.rate_hz} Hz, ${record.about.rows} × ${record.about.columns} cells` : "not open";
+  pill.className = `pill ${bad ? "bad" : record.state === "listening" || record.state === "recording" || record.state === "waiting" ? "on" : ""}`;
+});
+link.on("exposure", (found) => {
+  const ear = found.places.find((place) => place.name.includes("ear")) ?? found.places[0];
+  const loudest = Math.max(...found.places.filter((place) => place.name.includes("ear")).map((place) => place.peak_db), ear?.peak_db ?? 0);
+  by("state-ear").textContent = ear ? `ear ${loudest} / ${ear.limit_db} dB` : "ear: not checked";
+  by("state-ear").classList.toggle("bad", found.excess_db > 0);
+});
+link.on("control", (control) => {
+  document.body.classList.toggle("watching", !link.controls);
+  if (!link.page) return;
+  if (control.asking && link.controls) {
+    banner(`Page ${control.asking} asks for control.`,
+      make("button", { type: "button", onclick: () => tried(link.order("control", "give")) }, "Give it"),
+      make("button", { type: "button", onclick: () => tried(link.order("control", "refuse")) }, "Keep it"));
+  } else if (!link.controls) {
+    banner(control.holder ? "This page looks on: another page has control. STOP works here too." : "No page has control.",
+      make("button", { type: "button", id: "take-control", onclick: async () => { if ((await tried(link.order("control", "take"))) === false) toast("Something sounds: the other page was asked"); } }, "Take control"));
+  } else banner("");
+  studio.room?.control?.();
+});
+jobsShown(link);
+
+function dialogOf(id, title, ...children) {
+  const dialog = by(id);
+  dialog.replaceChildren(make("h2", { id: `${id}-title` }, title), ...children,
+    make("div.buttons", {}, make("button", { type: "button", onclick: () => dialog.close() }, "Close")));
+  dialog.showModal();
+  return dialog;
+}
+function help() {
+  dialogOf("help", "Keys", make("table", {}, make("tbody", {}, ...TABLE.map(([key, does]) => make("tr", {}, make("th", { scope: "row" }, key), make("td", {}, does))))));
+}
+function showCode(title, commands, python) {
+  const part = (name, text) => [make("h3", {}, name), make("pre", { tabIndex: 0 }, text), make("button", { type: "button", onclick: () => navigator.clipboard.writeText(text).then(() => toast("copied")) }, `Copy ${name.toLowerCase()}`)];
+  dialogOf("code", title, ...part("Commands", commands), ...part("Python", python));
+}
+
+by("stop").addEventListener("click", stop);
+listen({
+  stop, help,
+  room: (index) => { const name = Object.keys(ROOMS)[index]; if (name) studio.go(name); },
+  record: () => studio.room?.record?.(),
+  transport: () => studio.room?.transport,
+});
+addEventListener("hashchange", show);
+show();
+export { stop };
+globalThis.studio = studio; // for whoever looks with the browser's tools

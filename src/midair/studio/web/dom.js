@@ -1,0 +1,55 @@
+/* Elements by hand: text is always text, never markup. */
+
+/** make("button.main", {type: "button", onclick}, "Solve", ...) */
+export function make(what, properties = {}, ...children) {
+  const [tag, ...classes] = what.split("."), made = document.createElement(tag);
+  if (classes.length) made.className = classes.join(" ");
+  for (const [name, value] of Object.entries(properties)) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (name in made && !name.includes("-") && name !== "list" && name !== "form") made[name] = value;
+    else made.setAttribute(name, value === true ? "" : value);
+  }
+  made.append(...children.flat().filter((child) => child !== null && child !== undefined));
+  return made;
+}
+
+/** A panel with its title, what stands at its right, and its contents. */
+export function panel(title, aside, ...children) {
+  const right = aside instanceof Node ? aside : make("span", {}, aside ?? "");
+  const made = make("section.panel", {}, make("header", {}, make("h2", {}, title), right), ...children);
+  made.aside = right;
+  made.setAttribute("aria-label", title);
+  return made;
+}
+
+/** A label and what it belongs to. */
+export function field(label, control) {
+  control.id ||= `f-${++field.count}`;
+  return make("div.field", {}, make("label", { htmlFor: control.id }, label), control);
+}
+field.count = 0;
+
+/** A list to choose of: [[value, words], ...]. */
+export function choice(options, value, onchange) {
+  const made = make("select", { onchange }, ...options.map(([key, words]) => make("option", { value: key }, words)));
+  made.value = value;
+  return made;
+}
+
+/** Names and values. */
+export function rows(pairs) {
+  return make("dl.rows", {}, ...pairs.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, String(value))]));
+}
+
+/** A short word at the bottom of the page, read aloud too. */
+export function toast(words) {
+  const made = make("div.toast", {}, words);
+  document.getElementById("toasts").append(made);
+  setTimeout(() => made.remove(), 7000);
+}
+
+/** An order that tells what was in its way. */
+export async function tried(promise) {
+  try { return await promise; } catch (wrong) { toast(wrong instanceof AggregateError ? wrong.errors[0].message : wrong.message); return null; }
+}

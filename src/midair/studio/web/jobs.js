@@ -1,0 +1,44 @@
+/* Jobs at the edge of the page: a bar, frames a second, time left, an end at any moment. */
+
+import { make, tried } from "/web/dom.js";
+
+export function jobsShown(link) {
+  const aside = document.getElementById("jobs"), shown = new Map(), gone = new Set();
+  link.on("jobs", (jobs) => {
+    for (const job of jobs) {
+      if (gone.has(job.number)) continue;
+      const over = !["waits", "runs"].includes(job.state);
+      let entry = shown.get(job.number);
+      if (!entry) {
+        if (over) continue;
+        entry = build(link, job);
+        shown.set(job.number, entry);
+        aside.append(entry.root);
+      }
+      entry.tell(job);
+      if (over) {
+        shown.delete(job.number);
+        gone.add(job.number);
+        setTimeout(() => entry.root.remove(), job.state === "failed" ? 12000 : 2500);
+      }
+    }
+  });
+}
+
+function build(link, { number, title }) {
+  const bar = make("progress", { max: 1, "aria-label": title }), words = make("span.quiet"), state = make("span");
+  const cancel = make("button", { type: "button", "aria-label": `cancel: ${title}`, onclick: () => tried(link.order("jobs", "cancel", { number })) }, "Cancel");
+  const root = make("div.job", { role: "group", "aria-label": title }, make("div.row", {}, make("strong", {}, title), cancel), bar, make("div.row", {}, words, state));
+  return {
+    root,
+    tell(job) {
+      if (job.total && job.state === "runs") bar.value = job.done / job.total; else if (job.state === "done") bar.value = 1;
+      words.textContent = job.state === "failed" ? job.error : job.state === "waits" ? "waits its turn" : job.state === "runs" ? job.stage : job.state;
+      words.className = job.state === "failed" ? "bad" : "quiet";
+      state.textContent = job.state === "runs" && job.rate ? `${said(job.rate)}/s${job.left_s === null ? "" : `, ${said(job.left_s)} s left`}` : "";
+      cancel.hidden = !["waits", "runs"].includes(job.state);
+    },
+  };
+}
+
+const said = (value) => (value >= 10 ? Math.round(value) : Math.round(value * 10) / 10);

@@ -1,0 +1,24 @@
+/* The keyboard: Esc is STOP everywhere; letters act outside text fields only, and nothing that sounds hangs on one. */
+
+export const TABLE = [
+  ["Esc", "STOP, everywhere, in text fields too"], ["Space", "play, pause"], ["J K L", "slower or back, stop, faster"],
+  ["1 2 3", "full speed, 1/10, 1/100"], [", .", "one frame back, on; with Shift ten; repeats while held"], ["Home End", "to the start, to the end"],
+  ["I O \\", "loop from here, to here, on or off"], ["M, Shift M", "mark, next mark"], ["R", "record, stop"],
+  ["arrows", "channel and frame; on a map: the cell"], ["F P", "magnitude, phase"], ["+ - 0", "time zoom, all"],
+  ["Alt 1 … 6", "rooms"], ["?", "this table"],
+];
+
+/** `acts`: {stop(), room(index), help(), record(), transport()}. */
+export function listen(acts) {
+  addEventListener("keydown", (event) => {
+    if (event.key === "Escape") { acts.stop(); return; } // dialogs close by it as well
+    if (event.altKey && /^[1-6]$/.test(event.key)) { event.preventDefault(); acts.room(Number(event.key) - 1); return; }
+    if (event.ctrlKey || event.metaKey || event.altKey || event.isComposing) return;
+    const { target } = event, within = target.closest?.("input, select, textarea, [contenteditable], dialog");
+    if (within) return;
+    if (event.key === " " && target.closest?.("button, a")) return; // the button's own key
+    if (event.key === "?") { event.preventDefault(); acts.help(); return; }
+    if (event.key.toLowerCase() === "r" && !event.repeat) { acts.record(); return; }
+    if (acts.transport()?.press(event)) event.preventDefault();
+  }, true);
+}

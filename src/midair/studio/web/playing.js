@@ -1,0 +1,61 @@
+/* Before anything sounds: what it exposes people to, what can be done about it, and a button that has to be held. */
+
+import { choice, field, make, tried } from "/web/dom.js";
+
+const HOLD = 600; // ms
+
+export function askToPlay(studio, take) {
+  const { link } = studio, dialog = document.getElementById("exposure"), given = { take, attenuate: false, override: "", repeats: 1 };
+  const verdict = make("p", { role: "status" }, "checking …"), table = make("table"), refused = make("div.column");
+  const hold = make("button.main.hold", { type: "button", disabled: true, id: "hold" }, "Hold to play");
+  const done = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "played" });
+  const repeats = make("input", { type: "number", min: 1, max: 100, value: "1", onchange: () => { given.repeats = Math.max(1, Math.min(100, Number(repeats.value) || 1)); check(); } });
+  let admission = 0, timer = 0;
+  dialog.replaceChildren(make("h2", { id: "exposure-title" }, `Play ${take.replace(/^sample:/, "").replace(/\.h5$/, "")} on ${link.state.player.device === "virtual" ? "the virtual array" : link.state.player.device}`), verdict, table, field("Times", repeats), refused,
+    make("div.buttons", {}, hold, make("button", { type: "button", onclick: () => dialog.close() }, "Close")), done,
+    make("p.quiet", {}, "It sounds while this page is in sight, half a second longer at most. Esc, STOP, or any other page of the studio silences it."));
+
+  async function check() {
+    hold.disabled = true;
+    const found = await tried(link.order("play", "check", given));
+    if (!found) { verdict.textContent = "it could not be checked"; return; }
+    admission = found.number;
+    verdict.textContent = found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. It may be played here, where no sound can come out.` : found.refused || found.verdict;
+    verdict.className = found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good";
+    table.replaceChildren(make("thead", {}, make("tr", {}, ...["place", "loudest frame", "limit"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
+      make("tbody", {}, ...found.places.map((place) => make("tr", {}, make("td", {}, place.name + (place.enforced ? "" : " (advice)")), make("td.number", {}, `${place.peak_db} dB`), make("td.number", {}, `${place.limit_db} dB`)))));
+    hold.disabled = !admission || !link.controls;
+    refused.replaceChildren();
+    if (!found.refused) return;
+    const name = make("input", { type: "text", autocomplete: "off", placeholder: "your name" });
+    refused.append(make("div.buttons", {}, make("button", { type: "button", onclick: () => { given.attenuate = true; given.override = ""; check(); } }, "Attenuate until it keeps the profile")),
+      field("Or answer for it yourself", name),
+      make("div.buttons", {}, make("button", { type: "button", onclick: () => { if (name.value.trim()) { given.override = name.value; given.attenuate = false; check(); } else name.focus(); } }, "I answer for playing it above the profile")));
+  }
+  function press() {
+    if (hold.disabled || timer) return;
+    hold.classList.add("held");
+    timer = setTimeout(() => { release(); play(); }, HOLD);
+  }
+  function release() { hold.classList.remove("held"); clearTimeout(timer); timer = 0; }
+  async function play() {
+    hold.disabled = true;
+    done.hidden = false;
+    const off = link.on("player", (player) => { done.value = player.total ? player.done / player.total : 0; });
+    const report = await tried(link.order("play", "play", { admission }));
+    off();
+    done.hidden = true;
+    verdict.textContent = report ? (report.output ? `played, and re-recorded as ${report.output}` : `played ${report.frames} frames, ${report.late ?? 0} late`) : link.state.player.said;
+    verdict.className = report ? "good" : "bad";
+    if (report?.output) hold.parentElement.append(make("button", { type: "button", id: "to-compare", onclick: () => { dialog.close(); studio.go("compare", take); } }, "Compare"));
+    if (dialog.open) { given.override = ""; setTimeout(() => { if (dialog.open && !report) check(); }, 300); }
+  }
+  hold.addEventListener("pointerdown", press);
+  for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"]) hold.addEventListener(name, release);
+  hold.addEventListener("keydown", (event) => { if ((event.key === " " || event.key === "Enter") && !event.repeat) { event.preventDefault(); press(); } });
+  hold.addEventListener("keyup", release);
+  // Behind the dialog nothing moves: the page has to say that it is alive, and its word comes from the same thread.
+  studio.room?.transport?.pause();
+  dialog.showModal();
+  check();
+}

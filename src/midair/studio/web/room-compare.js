@@ -1,0 +1,133 @@
+/* Compare: the original over what came back, what differs, what skin makes of it, and a correction to apply. */
+
+import { Track, TracesPicture, OverviewPicture } from "/web/view.js";
+import { Transport, controls } from "/web/transport.js";
+import { make, panel, rows, tried } from "/web/dom.js";
+import { sections } from "/web/take.js";
+
+export class Compare {
+  constructor(studio) {
+    this.studio = studio;
+    this.link = studio.link;
+    this.name = studio.address.take;
+    this._build();
+    this._offs = [this.link.on("takes", () => this._takes()), this.link.on("comparisons", () => this._takes()), this.link.on("jobs", () => this.control())];
+  }
+  leave() { this.left = true; for (const off of this._offs) off(); this._close(); }
+  moved({ take }) { if (take && take !== this.name) { this.name = take; this.found = null; this._takes(); } }
+  get transport() { return this._transport ?? null; }
+  _build() {
+    this.list = make("ul.takes");
+    this.compare = make("button", { type: "button", onclick: () => tried(this.link.order("compare", "compare", { take: this.name })) }, "Compare again");
+    this.report = make("button", { type: "button", id: "report", title: "the whole loop on the virtual rig, with a correction: solve, play, re-record, correct, compare", onclick: () => tried(this.link.order("compare", "report", { take: this.name, method: "live", level: "auto" })) }, "Make the report");
+    this.apply = make("button.main", { type: "button", onclick: () => this._apply() }, "Apply");
+    this.shown = make("a", { target: "_blank", rel: "noopener", hidden: true, id: "to-report" }, "Open the report");
+    this.suggested = make("div");
+    this.traces = make("div.box");
+    this.spectrum = make("div.box");
+    this.card = make("div.card");
+    this.tracesPanel = panel("Cells, Pa", make("span.legend", {}, make("span", {}, "original"), make("span", {}, "re-recorded")), this.traces);
+    this.spectrumPanel = panel("Spectrum", "", this.spectrum);
+    this.studio.main.append(make("div.compare", {},
+      make("div.column.left", {}, Object.assign(panel("Takes", null, this.list), { className: "panel grow" }),
+        panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)), panel("Report", null, make("div.buttons", {}, this.compare, this.report), this.shown)),
+      make("div.middle", {}, this.tracesPanel, this.spectrumPanel),
+      panel("What differs", null, this.card)));
+  }
+  control() {
+    const row = this.link.state.takes?.find((each) => each.name === this.name), controls = this.link.controls;
+    this.compare.disabled = !controls || !row?.played;
+    this.report.disabled = !controls || !row;
+    this.apply.disabled = !controls || !this.found?.suggested_gain;
+    this.shown.hidden = !row?.report;
+    this.shown.href = row?.sample ? `/file/${encodeURI(this.name)}.report.html` : `/file/${encodeURI(this.name.replace(/\.\w+$/, ""))}.report.html`;
+  }
+  _takes() {
+    const takes = this.link.state.takes ?? [];
+    this.name ||= (takes.find((row) => row.compared) ?? takes.find((row) => row.played) ?? takes[0])?.name ?? "";
+    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#compare/${encodeURI(row.name)}`, "aria-current": row.name === this.name ? "true" : null },
+      make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.compared ? "compared" : row.played ? "played" : "")))));
+    const found = this.link.state.comparisons?.[this.name];
+    if (found && found !== this.found) this._show(found);
+    if (!found) { this.found = null; this._close(); this._empty(takes.find((row) => row.name === this.name)); }
+    this.control();
+  }
+  _empty(row) {
+    const words = !row ? "no takes yet" : row.played ? "not compared in this session: press Compare again" : row.solved ? "play it first, in Reproduce: what the sensor hears is compared here" : "solve it first, then play it, in Reproduce";
+    this.traces.replaceChildren(make("div.nothing", {}, words));
+    this.spectrum.replaceChildren(make("div.nothing", {}, ""));
+    this.card.replaceChildren(make("p.quiet", {}, words));
+    this.suggested.replaceChildren(make("span.quiet", {}, "comes with a comparison"));
+  }
+  async _show(found) {
+    this.found = found;
+    this._close();
+    this.card.replaceChildren(...(found.simulated ? [make("p", {}, make("strong.simulated", {}, "SIMULATED"))] : []), rows(found.figures),
+      ...(found.verdict ? [make("h3", {}, found.verdict)] : []),
+      ...found.card.map(([name, value, meaning]) => make("div", {}, make("h3", {}, `${name}: ${value}`), make("p.quiet", {}, meaning))));
+    this.suggested.replaceChildren(rows([["gain now", found.gain.toPrecision(3)], ["came back", `${found.measured_gain.toPrecision(3)} of it`], ["suggested", found.suggested_gain ?? "none"]]));
+    const track = (name, label) => new Track({ rate: found.rate_hz, capacity: found.frames, unit: "Pa", name, label });
+    const tracks = { original: track("original", "original"), again: track("again", "re-recorded") };
+    const transport = (this._transport = new Transport({ frames: found.frames, rate: found.rate_hz }));
+    transport.channels = found.channel_correlation.length;
+    transport.channel = found.spectrum.channel;
+    transport.span = transport.whole = Math.min(0.5, found.frames / found.rate_hz);
+    this.traces.replaceChildren();
+    this.spectrum.replaceChildren();
+    const { footer } = this.studio, overview = make("div.box"), bar = make("div.row"), seek = (frame) => transport.seek(frame);
+    footer.replaceChildren(overview, bar);
+    footer.hidden = false;
+    controls(transport, bar);
+    this.pictures = [new TracesPicture(this.traces, { label: "Original and re-recorded", track: tracks.original, over: tracks.again, choose: (channel) => transport.set({ channel }), seek }),
+      new OverviewPicture(overview, { label: "The whole take", track: tracks.original, seek, frames: found.frames })];
+    this._spectrum(found.spectrum);
+    transport.run((state) => { for (const picture of this.pictures) picture.draw(state); });
+    for (let second = 0; second * found.rate_hz < found.frames; second++)
+      for (const name of ["original", "again"])
+        for (const section of (await tried(sections(name, this.name, second))) ?? []) { tracks[name].add(section); transport.set({}); }
+    this.control();
+  }
+  _spectrum({ frequency, db, channel }) {
+    const canvas = make("canvas", { role: "img", tabIndex: 0 }), box = this.spectrum;
+    canvas.setAttribute("aria-label", `Spectrum of channel ${channel}, original and re-recorded, 10 to ${Math.round(frequency.at(-1))} Hz`);
+    Object.assign(canvas.style, { position: "absolute", inset: 0, width: "100%", height: "100%" });
+    box.append(canvas);
+    this.spectrumPanel.aside.textContent = `channel ${channel}, the strongest; dB re 1 Pa²/Hz`;
+    const top = Math.max(...db.flat()), bottom = top - 60;
+    const draw = () => {
+      const ratio = devicePixelRatio || 1, w = (canvas.width = box.clientWidth * ratio), h = (canvas.height = box.clientHeight * ratio), pen = canvas.getContext("2d"), style = getComputedStyle(box), ink = (name) => style.getPropertyValue(name);
+      const left = 38 * ratio, base = h - 20 * ratio, x = (f) => left + ((f - frequency[0]) / (frequency.at(-1) - frequency[0])) * (w - left - 8 * ratio), y = (level) => ((top + 3 - level) / (top + 3 - bottom)) * base;
+      pen.clearRect(0, 0, w, h);
+      pen.font = `${11 * ratio}px system-ui, sans-serif`;
+      pen.fillStyle = ink("--view-quiet");
+      pen.strokeStyle = ink("--view-line");
+      pen.lineWidth = ratio / 2;
+      for (let f = 0; f <= frequency.at(-1); f += 100) { if (f < frequency[0]) continue; pen.beginPath(); pen.moveTo(x(f), 0); pen.lineTo(x(f), base); pen.stroke(); pen.textAlign = "center"; pen.fillText(`${f}${f + 100 > frequency.at(-1) ? " Hz" : ""}`, Math.min(x(f), w - 18 * ratio), h - 5 * ratio); }
+      for (let level = Math.ceil(bottom / 20) * 20; level < top; level += 20) { pen.beginPath(); pen.moveTo(left, y(level)); pen.lineTo(w, y(level)); pen.stroke(); pen.textAlign = "right"; pen.fillText(`${level} dB`, left - 3 * ratio, y(level) + 4 * ratio); }
+      db.forEach((levels, i) => {
+        pen.strokeStyle = ink(i ? "--view-second" : "--view-trace");
+        pen.lineWidth = (i ? 2.2 : 1.4) * ratio;
+        pen.setLineDash(i ? [6 * ratio, 3 * ratio] : []);
+        pen.beginPath();
+        levels.forEach((level, k) => { const at = [x(frequency[k]), y(Math.max(bottom, level))]; if (k) pen.lineTo(...at); else pen.moveTo(...at); });
+        pen.stroke();
+      });
+      pen.setLineDash([]);
+    };
+    this._watch = new ResizeObserver(draw);
+    this._watch.observe(box);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw, { once: true });
+  }
+  async _apply() {
+    const gain = this.found.suggested_gain;
+    if (await tried(this.link.order("reproduce", "solve", { take: this.name, method: "live", level: "auto", gain }))) this.studio.go("reproduce", this.name);
+  }
+  _close() {
+    this._watch?.disconnect();
+    this._transport?.stop();
+    this._transport = null;
+    for (const picture of this.pictures ?? []) picture.remove();
+    this.pictures = [];
+    this.studio.footer.hidden = true;
+  }
+}

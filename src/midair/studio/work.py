@@ -1,0 +1,215 @@
+"""What the worker process does for the rooms: solve, compare, report, make samples. Orders are plain, results too."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from midair.errors import InputError, ShapeError
+from midair.evaluate import compare, heard_perfectly, perceptual_card
+from midair.files import load_solution, open_take, save_solutions
+from midair.flow import felt, lead_of, reproduce_parts
+from midair.headroom import level_of
+from midair.model import PressureFrames, Progress
+from midair.rig import array_of_kind, loop, record, write_report
+from midair.settings import CHOICES, MODES, Mode, Settings, spelt
+from midair.studio.jobs import Progressed
+from midair.targets import led_in, without_lead
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolveWish:
+    """What to solve, how, and where to.
+
+    Attributes
+    ----------
+    take, drive : str
+        Paths of the recording, and of the drive to make.
+    mode : {"paper", "best", "quick", ...}
+    choices : tuple of pairs
+        Name of a choice of the settings, and its value, over the mode's.
+    start, duration : float or None
+        Which part, in s; all of it if there is no duration.
+    """
+
+    take: str
+    drive: str
+    mode: Mode = "paper"
+    choices: tuple[tuple[str, Any], ...] = ()
+    start: float = 0.0
+    duration: float | None = None
+
+
+def settings_of(order: SolveWish) -> Settings:
+    """The settings of an order.
+
+    Raises
+    ------
+    InputError
+        If a choice is unknown, or its value out of range.
+    """
+    settings = MODES[order.mode]()
+    known = {choice.name: choice for choice in CHOICES}
+    for name, value in order.choices:
+        if name not in known:
+            raise InputError(f"{name}: expected one of {', '.join(known)}")
+        settings = known[name].put(settings, value)
+    return settings
+
+
+def solve_take(order: SolveWish, progress: Progressed) -> dict[str, Any]:
+    """Solve a take into a drive's file; how well it is met."""
+    settings, take = settings_of(order), open_take(order.take)
+    progress("reading the take", 0, 1)
+    pressure = felt(take.recording, take.calibration, settings)
+    if order.duration is not None:
+        pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
+    led, array = led_in(pressure, lead_of(settings)), array_of_kind("autd3")
+    target, parts = reproduce_parts(led, array, settings, progress=_stage("solving", progress))
+    save_solutions(parts, Path(order.drive), frames=target.frames, target=target)
+    solution = load_solution(order.drive)
+    level, plays = level_of(solution, target, band=settings.calibration.band), solution.plays
+    error = solution.error[plays]
+    return {
+        "drive": order.drive,
+        "frames": target.frames,
+        "rate_hz": target.rate,
+        "error_mean": float(error.mean()) if len(error) else 0.0,
+        "error_worst": float(error.max()) if len(error) else 0.0,
+        "level": [list(row) for row in level.rows()],
+    }
+
+
+def compare_takes(order: tuple[str, str, str], progress: Progressed) -> dict[str, Any]:
+    """A re-recording against its original: figures, what skin makes of it, and a gain that would mend the level."""
+    original, again, kept = order
+    progress("comparing", 0, 3)
+    before, after, settings = brought_together(original, again)
+    progress("comparing", 1, 3)
+    found = compare(before, after)
+    try:
+        card = perceptual_card(before, after)
+        verdict, rows = (
+            card.verdict(),
+            [[each.name, _figure(each.overall, each.unit), each.meaning] for each in card.figures],
+        )
+    except ShapeError:
+        verdict, rows = "", []
+    progress("comparing", 2, 3)
+    partial = Path(kept).with_suffix(".partial.npz")
+    np.savez(partial, rate=before.rate, original=before.pressure, again=after.pressure)
+    partial.replace(kept)
+    spectrum = _spectra(before, after)
+    gain = settings.target.gain / found.gain if found.gain > 0.05 else None
+    return {
+        "kept": kept,
+        "simulated": found.simulated,
+        "figures": [[name, _figure(value, unit)] for name, (value, unit) in found.figures().items()],
+        "verdict": verdict,
+        "card": rows,
+        "channel_correlation": np.round(found.channel_correlation, 3).ravel().tolist(),
+        "rate_hz": before.rate,
+        "frames": before.frames,
+        "spectrum": spectrum,
+        "gain": settings.target.gain,
+        "suggested_gain": None if gain is None else float(f"{gain:.4g}"),
+        "measured_gain": float(found.gain),
+    }
+
+
+def brought_together(original: str, again: str) -> tuple[PressureFrames, PressureFrames, Settings]:
+    """The part of an original that was played, and what was felt of it, its lead left out; and how it was made.
+
+    What was played is compared as a perfect rig would give it back: through the band once more.
+    """
+    take = open_take(again)
+    provenance = take.recording.provenance
+    settings = Settings.of(provenance) or Settings()
+    source = open_take(original)
+    before = felt(source.recording, source.calibration, settings)
+    cut = next((step.settings for step in reversed(provenance.steps) if step.stage == "cut"), {})
+    start, duration = cut.get("start_s"), cut.get("duration_s")
+    if isinstance(start, int | float) and isinstance(duration, int | float):
+        before = before.cut(float(start), float(duration))
+    lead = next((step.settings["lead_s"] for step in provenance.steps if step.stage == "lead"), 0.0)
+    asked = led_in(before, float(lead) if isinstance(lead, int | float) else 0.0)
+    virtual = take.calibration is not None and take.calibration.provenance.simulated
+    heard = felt(take.recording, take.calibration, settings, from_rest=virtual)
+    first = (asked.frames - before.frames) // 2
+    reference = without_lead(heard_perfectly(asked), before.frames)
+    return reference, replace(heard, pressure=heard.pressure[first : first + before.frames]), settings
+
+
+def report_loop(order: tuple[SolveWish, str], progress: Progressed) -> dict[str, Any]:
+    """Solve, play, re-record, correct, compare on the virtual rig, and write the report of it."""
+    solve, path = order
+    settings, take = settings_of(solve), open_take(solve.take)
+    pressure = felt(take.recording, take.calibration, settings)
+    made = loop(pressure, settings, "virtual", stage=lambda name: _stage(name, progress))
+    progress("drawing the report", 0, 1)
+    commands = (f"midair loop {Path(solve.take).name}",)
+    write_report(made, Path(path), commands=commands)
+    last = made.passes[-1].comparison
+    return {"report": Path(path).name, "figures": [[n, _figure(v, u)] for n, (v, u) in last.figures().items()]}
+
+
+def make_samples(order: str, progress: Progressed) -> list[str]:
+    """Strokes of the virtual sensor, recorded into a folder; what is there already is kept."""
+    folder, made = Path(order), list[str]()
+    for number, thing in enumerate(("towel", "brush", "sponge")):
+        path = folder / f"{thing}.h5"
+        if not path.exists():
+            record(f"virtual:{thing}", 1.6, path=path, notes={"object": thing, "surface": "flat"}, seed=1)
+        made.append(path.name)
+        progress("making samples", number + 1, 3)
+    return made
+
+
+def settings_form() -> list[dict[str, Any]]:
+    """The choices that the page offers, with their values in each mode, for people."""
+    offered = ("mapping", "method", "gain", "height", "guard", "level", "points")
+    return [
+        {
+            "name": choice.name,
+            "help": choice.help,
+            "unit": choice.unit,
+            "values": {mode: spelt(choice.of(make()), choice.unit) for mode, make in MODES.items()},
+        }
+        for choice in CHOICES
+        if choice.name in offered
+    ]
+
+
+def _spectra(before: PressureFrames, after: PressureFrames) -> dict[str, Any]:
+    """Power spectra of the strongest cell, original and again, in dB re 1 Pa2/Hz."""
+    from midair.dsp import welch
+
+    rms = np.sqrt((before.pressure**2).mean(axis=0))
+    row, column = np.unravel_index(int(rms.argmax()), rms.shape)
+    frames = min(before.frames, after.frames)
+    found = [welch(np.asarray(each.pressure[:frames, row, column]), before.rate) for each in (before, after)]
+    frequency = found[0][0]
+    kept = (frequency >= 10) & (frequency <= before.rate / 2)
+    said = [np.round(10 * np.log10(power[kept] + 1e-9), 2).ravel().tolist() for _, power in found]
+    return {"channel": int(row * before.sensor.columns + column), "frequency": frequency[kept].tolist(), "db": said}
+
+
+def _figure(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}".rstrip()
+
+
+def _stage(name: str, progress: Progressed) -> Progress:
+    def tell(done: int, total: int) -> None:
+        progress(name, done, total)
+
+    return tell
+
+
+def warm_up() -> None:
+    """Load what solving needs, so that the first order does not wait for it."""
+    import importlib
+    from contextlib import suppress
+
+    with suppress(ImportError):
+        importlib.import_module("numba")

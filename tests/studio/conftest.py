@@ -1,0 +1,119 @@
+"""A studio in its own process, and pages that look at it."""
+
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+
+
+class Opened:
+    """A studio that runs.
+
+    Attributes
+    ----------
+    process : subprocess.Popen
+    link : str
+        That it printed.
+    folder : Path
+    """
+
+    def __init__(self, folder, state, *words):
+        self.folder = folder
+        command = [sys.executable, "-m", "midair", "studio", str(folder), "--no-browser", *words]
+        began = time.monotonic()
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, text=True, env={**os.environ, "MIDAIR_STATE": str(state)}
+        )
+        self.link = self.process.stdout.readline().strip()
+        self.took = time.monotonic() - began
+        self.root = self.link.partition("/enter")[0]
+
+    def close(self):
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(15)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+        self.process.stdout.close()
+
+
+@pytest.fixture
+def studio_at(tmp_path):
+    """Opens studios, and ends them."""
+    made = []
+
+    def open_studio(*words):
+        folder = tmp_path / f"folder-{len(made)}"
+        folder.mkdir()
+        made.append(Opened(folder, tmp_path / "state", *words))
+        assert made[-1].link.startswith("http://127.0.0.1:"), "one line with the link, flushed"
+        return made[-1]
+
+    yield open_studio
+    for each in made:
+        each.close()
+
+
+class Look:
+    """A page, what it complained of, and patience: our policy forbids Playwright's own predicates of text."""
+
+    def __init__(self, page, root):
+        self.page, self.wrong, self.elsewhere = page, [], []
+        page.on("console", lambda said: self.wrong.append(said.text) if said.type == "error" else None)
+        page.on("pageerror", lambda wrong: self.wrong.append(str(wrong)))
+        page.on("request", lambda asked: self._asked(asked.url, root))
+
+    def _asked(self, url, root):
+        if not url.startswith((root, "http://127.0.0.1:", "ws://127.0.0.1:", "data:", "blob:")):
+            self.elsewhere.append(url)
+
+    def until(self, script, *, timeout=60.0):
+        """What a script gives, as soon as it is true."""
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            try:
+                if found := self.page.evaluate(script):
+                    return found
+            except Exception as wrong:
+                if "destroyed" not in str(wrong) and "not defined" not in str(wrong):
+                    raise
+            time.sleep(0.05)
+        state = self.page.evaluate("JSON.stringify(globalThis.studio?.link.state ?? {}).slice(0, 3000)")
+        raise AssertionError(f"{script}: not within {timeout} s; {state}; {self.wrong}")
+
+    def go(self, address):
+        """Another room."""
+        self.page.evaluate(f"location.hash = {address!r}")
+
+    def hold_to_play(self):
+        """Hold the button that arms."""
+        self.until("!document.querySelector('#hold').disabled")
+        box = self.page.locator("#hold").bounding_box()
+        self.page.mouse.move(box["x"] + 8, box["y"] + 8)
+        self.page.mouse.down()
+        self.until("!document.querySelector('#hold.held')", timeout=5)
+        self.page.mouse.up()
+
+
+@pytest.fixture
+def look(chromium):
+    """Opens pages on a studio."""
+    contexts = []
+
+    def open_page(studio, *, link=None, context=None, **how):
+        how = {"viewport": {"width": 1280, "height": 800}} | how
+        if context is None:
+            context = chromium.new_context(**how)
+            contexts.append(context)
+        seen = Look(context.new_page(), studio.root)
+        seen.page.goto(link or studio.link)
+        seen.until("globalThis.studio?.link?.page > 0")
+        return seen
+
+    yield open_page
+    for context in contexts:
+        context.close()

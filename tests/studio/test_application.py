@@ -1,0 +1,230 @@
+"""The application without its processes: what it answers, and what it refuses."""
+
+import json
+import warnings
+
+import numpy as np
+import pytest
+from starlette.websockets import WebSocketDisconnect
+
+from midair.datasets import stroke
+from midair.files import save
+from midair.model import Provenance, Recording
+from midair.studio import Studio, StudioPlan
+
+with warnings.catch_warnings():
+    # Starlette would rather have another client library, which is not needed otherwise.
+    warnings.simplefilter("ignore")
+    from starlette.testclient import TestClient
+
+PORT = 8345
+ROOT = f"http://127.0.0.1:{PORT}"
+SOCKET = f"ws://127.0.0.1:{PORT}/socket"
+
+
+@pytest.fixture
+def studio(tmp_path):
+    folder, samples = tmp_path / "folder", tmp_path / "samples"
+    folder.mkdir()
+    samples.mkdir()
+    frames = stroke("towel", duration=0.2)
+    save(
+        Recording(
+            samples=frames.pressure,
+            rate=frames.rate,
+            sensor=frames.sensor,
+            unit="Pa",
+            provenance=Provenance(source="x"),
+        ),
+        folder / "towel.h5",
+    )
+    made = Studio(StudioPlan(folder=folder), samples, PORT)
+    yield made
+    made.playing.close()
+    made.jobs.close()
+
+
+@pytest.fixture
+def client(studio):
+    client = TestClient(studio.application(), base_url=ROOT)
+    client.cookies.set(studio.keys.cookie, studio.keys.session)
+    return client
+
+
+class Talk:
+    """A page that says what it likes."""
+
+    def __init__(self, socket):
+        self.socket, self.number = socket, 0
+        self.state = json.loads(socket.receive_text())
+
+    @property
+    def page(self):
+        return self.state["page"]
+
+    def order(self, room, order, **given):
+        self.number += 1
+        return self.say({"id": self.number, "room": room, "order": order, "with": given})
+
+    def say(self, said):
+        self.socket.send_text(json.dumps(said))
+        while True:
+            answer = json.loads(self.socket.receive_text())
+            if "set" in answer:
+                self.state["whole"] |= answer["set"]
+            elif answer.get("id") == said.get("id", 0):
+                return answer
+
+
+@pytest.fixture
+def talk(client):
+    with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
+        yield Talk(socket)
+
+
+def test_the_page_and_all_its_files_come_from_here(client):
+    page = client.get("/")
+    assert page.status_code == 200
+    assert "midair studio" in page.text
+    for name in ("app.js", "style.css", "view.js", "transport.js", "room-record.js", "icon.svg"):
+        assert client.get(f"/web/{name}").status_code == 200, name
+    assert client.get("/web/view.js").headers["content-type"].startswith("text/javascript")
+    assert len(client.get("/colours/inferno").content) == 768
+    for name in ("/web/nothing.js", "/web/..%2fapp.py", "/colours/../../x", "/colours/hot"):
+        assert client.get(name).status_code == 404
+
+
+def test_all_that_a_page_loads_is_small():
+    from midair.studio.application import OWN
+    from midair.view import WEB
+
+    assert sum(path.stat().st_size for folder in (OWN, WEB) for path in folder.iterdir()) < 180_000
+
+
+def test_whoever_has_no_cookie_gets_nothing(studio):
+    client = TestClient(studio.application(), base_url=ROOT)
+    for path in ("/", "/web/app.js", "/file/towel.h5", "/frames/samples/0?take=towel.h5"):
+        assert client.get(path).status_code == 403
+    with pytest.raises(WebSocketDisconnect), client.websocket_connect(SOCKET, headers={"origin": ROOT}):
+        pass
+
+
+@pytest.mark.parametrize("name", ["../secret", "%2e%2e/secret", "/etc/passwd", "a%00b", "nothing.h5", "C:x", "..%5cx"])
+def test_files_outside_of_the_folder_are_not_given(client, studio, name):
+    (studio.folder.path.parent / "secret").write_text("secret")
+    answer = client.get(f"/file/{name}")
+    assert answer.status_code == 404
+    assert "secret\n" not in answer.text
+
+
+def test_a_file_is_given_to_be_kept_and_a_report_as_a_page_that_can_do_nothing(client, studio):
+    (studio.folder.path / "towel.report.html").write_text("<script>alert(1)</script>")
+    kept = client.get("/file/towel.h5")
+    assert kept.headers["content-disposition"] == "attachment"
+    report = client.get("/file/towel.report.html")
+    assert "sandbox" in report.headers["content-security-policy"]
+    assert "script-src" not in report.headers["content-security-policy"]
+
+
+def test_the_first_thing_a_page_hears_is_everything(talk):
+    whole = talk.state["whole"]
+    assert whole["takes"][0]["name"] == "towel.h5"
+    assert whole["studio"]["stop_port"] > 0
+    assert whole["player"]["state"] == "starts"
+
+
+REFUSED = {
+    "unknown room": ({"room": "nowhere", "order": "open"}, "that this studio knows"),
+    "unknown order": ({"room": "play", "order": "louder"}, "that this studio knows"),
+    "no room": ({"order": "open"}, "room"),
+    "too much": ({"room": "play", "order": "stop", "more": 1}, "more"),
+    "wrong type": ({"room": "play", "order": "play", "with": {"admission": "x"}}, "admission"),
+    "unknown field": ({"room": "play", "order": "stop", "with": {"x": 1}}, "x"),
+    "a take elsewhere": ({"room": "reproduce", "order": "solve", "with": {"take": "../x.h5"}}, "leads out"),
+    "no such take": ({"room": "reproduce", "order": "solve", "with": {"take": "x.h5"}}, "found none"),
+    "a gain of nothing": ({"room": "reproduce", "order": "solve", "with": {"take": "towel.h5", "gain": 0}}, "gain"),
+    "a mode": ({"room": "reproduce", "order": "solve", "with": {"take": "towel.h5", "mode": "x"}}, "mode"),
+    "a level": ({"room": "reproduce", "order": "solve", "with": {"take": "towel.h5", "level": 7}}, "level"),
+    "play unsolved": ({"room": "play", "order": "check", "with": {"take": "towel.h5"}}, "solve it first"),
+    "play unchecked": ({"room": "play", "order": "play", "with": {"admission": 1}}, "check its exposure"),
+    "repeats": ({"room": "play", "order": "check", "with": {"take": "towel.h5", "repeats": 0}}, "repeats"),
+    "compare unplayed": ({"room": "compare", "order": "compare", "with": {"take": "towel.h5"}}, "play it first"),
+    "record without sensor": ({"room": "record", "order": "take"}, "expected a sensor"),
+    "stop no take": ({"room": "record", "order": "toggle"}, "expected it to be open"),
+    "a sensor's name": ({"room": "record", "order": "listen", "with": {"sensor": "/dev/sda"}}, "sensor"),
+    "no job": ({"room": "jobs", "order": "cancel", "with": {"number": 7}}, "it has ended"),
+    "give nothing": ({"room": "control", "order": "give"}, "asks for it"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_an_order_that_makes_no_sense_is_refused_in_words(talk, case):
+    said, words = REFUSED[case]
+    talk.socket.send_text(json.dumps({"alive": True}))
+    answer = talk.say({"id": 5, **said})
+    assert words in answer["error"]
+    assert "ok" not in answer
+
+
+@pytest.mark.parametrize("text", ["", "x", "[]", "3", "null", '{"id": "x"}', '{"id": 0}', '{"drew": "many"}'])
+def test_what_is_no_order_does_no_harm(talk, text):
+    talk.socket.send_text(text)
+    assert talk.order("play", "stop")["ok"] is True
+
+
+def test_who_looks_on_may_stop_and_nothing_else(client, talk):
+    with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
+        watcher = Talk(socket)
+        before = talk.order("play", "stop")
+        assert before["ok"]
+        for room, order, given in (
+            ("reproduce", "solve", {"take": "towel.h5"}),
+            ("play", "check", {"take": "towel.h5"}),
+            ("play", "play", {"admission": 1}),
+            ("record", "take", {}),
+            ("control", "give", {}),
+        ):
+            assert "this page only looks on" in watcher.order(room, order, **given)["error"]
+        assert watcher.order("play", "stop")["ok"]
+        assert watcher.order("control", "take")["ok"], "nothing sounds"
+        assert "only looks on" in talk.order("record", "take")["error"]
+
+
+def test_more_than_a_hundred_orders_a_second_are_refused(talk):
+    answers = [talk.order("play", "stop") for _ in range(130)]
+    assert sum("slow down" in answer.get("error", "") for answer in answers) > 0
+
+
+def test_an_upload_comes_in_by_a_name_of_our_own_from_the_page_in_control(client, studio, talk):
+    def upload(name, data, page):
+        return client.post("/upload", content=data, headers={"origin": ROOT, "x-name": name, "x-page": page})
+
+    page = str(talk.page)
+    assert upload("a.csv", b"1", "99").status_code == 400
+    assert upload("..%2F..%2Fevil.html", b"1", page).status_code == 400
+    answer = upload("My%20Take.csv", b"t,a\n0,1\n", page)
+    assert answer.json() == {"ok": "my_take-01.csv"}
+    assert (studio.folder.path / "my_take-01.csv").read_bytes() == b"t,a\n0,1\n"
+    assert client.post("/upload", content=b"x", headers={"x-name": "a.csv", "x-page": page}).status_code == 403
+
+
+def test_a_permit_is_renewed_by_the_page_that_armed_it_alone_and_only_while_it_is_seen(studio, client, talk):
+    playing = studio.playing
+    playing._controls = talk.page
+    leave = playing.permit.arm(lasts=5)
+    deadline = playing.permit.left
+    talk.socket.send_text(json.dumps({"alive": True}))
+    talk.order("reproduce", "nothing")
+    assert playing.permit.left < deadline, "renewed to half a second from now"
+    talk.socket.send_text(json.dumps({"alive": False}))
+    talk.order("reproduce", "nothing")
+    assert playing.permit.refusal(leave) == "stopped"
+
+
+def test_a_page_that_goes_takes_its_arming_along(studio, client):
+    with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
+        page = Talk(socket).page
+        studio.playing._controls = page
+        leave = studio.playing.permit.arm(lasts=5)
+    assert studio.playing.permit.refusal(leave) == "stopped"
+    assert np.isfinite(page)

@@ -1,0 +1,269 @@
+"""The studio in a real browser: what a person sees, does and can rely on."""
+
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+
+import pytest
+
+pytestmark = pytest.mark.browser
+
+
+def shown(page):
+    """The page shows a solved take in motion."""
+    page.until("studio.room?.take?.transport && !!studio.room.played && studio.room.take.played.last > 0", timeout=120)
+
+
+def test_the_first_five_minutes(studio_at, look):
+    """Open, look, record, solve, play, compare, report; no error in the console, no request elsewhere."""
+    studio = studio_at()
+    page = look(studio)
+    shown(page)
+    before = page.until("studio.drawn")
+    page.until(f"studio.drawn > {before} + 10")
+    assert page.page.locator("#simulated").is_visible()
+
+    page.go("#record")
+    page.until("studio.link.state.record?.state === 'listening'")
+    page.page.get_by_label("Object").fill("towel")
+    page.page.get_by_label("Surface").fill("flat")
+    page.page.keyboard.press("Tab")
+    page.page.locator("#record").click()
+    page.until("studio.link.state.record.take?.name === 'towel-flat-01.h5'")
+    take = page.until("studio.link.state.record.take")
+    assert (take["frames"], take["lost"], take["problems"]) == (1600, 0, [])
+    page.page.locator("#to-reproduce").click()
+
+    page.until("studio.room.take?.name === 'towel-flat-01.h5'")
+    page.page.get_by_role("button", name="Solve").click()
+    page.until("!!studio.room.played && studio.room.take?.name === 'towel-flat-01.h5'", timeout=120)
+    page.page.get_by_role("button", name="Play on array").click()
+    page.hold_to_play()
+    page.until("!!document.querySelector('#to-compare')", timeout=120)
+    page.page.locator("#to-compare").click()
+
+    found = page.until("studio.room.found", timeout=120)
+    figures = dict(map(tuple, found["figures"]))
+    assert 0.5 < float(figures["correlation"]) <= 1
+    assert figures["peak distance"].endswith("mm")
+    assert found["simulated"]
+    page.page.get_by_role("button", name="Make the report").click()
+    page.until("!document.querySelector('#to-report').hidden", timeout=300)
+    with page.page.context.expect_page() as opened:
+        page.page.locator("#to-report").click()
+    opened.value.wait_for_load_state()
+    assert "reproduced in midair" in opened.value.content()
+    names = {path.name for path in studio.folder.iterdir()}
+    assert names >= {f"towel-flat-01{end}" for end in (".h5", ".drive.h5", ".rerecorded.h5", ".report.html")}
+    assert page.wrong == []
+    assert page.elsewhere == []
+
+
+def test_no_other_page_reaches_it(studio_at, look, chromium):
+    """Foreign Host, Origin, no cookie, a used link: 403, and nothing happened."""
+    studio = studio_at()
+    page = look(studio)
+
+    def status(path="/", **headers):
+        asked = urllib.request.Request(studio.root + path, headers=headers)
+        try:
+            with urllib.request.urlopen(asked) as answer:
+                return answer.status
+        except urllib.error.HTTPError as wrong:
+            return wrong.code
+
+    assert status() == 403
+    assert status(Host="evil.example") == 403
+    assert status("/web/app.js", Origin="http://evil.example") == 403
+    assert status(studio.link.removeprefix(studio.root)) == 403
+    # A page of this computer, but of another port, in the very browser that has the cookie.
+    other = studio_at()
+    elsewhere = look(other, context=page.page.context)
+    said = elsewhere.page.evaluate(
+        """async (root) => {
+            const socket = new WebSocket(root.replace('http', 'ws') + '/socket');
+            const opened = await new Promise(done => {
+                socket.onopen = () => done('open'); socket.onerror = () => done('refused'); });
+            const asked = await fetch(root + '/', {credentials: 'include'}).then(() => 'answered', () => 'refused');
+            const how = {method: 'POST', mode: 'no-cors', credentials: 'include', body: 'x'};
+            const posted = await fetch(root + '/upload', how)
+                .then(() => 'answered', () => 'refused');
+            return [opened, asked, posted];
+        }""",
+        studio.root,
+    )
+    assert said == ["refused", "refused", "refused"]
+    assert page.until("Object.keys(studio.link.state).length > 3")
+    assert list(studio.folder.iterdir()) == []
+
+
+@pytest.fixture
+def sounding(studio_at, look):
+    """A page on emulated units that sound; the drive is long enough to be stopped."""
+
+    def begin(device="virtual", repeats=30):
+        studio = studio_at("--device", device)
+        page = look(studio)
+        shown(page)
+        page.until("studio.link.state.player.state === 'ready'", timeout=120)
+        found = page.page.evaluate(
+            "n => studio.link.order('play', 'check', {take: 'sample:towel', repeats: n, attenuate: true})", repeats
+        )
+        page.page.evaluate("studio.room.transport.pause()")
+        page.page.evaluate(
+            """number => { studio.ended = ''; studio.link.order('play', 'play', {admission: number})
+                .then(() => { studio.ended = 'played'; }, wrong => { studio.ended = wrong.message; }); }""",
+            found["number"],
+        )
+        page.until("studio.link.state.player.state === 'plays' && studio.link.state.player.done > 0", timeout=60)
+        return studio, page
+
+    return begin
+
+
+def silent(page, within, words):
+    """The player says that it is silent, and why, in time."""
+    began = time.monotonic()
+    page.until("studio.ended !== ''", timeout=within + 3)
+    took = time.monotonic() - began
+    assert words in page.page.evaluate("studio.ended")
+    assert not page.page.evaluate("studio.link.state.player.emitting")
+    return took
+
+
+def test_stop_by_button_by_escape_in_a_text_field_and_from_a_page_that_looks_on(sounding, look):
+    studio, page = sounding()
+    page.page.locator("#stop").click()
+    silent(page, 2, "asked for silence")
+
+    def again():
+        found = page.page.evaluate("studio.link.order('play', 'check', {take: 'sample:towel', repeats: 30})")
+        page.page.evaluate(
+            """number => { studio.ended = ''; studio.link.order('play', 'play', {admission: number})
+                .then(() => { studio.ended = 'played'; }, wrong => { studio.ended = wrong.message; }); }""",
+            found["number"],
+        )
+        page.until("studio.link.state.player.state === 'plays' && studio.link.state.player.done > 0")
+
+    again()
+    page.page.get_by_label("Gain").focus()
+    page.page.keyboard.press("Escape")
+    silent(page, 2, "asked for silence")
+    again()
+    watching = look(studio, link=studio.root, context=page.page.context)
+    # The first page is behind the second one, and still in sight for a browser without windows.
+    assert not watching.page.evaluate("studio.link.controls")
+    watching.page.locator("#stop").click()
+    silent(page, 2, "asked for silence")
+
+
+def test_stop_reaches_the_player_while_the_server_is_halted(sounding):
+    studio, page = sounding()
+    studio.process.send_signal(signal.SIGSTOP)
+    try:
+        port, token = page.page.evaluate("[studio.link.state.studio.stop_port, studio.link.state.studio.stop_token]")
+        said = page.page.evaluate(
+            """async ([port, token]) => {
+                const answer = await fetch(`http://127.0.0.1:${port}/stop`, {method: 'POST', body: token});
+                return [answer.status, await answer.text()]; }""",
+            [port, token],
+        )
+        assert said == [200, "silent\n"]
+    finally:
+        studio.process.send_signal(signal.SIGCONT)
+    silent(page, 2, "asked for silence")
+
+
+def test_a_script_that_hangs_silences_within_half_a_second_and_a_little(sounding):
+    _, page = sounding()
+    page.page.evaluate("() => { const end = performance.now() + 1500; while (performance.now() < end); }")
+    silent(page, 1, "nobody looked on")
+
+
+def test_a_tab_that_is_closed_silences_at_once(sounding, look):
+    studio, page = sounding()
+    watching = look(studio, link=studio.root, context=page.page.context)
+    page.page.close()
+    watching.until("studio.link.state.player.state === 'ready' && !studio.link.state.player.emitting", timeout=3)
+    said = watching.page.evaluate("studio.link.state.player.said")
+    assert "asked for silence" in said or "nobody looked on" in said
+
+
+def test_a_second_page_looks_on_and_takes_over_in_silence(studio_at, look):
+    studio = studio_at()
+    first = look(studio)
+    second = look(studio, link=studio.root, context=first.page.context)
+    assert first.page.evaluate("studio.link.controls")
+    assert not second.page.evaluate("studio.link.controls")
+    assert "looks on" in second.page.locator("#banner").inner_text()
+    second.page.locator("#take-control").click()
+    second.until("studio.link.controls")
+    first.until("!studio.link.controls")
+    assert "looks on" in first.page.locator("#banner").inner_text()
+
+
+def test_every_key_of_the_transport(studio_at, look):
+    """Frames, speeds, loop, marks; the address has room, take and time, and Back works."""
+    page = look(studio_at())
+    shown(page)
+    press = page.page.keyboard.press
+    page.page.locator("#main").focus()
+    if page.page.evaluate("studio.room.transport.playing"):
+        press("Space")
+
+    def at():
+        return page.page.evaluate("studio.room.transport.frame")
+
+    press("Home")
+    assert at() == 0
+    for key, frame in ((".", 1), (".", 2), (",", 1), ("Shift+.", 11), ("Shift+,", 1), ("End", 1599)):
+        press(key)
+        assert at() == frame, key
+    for key, speed in (("2", 0.1), ("3", 0.01), ("1", 1)):
+        press(key)
+        assert page.page.evaluate("studio.room.transport.speed") == speed
+    press("Home")
+    press("m")
+    page.page.evaluate("studio.room.transport.seek(300)")
+    press("i")
+    press("m")
+    page.page.evaluate("studio.room.transport.seek(400)")
+    press("o")
+    assert page.page.evaluate("studio.room.transport.loop") == {"from": 300, "to": 400, "on": True}
+    press("Shift+M")
+    assert at() in (0, 300)
+    press("3")
+    press("Space")
+    begin, then = at(), time.monotonic()
+    page.until("performance.now() && true")
+    page.page.wait_for_timeout(2000)
+    moved, lasted = at() - begin, time.monotonic() - then
+    assert 0.5 * 10 * lasted < moved < 1.6 * 10 * lasted, "a hundredth of 1000 frames a second"
+    press("Space")
+    page.page.evaluate("studio.room.transport.seek(742)")
+    page.until("location.hash.includes('t=0.742')")
+    press("?")
+    assert page.page.locator("#help").is_visible()
+    press("Escape")
+    press("Alt+1")
+    page.until("studio.name === 'record'")
+    page.page.go_back()
+    page.until("studio.name === 'reproduce' && studio.room?.transport?.frame === 742")
+    assert page.wrong == []
+
+
+def test_the_code_that_is_shown_runs_as_printed(studio_at, look, tmp_path):
+    page = look(studio_at())
+    shown(page)
+    page.page.get_by_role("button", name="Show the code").click()
+    commands, python = page.page.locator("#code pre").all_inner_texts()
+    for line in commands.splitlines():
+        words = line.split()
+        assert words[0] == "midair"
+        done = subprocess.run([sys.executable, "-m", *words], cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    done = subprocess.run([sys.executable, "-c", python], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

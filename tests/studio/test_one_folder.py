@@ -1,0 +1,95 @@
+import asyncio
+import os
+
+import pytest
+
+from midair.errors import InputError, MissingFileError
+from midair.studio.one_folder import OneFolder
+
+
+@pytest.fixture
+def folder(tmp_path):
+    inside = tmp_path / "inside"
+    (inside / "below").mkdir(parents=True)
+    (inside / "take.h5").write_bytes(b"x")
+    (inside / "below" / "other.h5").write_bytes(b"x")
+    (tmp_path / "secret.h5").write_bytes(b"x")
+    os.symlink(tmp_path / "secret.h5", inside / "link.h5")
+    os.symlink(tmp_path, inside / "out")
+    os.symlink("take.h5", inside / "again.h5")
+    return OneFolder.at(inside)
+
+
+@pytest.mark.parametrize("name", ["take.h5", "below/other.h5", "again.h5"])
+def test_what_is_inside_is_found(folder, name):
+    assert folder.find(name).read_bytes() == b"x"
+
+
+OUTSIDE = {
+    "above": "../secret.h5",
+    "above from below": "below/../../secret.h5",
+    "from the root": "/etc/passwd",
+    "a link to a file": "link.h5",
+    "through a link": "out/secret.h5",
+    "NUL": "take.h5\0.html",
+    "a new line": "take\n.h5",
+    "a backslash": "..\\secret.h5",
+    "a drive": "C:secret.h5",
+    "nothing": "",
+    "this folder": ".",
+    "two slashes": "below//other.h5",
+    "very long": "a" * 5000,
+}
+
+
+@pytest.mark.parametrize("case", OUTSIDE)
+def test_what_leads_out_is_refused(folder, case):
+    with pytest.raises(InputError):
+        folder.find(OUTSIDE[case])
+
+
+def test_what_is_not_there_is_said(folder):
+    with pytest.raises(MissingFileError, match=r"none\.h5"):
+        folder.find("none.h5")
+
+
+def test_lists_leave_out_what_lies_elsewhere(folder):
+    (folder.path / ".hidden.h5").write_bytes(b"x")
+    assert sorted(folder.names(".h5")) == ["again.h5", "take.h5"]
+
+
+def sent(*parts):
+    async def come():
+        for part in parts:
+            yield part
+
+    return come()
+
+
+def test_an_upload_gets_a_name_of_our_own(folder):
+    path = asyncio.run(folder.receive("../../My Take!.csv", sent(b"1,", b"2")))
+    assert path.parent == folder.path
+    assert path.name == "my_take-01.csv"
+    assert path.read_bytes() == b"1,2"
+    assert asyncio.run(folder.receive("my take.csv", sent(b"3"))).name == "my_take-02.csv"
+
+
+def test_an_upload_above_the_limit_is_cut_off_and_leaves_nothing(folder):
+    before = sorted(os.listdir(folder.path))
+    taken = []
+
+    async def endless():
+        while True:
+            taken.append(1)
+            yield b"x" * 1000
+
+    with pytest.raises(InputError, match="at most"):
+        asyncio.run(folder.receive("take.csv", endless(), largest=10_000))
+    assert len(taken) == 11
+    assert sorted(os.listdir(folder.path)) == before
+
+
+@pytest.mark.parametrize("name", ["page.html", "run.py", "take", "take.h5.exe"])
+def test_only_recordings_come_in(folder, name):
+    with pytest.raises(InputError, match="expected a recording"):
+        asyncio.run(folder.receive(name, sent(b"x")))
