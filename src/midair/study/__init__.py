@@ -4,6 +4,8 @@ from midair.study.design import (
     Analysis,
     Block,
     Design,
+    Foils,
+    Incomplete,
     Plan,
     Policy,
     Question,
@@ -17,6 +19,7 @@ from midair.study.design import (
     block_order,
     constrained_shuffle,
     draw_plan,
+    left_out,
     replay,
     thresholds_of,
 )
@@ -54,6 +57,7 @@ from midair.study.statistics import (
     chance_macro_f,
     chance_of_published,
     choice_model,
+    cohen_kappa,
     confusion_matrix,
     d_prime_choice,
     d_prime_same_different,
@@ -87,6 +91,9 @@ from midair.study.terminal_screen import TerminalScreen, stops_on_signals
 from midair.study.withdrawal import check_not_withdrawn, remember_made, withdraw, withdrawn
 
 __all__ = [
+    "Foils",
+    "Incomplete",
+    "left_out",
     "Analysis",
     "ArrayPresenter",
     "Block",
@@ -135,6 +142,7 @@ __all__ = [
     "chance_of_published",
     "check_not_withdrawn",
     "choice_model",
+    "cohen_kappa",
     "confusion_matrix",
     "constrained_shuffle",
     "d_prime_choice",

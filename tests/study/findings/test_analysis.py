@@ -5,7 +5,7 @@ import pytest
 from midair.errors import InputError
 from midair.study.design.analysis_plan import Analysis
 from midair.study.findings.analysis import analyse
-from midair.study.findings.study_data import data_of_answers, data_of_columns
+from midair.study.findings.study_data import StudyData, data_of_answers, data_of_columns
 
 OBJECTS = ["brush", "sponge", "towel"]
 
@@ -99,21 +99,83 @@ def test_constant_answers():
     )
 
 
-def test_missing_cells():
+def test_missing_cells_as_the_plan_says():
     table = {name: values[1:] for name, values in ratings().items()}
     report = analyse(data_of_columns(table, **RATED), draws=200)
-    assert "got none from participant 0 at surface=0, object=0" in found(report, "Ratings: analysis").words
-    assert report.ratings is None
+    words = found(report, "Ratings: analysis").words
+    assert "Left out, as the plan says, for want of an answer in every cell: 0 (5 of 6 cells)" in words
+    assert "5 people" in words
+    without = {name: values[6:] for name, values in ratings().items()}
+    same = found(analyse(data_of_columns(without, **RATED), draws=200), "Ratings: analysis")
+    pd.testing.assert_frame_equal(found(report, "Ratings: analysis").table, same.table)
+    refused = analyse(data_of_columns(table, incomplete="refuse", **RATED), draws=200)
+    assert "got none from participant 0 at surface=0, object=0" in found(refused, "Ratings: analysis").words
+    assert refused.ratings is None
     part = {name: values[:12] for name, values in choices().items()}  # one person, one surface
     report = analyse(data_of_columns(part, **NAMES), draws=200)
     assert [one.name for one in report.choices] == ["plain"]
 
 
-def test_an_object_that_was_never_presented_has_a_word():
+def test_answers_that_name_what_was_never_presented_as_the_plan_says():
     table = choices()
     table = table | {"right": np.where(table["right"] == "towel", "brush", table["right"])}
+    foils = int(((table["answer"] == "towel") & (table["surface"] == "plain")).sum())
+
+    def words(**policy):
+        return found(analyse(data_of_columns(table, **policy, **NAMES), draws=50), "Which object: plain").words
+
+    assert "expected each to be presented, got no trial of ['towel']" in words(foils="refuse")
+    wrong, out = words(), words(foils="leave out")
+    assert f"{foils} answers name what was never presented (towel); they count as wrong" in wrong
+    plain = table["surface"] == "plain"
+    assert f"of {plain.sum()} answers are right, among 3 possible ones" in wrong
+    assert f"{foils} answers that name what was never presented are left out" in out
+    assert f"of {plain.sum() - foils} answers are right, among 2 possible ones" in out
+    right = (table["answer"] == table["right"]) & plain
+    assert wrong.startswith(f"{100 * right.sum() / plain.sum():.1f} %")
+
+
+def test_trials_without_a_right_answer_are_no_object():
+    table = choices() | {"right": np.where(np.arange(144) % 12 == 5, "n/a", choices()["right"])}
     report = analyse(data_of_columns(table, **NAMES), draws=200)
-    assert "expected each to be presented, got no trial of ['towel']" in found(report, "Which object: plain").words
+    assert report.choices[0].confusion.labels == ("brush", "sponge", "towel")
+
+
+def test_people_in_groups():
+    table = ratings(people=9) | {"hand": np.repeat(np.where(np.arange(9) < 4, "left", "right"), 6)}
+    report = analyse(data_of_columns(table, between=["hand"], **RATED), draws=200)
+    effects = found(report, "Ratings: analysis").table["effect"].tolist()
+    assert {"hand", "hand:object", "surface:object"} < set(effects)
+    assert len(effects) == 7
+
+
+def test_limits_are_over_people_or_are_not_given():
+    words = [
+        found(analyse(data_of_columns(choices(people=people), **NAMES), draws=200), "Which object: plain").words
+        for people in (4, 6)
+    ]
+    assert "no limits with 4 people, who are fewer than five" in words[0]
+    assert "95 % over people" in words[1]
+    assert "Kappa" in words[1]
+
+
+def test_every_column_of_a_table_has_a_word():
+    report = analyse(data_of_columns(choices(), **NAMES), draws=200)
+    rated = analyse(data_of_columns(ratings(), **RATED), draws=200)
+    tables = [one for one in (*report.findings, *rated.findings) if one.table is not None]
+    assert len(tables) >= 5
+    for one in tables:
+        assert {name for name, _ in one.legend} == set(one.table.columns), one.title
+
+
+def test_who_took_part_counts_answers_of_a_known_strength_and_who_is_left_out():
+    strengths = pd.DataFrame(
+        {"participant": ["a", "a", "b"], "level": [1.0, 2, 3], "correct": [0.0, 1, 1], "guess": 0.5}
+    )
+    excluded = pd.DataFrame({"participant": ["c"], "rule": ["attention"], "value": [0.2], "limit": [0.8]})
+    words = found(analyse(StudyData(strengths=strengths, excluded=excluded), draws=50), "Who").words
+    assert words.startswith("2 participant(s), 3 answers analysed")
+    assert "The rules of the plan leave out c." in words
 
 
 def test_other_questions():

@@ -53,7 +53,7 @@ def test_answers_that_follow_no_such_function_are_told():
 def test_thresholds_of_blocks_have_a_geometric_mean():
     table = pd.DataFrame({"participant": np.array(["a", "b", "c"]), "threshold": np.array([0.5, 2.0, np.nan])})
     (found,) = adaptive(StudyData(thresholds=table))
-    assert found.words.startswith("Geometric mean of 2 thresholds: 1.")
+    assert found.words.startswith("Geometric mean of 2 thresholds: 1 (no limits with 2 people")
     assert found.table is table
 
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import InputError, ShapeError
-from midair.study import chance_macro_f, confusion_matrix, f_measure, mutual_information, scores, wilson
+from midair.study import chance_macro_f, cohen_kappa, confusion_matrix, f_measure, mutual_information, scores, wilson
 
 OBJECTS = ["brush", "sponge", "towel"]
 
@@ -98,3 +98,25 @@ def test_says_what_is_wrong():
         confusion_matrix(["a", "a"], ["a", "a"])
     table = scores(confusion_matrix(["a", "b"], ["a", "a"]))
     assert table["note"][1] == "never answered: no precision"
+
+
+def test_kappa_agrees_with_statsmodels():
+    inter_rater = pytest.importorskip("statsmodels.stats.inter_rater")
+    counts = np.array([[30, 5, 5], [8, 20, 2], [3, 3, 34]])
+    assert cohen_kappa(counts) == pytest.approx(inter_rater.cohens_kappa(counts).kappa)
+    # Landis and Koch's case by hand: share .8, chance .5.
+    assert cohen_kappa([[40, 10], [10, 40]]) == pytest.approx(0.6)
+    # An answer that is never right is a row without presentations.
+    with_foil = np.c_[counts, [4, 0, 1]]
+    square = np.vstack([with_foil, np.zeros(4, int)])
+    assert cohen_kappa(with_foil) == pytest.approx(inter_rater.cohens_kappa(square).kappa)
+
+
+def test_foils_count_as_wrong():
+    found = confusion_matrix(["a", "a", "b", "b"], ["a", "x", "b", "b"], foils=["x"])
+    assert found.counts.tolist() == [[1, 0, 1], [0, 2, 0]]
+    assert found.accuracy == pytest.approx(0.75)
+    assert found.f_measure.tolist() == pytest.approx([2 / 3, 1])
+    assert scores(found)["answered"].tolist() == [1, 2]
+    chance = chance_macro_f(found, rng=np.random.default_rng(0), draws=200)
+    assert chance.distribution.max() <= 1

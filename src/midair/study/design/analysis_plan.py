@@ -5,6 +5,13 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from midair.errors import InputError
+from midair.study.design.question import one_of
+
+Incomplete = Literal["leave out", "refuse"]
+"""People who lack a cell of the analysis of variance: the others are analysed; nobody is."""
+
+Foils = Literal["wrong", "leave out", "refuse"]
+"""Answers that name what was never presented: wrong answers; left out; no analysis of choices."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,6 +30,12 @@ class Analysis:
         Questions of the analysis of variance; none if empty.
     within : tuple of str
         Its factors.
+    between : tuple of str
+        Factors by which people differ: questions of the form, or columns with one level for each person.
+    incomplete : {"leave out", "refuse"}
+        What becomes of people who lack a cell of the analysis of variance.
+    foils : {"wrong", "leave out", "refuse"}
+        What becomes of answers to `choice` that name what was never presented.
     strength : str
         Factor whose levels are numbers: a psychometric function is fitted to right answers; none if empty.
     guess : float
@@ -36,9 +49,16 @@ class Analysis:
     only: Mapping[str, str] = field(default_factory=dict[str, str])
     rated: tuple[str, ...] = ()
     within: tuple[str, ...] = ()
+    between: tuple[str, ...] = ()
+    incomplete: Incomplete = "leave out"
+    foils: Foils = "wrong"
     strength: str = ""
     guess: float = 0.5
     margin: float = 0.1
+
+    def __post_init__(self) -> None:
+        one_of(self.incomplete, Incomplete, "analysis: incomplete")
+        one_of(self.foils, Foils, "analysis: foils")
 
 
 PowerTest = Literal["paired", "identification", "rating"]

@@ -163,6 +163,7 @@ class Design:
         factors = (*condition, *strength, *self.analysis.within, *self.analysis.only)
         truths = tuple(question.truth for question in self.questions if question.truth)
         _known((*factors, *truths), list(self.factors), "factors")
+        _known(self.analysis.between, [*self.form, *self.factors], "analysis: between")
         # The table of answers has columns of these names, and one for each factor beside them.
         taken = {"participant", "trial", "answer", "question", "block", "correct", "right", "stimulus", "scored"}
         taken |= {"role", "session", "excluded", "simulated"}

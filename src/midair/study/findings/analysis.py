@@ -78,12 +78,24 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
 
 
 def _people(data: StudyData) -> Finding:
-    parts = [t for t in (data.choices, data.other_choices, data.ratings, data.others) if t is not None]
-    people = {who for part in parts for who in part["participant"].tolist()}
-    words = f"{len(people)} participant(s), {sum(map(len, parts))} answers analysed"
-    words += f", {data.left_out} answers of familiarisation left out." if data.left_out else "."
+    parts = [data.choices, data.other_choices, data.ratings, data.others, data.strengths, data.thresholds]
+    people = {who for part in parts if part is not None for who in part["participant"].tolist()}
+    # The strengths are of answers to questions that may be among the others.
+    answers = [data.choices, data.other_choices, data.ratings, data.strengths if data.others is None else data.others]
+    many = sum(len(part) for part in answers if part is not None)
+    words = f"{len(people)} participant(s), {many} answers analysed"
+    words += (
+        f", {data.left_out} answers left out (familiarisation, checks, rules of the plan)." if data.left_out else "."
+    )
+    if data.excluded is not None:
+        out = sorted(set(data.excluded["participant"].tolist()))
+        words += (
+            f" The rules of the plan leave out {', '.join(out)}." if out else " The rules of the plan leave nobody out."
+        )
     if len(people) < 2:
         words += " One person says nothing about others: there are no limits and no tests over people."
     elif len(people) < 5:
         words += " With fewer than five people there are no limits over people: they would not cover what they promise."
-    return Finding(title="Who took part", words=("SIMULATED: no person was asked. " if data.simulated else "") + words)
+    title = ("SIMULATED: no person was asked. " if data.simulated else "") + words
+    excluded = data.excluded if data.excluded is not None and len(data.excluded) else None
+    return Finding(title="Who took part", words=title, table=excluded)

@@ -8,17 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.study.findings.finding import Choices, Finding, attempt, p_words
+from midair.study.findings.finding import Choices, Finding, attempt, limits_words, note_last, p_words
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
     Confusion,
     bayes_factor,
     chance_macro_f,
     choice_model,
+    cohen_kappa,
     confusion_matrix,
     d_prime_choice,
     equivalence,
     f_measure,
+    holm,
     limits_over_people,
     logistic_mixed,
     mutual_information,
@@ -29,6 +31,8 @@ from midair.study.statistics import (
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+    from midair.study.design import Foils
 
 
 def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
@@ -42,45 +46,102 @@ def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
     failed: list[Finding] = []
     for name, rows in parts:
         failed += attempt(
-            f"Which object: {name}", lambda name=name, rows=rows: found.append(_confusion(name, rows)) or []
+            f"Which object: {name}",
+            lambda name=name, rows=rows: found.append(_confusion(name, rows, data.foils)) or [],
         )
     return tuple(found), failed
 
 
-def _confusion(name: str, rows: DataFrame) -> Choices:
+def _confusion(name: str, rows: DataFrame, policy: Foils) -> Choices:
+    labels = sorted(set(rows["presented"].tolist()))
+    foils = sorted(set(rows["answered"].tolist()) - set(labels))
+    if foils and policy == "refuse":
+        raise InputError(
+            f"objects: expected each to be presented, got no trial of {foils}, which were answered; say in the plan"
+            ' what becomes of such answers (foils = "wrong" or "leave out")'
+        )
+    left_out = 0
+    if policy == "leave out":
+        counts = rows["answered"].isin(labels).to_numpy(bool)
+        left_out, rows, foils = int((~counts).sum()), rows.loc[counts], []
     presented, answered, people = (rows[name].to_numpy() for name in ("presented", "answered", "participant"))
-    labels = sorted({*presented.tolist(), *answered.tolist()})
-    confusion = confusion_matrix(presented, answered, participant=people, labels=labels)
-    if len(confusion.participants) < 5:
-        return Choices(name=name, confusion=confusion, f_limits=None)
-    limits = limits_over_people(lambda counts: f_measure(counts.sum(axis=0)), confusion.by_person, scale="share")
-    return Choices(name=name, confusion=confusion, f_limits=limits)
+    confusion = confusion_matrix(presented, answered, participant=people, labels=labels, foils=foils)
+    limits = None
+    if len(confusion.participants) >= 5:
+        limits = limits_over_people(lambda counts: f_measure(counts.sum(axis=0)), confusion.by_person, scale="share")
+    return Choices(name=name, confusion=confusion, f_limits=limits, left_out=left_out)
 
 
 def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> list[Finding]:
     """Scores, chance, sensitivity, information and bias of one confusion matrix."""
-    confusion = one.confusion
-    counts, alternatives = confusion.counts, len(confusion.labels)
-    table = scores(confusion)
+    words = [*_share_words(one), _chance_words(one.confusion, rng, draws), *_sense_words(one.confusion)]
+    table = scores(one.confusion).drop(columns=["recall_low", "recall_high"])
     if one.f_limits is not None:
         table = table.assign(F_low=one.f_limits.low, F_high=one.f_limits.high)
+    table = note_last(table)
+    return [Finding(title=f"Which object: {one.name}", words=" ".join(words), table=table)]
+
+
+def _share_words(one: Choices) -> list[str]:
+    confusion, counts = one.confusion, one.confusion.counts
+    limits = limits_words(_share, confusion.by_person, "share", form=".3f")
+    words = [
+        f"{100 * confusion.accuracy:.1f} % of {counts.sum()} answers are right, among {counts.shape[1]} possible"
+        f" ones (share {confusion.accuracy:.3f}, {limits})."
+    ]
+    if confusion.foils:
+        wrong = int(counts[:, len(confusion.labels) :].sum())
+        words.append(
+            f"{wrong} answers name what was never presented ({', '.join(map(str, confusion.foils))}); they count as"
+            " wrong."
+        )
+    if one.left_out:
+        words.append(f"{one.left_out} answers that name what was never presented are left out, as the plan says.")
+    return words
+
+
+def _chance_words(confusion: Confusion, rng: np.random.Generator, draws: int) -> str:
     chance = chance_macro_f(confusion, rng=rng, draws=draws)
     low, high = chance.range95
-    sense = d_prime_choice(int(np.trace(counts)), int(counts.sum()), alternatives=alternatives)
-    plain, corrected = mutual_information(counts)
-    taste = choice_model(counts)
-    favourite = confusion.labels[int(np.argmax(taste.bias))]
     better = "better than chance" if chance.p < 0.05 else "no better than chance can be"
-    words = (
-        f"{100 * confusion.accuracy:.1f} % right of {counts.sum()} answers among {alternatives} objects. Macro F is"
-        f" {confusion.macro_f:.3f}, {better}: shuffled answers give {chance.mean:.3f}, 95 % of them {low:.3f} to"
-        f" {high:.3f} ({p_words(chance.p)}). d' is {sense.d_prime:.2f} ({sense.low:.2f} to {sense.high:.2f}, trials"
-        f" taken as independent{', corrected for a rate of 0 or 1' if sense.corrected else ''}). An answer carries"
-        f" {corrected:.2f} of {np.log2(alternatives):.2f} bits ({plain:.2f} before the correction for bias). The"
-        f" favourite answer is {favourite} (Luce bias {taste.bias.max():.2f}; {1 / alternatives:.2f} if there were"
-        " none)."
+    limits = limits_words(lambda p: float(f_measure(p.sum(axis=0)).mean()), confusion.by_person, "share", form=".3f")
+    return (
+        f"Macro F, the mean of F over the objects, is {confusion.macro_f:.3f} ({limits}), {better}: shuffled answers"
+        f" give {chance.mean:.3f}, 95 % of them {low:.3f} to {high:.3f} ({p_words(chance.p)})."
     )
-    return [Finding(title=f"Which object: {one.name}", words=words, table=table)]
+
+
+def _sense_words(confusion: Confusion) -> list[str]:
+    counts = confusion.counts
+    objects, alternatives = counts.shape
+    sense = d_prime_choice(int(np.trace(counts)), int(counts.sum()), alternatives=alternatives)
+    limits = limits_words(lambda p: _d_prime(p, alternatives), confusion.by_person, "plain")
+    agreement = limits_words(lambda p: cohen_kappa(p.sum(axis=0)), confusion.by_person, "correlation")
+    plain, corrected = mutual_information(counts)
+    words = [
+        f"d' is {sense.d_prime:.2f} ({limits}{'; corrected for a rate of 0 or 1' if sense.corrected else ''}).",
+        f"Kappa, the agreement beyond chance, is {cohen_kappa(counts):.2f} ({agreement}).",
+        f"An answer carries {corrected:.2f} of {np.log2(objects):.2f} bits ({plain:.2f} before the correction for"
+        " bias).",
+    ]
+    if objects == alternatives:
+        taste = choice_model(counts)
+        favourite = confusion.labels[int(np.argmax(taste.bias))]
+        words.append(
+            f"The favourite answer is {favourite} (Luce bias {taste.bias.max():.2f}; {1 / alternatives:.2f} if there"
+            " were none)."
+        )
+    return words
+
+
+def _share(by_person: NDArray[np.int64]) -> float:
+    counts = by_person.sum(axis=0)
+    return float(np.trace(counts) / counts.sum())
+
+
+def _d_prime(by_person: NDArray[np.int64], alternatives: int) -> float:
+    counts = by_person.sum(axis=0)
+    return d_prime_choice(int(np.trace(counts)), int(counts.sum()), alternatives=alternatives).d_prime
 
 
 def compared(pair: tuple[Choices, ...], data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
@@ -143,11 +204,18 @@ def mixed(data: StudyData) -> list[Finding]:
     rows = data.choices.assign(correct=data.choices["presented"] == data.choices["answered"])
     within = ["presented", "condition"] if len(set(rows["condition"])) > 1 else ["presented"]
     table = logistic_mixed(rows, correct="correct", participant="participant", within=within)
-    small = table["effect"][table["p"] < 0.05].tolist()
+    table["p_Holm"] = holm(table["p"].to_numpy())
+    table = note_last(table)
+    small = table["effect"][table["p_Holm"] < 0.05].tolist()
     words = (
         f"The chance of a right answer depends on {', '.join(small)}."
         if small
         else "No effect on the chance of a right"
         " answer was found; that none was found does not show that there is none."
-    ) + " Likelihood ratios of a logistic model in which people differ in every effect."
+    )
+    words += (
+        " A logistic model in which people differ in their level and in every effect (Laplace's approximation); F from"
+        f" likelihood ratios, so that {len(set(rows['participant']))} people are taken for no more than they are;"
+        f" Holm's correction for {len(table)} effects."
+    )
     return [Finding(title="Mixed model of right answers", words=words, table=table)]

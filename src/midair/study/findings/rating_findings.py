@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.findings.finding import Finding, attempt, p_words
+from midair.study.findings.finding import Finding, attempt, limits_words, p_words
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
     cell_means,
     d_prime_same_different,
     d_prime_yes_no,
     holm,
+    levels,
     ordinal_check,
     rm_anova,
 )
@@ -22,35 +23,70 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-def anova(data: StudyData) -> list[Finding]:
-    """Analysis of variance of the ratings."""
-    from pandas import Series
+def whole_ratings(data: StudyData) -> tuple[DataFrame, str]:
+    """Ratings of the people who have one in every cell, and a word on the others; all of them if the plan refuses."""
+    ratings = data.ratings
+    if ratings is None:
+        raise InputError("ratings: expected some, got none")
+    if data.incomplete == "refuse":
+        return ratings, ""
+    filled = {
+        (row[0], row[1:])
+        for row in zip(*(ratings[name].tolist() for name in ["participant", *data.within]), strict=True)
+    }
+    cells = len({cell for _, cell in filled})
+    people = list(dict.fromkeys(ratings["participant"].tolist()))
+    many = {who: sum(one == who for one, _ in filled) for who in people}
+    short = [who for who in people if many[who] < cells]
+    if not short:
+        return ratings, ""
+    named = ", ".join(f"{who} ({many[who]} of {cells} cells)" for who in short)
+    rest = ratings.loc[~ratings["participant"].isin(short)]
+    if rest.empty:
+        raise InputError(f"ratings: expected somebody with an answer in every cell, got none: {named}")
+    return rest, f" Left out, as the plan says, for want of an answer in every cell: {named}."
 
-    if data.ratings is None:
-        return []
-    table = rm_anova(data.ratings, value="rating", participant="participant", within=data.within)
+
+def anova(data: StudyData) -> list[Finding]:
+    """Analysis of variance of the ratings, and whether its contrasts vary alike."""
+    from pandas import DataFrame, Series
+
+    ratings, left_out = whole_ratings(data)
+    table = rm_anova(ratings, value="rating", participant="participant", within=data.within, between=data.between)
     known = table["p_GG"].dropna()
     table["p_Holm"] = Series(holm(known.to_numpy()), known.index)
     below = table[table["p_Holm"] < 0.05]
     small = [f"{effect} ({p_words(p)})" for effect, p in zip(below["effect"], below["p_Holm"], strict=True)]
     found = f"Ratings depend on {', '.join(small)}." if small else "No effect on the ratings was found."
     words = (
-        f"{found} p-values with Greenhouse and Geisser's correction, and Holm's for {len(known)} effects. The"
-        " test takes the steps of the scale as equal; the check on ranks does not. No effect found is not no effect."
+        f"{found} p-values with Greenhouse and Geisser's correction, and Holm's for {len(known)} effects,"
+        f" {len(set(ratings['participant']))} people. The test takes the steps of the scale as equal; the check on"
+        f" ranks does not. No effect found is not no effect.{left_out}"
     )
-    return [Finding(title="Ratings: analysis of variance", words=words, table=table)]
+    main = DataFrame(table, columns=["effect", "df1", "df2", "F", "p_GG", "p_Holm", "np2", "ges", "note"])
+    several = DataFrame(table.loc[table["df1"] > 1], columns=["effect", "eps_GG", "eps_HF", "p", "p_HF", "W", "p_W"])
+    findings = [Finding(title="Ratings: analysis of variance", words=words, table=main)]
+    if len(several):
+        words = (
+            "An effect of more than one contrast needs contrasts that vary alike. Epsilon says by how much they do not;"
+            " p is without the correction, p_HF with the milder one of Huynh and Feldt."
+        )
+        findings.append(Finding(title="Ratings: do contrasts vary alike?", words=words, table=several))
+    return findings
 
 
 def ranks(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     """The same on ranks."""
-    if data.ratings is None:
-        return []
-    table = ordinal_check(data.ratings, value="rating", participant="participant", within=data.within, rng=rng)
-    small = table["effect"][table["p_sign"] < 0.05].tolist()
+    ratings, _ = whole_ratings(data)
+    table = ordinal_check(ratings, value="rating", participant="participant", within=data.within, rng=rng)
+    table["p_Holm"] = holm(table["p_sign"].to_numpy())
+    small = table["effect"][table["p_Holm"] < 0.05].tolist()
     words = (
-        f"On each person's ranks, by turning signs and before any correction for the number of effects, p is below .05"
+        f"On each person's ranks, by turning signs and with Holm's correction for {len(table)} effects, p is below .05"
         f" for: {', '.join(small) or 'no effect'}. Where this differs from the analysis of variance, trust neither."
     )
+    if data.between:
+        words += " Factors between people have no place in it: each person is ranked alone."
     return [Finding(title="Ratings: check on ranks", words=words, table=table)]
 
 
@@ -67,11 +103,16 @@ def _detected(name: str, rows: DataFrame) -> Finding:
     signal = "yes" if rows["kind"].iloc[0] == "yes-no" else "different"
     there, said = ((rows[name] == signal).to_numpy(bool) for name in ("right", "answer"))
     measure = d_prime_yes_no if signal == "yes" else d_prime_same_different
-    hits, alarms = int((there & said).sum()), int((~there & said).sum())
-    sense = measure(hits, int(there.sum()), alarms, int((~there).sum()))
+    people, person = levels(rows.loc[:, "participant"])
+    by_person = np.stack(
+        [np.bincount(person, each, minlength=len(people)) for each in (there & said, there, ~there & said, ~there)], 1
+    ).astype(int)
+    hits, signals, alarms, blanks = by_person.sum(axis=0).tolist()
+    sense = measure(hits, signals, alarms, blanks)
+    limits = limits_words(lambda p: measure(*p.sum(axis=0).tolist()).d_prime, by_person, "plain")
     words = (
-        f"{hits} of {there.sum()} answered {signal!r} when it was right, {alarms} of {(~there).sum()} when it was"
-        f" wrong: d' = {sense.d_prime:.2f}, criterion {sense.criterion:.2f}, over all people together."
+        f"{hits} of {signals} answered {signal!r} when it was right, {alarms} of {blanks} when it was wrong:"
+        f" d' = {sense.d_prime:.2f} ({limits}), criterion {sense.criterion:.2f}, over all people together."
     )
     return Finding(title=f"Question {name}", words=words)
 
@@ -94,7 +135,7 @@ def rating_means(data: StudyData) -> DataFrame | None:
     if data.ratings is None:
         return None
     try:
-        cells = cell_means(data.ratings, value="rating", participant="participant", within=data.within)
+        cells = cell_means(whole_ratings(data)[0], value="rating", participant="participant", within=data.within)
     except InputError:
         return None
     from pandas import DataFrame

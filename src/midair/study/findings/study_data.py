@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-    from midair.study.design import Analysis
+    from midair.study.design import Analysis, Foils, Incomplete
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,7 +31,14 @@ class StudyData:
     ratings : DataFrame or None
         Columns participant, rating and one a factor of `within`.
     within : tuple of str
-        Factors of the ratings.
+        Factors of the ratings within each person.
+    between : tuple of str
+        Factors of the ratings by which people differ.
+    incomplete, foils : str
+        What becomes of people without a whole set of ratings, and of answers that name what was never presented: see
+        `Analysis`.
+    excluded : DataFrame or None
+        People whom the rules of the plan leave out, see `left_out`: columns participant, rule, value, limit.
     others : DataFrame or None
         Answers to yes-no, same-different and magnitude questions: columns participant, question, kind, answer, right.
     strengths : DataFrame or None
@@ -43,13 +50,17 @@ class StudyData:
     simulated : bool
         Whether any answer comes from a simulated participant.
     left_out : int
-        Answers that were not analysed: familiarisation.
+        Answers that were not analysed: familiarisation, and those that the rules of the plan leave out.
     """
 
     choices: DataFrame | None = None
     other_choices: DataFrame | None = None
     ratings: DataFrame | None = None
     within: tuple[str, ...] = ()
+    between: tuple[str, ...] = ()
+    incomplete: Incomplete = "leave out"
+    foils: Foils = "wrong"
+    excluded: DataFrame | None = None
     others: DataFrame | None = None
     strengths: DataFrame | None = None
     thresholds: DataFrame | None = None
@@ -58,7 +69,13 @@ class StudyData:
     left_out: int = 0
 
 
-def data_of_answers(answers: DataFrame, analysis: Analysis, *, thresholds: DataFrame | None = None) -> StudyData:
+def data_of_answers(
+    answers: DataFrame,
+    analysis: Analysis,
+    *,
+    thresholds: DataFrame | None = None,
+    excluded: DataFrame | None = None,
+) -> StudyData:
     """Sort the answers of a study by what its design says will be tested.
 
     Parameters
@@ -69,6 +86,8 @@ def data_of_answers(answers: DataFrame, analysis: Analysis, *, thresholds: DataF
         Of the design.
     thresholds : DataFrame, optional
         Of adaptive blocks, see `thresholds_of`.
+    excluded : DataFrame, optional
+        People whom the rules of the plan leave out, see `left_out`.
 
     Raises
     ------
@@ -87,8 +106,12 @@ def data_of_answers(answers: DataFrame, analysis: Analysis, *, thresholds: DataF
     return StudyData(
         choices=_choices(scored.loc[asked & counts], analysis.condition),
         other_choices=_named(scored.loc[asked & ~counts], analysis),
-        ratings=_ratings(rated, value="answer", within=analysis.within) if len(rated) else None,
+        ratings=_ratings(rated, value="answer", factors=(*analysis.within, *analysis.between)) if len(rated) else None,
         within=analysis.within,
+        between=analysis.between,
+        incomplete=analysis.incomplete,
+        foils=analysis.foils,
+        excluded=excluded,
         others=rest if len(rest) else None,
         strengths=_strengths(scored, analysis) if analysis.strength else None,
         thresholds=thresholds,
@@ -107,10 +130,13 @@ def data_of_columns(
     condition: str = "",
     rating: str = "",
     within: Sequence[str] = (),
+    between: Sequence[str] = (),
+    incomplete: Incomplete = "leave out",
+    foils: Foils = "wrong",
     margin: float = 0.1,
     simulated: bool = False,
 ) -> StudyData:
-    """Answers from any table by the names of its columns: old data of a lab.
+    """Answers from any table by the names of its columns: old data of a lab. The options are those of `Analysis`.
 
     Raises
     ------
@@ -122,10 +148,21 @@ def data_of_columns(
     if presented and answered:
         choices = _choices(data, condition, participant=participant, presented=presented, answered=answered)
     if rating:
-        ratings = _ratings(data, participant=participant, value=rating, within=within)
+        if not within:
+            raise InputError("ratings: expected the factors of the analysis of variance (`within`), got none")
+        ratings = _ratings(data, participant=participant, value=rating, factors=(*within, *between))
     if choices is None and ratings is None:
         raise InputError("columns: expected `presented` and `answered`, or `rating` and `within`, got neither")
-    return StudyData(choices=choices, ratings=ratings, within=tuple(within), margin=margin, simulated=simulated)
+    return StudyData(
+        choices=choices,
+        ratings=ratings,
+        within=tuple(within),
+        between=tuple(between),
+        incomplete=incomplete,
+        foils=foils,
+        margin=margin,
+        simulated=simulated,
+    )
 
 
 def _choices(
@@ -138,6 +175,8 @@ def _choices(
 ) -> DataFrame | None:
     from pandas import DataFrame
 
+    # Without a right answer nothing was presented that could be named: a catch trial, an attention check.
+    rows = rows.loc[(rows["right"] != "n/a").to_numpy(bool)] if presented == "right" and len(rows) else rows
     if rows.empty:
         return None
     names = {"participant": participant, "presented": presented, "answered": answered}
@@ -192,15 +231,13 @@ def _strengths(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
     return DataFrame({"participant": known["participant"], "level": level, "correct": correct, "guess": analysis.guess})
 
 
-def _ratings(rows: DataFrame, *, value: str, within: Sequence[str], participant: str = "participant") -> DataFrame:
+def _ratings(rows: DataFrame, *, value: str, factors: Sequence[str], participant: str = "participant") -> DataFrame:
     from pandas import DataFrame
 
-    if not within:
-        raise InputError("ratings: expected the factors of the analysis of variance (`within`), got none")
     given = column(rows, value)
     try:
         rating = given.astype(float)
     except (TypeError, ValueError) as wrong:
         raise InputError(f"column {value!r}: expected ratings, got {given[:3].tolist()}") from wrong
-    factors = {name: column(rows, name) for name in within}
-    return DataFrame({"participant": column(rows, participant), "rating": rating} | factors)
+    found = {name: column(rows, name) for name in factors}
+    return DataFrame({"participant": column(rows, participant), "rating": rating} | found)

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.study.findings.finding import Finding
+from midair.study.findings.finding import Finding, limits_words
 from midair.study.findings.study_data import StudyData
-from midair.study.statistics import fit_psychometric, fit_threshold, levels, limits_over_people
+from midair.study.statistics import fit_psychometric, fit_threshold, levels
 
 
 def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
@@ -31,13 +31,12 @@ def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
         seen = trials > 0
         return fit_threshold(strength[seen], hits[seen], trials[seen], guess=guess, shape="weibull", near=fit.function)
 
+    over_people = limits_words(threshold, counts, "positive", form=".3g")
     words = (
         f"Threshold {fit.function.threshold:.3g} (where {100 * _rate(guess, fit.function.lapse):.0f} % are right),"
-        f" slope {fit.function.slope:.2g}; 95 % limits from trials {fit.threshold_low:.3g} to {fit.threshold_high:.3g}"
+        f" slope {fit.function.slope:.2g}; 95 % limits from trials {fit.threshold_low:.3g} to {fit.threshold_high:.3g},"
+        f" which hold for these people only; {over_people}"
     )
-    if len(people) >= 5:
-        limits = limits_over_people(threshold, counts, scale="positive")
-        words += f", over people {float(limits.low):.3g} to {float(limits.high):.3g}"
     fits = "fits" if fit.deviance_p > 0.05 else "does NOT fit"
     words += f". The Weibull function {fits} the answers (deviance {fit.deviance:.1f}, p = {fit.deviance_p:.2f})."
     table = DataFrame({"level": strength, "right": right.astype(int), "answers": total.astype(int)})
@@ -52,9 +51,16 @@ def adaptive(data: StudyData) -> list[Finding]:
     known = data.thresholds.loc[np.isfinite(data.thresholds["threshold"])]
     if known.empty:
         raise InputError("thresholds: expected an adaptive block that came to an end, got none; see the notes of each")
-    mean = float(np.exp(np.log(known["threshold"]).mean()))
-    words = f"Geometric mean of {len(known)} thresholds: {mean:.3g}. Those without a number say why."
+    values = known["threshold"].to_numpy(float)
+    limits = limits_words(_geometric_mean, values, "positive", form=".3g")
+    words = f"Geometric mean of {len(known)} thresholds: {_geometric_mean(values):.3g} ({limits})."
+    if len(known) < len(data.thresholds):
+        words += " Those without a number say why."
     return [Finding(title="Thresholds of adaptive blocks", words=words, table=data.thresholds)]
+
+
+def _geometric_mean(values: NDArray[np.float64]) -> float:
+    return float(np.exp(np.log(values).mean()))
 
 
 def _rate(guess: float, lapse: float) -> float:

@@ -6,6 +6,7 @@ from midair.study.statistics.columns import column, frame_of, levels
 from midair.study.statistics.confusion import (
     Confusion,
     chance_macro_f,
+    cohen_kappa,
     confusion_matrix,
     f_measure,
     mutual_information,
@@ -36,7 +37,7 @@ from midair.study.statistics.power import (
 from midair.study.statistics.psychometric import CurveShape, Psychometric, steepness
 from midair.study.statistics.psychometric_fit import PsychometricFit, fit_psychometric, fit_threshold
 from midair.study.statistics.published import chance_of_published, derive
-from midair.study.statistics.resample import Chance, Interval, limits_over_people, sign_flip
+from midair.study.statistics.resample import Chance, Interval, Scale, limits_over_people, sign_flip
 
 __all__ = [
     "Chance",
@@ -51,12 +52,14 @@ __all__ = [
     "Psychometric",
     "PsychometricFit",
     "RatingExperiment",
+    "Scale",
     "Sensitivity",
     "bayes_factor",
     "cell_means",
     "chance_macro_f",
     "chance_of_published",
     "choice_model",
+    "cohen_kappa",
     "column",
     "confusion_matrix",
     "d_prime_choice",

@@ -28,16 +28,19 @@ class Confusion:
     Attributes
     ----------
     by_person : ndarray of int, shape (participant, presented, answered)
-        Number of trials.
+        Number of trials; the answers that are no object that was presented come last.
     labels : tuple
         Names of the objects, for both axes.
     participants : tuple
         One an entry of the first axis.
+    foils : tuple
+        Names of the answers that were never presented.
     """
 
     by_person: Counts
     labels: tuple[Any, ...]
     participants: tuple[Any, ...]
+    foils: tuple[Any, ...] = ()
 
     @property
     def counts(self) -> Counts:
@@ -71,6 +74,7 @@ def confusion_matrix(
     *,
     participant: Sequence[Any] | NDArray[Any] | None = None,
     labels: Sequence[Any] | None = None,
+    foils: Sequence[Any] = (),
 ) -> Confusion:
     """Count the answers to each object, person by person.
 
@@ -82,6 +86,8 @@ def confusion_matrix(
         The person who answered; one for all trials if None.
     labels : sequence, optional
         The objects in the order wanted; those presented, in order of appearance, if None.
+    foils : sequence
+        Answers that were possible but never right: they count as wrong.
 
     Returns
     -------
@@ -104,12 +110,13 @@ def confusion_matrix(
     if missing := set(order) - set(truth.tolist()):
         raise InputError(f"objects: expected each to be presented, got no trial of {sorted(map(str, missing))}")
     people, person = levels(who)
-    shape = (len(people), len(order), len(order))
+    possible = [*order, *foils]
+    shape = (len(people), len(order), len(possible))
     where = np.ravel_multi_index(
-        (person, _number(truth, order, "presented"), _number(answer, order, "answered")), shape
+        (person, _number(truth, order, "presented"), _number(answer, possible, "answered")), shape
     )
     counts = np.bincount(where, minlength=int(np.prod(shape))).reshape(shape)
-    return Confusion(by_person=counts, labels=tuple(order), participants=tuple(people))
+    return Confusion(by_person=counts, labels=tuple(order), participants=tuple(people), foils=tuple(foils))
 
 
 def f_measure(counts: NDArray[Any]) -> Array:
@@ -127,7 +134,7 @@ def f_measure(counts: NDArray[Any]) -> Array:
     """
     counts = np.asarray(counts, float)
     hits = np.diagonal(counts, axis1=-2, axis2=-1)
-    both = counts.sum(axis=-1) + counts.sum(axis=-2)
+    both = counts.sum(axis=-1) + counts.sum(axis=-2)[..., : counts.shape[-2]]
     return np.asarray(2 * hits / np.maximum(both, 1e-300))
 
 
@@ -144,7 +151,7 @@ def scores(confusion: Confusion, *, level: float = 0.95) -> DataFrame:
     from pandas import DataFrame
 
     counts = confusion.counts
-    hits, given, said = np.diagonal(counts), counts.sum(axis=1), counts.sum(axis=0)
+    hits, given, said = np.diagonal(counts), counts.sum(axis=1), counts.sum(axis=0)[: len(counts)]
     low, high = wilson(hits, given, level=level)
     return DataFrame(
         {
@@ -192,13 +199,33 @@ def chance_macro_f(confusion: Confusion, *, rng: np.random.Generator, draws: int
     Chance
         The value, its permutation distribution, and the share of the distribution at or above the value.
     """
-    size = len(confusion.labels)
-    total = np.zeros((draws, size, size))
+    total = np.zeros((draws, *confusion.counts.shape))
     for counts in confusion.by_person:
         total += _shuffled(counts, rng, draws)
     distribution = f_measure(total).mean(axis=-1)
     p = percentile_p(confusion.macro_f, distribution)
     return Chance(value=confusion.macro_f, distribution=distribution, p=p)
+
+
+def cohen_kappa(counts: NDArray[Any]) -> float:
+    """Agreement of answers with objects beyond that of chance (Cohen, 1960): (share - chance) / (1 - chance).
+
+    Parameters
+    ----------
+    counts : ndarray, shape (presented, answered)
+        Number of trials; further answers than objects are never right.
+
+    Returns
+    -------
+    float
+        1 if all are right, 0 as often as chance has it for these presentations and these answers.
+    """
+    counts = np.asarray(counts, float)
+    if counts.ndim != 2 or counts.shape[0] > counts.shape[1] or counts.sum() <= 0:
+        raise ShapeError(f"counts: expected a table with answers in it, got shape {counts.shape}")
+    share = counts / counts.sum()
+    chance = float(share.sum(axis=1) @ share.sum(axis=0)[: len(counts)])
+    return 1.0 if chance == 1 else (float(np.trace(share)) - chance) / (1 - chance)
 
 
 def mutual_information(counts: NDArray[Any]) -> tuple[float, float]:
@@ -236,10 +263,10 @@ def _number(values: NDArray[Any], order: list[Any], name: str) -> Counts:
 
 def _shuffled(counts: Counts, rng: np.random.Generator, draws: int) -> Counts:
     """Confusion matrices of one person with the answers shuffled, shape (draw, presented, answered)."""
-    size = len(counts)
-    truth = np.repeat(np.arange(size), counts.sum(axis=1))
-    answer = np.repeat(np.arange(size), counts.sum(axis=0))
+    objects, answers = counts.shape
+    truth = np.repeat(np.arange(objects), counts.sum(axis=1))
+    answer = np.repeat(np.arange(answers), counts.sum(axis=0))
     shuffled = rng.permuted(np.broadcast_to(answer, (draws, answer.size)), axis=1)
     # One number for draw, object and answer, so that all draws are counted at once.
-    where = (np.arange(draws)[:, None] * size + truth) * size + shuffled
-    return np.bincount(where.ravel(), minlength=draws * size * size).reshape(draws, size, size)
+    where = (np.arange(draws)[:, None] * objects + truth) * answers + shuffled
+    return np.bincount(where.ravel(), minlength=draws * objects * answers).reshape(draws, objects, answers)

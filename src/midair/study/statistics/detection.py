@@ -116,7 +116,8 @@ def d_prime_yes_no(hits: int, signals: int, false_alarms: int, blanks: int) -> S
     Returns
     -------
     Sensitivity
-        Limits by the normal approximation of Gourevitch and Galanter (1967).
+        Limits by the normal approximation of Gourevitch and Galanter (1967), for trials that are independent; NaN with
+        fewer than 20 signals or blanks, where they cover up to .98 for .95.
     """
     from scipy.stats import norm
 
@@ -125,7 +126,7 @@ def d_prime_yes_no(hits: int, signals: int, false_alarms: int, blanks: int) -> S
     rate = (np.array([hits, false_alarms]) + 0.5) / (np.array([signals, blanks]) + 1)
     z = norm.ppf(rate)
     variance = rate * (1 - rate) / (np.array([signals, blanks]) * norm.pdf(z) ** 2)
-    half = 1.96 * float(np.sqrt(variance.sum()))
+    half = 1.96 * float(np.sqrt(variance.sum())) if min(signals, blanks) >= 20 else np.nan
     d = float(z[0] - z[1])
     return Sensitivity(d_prime=d, low=d - half, high=d + half, criterion=float(-z.mean()), corrected=True)
 

@@ -9,6 +9,8 @@ from midair.cli.terminal import Json, say, warn_simulated
 from midair.errors import InputError
 from midair.files import whole_file
 from midair.study import (
+    Foils,
+    Incomplete,
     Report,
     StudyData,
     StudyFolder,
@@ -16,6 +18,7 @@ from midair.study import (
     answers_table,
     data_of_answers,
     data_of_columns,
+    left_out,
     read_bids,
     read_csv,
     remember_made,
@@ -45,6 +48,9 @@ def analyse_command(
     condition: str = "",
     rating: str = "",
     within: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    between: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
+    incomplete: Incomplete = "leave out",
+    foils: Foils = "wrong",
     margin: float = 0.1,
 ) -> None:
     """Analyse a study, a CSV table, or a BIDS dataset; write an HTML report with a plain word beside each number.
@@ -56,7 +62,7 @@ def analyse_command(
     output
         The HTML file; report.html in the folder of the study, or beside the table, if not given.
     seed
-        Of permutations and bootstrap.
+        Of permutations and of drawn data.
     draws
         Number of permutations.
     participant
@@ -71,6 +77,12 @@ def analyse_command(
         Column of ratings.
     within
         Columns of the factors of the ratings.
+    between
+        Columns of factors by which people differ, such as the dominant hand.
+    incomplete
+        People without a rating in every cell: "leave out" them, or "refuse" the analysis of variance.
+    foils
+        Answers that name what was never presented: "wrong", "leave out", or "refuse" the analysis of choices.
     margin
         Difference of macro F between conditions that does not matter.
 
@@ -83,7 +95,12 @@ def analyse_command(
         plan = folder.plan()
         sessions = folder.sessions()
         thresholds = thresholds_of(plan, sessions)
-        data = data_of_answers(answers_table(plan, sessions), plan.design.analysis, thresholds=thresholds)
+        data = data_of_answers(
+            answers_table(plan, sessions),
+            plan.design.analysis,
+            thresholds=thresholds,
+            excluded=left_out(plan, sessions),
+        )
         title, target = plan.design.title or plan.design.name, output or source / "report.html"
     else:
         table = _old_table(source)
@@ -95,6 +112,9 @@ def analyse_command(
             condition=condition,
             rating=rating,
             within=within,
+            between=between,
+            incomplete=incomplete,
+            foils=foils,
             margin=margin,
             simulated="simulated" in table and bool((table["simulated"].astype(str) == "True").any()),
         )
