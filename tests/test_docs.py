@@ -6,6 +6,7 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from shutil import copyfile
 
 import pytest
 
@@ -80,6 +81,22 @@ def test_the_doctests_of_the_sensor_page_hold():
     runner.run(parser.get_doctest(text, {}, "build-a-sensor", None, 0))
     assert runner.summarize(verbose=False).failed == 0
     assert runner.tries > 0
+
+
+def test_the_page_on_seeing_hearing_and_watching_runs(folder):
+    (script,) = blocks("docs/show.md", "python")
+    names = {}
+    exec(script, names)
+    assert names["page"].startswith("<!doctype html>")
+    assert names["widget"].about["frames"] == 200
+    assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0
+    copyfile("take.h5", "take.rerecorded.h5")
+    coarse = ["--mode", "quick", "--points", "4", "--pitch", "11mm", "--guard", "0mm", "--duration", "0.1s"]
+    assert run(["solve", "take.h5", *coarse]) == 0
+    typed = commands("docs/show.md")
+    assert len(typed) == 4
+    for words in typed:
+        assert run(words) == 0, words
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ import pytest
 from tests.view.shown import FOCUS, GRID, focus, focus_drive, pressure, recording
 
 from midair.physics import propagate
-from midair.view import colour_table, finer_grid, show_comparison, show_page, show_recording
+from midair.view import colour_table, finer_points, show_comparison, show_page, show_recording
 
 pytestmark = pytest.mark.browser
 
@@ -64,7 +64,7 @@ def test_a_known_focus_is_where_it_was_put(opened):
     assert (played["rows"], played["columns"]) == (64, 64)
     assert abs(played["peak"]["x"] - x) < 0.6
     assert abs(played["peak"]["y"] - y) < 0.6
-    true = np.abs(propagate(focus_drive(), finer_grid(GRID))[2])
+    true = np.abs(propagate(focus_drive(), finer_points(GRID))[2])
     shown = np.array(played["shown"])
     assert np.linalg.norm(shown - true) / np.linalg.norm(true) < 0.02
     assert np.argmax(picture(page, "Wanted")["shown"]) == 9 * 16 + 6
@@ -75,7 +75,7 @@ def test_phase_is_masked_where_it_is_quiet_and_right_where_it_is_not(opened):
     page = opened(shown, reduced_motion="reduce")
     held(page, 2)
     found = picture(page, "Phase of the field")
-    field = propagate(focus_drive(), finer_grid(GRID))[2]
+    field = propagate(focus_drive(), finer_points(GRID))[2]
     pixels, loud = np.array(found["pixels"]), np.abs(field) > 0.06 * shown.sound.top
     assert (pixels[np.abs(field) < 0.04 * shown.sound.top] == 0).all()
 
@@ -132,12 +132,17 @@ def test_every_key_of_the_transport(opened):
     assert state("span") == span / 2
     page.keyboard.press("0")
     assert state("span") == span
+    page.keyboard.press("End")
     page.keyboard.press("j")
     assert (state("playing"), state("speed")) == (True, -1)
     page.keyboard.press("k")
     assert state("playing") is False
     page.keyboard.press("Space")
-    assert state("playing") is True, "from the other end, where it had come to one"
+    assert state("playing") is True
+    page.keyboard.press("Home")
+    page.evaluate("document.querySelector('.midair-view').midair.transport.toggle()")
+    page.keyboard.press("Space")
+    assert state("frame") > 300, "backwards from the start is from the other end"
 
 
 def test_at_full_speed_a_picture_is_the_rms_of_its_frames_and_in_slow_motion_one_of_them(opened):

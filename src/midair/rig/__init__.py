@@ -35,6 +35,7 @@ from midair.rig.looping import (
     run_loop,
     side_by_side,
     verdict,
+    watched,
     write_report,
 )
 from midair.rig.names import ArrayKind, VirtualRig, array_named, array_of_kind, sensor_named, stage_named
@@ -140,5 +141,6 @@ __all__ = [
     "usual_exposure",
     "write_calibration_page",
     "write_practice",
+    "watched",
     "write_report",
 ]

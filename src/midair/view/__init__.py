@@ -2,7 +2,7 @@
 
 from midair.view.colours import TABLES, colour_table
 from midair.view.film import Film, ffmpeg, write_gif, write_mp4
-from midair.view.finer_field import Finer, finer, finer_grid
+from midair.view.finer_field import Finer, finer, finer_points
 from midair.view.hearing import AudibleChannel, audible, heard_together
 from midair.view.pages import WEB, inlined, one_module, sealed, show_page, style
 from midair.view.showing import (
@@ -44,7 +44,7 @@ __all__ = [
     "colour_table",
     "counted",
     "finer",
-    "finer_grid",
+    "finer_points",
     "inlined",
     "one_module",
     "pack",

@@ -45,6 +45,8 @@ class _Tile:
         Of the values.
     width : float
         Of the map, in m.
+    share : float
+        Of the map's side that the values cover, around its middle.
     """
 
     title: str
@@ -52,6 +54,7 @@ class _Tile:
     top: float
     unit: str
     width: float
+    share: float = 1.0
 
 
 class Film:
@@ -267,7 +270,15 @@ def _fields(sound: Sound) -> Iterator[_Tile]:
             field = played[frame].reshape(shape)
             return np.abs(field if sound.finer is None else sound.finer(field))
 
-        yield _Tile(title="Played, sound", values=made, top=top, unit="Pa", width=width)
+        yield _Tile(title="Played, sound", values=made, top=top, unit="Pa", width=width, share=_covered(sound))
+
+
+def _covered(sound: Sound) -> float:
+    """Share of the map's side that the finer points' squares cover: they lie from the first point to the last."""
+    if sound.finer is None or sound.grid.columns == 1:
+        return 1.0
+    points, finer = sound.grid.columns, len(sound.finer.across)
+    return finer * (points - 1) / (finer - 1) / points
 
 
 def _cells(channels: Channels, sensor: SensorGrid, top: float) -> _Tile:

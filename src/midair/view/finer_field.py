@@ -18,10 +18,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Finer:
-    """The field on a control grid, cut `times` finer both ways: ``down @ field @ across.T``.
-
-    Each point's square is cut into `times` by `times` smaller ones, so that the finer picture covers what the points'
-    squares cover.
+    """The field on a control grid at the points of `finer_grid`: ``down @ field @ across.T``.
 
     Attributes
     ----------
@@ -39,19 +36,23 @@ class Finer:
         return np.asarray(self.down @ field @ self.across.T, np.complex128)
 
 
-def finer_grid(grid: ControlGrid, times: int = 4) -> ControlGrid:
-    """The places of the finer picture."""
-    return ControlGrid(
-        rows=grid.rows * times,
-        columns=grid.columns * times,
-        pitch=grid.pitch / times,
-        height=grid.height,
-        centre=grid.centre,
-    )
+def finer_points(grid: ControlGrid, times: int = 4) -> Array:
+    """The places of the finer field, row by row, shape (finer point, 3), in m.
+
+    `times` as many along each side, evenly from the first point to the last: they tell nothing of what lies beyond.
+    """
+    x, y = np.meshgrid(_between(grid.x, times) + grid.centre[0], _between(grid.y, times) + grid.centre[1])
+    return np.stack([x.ravel(), y.ravel(), np.full(x.size, grid.height)], axis=1)
 
 
 def finer(
-    grid: ControlGrid, array: TransducerArray, *, acoustics: Acoustics | None = None, times: int = 4, lines: int = 4
+    grid: ControlGrid,
+    array: TransducerArray,
+    *,
+    acoustics: Acoustics | None = None,
+    times: int = 4,
+    lines: int = 4,
+    noise: float = 0.003,
 ) -> Finer:
     """The two matrices that miss least, on average over every field that the array can make with random phases.
 
@@ -66,13 +67,14 @@ def finer(
     acoustics : Acoustics, optional
         Air and directivity; the paper's if None.
     times : int
-        How many finer squares a point's square has along each side.
+        How many times as many points along each side, from the first to the last.
     lines : int
         Rows, and columns, that are looked at.
+    noise : float
+        How well the field is known, as a part of its rms: about what 8 bits leave of it.
     """
-    fine = finer_grid(grid, times)
     x, y = grid.x + grid.centre[0], grid.y + grid.centre[1]
-    fine_x, fine_y = fine.x + grid.centre[0], fine.y + grid.centre[1]
+    fine_x, fine_y = _between(x, times), _between(y, times)
 
     def field(some_x: Array, some_y: Array) -> Complex:
         places = np.stack(np.meshgrid(some_x, some_y), axis=-1).reshape(-1, 2)
@@ -82,9 +84,14 @@ def finer(
 
     rows, columns = y[_spread(len(y), lines)], x[_spread(len(x), lines)]
     return Finer(
-        down=_fitted(field(columns, y).swapaxes(0, 1), field(columns, fine_y).swapaxes(0, 1)),
-        across=_fitted(field(x, rows), field(fine_x, rows)),
+        down=_fitted(field(columns, y).swapaxes(0, 1), field(columns, fine_y).swapaxes(0, 1), noise),
+        across=_fitted(field(x, rows), field(fine_x, rows), noise),
     )
+
+
+def _between(places: Array, times: int) -> Array:
+    """`times` as many places, evenly from the first to the last."""
+    return np.linspace(places[0], places[-1], times * len(places))
 
 
 def _spread(count: int, some: int) -> NDArray[np.intp]:
@@ -92,10 +99,13 @@ def _spread(count: int, some: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, count - 1, min(some, count)).round().astype(np.intp))
 
 
-def _fitted(known: Complex, wanted: Complex) -> Array:
+def _fitted(known: Complex, wanted: Complex, noise: float) -> Array:
     """The real matrix that makes lines of (line, finer place, transducer) of those of (line, place, transducer)."""
     before, after = _real_lines(known), _real_lines(wanted)
-    return np.asarray(np.linalg.lstsq(before @ before.T, before @ after.T, rcond=1e-9)[0].T, np.float64)
+    moments = before @ before.T
+    # Known to a part `noise` of its rms only: without it the matrix makes the steps of 8 bits hundreds of times larger.
+    held = moments + noise**2 * np.trace(moments) / len(moments) * np.eye(len(moments))
+    return np.asarray(np.linalg.solve(held, before @ after.T).T, np.float64)
 
 
 def _real_lines(lines: Complex) -> Array:

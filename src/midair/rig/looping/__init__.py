@@ -5,6 +5,7 @@ from midair.rig.looping.correction_loop import Loop, run_loop
 from midair.rig.looping.drive_heard import DriveHeard, hear_drive
 from midair.rig.looping.loop_pictures import pictures
 from midair.rig.looping.loop_report import write_report
+from midair.rig.looping.loop_view import watched
 from midair.rig.looping.outcomes import Outcome, card_of_loop, side_by_side, verdict
 from midair.rig.looping.palm_simulation import palm_of_loop
 from midair.rig.looping.passes import Stage, quiet
@@ -25,5 +26,6 @@ __all__ = [
     "run_loop",
     "side_by_side",
     "verdict",
+    "watched",
     "write_report",
 ]
