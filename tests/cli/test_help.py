@@ -60,6 +60,8 @@ PLAN = "study new touch --participants 2 --drives none"
 BEFORE = {
     "calibrate measure": ["calibrate bench bench --duration 12s"],
     "study run": [PLAN],
+    "study plan": [PLAN],
+    "study withdraw": [PLAN, "study run touch --simulate"],
     "study analyse": [PLAN, "study run touch --simulate"],
     "study export": [PLAN, "study run touch --simulate"],
     "sweep report": ["sweep patterns patterns.zarr --count 1000 --strength 0.1"],

@@ -1,9 +1,15 @@
 import json
+import shutil
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
+from midair.study.design.answers import answers_table
 from midair.study.folder import StudyFolder, paper_design_text, read_design
+from midair.study.session import NoPresenter, Session, read_events
+from midair.study.tables import read_csv, write_csv
 
 
 def test_a_plan_comes_back_as_it_was_drawn(tmp_path):
@@ -52,3 +58,24 @@ def test_a_plan_that_was_changed_is_refused(tmp_path):
     file.unlink()
     with pytest.raises(MissingFileError, match="midair study new"):
         folder.plan()
+
+
+def test_a_study_of_before_is_read_and_goes_on(tmp_path):
+    """Kept as version 0.1.0 of 2026-11-22 wrote it: without links, sides, roles or digests of drives."""
+    shutil.copytree(Path(__file__).parent / "before", tmp_path / "s")
+    folder = StudyFolder(tmp_path / "s")
+    plan = folder.plan()
+    then, now = read_csv(tmp_path / "s" / "answers.csv"), answers_table(plan, folder.sessions())
+    assert set(then) - set(now) == set()
+    write_csv(now, tmp_path / "now.csv")
+    again = read_csv(tmp_path / "now.csv")
+    assert {name: again[name].tolist() for name in set(then) - {"time"}} == {
+        name: then[name].tolist() for name in set(then) - {"time"}
+    }
+    assert (np.diff(now["time"]) > 0).all()
+    with Session(plan, 1, folder.log(1), NoPresenter(), simulated=True) as session:
+        assert session.step.kind == "done"
+    assert read_events(folder.log(1))[-1]["event"] == "done"
+    folder.log(1).write_bytes(folder.log(1).read_bytes().replace(b'"towel"', b'"brush"', 1))
+    with pytest.raises(BrokenFileError, match="chain"):
+        folder.sessions()

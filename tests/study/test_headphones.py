@@ -2,6 +2,7 @@
 
 import contextlib
 import importlib
+import io
 import re
 import subprocess
 import sys
@@ -11,11 +12,26 @@ import numpy as np
 import pytest
 from tests.devices.sensors.conftest import _environment, _imported, _needs, _portaudio, _started_jack
 
+from midair.cli import run as midair
 from midair.errors import InputError, UnknownDeviceError
+from midair.files import save_solution
+from midair.model import Drive, Solution, TransducerArray
 from midair.study.design.study_design import MaskingNoise
+from midair.study.folder import StudyFolder
 from midair.study.headphones import Headphones
+from midair.study.session import read_events
 
 RATE = 48000
+TWO_STIMULI = """
+name = "two"
+participants = 1
+seed = 1
+cue = ""
+noise = { level_dbfs = -30, ramp_s = 0.05 }
+questions = [{ name = "felt", kind = "yes-no", text = "Felt?" }]
+stimuli = [{ name = "a", source = "a.drive.h5" }, { name = "n", kind = "silence" }]
+blocks = [{ name = "b", stimuli = ["a", "n"], questions = ["felt"], order = "fixed" }]
+"""
 
 
 @contextlib.contextmanager
@@ -76,6 +92,25 @@ def test_jack_hears_white_noise_at_the_stated_level_while_it_is_on_and_nothing_e
         power = np.abs(np.fft.rfft(inside)) ** 2
         bands = 10 * np.log10([part.mean() for part in np.array_split(power, 8)])
         assert np.ptp(bands) < 1.0  # white
+
+
+def test_a_session_has_noise_while_the_array_presents_and_none_while_it_asks(tmp_path, monkeypatch):
+    monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
+    array = TransducerArray.autd3()
+    drive = Drive(phase=np.zeros((5, array.count)), level=np.full(5, 0.001), rate=1000.0, array=array)
+    solution = Solution(drive=drive, error=np.zeros(5), iterations=np.ones(5), status=("iterations",) * 5)
+    save_solution(solution, tmp_path / "a.drive.h5")
+    (tmp_path / "a.toml").write_text(TWO_STIMULI)
+    assert midair(["study", "new", f"{tmp_path}/s", "--source", f"{tmp_path}/a.toml"]) == 0
+    with ears(tmp_path) as heard:
+        monkeypatch.setattr("sys.stdin", io.StringIO("yes\nno\n"))
+        words = ["study", "run", f"{tmp_path}/s", "--participant", "1", "--array", "virtual", "--noise", "ears"]
+        assert midair(words) == 0
+        loud = np.abs(heard()[:, 0]) > 0
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], np.convolve(loud, np.ones(99)) > 0, [False])).astype(int)))
+    assert len(edges) == 4, "one burst for the drive and one for the silence"
+    assert StudyFolder(tmp_path / "s").sessions()[0].next_trial == 2
+    assert read_events(tmp_path / "s" / "sessions" / "sub-01.jsonl")[0]["noise_dbfs"] == -30
 
 
 def test_levels_that_would_be_clipped_are_refused():

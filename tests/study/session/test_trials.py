@@ -20,6 +20,7 @@ from midair.errors import (
     SilentFramesError,
 )
 from midair.model import Medium
+from midair.study.design.answers import answers_table
 from midair.study.design.plan import draw_plan
 from midair.study.design.standing import replay
 from midair.study.folder import StudyFolder, paper_design_text, read_design
@@ -175,6 +176,9 @@ def test_a_trial_in_which_the_array_was_silent_is_marked_and_comes_again_before_
     silent = [event for event in events if event["event"] == "silent"]
     assert [event["trial"] for event in silent] == [plan.of(1)[at].code for at in (2, 2, 5)]
     assert silent[0]["reason"] == "array: frames 5 to 9 were silent"
+    table = answers_table(plan, [replay(events, plan, 1)])
+    failed = table.groupby("trial")["failed_plays"].first()
+    assert {trial: count for trial, count in failed.items() if count} == {3: 2, 6: 1}
     # Between a silent presentation and the next answer lies one that was felt.
     for at, event in enumerate(events):
         if event["event"] == "silent":
