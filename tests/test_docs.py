@@ -140,3 +140,14 @@ def test_every_option_that_a_page_names_is_one(page, capsys):
             known[key] = capsys.readouterr().out
         for option in re.findall(r"(?<!\S)--[a-z][a-z-]*", line):
             assert option in known[key] or option == "--help", f"{page}: {line}"
+
+
+@pytest.mark.slow
+def test_the_page_of_live_runs(folder):
+    for tokens in commands("docs/live.md"):
+        assert run(tokens) == 0, tokens
+    script, reading = blocks("docs/live.md", "python")
+    (folder / "touch.py").write_text(script, encoding="utf-8")
+    done = subprocess.run([sys.executable, "touch.py"], capture_output=True, text=True, check=True, cwd=folder)
+    assert done.stdout.startswith("1000 ")
+    exec(reading, {})

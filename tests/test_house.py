@@ -42,6 +42,7 @@ WHOLE_SUITES = {
     "files/test_one_way_in.py": "every format and every command that opens one",
     "files/test_real_recordings.py": "files that other programs wrote",
     "paper/test_paper.py": "the paper's figures made again, with few points",
+    "rig/live_touch/test_live_outside.py": "live touch from a sensor's line to the wire, and its deaths",
     "rig/takes/test_crash.py": "a recorder that is killed at any moment",
     "rig/takes/test_take_memory.py": "a long take in little memory",
     "solvers/test_contract.py": "one contract, each solver and each known problem",

@@ -1,0 +1,330 @@
+"""Print what live touch keeps: late frames, latency seen from outside, error by band, deaths, a bad network.
+
+Everything plays on emulated units on this computer; no real array was used.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.clock import load
+from benchmarks.live_outside import Running, SerialSkin, loud, plain, seconds_to_silence, watch_in_time
+from midair.calibration import CausalInverse, calibrate, causal_error, causal_fir
+from midair.devices import stop_playing
+from midair.dsp import welch
+from midair.model import ControlGrid, TransducerArray
+from midair.physics import transfer_matrix
+from midair.testing.udp_tap import UdpTap
+
+PARTS = ("run", "latency", "bands", "spectra", "deaths", "network")
+THINGS = ("towel", "sponge", "brush")
+DELAYS = (0.002, 0.004, 0.006, 0.008, 0.01)
+BANDS = ((20.0, 40.0), (40.0, 100.0), (100.0, 470.0))
+
+
+def main() -> None:
+    ask = argparse.ArgumentParser(prog="python -m benchmarks.live", description=__doc__.splitlines()[0])
+    ask.add_argument("--part", choices=PARTS, nargs="*", default=list(PARTS), help="only these (default all)")
+    ask.add_argument("--frames", type=int, default=60_000, help="of a run (default 60000; 600000 are ten minutes)")
+    ask.add_argument("--busy", type=int, default=0, help="processes that are busy beside a run (default 0)")
+    ask.add_argument("--priority", type=int, nargs="*", default=[20, 0], help="real-time priorities (default 20 0)")
+    ask.add_argument("--sensor", default="virtual:towel", help="of a run (default virtual:towel)")
+    ask.add_argument("--seconds", type=float, default=12.0, help="of latency and of each network (default 12)")
+    said = ask.parse_args()
+    print(f"{load()}; real-time priority for the wire and the sensor's line: {watch_in_time()}")
+    if "bands" in said.part:
+        bands()
+    if "spectra" in said.part:
+        spectra()
+    if "latency" in said.part:
+        latency(said.seconds)
+    if "deaths" in said.part:
+        deaths()
+    if "network" in said.part:
+        network(said.seconds)
+    if "run" in said.part:
+        for priority in said.priority:
+            run(said.frames, said.busy, priority, said.sensor)
+
+
+def run(frames: int, busy: int, priority: int, sensor: str) -> None:
+    """A long run to four emulated units: lost, late, and how long after it was taken a frame has left."""
+    spinning = [multiprocessing.Process(target=_spin, daemon=True) for _ in range(busy)]
+    for each in spinning:
+        each.start()
+    try:
+        line = [sys.executable, "-m", "midair", "live", "--json", "--device", "autd3:emulator", "--sensor", sensor]
+        line += ["--duration", f"{frames / 1000:g}s", "--priority", str(priority), "--override-exposure", "a benchmark"]
+        before = load()
+        with tempfile.TemporaryDirectory() as folder:
+            keep = ["--keep", str(Path(folder) / "run.h5")] if frames <= 120_000 else []
+            done = subprocess.run([*line, *keep], capture_output=True, text=True, check=False, preexec_fn=plain)
+        print(f"\n{frames} frames, priority {priority}, {busy} busy processes beside; {before} before, {load()} after")
+        if done.returncode:
+            print(f"  ended early: {done.stderr.splitlines()[-1]}")
+            return
+        told = json.loads(done.stdout)
+        print(f"  computer: {told['computer']}")
+        names = ("frames", "played", "lost", "late", "hurried", "unanswered", "gaps")
+        print("  " + ", ".join(f"{name} {told[name]}" for name in names))
+        for name in ("left_ms", "work_ms"):
+            print(f"  {name}: " + ", ".join(f"{share} {each}" for share, each in told[name].items()))
+    finally:
+        for each in spinning:
+            each.kill()
+
+
+def _spin() -> None:
+    plain()
+    while True:
+        np.linalg.norm(np.arange(1000.0))
+
+
+def latency(seconds: float) -> np.ndarray:
+    """A tap on one cell every 100 ms: from the moment it goes into the sensor's line to the strongest of its phases.
+
+    In ms. Nothing is asked of the loop. Pressure at the cell is worked out from the phases that went by on the wire.
+    """
+    tap = UdpTap(4)
+    skin = SerialSkin(lambda number: np.where(np.arange(16) == 5, 40.0 * (abs(number % 100 - 50) < 2), 0.0))
+    running = Running(tap, skin.name, "--gain", "1", "--duration", f"{seconds:g}s", "--json")
+    try:
+        running.until_loud()
+        time.sleep(max(0.0, seconds - 1.0))
+        seen = _frames_of_all(tap)
+    finally:
+        said, wrong = running.end()
+        skin.close()
+        tap.close()
+    grid = ControlGrid()
+    where = grid.position[_nearest(grid, 5)][None]
+    G = transfer_matrix(where, TransducerArray.autd3())[0]
+    times = np.array([at for at, _, _ in seen])
+    pressure = np.array([abs(np.exp(2j * np.pi * phases / 256) @ G) * (level > 0) for _, level, phases in seen]) ** 2
+    waits = []
+    for number, pushed in skin.pushed.items():
+        inside = (times > pushed) & (times < pushed + 0.05)
+        if number % 100 == 50 and inside.any() and pressure[inside].max() > 0.3 * np.percentile(pressure, 99.9):
+            waits.append(times[inside][np.argmax(pressure[inside])] - pushed)
+    taps = np.array(waits[5:]) * 1e3
+    print(f"\nlatency, seen from outside; {load()}")
+    if len(taps) < 3:
+        print(f"  too few taps were seen ({len(taps)}): {wrong[-300:]}")
+        return taps
+    half, most = np.percentile(taps, [50, 99.9])
+    print(f"  {len(taps)} taps into the sensor's line -> strongest phases on the wire: median {half:.2f} ms, ", end="")
+    print(f"99.9 % {most:.2f} ms, of which the filter is 6; they sound by their instant, a hold after the frame")
+    if not said:
+        print(f"  the run ended early: {wrong.strip().splitlines()[-1:]}")
+    told = json.loads(said) if said else {}
+    print(f"  the loop's own word: sent after they were taken {told.get('left_ms')}; late {told.get('late')}")
+    return taps
+
+
+def _frames_of_all(tap: UdpTap) -> list[tuple[float, int, np.ndarray]]:
+    """(when the last unit's went by, intensity, phases of all units) of each frame."""
+    whole: dict[int, dict[int, tuple[float, int, np.ndarray]]] = {}
+    for at, port, datagram in list(tap.sent):
+        if datagram[1] == 0 and datagram[5] == 0x16 and any(datagram[6:10]):
+            instant = int.from_bytes(datagram[6:10], "little")
+            phases = np.frombuffer(datagram[20:269], np.uint8)
+            whole.setdefault(instant, {})[port] = (at, datagram[-249], phases)
+    ports = sorted({port for one in whole.values() for port in one})
+    full = [one for one in whole.values() if len(one) == len(ports)]
+    return [
+        (max(one[port][0] for port in ports), one[ports[0]][1], np.concatenate([one[port][2] for port in ports]))
+        for one in full
+    ]
+
+
+def _nearest(grid: ControlGrid, cell: int) -> int:
+    """The control point nearest to a cell of the usual sensor."""
+    from midair.model import SensorGrid
+
+    sensor = SensorGrid()
+    row, column = divmod(cell, sensor.columns)
+    return int(np.argmin(np.hypot(grid.position[:, 0] - sensor.x[column], grid.position[:, 1] - sensor.y[row])))
+
+
+def _felt(thing: str, seconds: float = 3.0):
+    """A virtual recording, its calibration, and its pressure by the zero-phase chain."""
+    from midair import record
+
+    take = record(f"virtual:{thing}", seconds)
+    return take.recording, take.calibration, calibrate(take.recording, take.calibration).pressure
+
+
+def _in_band(x: np.ndarray, band: tuple[float, float]) -> float:
+    frequency, density = welch(x.reshape(len(x), -1), 1000.0)
+    inside = (frequency >= band[0]) & (frequency <= band[1])
+    return float(density[inside].mean())
+
+
+def bands() -> None:
+    """Error against what the zero-phase chain would play, at the same moment but for the delay."""
+    print(
+        "\nerror of the causal inverse against the zero-phase one, delay taken away, % (all / 20-40 / 40-100 / 100-470)"
+    )
+    print("  delay     even spectrum        " + "".join(f"{thing:>20}" for thing in THINGS))
+    felt = {thing: _felt(thing) for thing in THINGS}
+    known = felt["towel"][1]
+    for delay in DELAYS:
+        fir = causal_fir(known, 1000.0, delay=delay)
+        even = causal_error(fir, known, 1000.0, delay=delay, parts=((20.0, 470.0), *BANDS))
+        cells = []
+        for thing in THINGS:
+            recording, calibration, wanted = felt[thing]
+            given = CausalInverse(calibration, 1000.0, delay=delay).push(recording.samples)
+            late = round(1000 * delay)
+            got, want = given[300 + late :], wanted[300 : len(wanted) - late]
+            whole = np.sqrt(np.mean((got - want) ** 2) / np.mean(want**2))
+            parts = [np.sqrt(_in_band(got - want, band) / _in_band(want, band)) for band in BANDS]
+            cells.append(" / ".join(f"{100 * each:.0f}" for each in (whole, *parts)))
+        print(f"  {1e3 * delay:2.0f} ms  " + " / ".join(f"{100 * each:5.1f}" for each in even), end="")
+        print("".join(f"{cell:>20}" for cell in cells))
+
+
+def spectra() -> None:
+    """What a virtual sensor gets of towel, sponge and brush: played live, and by the best offline mode."""
+    from midair.flow import felt, reproduce
+    from midair.physics import propagate, radiation_pressure
+    from midair.rig.live_touch import Touch, TouchSettings
+    from midair.settings import MODES
+
+    array, grid = TransducerArray.autd3(), ControlGrid()
+    middle = _nearest(grid, 5)
+    print(
+        "\nspectra at a cell, dB against what was felt there (20-40 / 40-100 / 100-470 Hz); phases as they are played"
+    )
+    for thing in THINGS:
+        recording, calibration, wanted = _felt(thing, 1.2)
+        settings = TouchSettings()
+        touch = Touch(settings, calibration, recording.sensor, 1000.0, array, 1.0)
+        q = np.zeros((recording.frames, array.count), complex)
+        for number, sample in enumerate(recording.samples.reshape(recording.frames, -1)):
+            touch.feel(sample)
+            if touch.form():
+                q[number] = np.exp(2j * np.pi * touch.phases / 256)
+        G = transfer_matrix(grid.position[middle][None], array, acoustics=settings.acoustics)
+        live = radiation_pressure(np.abs(q @ G.T), settings.acoustics.medium)[:, 0]
+        best = MODES["best"]()
+        made = reproduce(felt(recording, calibration, best), array, best)
+        field = propagate(made.solution.drive, grid.position[middle][None])
+        offline = radiation_pressure(np.abs(field), best.acoustics.medium)[:, 0]
+        offline = offline.reshape(-1, round(best.target.rate / 1000)).mean(axis=1)
+        own = wanted.reshape(len(wanted), -1)[:, 5]
+        for name, got in (("live", live), ("best offline", offline)):
+            gains = [10 * np.log10(_in_band(got[200:], band) / _in_band(own[200:], band)) for band in BANDS]
+            print(f"  {thing:8}{name:14}" + " / ".join(f"{each:+5.1f}" for each in gains))
+
+
+DEATHS = (
+    "Ctrl-C",
+    "midair stop",
+    "program that looks on killed",
+    "program that looks on hangs",
+    "loop killed",
+    "loop hangs",
+    "sensor falls silent",
+    "cable to the array cut",
+)
+
+
+def deaths(names: tuple[str, ...] = DEATHS) -> dict[str, tuple[float, str]]:
+    """Every way in which it can end: from the event to silence, in s, and by whose word."""
+    print(f"\ndeaths: ms from the event to silence; {load()}")
+    return {name: _death(name) for name in names}
+
+
+def _death(name: str, attempts: int = 4) -> tuple[float, str]:
+    """On a busy machine a run may end by itself before the event: then once more."""
+    tap = UdpTap(4)
+    skin = SerialSkin(lambda number: np.full(16, 10.0 * np.sin(2 * np.pi * number / 20)))
+    running, child = Running(tap, skin.name, "--mapping", "constant-offset", "--offset", "20Pa"), 0
+    try:
+        running.until_loud()
+        time.sleep(1.2)
+        child = running.child
+        if not (child and loud(tap)):
+            raise RuntimeError(running.end()[1])
+        since = time.monotonic()
+        _happens(name, running, skin, child)
+        took, by = seconds_to_silence(tap, since)
+        print(f"  {name:30}{1e3 * took:6.0f} ms   by {by}", flush=True)
+        return took, by
+    except RuntimeError as wrong:
+        if not attempts:
+            raise
+        print(f"  {name:30} once more, it ended before: {str(wrong).splitlines()[-1][:100]}", flush=True)
+        return _death(name, attempts - 1)
+    finally:
+        if child:
+            _kill(child)
+        running.end()
+        skin.close()
+        tap.close()
+
+
+def _happens(name: str, running: Running, skin: SerialSkin, child: int) -> None:
+    match name:
+        case "Ctrl-C":
+            running.process.send_signal(signal.SIGINT)
+        case "midair stop":
+            stop_playing()
+        case "program that looks on killed":
+            running.process.kill()
+        case "program that looks on hangs":
+            running.process.send_signal(signal.SIGSTOP)
+        case "loop killed":
+            os.kill(child, signal.SIGKILL)
+        case "loop hangs":
+            os.kill(child, signal.SIGSTOP)
+        case "sensor falls silent":
+            skin.speaks = False
+        case "cable to the array cut":
+            running.tap.passes = False
+        case _:
+            raise ValueError(name)
+
+
+def _kill(pid: int) -> None:
+    try:
+        os.kill(pid, signal.SIGKILL)
+    except ProcessLookupError:
+        return
+
+
+def network(seconds: float) -> None:
+    """Two sides and a bad way between them: what is felt, and what is refused."""
+    from tests.rig.live_touch.test_listening import spoken
+
+    ways = {
+        "nothing": {},
+        "5 % lost": {"loss": 0.05},
+        "10 ms of jitter": {"delay": 0.005, "jitter": 0.01},
+        "1 % overtaken": {"reordering": 0.01},
+        "all of it": {"loss": 0.05, "delay": 0.005, "jitter": 0.01, "reordering": 0.01},
+        "every datagram twice": {"repeating": 1.0},
+    }
+    print(f"\nnetwork over loopback, jitter buffer 15 ms; {load()}")
+    print("  way                     sent   lost  concealed   %  too late  repeated  refused")
+    for name, way in ways.items():
+        listener, proxy, speaker = spoken(seconds, buffer=0.015, **way)
+        told, given = listener.source.counted, max(1, len(listener.got))
+        shares = f"{told.concealed:9d} {100 * told.concealed / given:5.1f} {told.tardy:8d} {told.repeated:9d}"
+        print(f"  {name:22}{speaker.spoken.frames:6d} {proxy.lost:6d} {shares} {told.refused:8d}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
