@@ -224,3 +224,36 @@ def test_nothing_is_wider_than_the_page(opened, width):
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     sizes = page.evaluate("[...document.querySelectorAll('canvas')].map(c => [c.width, c.height, c.clientWidth])")
     assert all(wide > 20 and high > 20 and abs(wide - css) <= 1 for wide, high, css in sizes)
+
+
+@pytest.fixture
+def all_of_it(opened):
+    """A page with every picture."""
+
+    def open_it(**how):
+        shown = show_comparison(pressure(), pressure(), sound=focus().sound)
+        return opened(shown, reduced_motion="reduce", **how)
+
+    return open_it
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious(all_of_it, scheme):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    page = all_of_it(color_scheme=scheme)
+    page.wait_for_timeout(1100)
+    told = axe.run(page).response
+    serious = [each for each in told["violations"] if each["impact"] in ("serious", "critical")]
+    assert [(each["id"], each["nodes"][0]["html"]) for each in serious] == []
+    assert {"color-contrast", "button-name", "aria-required-attr"} <= {each["id"] for each in told["passes"]}
+
+
+def test_everything_can_be_reached_by_tab(all_of_it):
+    page, seen = all_of_it(), set()
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        seen.add(page.evaluate("document.activeElement.ariaLabel || document.activeElement.textContent"))
+    names = {each.split(":")[0] for each in seen if each}
+    fields = {"Wanted", "Played, simulated", "Phase of the field", "Array"}
+    felt = {"original", "re-recorded", "Every channel, Pa", "Spectrogram", "The whole"}
+    assert fields | felt | {"play (Space)", "Loop", "1×", "1/10", "1/100"} <= names
