@@ -1,0 +1,102 @@
+"""Transducers measured in place of assumed: `python -m benchmarks.measured_array`.
+
+A virtual array with the secrets of a seed is measured as `midair calibrate array` does. `coverage`: how many of its
+transducers are what was found, within the uncertainties that it came with; only here does anybody look at the secrets.
+`solved`: the fidelity table's things in the best mode, solved for the array as assumed and as measured, played once on
+the real one, in dB of signal over distortion on the skin and at the sensor.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from benchmarks.clock import load, timed
+from midair.calibration import ArrayPlan
+from midair.devices import ExposureChoices
+from midair.files import DEFAULT_PROFILE, profile_named
+from midair.flow import lead_of
+from midair.model import Acoustics, ArrayCalibration, Medium
+from midair.paper.modes_compared import OBJECTS, SIGNALS, FidelityPlan, at_strength, original_of
+from midair.rig import BudgetPlan, VirtualRig, calibrate_array, error_budget
+from midair.settings import best_mode
+from midair.solvers import one_blas_thread
+
+ROOM = Acoustics(medium=Medium.at(temperature=22.0, humidity=0.5))
+
+
+def main() -> None:
+    ask = argparse.ArgumentParser(prog="python -m benchmarks.measured_array", description=__doc__.splitlines()[0])
+    ask.add_argument("--part", choices=("coverage", "solved"), nargs="*", default=["coverage", "solved"])
+    ask.add_argument("--seeds", type=int, nargs="*", default=[0, 7, 11], help="of the secrets (default 0 7 11)")
+    ask.add_argument("--seconds", type=float, default=8.0, help="of the codes (default 8)")
+    ask.add_argument("--things", nargs="*", default=[*SIGNALS, *OBJECTS])
+    said = ask.parse_args()
+    print(load())
+    with one_blas_thread():
+        for seed in said.seeds:
+            rig = VirtualRig(seed=seed, acoustics=ROOM)
+            found, cost = timed(lambda rig=rig: measured(rig, said.seconds))
+            print(f"seed {seed}: {said.seconds:g} s of codes, {cost / 1e3:.0f} s of CPU", flush=True)
+            if "coverage" in said.part:
+                coverage(found, rig)
+            if "solved" in said.part:
+                solved(found, rig, said.things)
+
+
+def measured(rig: VirtualRig, seconds: float) -> ArrayCalibration:
+    """By the rig's own sensor."""
+    skin = rig.skin()
+    array = rig.array_device(skin)
+    array.silencer = "off"
+    exposure = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a virtual array")
+    with array, rig.sensor(skin) as sensor:
+        return calibrate_array(array, sensor, ArrayPlan(duration=seconds), acoustics=ROOM, exposure=exposure)
+
+
+def coverage(found: ArrayCalibration, rig: VirtualRig) -> None:
+    """The share within k = 1 and 2; the level that all share, and their common phase, taken out."""
+    true, alive = rig.array_device().chain.transducers, ~found.dead
+    told, secret = (each * np.exp(-1j * np.angle(each[alive].sum())) for each in (found.response, true.response))
+    level = float(np.median(np.abs(told[alive] / secret[alive])))
+    resonance = found.array.frequency + true.pole.imag / (2 * np.pi)
+    quality = -np.pi * resonance / true.pole.real
+    off = {
+        "strength": (np.abs(told) / level - np.abs(secret), found.strength_uncertainty, ""),
+        "phase": (np.angle(told / secret), found.phase_uncertainty, " rad"),
+        "resonance": (found.resonance - resonance, found.resonance_uncertainty, " Hz"),
+        "quality": (found.quality / quality - 1, found.quality_uncertainty, " of it"),
+    }
+    print(f"  level of all off by {100 * (level - 1):.1f} %, known to {200 * found.level_uncertainty:.1f} % (k = 2)")
+    for name, (error, uncertainty, unit) in off.items():
+        z = np.abs(error / uncertainty)[alive]
+        print(
+            f"  {name:9} k = 2 is {2 * np.median(uncertainty[alive]):.3g}{unit}: "
+            f"{100 * np.mean(z < 2):.1f} % within it, {100 * np.mean(z < 1):.1f} % within k = 1",
+            flush=True,
+        )
+
+
+def solved(found: ArrayCalibration, rig: VirtualRig, things: list[str]) -> None:
+    """One play each, nothing corrected."""
+    plan = FidelityPlan(rig=rig, best=best_mode().but(acoustics=ROOM))
+    for thing in things:
+        original = original_of(thing, plan, plan.best)
+        settings = at_strength(original, plan.best, plan)
+        lead, read = lead_of(settings), []
+        for known in (None, found):
+            array = None if known is None else known.applied(rig.array)
+            chosen = settings if known is None else settings.measured(known)
+            budget = error_budget(original, BudgetPlan(settings=chosen, rig=rig, lead=lead, measured=array))
+            read.append([budget.stage(stage).so_far.distortion_ratio for stage in ("silencer", "sensor")])
+        (skin, sensor), (known_skin, known_sensor) = read
+        print(
+            f"  {thing:9} as assumed: skin {skin:.1f}, sensor {sensor:.1f} dB; as measured: {known_skin:.1f}, "
+            f"{known_sensor:.1f} dB",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
