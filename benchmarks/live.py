@@ -23,8 +23,16 @@ from benchmarks.live_outside import Running, SerialSkin, loud, plain, seconds_to
 from midair.calibration import CausalInverse, calibrate, causal_error, causal_fir
 from midair.devices import stop_playing
 from midair.dsp import welch
-from midair.model import ControlGrid, TransducerArray
-from midair.physics import transfer_matrix
+from midair.model import ControlGrid, Drive, TransducerArray
+from midair.physics import (
+    PlaybackChain,
+    SensorModel,
+    TransducerDynamics,
+    Transducers,
+    cell_weights,
+    simulate,
+    transfer_matrix,
+)
 from midair.testing.udp_tap import UdpTap
 
 PARTS = ("run", "latency", "bands", "spectra", "deaths", "network")
@@ -42,17 +50,21 @@ def main() -> None:
     ask.add_argument("--sensor", default="virtual:towel", help="of a run (default virtual:towel)")
     ask.add_argument("--seconds", type=float, default=12.0, help="of latency and of each network (default 12)")
     said = ask.parse_args()
-    print(f"{load()}; real-time priority for the wire and the sensor's line: {watch_in_time()}")
+    print(load())
     if "bands" in said.part:
         bands()
     if "spectra" in said.part:
         spectra()
+    if {"latency", "deaths", "network"} & set(said.part):
+        print(f"\nreal-time priority for the wire, the sensor's line and the network: {watch_in_time()}")
     if "latency" in said.part:
         latency(said.seconds)
     if "deaths" in said.part:
         deaths()
     if "network" in said.part:
         network(said.seconds)
+    # What works all the time must not have it: others would stand still.
+    plain()
     if "run" in said.part:
         for priority in said.priority:
             run(said.frames, said.busy, priority, said.sensor)
@@ -198,31 +210,25 @@ def bands() -> None:
 def spectra() -> None:
     """What a virtual sensor gets of towel, sponge and brush: played live, and by the best offline mode."""
     from midair.flow import felt, reproduce
-    from midair.physics import propagate, radiation_pressure
     from midair.rig.live_touch import Touch, TouchSettings
     from midair.settings import MODES
 
     array, grid = TransducerArray.autd3(), ControlGrid()
-    middle = _nearest(grid, 5)
-    print(
-        "\nspectra at a cell, dB against what was felt there (20-40 / 40-100 / 100-470 Hz); phases as they are played"
-    )
+    print("\nspectra on a cell, dB against what it felt (20-40 / 40-100 / 100-470 Hz); transducers as modelled")
     for thing in THINGS:
         recording, calibration, wanted = _felt(thing, 1.2)
         settings = TouchSettings()
         touch = Touch(settings, calibration, recording.sensor, 1000.0, array, 1.0)
-        q = np.zeros((recording.frames, array.count), complex)
+        phase, level = np.zeros((recording.frames, array.count)), np.zeros(recording.frames)
         for number, sample in enumerate(recording.samples.reshape(recording.frames, -1)):
             touch.feel(sample)
             if touch.form():
-                q[number] = np.exp(2j * np.pi * touch.phases / 256)
-        G = transfer_matrix(grid.position[middle][None], array, acoustics=settings.acoustics)
-        live = radiation_pressure(np.abs(q @ G.T), settings.acoustics.medium)[:, 0]
+                phase[number], level[number] = 2 * np.pi * touch.phases / 256, 1.0
+        cell = cell_weights(SensorModel.usual(recording.sensor), grid, between="waves")[5:6]
+        played = Drive(phase=phase, level=level, rate=1000.0, array=array, acoustics=settings.acoustics)
         best = MODES["best"]()
         made = reproduce(felt(recording, calibration, best), array, best)
-        field = propagate(made.solution.drive, grid.position[middle][None])
-        offline = radiation_pressure(np.abs(field), best.acoustics.medium)[:, 0]
-        offline = offline.reshape(-1, round(best.target.rate / 1000)).mean(axis=1)
+        live, offline = _pressed(played, grid, cell), _pressed(made.solution.drive, grid, cell)
         own = wanted.reshape(len(wanted), -1)[:, 5]
         for name, got in (("live", live), ("best offline", offline)):
             gains = [10 * np.log10(_in_band(got[200:], band) / _in_band(own[200:], band)) for band in BANDS]
@@ -239,6 +245,16 @@ DEATHS = (
     "sensor falls silent",
     "cable to the array cut",
 )
+
+
+def _pressed(drive: Drive, grid: ControlGrid, cell: np.ndarray) -> np.ndarray:
+    """Pressure on a cell, means of a millisecond, with frames that are held and transducers that take their time."""
+    follow = Transducers.varied(
+        drive.array.count, TransducerDynamics(), gain_spread=0.0, resonance_spread=0.0, quality_spread=0.0, seed=0
+    )
+    G = transfer_matrix(grid, drive.array, acoustics=drive.acoustics)
+    moments = simulate(drive, G, chain=PlaybackChain(transducers=follow), rate=8000.0, weights=cell)[:, 0]
+    return moments.reshape(-1, 8).mean(axis=1)
 
 
 def deaths(names: tuple[str, ...] = DEATHS) -> dict[str, tuple[float, str]]:

@@ -13,6 +13,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="files of Linux"
 LINK = "fe8000000000000000fcabfffe21d5cd 02 40 20 80     eth0\n"
 LIMITS = (
     "Limit                     Soft Limit           Hard Limit           Units     \n"
+    "Max locked memory         {1:<21}{1:<21}bytes\n"
     "Max realtime priority     {0:<21}{0:<21}\nMax realtime timeout      unlimited            unlimited            us\n"
 )
 STATUS = "Name:\tpython\nUid:\t1000\t1000\t1000\t1000\nGid:\t1000\t1000\t1000\t1000\nGroups:\t{}\n"
@@ -22,7 +23,7 @@ WELL = {
     "proc/net/if_inet6": LINK,
     "proc/sys/net/ipv6/conf/all/disable_ipv6": "0\n",
     "proc/modules": "snd 1 0 - Live 0x0\n",
-    "proc/self/limits": LIMITS.format(20),
+    "proc/self/limits": LIMITS.format(20, "unlimited"),
     "proc/self/status": STATUS.format("20 29 1000"),
     "etc/group": GROUPS.format("somebody"),
     "sys/class/net/eth0/device": None,
@@ -45,7 +46,7 @@ def test_this_computer_is_looked_at_without_any_right():
     findings = machine_findings()
     assert [each.subject for each in findings if each.state == "broken"] == []
     assert all(each.advice for each in findings if each.state != "ok")
-    assert {"IPv6", "firewall", "real-time priority", "group dialout", "group audio", "room"} <= {
+    assert {"IPv6", "firewall", "real-time priority", "locked memory", "group dialout", "group audio", "room"} <= {
         each.subject for each in findings
     }
     # Against what the system says by other ways.
@@ -82,7 +83,20 @@ UNWELL = {
     "ufw": ({"etc/ufw/ufw.conf": "ENABLED=yes\n"}, "firewall", "ok", "UDP from port 44336", "sudo ufw allow"),
     "firewalld": ({"run/firewalld": None}, "firewall", "ok", "firewalld", "--add-source-port=44336/udp"),
     "netfilter": ({"proc/modules": "nf_tables 1 0 - Live 0x0\n"}, "firewall", "ok", "kernel's filter", "nft list"),
-    "no priority": ({"proc/self/limits": LIMITS.format(0)}, "real-time priority", "missing", "not allowed", "rtprio"),
+    "no priority": (
+        {"proc/self/limits": LIMITS.format(0, "unlimited")},
+        "real-time priority",
+        "missing",
+        "not allowed",
+        "rtprio",
+    ),
+    "little locked memory": (
+        {"proc/self/limits": LIMITS.format(20, 8_388_608)},
+        "locked memory",
+        "missing",
+        "up to 8.39 MB",
+        "memlock unlimited",
+    ),
     "no limits": ({"proc/self/limits": ""}, "real-time priority", "missing", "does not tell", "rtprio"),
     "no dialout": (
         {"proc/self/status": STATUS.format("29 1000")},
@@ -132,7 +146,7 @@ def test_a_firewall_that_is_off_is_none(tmp_path):
 
 def test_root_may_all(tmp_path):
     root = "Uid:\t0\t0\t0\t0\nGid:\t0\t0\t0\t0\nGroups:\t0\n"
-    findings = found(tmp_path, {"proc/self/status": root, "proc/self/limits": LIMITS.format(0)})
+    findings = found(tmp_path, {"proc/self/status": root, "proc/self/limits": LIMITS.format(0, 8_388_608)})
     assert {each.state for each in findings.values()} == {"ok"}
 
 

@@ -51,6 +51,7 @@ def machine_findings(root: Path = Path("/"), *, moderation: Moderation | None = 
         _firewall(root),
         *(_moderation(card, (moderation or rx_delay)(card)) for card in cards),
         _priority(root),
+        _locked_memory(root),
         *(_group(root, name, use) for name, use in (("dialout", "serial sensors"), ("audio", "sound cards"))),
         _room(Path()),
     ]
@@ -144,6 +145,20 @@ def _priority(root: Path) -> Check:
             if allowed == "0" and not _is_root(root):
                 return Check(subject=subject, state="missing", found="not allowed", advice=advice)
             return Check(subject=subject, state="ok", found="allowed" if allowed == "0" else f"up to {allowed}")
+    return Check(subject=subject, state="missing", found="the system does not tell", advice=advice)
+
+
+def _locked_memory(root: Path) -> Check:
+    """Whether live touch may keep its memory where it is: some 500 MB."""
+    subject = "locked memory"
+    advice = "a line '@audio - memlock unlimited' in /etc/security/limits.d/midair.conf, be in that group, log in again"
+    for line in (_text(root / "proc/self/limits") or "").splitlines():
+        if line.startswith("Max locked memory"):
+            allowed = line.split()[3]
+            if allowed == "unlimited" or _is_root(root) or (allowed.isdecimal() and int(allowed) >= 2**30):
+                return Check(subject=subject, state="ok", found="allowed")
+            found = f"up to {int(allowed) / 1e6:.3g} MB" if allowed.isdecimal() else allowed
+            return Check(subject=subject, state="missing", found=f"{found}; live touch asks for it", advice=advice)
     return Check(subject=subject, state="missing", found="the system does not tell", advice=advice)
 
 
