@@ -2,13 +2,15 @@
 
 import base64
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib import colormaps
 from tests.view.shown import ARRAY, focus, focus_drive, recording
 
-from midair.view import about, sections, show_recording, size_of, unpack
+from midair.errors import InputError
+from midair.view import about, check_size, sections, show_recording, size_of, unpack
 
 
 def test_samples_come_in_sections_of_a_quarter_of_a_second():
@@ -39,6 +41,15 @@ def test_the_size_is_told_before_it_is_made():
     for shown in (focus(), show_recording(recording(600))):
         made = sum(map(len, sections(shown).values()))
         assert size_of(shown) == pytest.approx(made, rel=0.05)
+
+
+def test_a_minute_of_a_drive_fits_a_page_and_two_do_not():
+    shown = focus()
+    long = replace(shown, frames=65_000)
+    assert size_of(long) < 64 * 2**20
+    check_size(long)
+    with pytest.raises(InputError, match="show a part"):
+        check_size(replace(shown, frames=120_000))
 
 
 def test_words_and_tables_fit_json():

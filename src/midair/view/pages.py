@@ -50,7 +50,7 @@ def inlined(showing: Showing) -> dict[str, str]:
 def _sounds(showing: Showing) -> str:
     """Players of the chosen channel; nothing where there is none."""
     players = [
-        f'<label>{escape(name)} <audio controls loop preload="auto" src="{sound.source}"></audio></label>'
+        f'<label>{escape(name.capitalize())} <audio controls loop preload="auto" src="{sound.source}"></audio></label>'
         for name, sound in heard_together(showing)
     ]
     return f'<div class="view-heard">{"".join(players)}</div>' if players else ""
