@@ -1,5 +1,6 @@
 """What README and docs print to be typed runs as it is printed."""
 
+import dataclasses
 import doctest
 import re
 import shlex
@@ -8,11 +9,23 @@ import sys
 from pathlib import Path
 from shutil import copyfile
 
+import numpy as np
 import pytest
 
 from midair.cli import run
 from midair.cli.commands import COMMANDS, FOLDERS
 from midair.settings import CHOICES, MODES, Settings, choices_table
+from midair.study import (
+    Design,
+    NoPresenter,
+    StudyFolder,
+    draw_plan,
+    paper_design_text,
+    read_design,
+    read_events,
+    replay,
+)
+from midair.study.design import Block, Exclusions, Question, Stimulus
 
 ROOT = Path(__file__).parents[1]
 
@@ -103,6 +116,67 @@ def test_the_page_on_seeing_hearing_and_watching_runs(folder):
 def test_every_command_of_the_tutorial_runs_in_its_order(folder):
     typed = commands("docs/tutorial.md")
     assert len(typed) > 8
+    for words in typed:
+        assert run(words) == 0, words
+
+
+def parts_of_a_plan(page):
+    """What the table of a page says a plan may have: where, and the names in its code."""
+    rows = re.findall(r"^\| (plan|`\[exclusions\]`|question|block|stimulus) \| (.*?) \|", page, re.MULTILINE)
+    return [(where.strip("`[]"), name) for where, cell in rows for name in re.findall(r"`\[*(\w+)", cell)]
+
+
+def test_the_plans_of_the_page_on_studies_can_be_drawn(folder):
+    first, fragment = blocks("docs/study.md", "toml")
+    plan = draw_plan(read_design(first))
+    assert len(plan.of(1)) == 40
+    names = ["weak", "middle", "strong"]
+    sides = "\n".join(
+        f'[[stimuli]]\nname = "{name}_{side}"\nsource = "x.drive.h5"\n'
+        f'levels = {{ amplitude = "{2**at}", place = "{side}" }}'
+        for at, name in enumerate(names)
+        for side in ("left", "right")
+    )
+    where = '[[questions]]\nname = "where"\nkind = "choice"\ntext = "?"\noptions = ["left", "right"]\ntruth = "place"'
+    threshold = draw_plan(read_design(f'name = "t"\nparticipants = 1\nseed = 1\n{where}\n{sides}\n{fragment}'))
+    assert [trial.variant for trial in threshold.trials].count(0) == 20
+
+
+def test_every_part_of_a_plan_that_the_page_on_studies_names_is_one():
+    kinds = {"plan": Design, "exclusions": Exclusions, "question": Question, "block": Block, "stimulus": Stimulus}
+    named = parts_of_a_plan((ROOT / "docs" / "study.md").read_text(encoding="utf-8"))
+    assert len(named) > 20
+    for where, name in named:
+        assert name in {field.name for field in dataclasses.fields(kinds[where])}, (where, name)
+
+
+def test_the_runner_of_the_page_on_studies_runs(folder):
+    script = next(one for one in blocks("docs/study.md", "python") if "with Session(" in one)
+    design = read_design(paper_design_text().replace("repetitions = 4", "repetitions = 1"), participants=3)
+    plan, told = draw_plan(design), []
+    names = {"plan": plan, "folder": StudyFolder(folder), "presenter": NoPresenter(), "show": told.append}
+    exec(script, names | {"ask": lambda text: "AB12" if "pseudonym" in text else "1"})
+    found = replay(read_events(folder / "sessions" / "sub-03.jsonl"), plan, 3)
+    assert found.next_trial == len(found.trials)
+    assert {given.by for given in found.answers.values()} == {"page"}
+    assert told[:2] == ["Feel now.", ""]
+
+
+@pytest.mark.slow
+def test_every_command_of_the_page_on_studies_runs_in_its_order(folder):
+    """But for the session at the keys, which `test_running` types; of old data, those of a study that was exported."""
+    typed = [words for words in commands("docs/study.md") if words[2] != "touch"]
+    assert len(typed) > 8
+    rng = np.random.default_rng(1)
+    rows = [
+        f"p{person},p{person},{shown},{shown},{rng.choice([shown, 'towel'])},{surface},{asked},{rng.integers(1, 8)}"
+        for person in range(4)
+        for surface in ("plain", "grooved")
+        for shown in ("brush", "towel", "sponge")
+        for asked in ("brush", "towel")
+    ]
+    names = "participant,subject,object,presented,response,surface,rated,score"
+    (folder / "old.csv").write_text("\n".join([names, *rows]) + "\n")
     for words in typed:
         assert run(words) == 0, words
 

@@ -1,0 +1,148 @@
+"""Two hundred kills in each of new, run, analyse and export: nothing is lost, and nothing is half-written."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midair.files import save_solution
+from midair.model import Drive, Solution, TransducerArray
+from midair.study.drives import check_digests
+from midair.study.folder import StudyFolder, paper_design_text
+from midair.study.session import read_events
+from midair.study.tables import read_csv
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="forks")
+KILLS = [2, pytest.param(200, marks=pytest.mark.slow)]
+
+
+@pytest.fixture(scope="module")
+def killer():
+    """Runs midair, and kills it after some seconds."""
+    program = [sys.executable, str(Path(__file__).parent / "forks.py")]
+    with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout.readline() == "ready\n"
+
+        def run(*words, after=None):
+            running.stdin.write(json.dumps({"words": [str(word) for word in words], "after": after}) + "\n")
+            running.stdin.flush()
+            return json.loads(running.stdout.readline())
+
+        yield run
+        running.stdin.close()
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    """TOML of a short study with the six drives of the paper beside it."""
+    folder = tmp_path_factory.mktemp("plan")
+    array = TransducerArray.autd3()
+    drive = Drive(phase=np.zeros((5, array.count)), level=np.full(5, 0.01), rate=1000.0, array=array)
+    solution = Solution(drive=drive, error=np.zeros(5), iterations=np.ones(5), status=("iterations",) * 5)
+    for source in {f"{thing}-{way}.drive.h5" for thing in ("brush", "sponge", "towel") for way in ("plain", "grooved")}:
+        save_solution(solution, folder / source)
+    text = paper_design_text().replace("repetitions = 4", "repetitions = 2")
+    (folder / "plan.toml").write_text(text.replace("participants = 10", "participants = 2"), encoding="utf-8")
+    return folder / "plan.toml"
+
+
+@pytest.fixture(scope="module")
+def finished(killer, plan, tmp_path_factory):
+    """A study with all its answers."""
+    folder = tmp_path_factory.mktemp("finished") / "s"
+    assert killer("study", "new", folder, "--source", plan)["status"] == 0
+    assert killer("study", "run", folder, "--simulate")["status"] == 0
+    return folder
+
+
+def killed(killer, kills, words, look):
+    """Kill a command at random moments, as often as asked; `look` says what is there afterwards."""
+    rng = np.random.default_rng(kills)
+    lasts = killer(*words(-1))["lasted"]
+    look(-1)
+    hits = runs = 0
+    while hits < kills:
+        ended = killer(*words(runs), after=float(rng.uniform(0, 1.05 * lasts)))
+        assert ended["status"] in (0, -9)
+        hits += ended["status"] == -9
+        look(runs)
+        runs += 1
+    assert killer(*words(runs))["status"] == 0
+    look(runs)
+
+
+@pytest.mark.parametrize("kills", KILLS)
+def test_a_study_is_new_or_not_there(killer, plan, tmp_path, kills):
+    whole = []
+
+    def look(number):
+        folder = StudyFolder(tmp_path / f"s{number}")
+        whole.append(folder.path.exists())
+        if whole[-1]:
+            found = folder.plan()
+            check_digests(folder.path, found.drives, found.design.stimuli)
+            assert len(found.drives) == 6
+        assert not [name for name in os.listdir(tmp_path) if not name.startswith((".midair-", "s"))]
+
+    killed(killer, kills, lambda number: ("study", "new", tmp_path / f"s{number}", "--source", plan), look)
+    assert whole[0]
+    assert whole[-1]
+
+
+@pytest.mark.parametrize("kills", KILLS)
+def test_no_answer_is_lost(killer, plan, tmp_path, kills):
+    known = {}
+
+    def look(number):
+        folder = StudyFolder(tmp_path / f"s{max(number, 0) // 5}")
+        if folder.log(1).exists():
+            answers = [event for event in read_events(folder.log(1)) if event["event"] == "answer"]
+            (session,) = [one for one in folder.sessions() if one.trials[0].participant == 1]
+            stored = {key: given.answer for key, given in session.answers.items()}
+            assert len(answers) == len(stored), "asked twice"
+            before = known.get(folder.path, {})
+            assert before.items() <= stored.items(), "an answer was lost"
+            known[folder.path] = stored
+
+    def words(number):
+        folder = tmp_path / f"s{max(number, 0) // 5}"
+        if not folder.exists():
+            assert killer("study", "new", folder, "--source", plan)["status"] == 0
+        return ("study", "run", folder, "--simulate", "--participant", 1)
+
+    killed(killer, kills, words, look)
+
+
+@pytest.mark.parametrize("kills", KILLS)
+def test_a_report_is_whole(killer, finished, kills):
+    report = finished / "report.html"
+
+    def look(_number):
+        assert report.read_text(encoding="utf-8").rstrip().endswith("</html>")
+        assert all(json.loads(line)["kind"] for line in (finished / "made.jsonl").read_text().splitlines())
+
+    killed(killer, kills, lambda _: ("study", "analyse", finished, "--draws", 20), look)
+    assert not [name for name in os.listdir(finished) if name.endswith(".html") and name != "report.html"]
+
+
+@pytest.mark.parametrize("kills", KILLS)
+@pytest.mark.parametrize("kind", ["bids", "csv"])
+def test_an_export_is_whole_or_not_there(killer, finished, tmp_path, kind, kills):
+    first = {}
+
+    def look(number):
+        there = tmp_path / f"e{number}"
+        if there.exists():
+            files = {
+                path.relative_to(there).as_posix(): path.read_bytes() for path in there.rglob("*") if path.is_file()
+            }
+            content = files or {"": there.read_bytes()}
+            assert content == first.setdefault(kind, content)
+
+    killed(killer, kills, lambda number: ("study", "export", finished, tmp_path / f"e{number}", "--format", kind), look)
+    if kind == "csv":
+        assert len(read_csv(tmp_path / "e-1")) == 2 * (6 + 2 * (3 + 6) * 4)
