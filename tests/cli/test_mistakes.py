@@ -67,7 +67,7 @@ MISTAKES = (
         "give --layout ROWSxCOLUMNS:PITCH such as 4x4:11mm, or choose some with --channels 0,1",
     ),
     ("import gaps.csv --unit V", 1, "expected finite numbers, got nan"),
-    ("import x.hjif", 1, "x.hjif: MPEG haptics holds"),
+    ("import x.hjif --scale 2Pa", 1, "x.hjif: expected MPEG haptics with"),
     ("import x.m4a", 1, "expected a name that ends in .h5,"),
     ("import sample:fur", 1, "expected one of denim, got 'fur'"),
     ("import sample:", 1, "expected one of denim, got ''"),

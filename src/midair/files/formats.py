@@ -9,6 +9,7 @@ import numpy as np
 
 from midair.errors import InputError, UnknownFormatError
 from midair.files.atomic import existing_file, refusing
+from midair.files.effects import read_ahap, read_hjif, write_ahap, write_hjif
 from midair.files.fitting import check_fits
 from midair.files.foreign import (
     read_csv,
@@ -20,9 +21,7 @@ from midair.files.foreign import (
     read_tdms,
     read_wav,
     read_xdf,
-    write_ahap,
     write_csv,
-    write_hjif,
     write_mat,
     write_npz,
     write_wav,
@@ -58,12 +57,15 @@ class Format:
         The doors in and out; None where there is none.
     memory : float
         Bytes that reading takes at least for each byte of a file; 0 where it is read in parts.
+    effect : bool
+        Whether it holds effects, which are rendered: what is read is not what was written.
     """
 
     name: str
-    read: Reader | None = None
+    read: Reader
     write: Writer | None = None
     memory: float = 0
+    effect: bool = False
 
 
 HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
@@ -87,8 +89,8 @@ FORMATS: Mapping[str, Format] = {
     ".xdf": Format(name="XDF", read=read_xdf, memory=3),
     ".tdms": Format(name="TDMS", read=read_tdms, memory=3),
     ".mcap": Format(name="MCAP", read=read_mcap, memory=3),
-    ".hjif": Format(name="MPEG haptics", write=write_hjif),
-    ".ahap": Format(name="AHAP", write=write_ahap),
+    ".hjif": Format(name="MPEG haptics", read=read_hjif, write=write_hjif, memory=4, effect=True),
+    ".ahap": Format(name="AHAP", read=read_ahap, write=write_ahap, memory=4, effect=True),
 }
 """By the end of a file's name, in small letters."""
 
@@ -121,7 +123,7 @@ def load(
     ----------
     path : str or PathLike
         Its ending tells the format: .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .npy, .mat, .nc, .flac, .aiff, .ogg,
-        .mp3, .xdf, .tdms or .mcap.
+        .mp3, .xdf, .tdms, .mcap; effects of .ahap and .hjif are rendered to waves.
     rate : float, optional
         Frames per second, in Hz.
     unit : {"V", "count", "Pa"}, optional
@@ -217,9 +219,6 @@ def open_take(
         As in `load`.
     """
     form = format_of(path)
-    if form.read is None:
-        known = ", ".join(ending for ending, each in FORMATS.items() if each.read)
-        raise UnknownFormatError(f"{path}: {form.name} holds effects, not a recording; what can be read is {known}")
     file = existing_file(path)
     if form.memory:
         advice = "cut it, or bring it as .h5 or WAV, which are read in parts"

@@ -1,8 +1,6 @@
 """Formats of other programs, one file each."""
 
-from midair.files.foreign.ahap_file import write_ahap
 from midair.files.foreign.csv_file import read_csv, write_csv
-from midair.files.foreign.hjif_file import write_hjif
 from midair.files.foreign.mat_file import read_mat, write_mat
 from midair.files.foreign.mcap_file import read_mcap
 from midair.files.foreign.npy_file import read_npy
@@ -24,9 +22,7 @@ __all__ = [
     "read_tdms",
     "read_wav",
     "read_xdf",
-    "write_ahap",
     "write_csv",
-    "write_hjif",
     "write_mat",
     "write_npz",
     "write_wav",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midair.files import save
-from midair.files.foreign.ahap_file import envelope
+from midair.files.effects.ahap_file import envelope
 from midair.model import Provenance, Recording
 
 

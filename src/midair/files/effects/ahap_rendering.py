@@ -1,0 +1,141 @@
+"""AHAP, Apple's haptic patterns, as a wave: what one actuator would do.
+
+Format: "Representing haptic patterns in AHAP files" and the class references of CHHapticEvent and
+CHHapticEventParameter (Apple, Core Haptics). Rendered are the events HapticContinuous and HapticTransient with their
+HapticIntensity, HapticSharpness, AttackTime, DecayTime, ReleaseTime and Sustained, and dynamic parameters and curves of
+HapticIntensityControl (a factor) and HapticSharpnessControl (added). Apple states no frequencies and no shapes:
+sharpness 0 to 1 is 80 to 230 Hz here, as when midair writes AHAP; a transient is a decaying click; attack, decay and
+release are straight lines. Events of sound are left out, and said.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import BrokenFileError
+from midair.files.effects.ahap_file import SHARPNESS
+from midair.files.opened_take import Foreign, Given, OpenedTake
+
+Array = NDArray[np.float64]
+
+RATE = 8000.0
+"""Of a rendered effect if nobody says another, in Hz."""
+
+CLICK = 8e-3
+"""Time constant of a transient, in s."""
+
+LONGEST = 600.0
+"""Of an effect that is rendered, in s."""
+
+_CONTROLS = {"HapticIntensityControl": 1.0, "HapticSharpnessControl": 0.0}
+
+
+def read_ahap(path: Path, given: Given) -> OpenedTake:
+    """The wave of an AHAP file as a recording of one channel, 1 being full intensity.
+
+    Raises
+    ------
+    BrokenFileError
+        If it is no AHAP, or longer than `LONGEST`.
+    InputError
+        Its leaf, if nobody says what 1 means (unit or scale).
+    """
+    pattern = _pattern(path)
+    events = [entry["Event"] for entry in pattern if "Event" in entry]
+    haptic = [event for event in events if event.get("EventType") in ("HapticContinuous", "HapticTransient")]
+    if not haptic:
+        raise BrokenFileError(f"{path}: expected a haptic event in the AHAP, got none")
+    rate = given.rate or RATE
+    end = max(float(event["Time"]) + _length(event) for event in haptic)
+    if not 0 < end <= LONGEST:
+        raise BrokenFileError(f"{path}: expected an AHAP of up to {LONGEST:g} s, got {end:g} s")
+    time = np.arange(round(end * rate)) / rate
+    intensity, sharpness = (_control(pattern, name, time) for name in _CONTROLS)
+    wave = np.zeros(len(time))
+    for event in haptic:
+        _add(wave, time, event, intensity, sharpness)
+    low, high = SHARPNESS
+    report = [
+        f"Rendered at {rate:g} Hz; sharpness 0 to 1 was taken as {low:g} to {high:g} Hz, which Apple does not state."
+    ]
+    if len(haptic) < len(events):
+        report.append(f"{len(events) - len(haptic)} events of sound were left out.")
+    found = Foreign(
+        samples=wave[:, None], form="AHAP", rate=rate, settings={"events": len(haptic)}, report=tuple(report)
+    )
+    return found.settle(given, path)
+
+
+def _pattern(path: Path) -> Sequence[Mapping[str, Any]]:
+    content = json.loads(path.read_text(encoding="utf-8-sig"))
+    pattern = content.get("Pattern") if isinstance(content, dict) else None
+    if not isinstance(pattern, list):
+        raise BrokenFileError(f"{path}: expected an AHAP with a Pattern, got none")
+    return [entry for entry in pattern if isinstance(entry, dict)]
+
+
+def _told(event: Mapping[str, Any], name: str, otherwise: float) -> float:
+    """A parameter of an event."""
+    for each in event.get("EventParameters", ()):
+        if each["ParameterID"] == name:
+            return float(each["ParameterValue"])
+    return otherwise
+
+
+def _length(event: Mapping[str, Any]) -> float:
+    """How long an event is felt, in s: a transient until it is a thousandth."""
+    if event["EventType"] == "HapticTransient":
+        return 7 * CLICK
+    return float(event["EventDuration"]) + _told(event, "ReleaseTime", 0.0)
+
+
+def _add(wave: Array, time: Array, event: Mapping[str, Any], intensity: Array, sharpness: Array) -> None:
+    """What one event adds."""
+    begin = float(event["Time"])
+    part = slice(int(np.searchsorted(time, begin - 1e-9)), int(np.searchsorted(time, begin + _length(event) - 1e-9)))
+    since = time[part] - begin
+    low, high = SHARPNESS
+    sharp = np.clip(_told(event, "HapticSharpness", 0.5) + sharpness[part], 0, 1)
+    step = time[1] - time[0] if len(time) > 1 else 1.0
+    turns = np.cumsum(low + (high - low) * sharp) * step
+    strength = _told(event, "HapticIntensity", 1.0) * intensity[part]
+    wave[part] += np.clip(strength, 0, 1) * _shape(event, since) * np.sin(2 * np.pi * turns)
+
+
+def _shape(event: Mapping[str, Any], since: Array) -> Array:
+    """Rise and fall of an event, 0 to 1."""
+    if event["EventType"] == "HapticTransient":
+        return np.exp(-since / CLICK)
+    held = float(event["EventDuration"])
+    attack, decay, release = (_told(event, name, 0.0) for name in ("AttackTime", "DecayTime", "ReleaseTime"))
+    shape = np.ones(len(since))
+    if attack > 0:
+        shape *= np.clip(since / attack, 0, 1)
+    if decay > 0 and _told(event, "Sustained", 1.0) < 0.5:
+        shape *= np.clip(1 - (since - attack) / decay, 0, 1)
+    if release > 0:
+        shape *= np.clip(1 - (since - held) / release, 0, 1)
+    return shape
+
+
+def _control(pattern: Sequence[Mapping[str, Any]], name: str, time: Array) -> Array:
+    """A dynamic parameter over time: steps, and curves on straight lines; each holds until the next."""
+    values = np.full(len(time), _CONTROLS[name])
+    stretches: list[tuple[float, list[tuple[float, float]]]] = []
+    for entry in pattern:
+        step, curve = entry.get("Parameter"), entry.get("ParameterCurve")
+        if step is not None and step["ParameterID"] == name:
+            stretches.append((float(step["Time"]), [(0.0, float(step["ParameterValue"]))]))
+        if curve is not None and curve["ParameterID"] == name:
+            points = [(float(p["Time"]), float(p["ParameterValue"])) for p in curve["ParameterCurveControlPoints"]]
+            stretches.append((float(curve["Time"]), sorted(points)))
+    for begin, points in sorted(stretches, key=lambda stretch: stretch[0]):
+        if points:
+            later = time >= begin + points[0][0] - 1e-9
+            at, value = np.array(points).T
+            values[later] = np.interp(time[later] - begin, at, value)
+    return values
