@@ -25,6 +25,7 @@ from midair.calibration.measure import (
     BeamReading,
     BeamSetting,
     MeasureSettings,
+    MicrophoneScale,
     Reference,
     ReferencedTake,
     SensorPlace,
@@ -41,12 +42,17 @@ from midair.calibration.measure import (
     measure_tone,
     noise_equivalent_pressure,
     noise_signal,
+    scale_of_drop,
+    scale_of_tone,
     split_channel,
     sweep_signal,
     tones_of,
 )
 
 __all__ = [
+    "MicrophoneScale",
+    "scale_of_drop",
+    "scale_of_tone",
     "ArrayCodes",
     "ArrayField",
     "ArrayPlan",

@@ -10,11 +10,15 @@ from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting, beam_fie
 from midair.calibration.measure.evidence import MeasureSettings
 from midair.calibration.measure.excitation import noise_signal, sweep_signal
 from midair.calibration.measure.frequency_response import FrequencyResponse
+from midair.calibration.measure.microphone_scale import MicrophoneScale, scale_of_drop, scale_of_tone
 from midair.calibration.measure.noise import noise_equivalent_pressure
 from midair.calibration.measure.referenced_take import Reference, ReferencedTake, split_channel
 from midair.calibration.measure.tone import anchored, measure_tone
 
 __all__ = [
+    "MicrophoneScale",
+    "scale_of_drop",
+    "scale_of_tone",
     "ArrayCodes",
     "ArrayField",
     "ArrayPlan",

@@ -1,5 +1,6 @@
 """Commands that make and change recordings: import, mend, export, repair."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -21,10 +22,11 @@ from midair.cli.terminal import (
     recording_figures,
     recording_rows,
     say_kept,
+    scale_by,
 )
-from midair.datasets import sample_path
+from midair.datasets import SAMPLES, sample, sample_path
 from midair.errors import InputError
-from midair.files import format_of, load_pressure, open_take, repair
+from midair.files import OpenedTake, format_of, load_pressure, open_take, repair
 from midair.recordings import GapFill, Mending
 
 Pressure = Annotated[float | None, quantity("Pa")]
@@ -38,19 +40,24 @@ def import_command(
     options: FileOptions | None = None,
     sensitivity: str | None = None,
     peak: Pressure = None,
+    reference: Path | None = None,
+    tone: str = "94dB",
+    drop: str | None = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
     """Bring a file of any program into a recording, and say what was assumed.
 
-    CSV, WAV (also Wave64 and RF64), NPZ, NPY, MAT, NetCDF and HDF5 of midair, XDF, TDMS, MCAP. Without a calibration
+    CSV, WAV (also Wave64 and RF64), FLAC, AIFF, Ogg, MP3, NPZ, NPY, MAT, NetCDF and HDF5 of midair, XDF, TDMS, MCAP;
+    effects of .ahap and .hjif are rendered to waves. Without a calibration
     nobody knows the pressure: state the scale, the sensitivity, or the peak that the recording is to have. A recording
     of one channel becomes a field by --footprint circle:20mm --speed 50mm/s.
 
     Parameters
     ----------
     source
-        The file; or sample:denim, a recording of a fabric that comes with midair.
+        The file; or what comes with midair: sample:brush, sample:sponge, sample:towel (synthetic strokes),
+        sample:connect (an effect), sample:denim (a real fabric, too slow to be felt).
     output
         The recording; the source's name with .h5 in this folder if not given.
     options
@@ -59,15 +66,29 @@ def import_command(
         Output of every channel per pressure, such as 20mV/Pa or 2count/Pa.
     peak
         The largest change of any channel is to mean this pressure, such as 30Pa.
+    reference
+        In place of a scale: a take of the same microphone at the same gain, of something known.
+    tone
+        What is known: the level of a tone in it, such as a calibrator's.
+    drop
+        Or a weight that drops on the skin over the microphone: mass, height, diameter that it hits, as 2g:50mm:10mm.
     json
         Print JSON for a program.
 
     Examples
     --------
+    $ midair import sample:towel
     $ midair import sample:denim --peak 30Pa
     $ midair import towel.wav --scale 30Pa --footprint circle:20mm --speed 50mm/s
+    $ midair import towel.wav pa.h5 --reference tone.wav --tone 94dB
     """
-    _take_in(source, output, options or FileOptions(), sensitivity, peak, force=force, json=json)
+    options, notes = options or FileOptions(), ()
+    if reference is not None:
+        if options.scale is not None or sensitivity is not None or peak is not None:
+            raise InputError("--reference: expected it alone, got --scale, --sensitivity or --peak beside it")
+        found = scale_by(reference, options, tone, drop)
+        options, notes = replace(options, scale=found.scale), (f"{reference.name}: {found.words}",)
+    _take_in(source, output, options, sensitivity, peak, notes=notes, force=force, json=json)
 
 
 def mend_command(
@@ -122,13 +143,21 @@ def _take_in(
     peak: float | None,
     mending: Mending | None = None,
     *,
+    notes: tuple[str, ...] = (),
     force: bool,
     json: bool,
 ) -> None:
-    file = sample_path(source.removeprefix("sample:")) if source.startswith("sample:") else Path(source)
+    name = source.removeprefix("sample:") if source.startswith("sample:") else ""
+    synthetic = name in SAMPLES and SAMPLES[name].stroke is not None
+    if synthetic:
+        if options != FileOptions() or mending is not None:
+            raise InputError(f"{source}: expected no options of files, since it is made and not read; leave them out")
+        file = Path(name)
+    else:
+        file = sample_path(name) if source.startswith("sample:") else Path(source)
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
-    imported = bring(file, options, streamed=True, mending=mending)
+    imported = OpenedTake(recording=sample(name)) if synthetic else bring(file, options, streamed=True, mending=mending)
     calibration = imported.calibration
     stated = nominal_calibration(imported.recording, sensitivity, peak)
     pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
@@ -143,7 +172,9 @@ def _take_in(
         **recording_figures(imported.recording),
         "calibration": calibration_figures(stated or calibration),
     }
-    say_kept(rows, figures, imported.report, lost, simulated=imported.recording.provenance.simulated, json=json)
+    say_kept(
+        rows, figures, (*notes, *imported.report), lost, simulated=imported.recording.provenance.simulated, json=json
+    )
 
 
 def export_command(

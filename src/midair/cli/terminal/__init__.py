@@ -35,7 +35,7 @@ from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long, 
 from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
 from midair.cli.terminal.keys import Keys, Signals, signals_noted
 from midair.cli.terminal.meter_screen import MeterScreen
-from midair.cli.terminal.nominal import nominal_calibration, stated_sensitivity
+from midair.cli.terminal.nominal import nominal_calibration, scale_by, stated_sensitivity
 from midair.cli.terminal.offering import GROUPS, epilogue, examples_of, offer
 from midair.cli.terminal.options import (
     BandOptions,
@@ -140,6 +140,7 @@ __all__ = [
     "say_air",
     "say_kept",
     "say_room",
+    "scale_by",
     "show_patterns",
     "show_trials",
     "seen_waiting",
