@@ -63,7 +63,7 @@ def scale_of_tone(samples: Array, rate: float, *, level: float = 94.0) -> Microp
     share = float(power[max(0, peak - 3) : peak + 4].sum() / (power.sum() or 1.0))
     if share < 0.9:
         raise InputError(
-            f"reference: expected a tone, with nine tenths of the power at one frequency, got {100 * share:.0f} % there; "
+            f"reference: expected a tone, nine tenths of the power at one frequency, got {100 * share:.0f} % there; "
             "cut the take to where it sounds, and record it without clipping"
         )
     # Power of the tone alone: by Parseval, with what the window takes.
