@@ -158,7 +158,7 @@ def _power_in_words(power: PlannedPower, design: Design, runs: int) -> str:
     experiment: Any = (
         IdentificationExperiment(objects=power.objects, trials=power.trials, d_prime=effect)
         if power.test == "identification"
-        else RatingExperiment(means=(0.0, effect))
+        else RatingExperiment(means=(0.0, effect), others=_other_levels(design))
     )
     found = simulated_power(experiment, people, rng=np.random.default_rng(design.seed), runs=runs)
     what = {
@@ -167,3 +167,9 @@ def _power_in_words(power: PlannedPower, design: Design, runs: int) -> str:
     }[power.test]
     limits = f"{found.low:.2f} to {found.high:.2f}"
     return f"{what}, {people} people: power {found.power:.2f} ({limits}), {runs} simulated studies."
+
+
+def _other_levels(design: Design) -> tuple[int, ...]:
+    """Levels of the factors of the ratings beside the first, which Holm's correction takes in."""
+    parts = [part.levels for part in (*design.stimuli, *design.blocks, *design.questions)]
+    return tuple(len({levels[name] for levels in parts if name in levels}) for name in design.analysis.within[1:])

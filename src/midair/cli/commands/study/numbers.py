@@ -1,9 +1,10 @@
 """Commands for the numbers around a study: power, and what the paper printed."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from cyclopts import Parameter
 
 from midair.cli.terminal import say
 from midair.errors import InputError
@@ -29,6 +30,7 @@ def power_command(
     effect: float,
     objects: int = 3,
     trials: int = 12,
+    others: Annotated[tuple[int, ...], Parameter(consume_multiple=True)] = (3, 3),
     power: float = 0.8,
     runs: int = 500,
     seed: int = 0,
@@ -38,14 +40,17 @@ def power_command(
     Parameters
     ----------
     test
-        "paired": paired t, by formula; "identification": objects told apart better than chance; "rating": a factor
-        of two levels in an analysis of variance; both by simulation.
+        The tests of the report. "paired": paired t over people, by formula; "identification": macro F against shuffled
+        answers; "rating": a factor of two levels in the analysis of variance, with Holm's correction for all its
+        effects; both by simulation.
     effect
         d_z, mean d', or difference in rating steps.
     objects
         Alternatives of the choice.
     trials
         Of each participant.
+    others
+        Levels of each further factor of the ratings, as in the paper if not given.
     power
         Wanted.
     runs
@@ -65,7 +70,7 @@ def power_command(
     experiment = (
         IdentificationExperiment(objects=objects, trials=trials, d_prime=effect)
         if test == "identification"
-        else RatingExperiment(means=(0.0, effect))
+        else RatingExperiment(means=(0.0, effect), others=others)
     )
     curve = power_curve(experiment, [3, 5, 8, 10, 12, 16, 20, 30, 40], rng=np.random.default_rng(seed), runs=runs)
     for row in curve.to_dict("records"):
