@@ -112,7 +112,6 @@ UNTESTED_BY_NAME = {
     "study/statistics/psychometric_fit.py": "study/statistics/test_psychometric.py",
     "study/statistics/psychometric_profile.py": "study/statistics/test_psychometric.py",
     "study/statistics/sphericity.py": "study/statistics/test_anova.py",
-    "study/study_report.py": "cli/commands/study/test_study.py",
     "study/session/simulated_screen.py": "study/session/test_participant.py",
     "study/stimulus_rig.py": "cli/commands/study/test_study.py",
     "studio/desk.py": "studio/test_application.py",

@@ -59,17 +59,19 @@ def f_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None
         Whether the answers are.
     """
     style = style or Style()
-    figure = new_figure(5, 3, simulated=simulated, style=style)
+    figure = new_figure(4.2, 3, simulated=simulated, style=style)
     axes = plain(figure.add_subplot(), style)
     width = 0.8 / len(choices)
-    colours = [style.before, style.reproduced, style.original]
+    colours = [style.before, style.reproduced, "#999999"]
     for place, one in enumerate(choices):
         value = one.confusion.f_measure
         x = np.arange(len(value)) + (place - (len(choices) - 1) / 2) * width
         axes.bar(x, value, width * 0.92, label=one.name, color=colours[place % 3])
         if one.f_limits is not None:
             limits = np.clip([value - one.f_limits.low, one.f_limits.high - value], 0, None)
-            axes.errorbar(x, value, limits, fmt="none", ecolor=style.ink, capsize=2, linewidth=0.8)
+            # Twice, the wider one white: seen on a bar of any colour, and beside it.
+            axes.errorbar(x, value, limits, fmt="none", ecolor="white", capsize=4, linewidth=3.0, capthick=3.0)
+            axes.errorbar(x, value, limits, fmt="none", ecolor="black", capsize=3.5, linewidth=1.2, capthick=1.2)
     labels = [str(label) for label in choices[0].confusion.labels]
     axes.axhline(1 / len(labels), color=style.ink, linewidth=0.8, linestyle=":")
     axes.set_xticks(range(len(labels)), labels)
@@ -79,7 +81,15 @@ def f_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None
     return figure
 
 
-def rating_figure(ratings: DataFrame, within: Sequence[str], *, simulated: bool, style: Style | None = None) -> Figure:
+def rating_figure(
+    ratings: DataFrame,
+    within: Sequence[str],
+    *,
+    simulated: bool,
+    title: str = "",
+    span: tuple[float, float] | None = None,
+    style: Style | None = None,
+) -> Figure:
     """Mean ratings with limits, a panel for each level of the first factor if there are three (Fig. 8).
 
     Parameters
@@ -90,6 +100,10 @@ def rating_figure(ratings: DataFrame, within: Sequence[str], *, simulated: bool,
         One to three factors: the last is the colour, the one before it the axis.
     simulated : bool
         Whether the answers are.
+    title : str
+        Above a single panel.
+    span : tuple of float, optional
+        Least and greatest rating on the axis.
 
     Raises
     ------
@@ -100,18 +114,20 @@ def rating_figure(ratings: DataFrame, within: Sequence[str], *, simulated: bool,
     if not 1 <= len(within) <= 3:
         raise InputError(f"figure of ratings: expected one to three factors, got {len(within)}")
     panels = sorted(set(ratings[within[0]].tolist())) if len(within) == 3 else [""]
-    figure = new_figure(3.2 * len(panels) + 0.5, 3, simulated=simulated, style=style)
+    figure = new_figure(3.4 * len(panels) + 0.5, 3, simulated=simulated, style=style)
     shared = None
     for place, panel in enumerate(panels):
         axes = plain(figure.add_subplot(1, len(panels), place + 1, sharey=shared), style)
         shared = shared or axes
         rows = ratings.loc[ratings[within[0]] == panel] if panel else ratings
         _rating_panel(axes, rows, within[-2] if len(within) > 1 else "", within[-1], style)
-        axes.set_title(f"{within[0]}: {panel}" if panel else "", fontsize=9)
+        axes.set_title(f"{within[0]}: {panel}" if panel else title, fontsize=9)
         if place == 0:
             axes.set_ylabel("rating, 95 % within people", fontsize=8)
+        if span is not None:
+            axes.set_ylim(span)
     handles, names = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, names, fontsize=8, frameon=False, ncols=len(names), loc="outside lower center")
+    figure.legend(handles, names, fontsize=8, frameon=False, ncols=min(len(names), 3), loc="outside lower center")
     return figure
 
 

@@ -1,15 +1,22 @@
 """The report of a study: one HTML file with figures, figures in numbers, and words."""
 
+from __future__ import annotations
+
 import json
 import math
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from midair.figures import Picture, png, render_page
 from midair.files import for_json
 from midair.study.findings import Finding, Report
 from midair.study.study_figures import confusion_figure, f_figure, rating_figure
 from midair.version import __version__
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from pandas import DataFrame
 
 
 def report_page(report: Report, *, title: str, within: tuple[str, ...] = ()) -> str:
@@ -48,6 +55,7 @@ def report_json(report: Report) -> str:
             {
                 "title": one.title,
                 "words": one.words,
+                "legend": dict(one.legend),
                 "table": [] if one.table is None else [for_json(row) for row in one.table.to_dict("records")],
             }
             for one in report.findings
@@ -56,30 +64,80 @@ def report_json(report: Report) -> str:
     return json.dumps(content, indent=2, ensure_ascii=False, default=str)
 
 
-def study_pictures(report: Report, *, within: tuple[str, ...]) -> list[Picture]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureRow:
+    """Pictures of one thing, side by side where there is room and below each other where not.
+
+    Attributes
+    ----------
+    title, caption : str
+        Above all of them.
+    panels : tuple of Picture
+        Each as wide as a telephone at most.
+    """
+
+    title: str
+    caption: str
+    panels: tuple[Picture, ...]
+
+
+def study_pictures(report: Report, *, within: tuple[str, ...]) -> list[PictureRow]:
     """Figures like the paper's 6, 7 and 8, those that the answers allow."""
-    found: list[tuple[str, bytes]] = []
+    found: list[PictureRow] = []
     if report.choices:
-        figure = confusion_figure(report.choices, simulated=report.simulated)
-        found.append(("Answers to “which object?”", png(figure)))
+        panels = tuple(
+            Picture(title=f"Answers: {one.name}", data=png(confusion_figure([one], simulated=report.simulated)))
+            for one in report.choices
+        )
+        caption = "How often each object (row) was answered as each (column): what lies on the diagonal is right."
+        found.append(PictureRow(title="Answers to “which object?”", caption=caption, panels=panels))
     compared = [one for one in report.choices if one.confusion.labels == report.choices[-1].confusion.labels]
     if compared:
-        found.append(("F-measure of each object", png(f_figure(compared, simulated=report.simulated))))
+        panel = Picture(title="F-measures", data=png(f_figure(compared, simulated=report.simulated)))
+        limited = any(one.f_limits is not None for one in compared)
+        whiskers = "Whiskers: 95 % over people." if limited else "Fewer than five people: no limits."
+        caption = (
+            f"F of each object. {whiskers} Dotted: what guessing comes to on average; single studies lie around it."
+        )
+        found.append(PictureRow(title="F-measure of each object", caption=caption, panels=(panel,)))
     if report.ratings is not None and 1 <= len(within) <= 3:
-        found.append(("Ratings", png(rating_figure(report.ratings, within, simulated=report.simulated))))
-    return [Picture(title=title, data=data) for title, data in found]
+        caption = "Mean ratings; whiskers: 95 % with each person's own level taken out, for these people."
+        panels = tuple(_rating_panels(report.ratings, within, simulated=report.simulated))
+        found.append(PictureRow(title="Ratings", caption=caption, panels=panels))
+    return found
+
+
+def _rating_panels(ratings: DataFrame, within: tuple[str, ...], *, simulated: bool) -> Iterator[Picture]:
+    """A picture for each level of the first of three factors, all with one scale."""
+    low, high = (ratings[name].to_numpy(float) for name in ("low", "high"))
+    span = (float(low.min()) - 0.1, float(high.max()) + 0.1)
+    levels = sorted(set(ratings[within[0]].tolist())) if len(within) == 3 else [""]
+    for level in levels:
+        rows = ratings.loc[ratings[within[0]] == level] if level else ratings
+        title = f"{within[0]}: {level}" if level else "Ratings"
+        figure = rating_figure(rows, within[-2:], simulated=simulated, title=title if level else "", span=span)
+        yield Picture(title=title, data=png(figure))
 
 
 def _shown(finding: Finding) -> dict[str, Any]:
     table = finding.table
     if table is None:
-        return {"title": finding.title, "words": finding.words, "names": [], "rows": []}
+        return {"title": finding.title, "words": finding.words, "names": [], "rows": [], "legend": []}
     shown = table.loc[:, (table != "").any()]
-    rows = [[_cell(value) for value in row] for row in shown.itertuples(index=False, name=None)]
-    return {"title": finding.title, "words": finding.words, "names": shown.columns.tolist(), "rows": rows}
+    names = [str(name) for name in shown.columns]
+    rows = [
+        [_cell(name, value) for name, value in zip(names, row, strict=True)]
+        for row in shown.itertuples(index=False, name=None)
+    ]
+    legend = [(name, meaning) for name, meaning in finding.legend if name in names]
+    return {"title": finding.title, "words": finding.words, "names": names, "rows": rows, "legend": legend}
 
 
-def _cell(value: object) -> str:
+def _cell(name: str, value: object) -> str:
     if isinstance(value, float):
-        return "none" if math.isnan(value) else f"{value:.4g}"
+        if math.isnan(value):
+            return "none"
+        if name == "p" or name.startswith("p_"):
+            return "< .001" if value < 0.001 else f"{value:.3f}"
+        return f"{value:.4g}"
     return str(value)
