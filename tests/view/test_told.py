@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib import colormaps
-from tests.view.shown import ARRAY, focus, focus_drive, recording
+from tests.view.shown import ARRAY, focus, focus_drive, focus_target, recording
 
 from midair.errors import InputError
-from midair.view import about, check_size, sections, show_recording, size_of, unpack
+from midair.view import about, check_size, sections, show_drive, show_recording, size_of, unpack
 
 
 def test_samples_come_in_sections_of_a_quarter_of_a_second():
@@ -23,6 +23,16 @@ def test_samples_come_in_sections_of_a_quarter_of_a_second():
     ]
     found = np.concatenate([part.values * part.unit for part in parts])
     assert np.abs(found - shown.samples.values).max() < 1e-4
+
+
+def test_a_part_keeps_the_numbers_of_its_frames():
+    part = (0.002, 0.004)
+    shown = show_drive(focus_drive(), target=focus_target(), part=part)
+    held = {name: [each.first for each in unpack(data)] for name, data in sections(shown).items()}
+    assert held == {"wanted": [2], "played": [2], "phases": [2, 3, 4, 5]}
+    assert about(shown)["first"] == 2
+    (samples,) = unpack(sections(show_recording(recording(), part=part))["samples"])
+    assert (samples.first, samples.time) == (2, 0.005)
 
 
 def test_field_wanted_and_phases_of_a_drive():

@@ -89,6 +89,30 @@ def test_phase_is_masked_where_it_is_quiet_and_right_where_it_is_not(opened):
     assert picture(page, "Played, simulated")["name"] == "silent"
 
 
+def test_a_part_has_the_time_of_the_whole(opened):
+    page = opened(show_recording(recording(600), part=(0.2, 0.1)), reduced_motion="reduce")
+    page.keyboard.press("Home")
+    assert "0.2000 s, frame 200" in page.locator(".view-where").text_content()
+    page.keyboard.press("End")
+    assert "0.2990 s, frame 299" in page.locator(".view-where").text_content()
+    held(page, 223)
+    assert picture(page, "recorded")["shown"][6] == pytest.approx(abs(np.sin(2 * np.pi * 22.3)), abs=1e-3)
+    assert page.get_by_role("slider", name="The whole").get_attribute("aria-valuemin") == "200"
+
+
+def test_another_table_of_colours(opened):
+    page = opened(show_recording(recording()), reduced_motion="reduce")
+    held(page, 2)
+    value = picture(page, "recorded")
+    for pressed, table in ((True, "cividis"), (False, "inferno")):
+        page.get_by_role("button", name="Cividis").click()
+        assert page.get_by_role("button", name="Cividis").get_attribute("aria-pressed") == str(pressed).lower()
+        wanted = colour_table(table)[255].astype(int)
+        pixel = picture(page, "recorded")["pixels"][6]
+        assert [pixel & 255, pixel >> 8 & 255, pixel >> 16 & 255] == wanted.tolist()
+    assert value["shown"][6] > 0.9
+
+
 def test_reduced_motion_begins_paused(opened):
     page = opened(show_recording(recording()), reduced_motion="reduce")
     assert page.get_by_role("button", name="play (Space)").count() == 1

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.model import ControlGrid
-from midair.view.colours import colour_table
+from midair.view.colours import TABLES, colour_table
 from midair.view.finer_field import Finer
 from midair.view.showing import Channels, Showing, Sound
 from midair.view.wire import Kind, Section, counted, pack, phase_counts
@@ -30,10 +30,11 @@ def about(showing: Showing) -> dict[str, object]:
         "simulated": showing.simulated,
         "rate": showing.rate,
         "frames": showing.frames,
+        "first": showing.first,
         "channel": showing.channel,
         "channels": 1 if showing.samples is None else showing.samples.values.shape[1],
         "marks": [],
-        "colours": {name: _text(colour_table(name).tobytes()) for name in ("inferno", "twilight")},
+        "colours": {name: _text(colour_table(name).tobytes()) for name in TABLES},
         "tracks": list(_tracks(showing)),
         "sensor": None,
     }
@@ -48,15 +49,15 @@ def sections(showing: Showing) -> dict[str, bytes]:
     """The frames of each track, packed."""
     packed: dict[str, bytes] = {}
     for name, channels in _channels(showing):
-        packed[name] = _counts(channels.values, Kind.SAMPLES, "<i2", showing.rate)
+        packed[name] = _counts(channels.values, Kind.SAMPLES, "<i2", showing)
     sound = showing.sound
     if sound is not None and sound.wanted is not None:
-        packed["wanted"] = _counts(sound.wanted, Kind.FIELD, "u1", showing.rate)
+        packed["wanted"] = _counts(sound.wanted, Kind.FIELD, "u1", showing)
     if sound is not None and sound.played is not None:
         dtype = "<i2" if showing.frames <= FINE_FRAMES else "i1"
-        packed["played"] = _counts(sound.played, Kind.FIELD, dtype, showing.rate)
+        packed["played"] = _counts(sound.played, Kind.FIELD, dtype, showing)
     if sound is not None and sound.drive is not None:
-        packed["phases"] = pack(_phases(sound, showing.frames, showing.rate))
+        packed["phases"] = pack(_phases(sound, showing))
     return packed
 
 
@@ -137,17 +138,20 @@ def _matrices(finer: Finer | None) -> dict[str, str]:
     }
 
 
-def _counts(values: NDArray[np.float64] | NDArray[np.complex128], kind: Kind, dtype: str, rate: float) -> bytes:
-    parts = range(0, len(values), CHUNK)
-    return pack(counted(values[at : at + CHUNK], kind, dtype=dtype, first=at, rate=rate) for at in parts)
+def _counts(values: NDArray[np.float64] | NDArray[np.complex128], kind: Kind, dtype: str, showing: Showing) -> bytes:
+    return pack(
+        counted(values[at : at + CHUNK], kind, dtype=dtype, first=showing.first + at, rate=showing.rate)
+        for at in range(0, len(values), CHUNK)
+    )
 
 
-def _phases(sound: Sound, frames: int, rate: float) -> Iterator[Section]:
+def _phases(sound: Sound, showing: Showing) -> Iterator[Section]:
     """A section a frame, so that frames may be left out."""
     if sound.drive is None:
         return
-    for frame in range(0, frames, _every(frames)):
-        yield phase_counts(sound.drive.phase[frame : frame + 1], first=frame, rate=rate)
+    for frame in range(0, showing.frames, _every(showing.frames)):
+        phase = sound.drive.phase[frame : frame + 1]
+        yield phase_counts(phase, first=showing.first + frame, rate=showing.rate)
 
 
 def _every(frames: int) -> int:

@@ -13,7 +13,7 @@ export function mount(root, about, bytes) {
   const colours = Object.fromEntries(Object.entries(about.colours).map(([name, text]) => [name, new Colours(bytesOf(text))]));
   const floats = (text) => { const raw = bytesOf(text); return new Float32Array(raw.buffer); };
   const still = root.dataset.start === "paused" || undefined;
-  const transport = new Transport({ frames: about.frames, rate: about.rate, still });
+  const transport = new Transport({ frames: about.frames, rate: about.rate, first: about.first, still });
   transport.set({ channel: about.channel, channels: about.channels, marks: about.marks });
   root.classList.add("view");
   const grid = element(root, "div", "view-grid"), pictures = [], seek = (frame) => transport.seek(frame), choose = (channel) => transport.set({ channel });
@@ -60,7 +60,8 @@ export function mount(root, about, bytes) {
     tell();
   }
   show("The whole", "press or drag to go there", "overview", (box, label) => new OverviewPicture(box, { label, track: samples ?? played ?? wanted, seek, frames: about.frames }));
-  controls(transport, root);
+  const bar = controls(transport, root);
+  if (colours.cividis) toggle(bar, "Cividis", (on) => paintIn(pictures, on ? [colours.inferno, colours.cividis] : [colours.cividis, colours.inferno]));
   keys(transport, root);
   if (about.simulated) { root.classList.add("view-simulated"); const mark = element(root, "span", "view-mark"); mark.textContent = "SIMULATED"; }
   if (!transport.playing) transport.seek(loudest(samples ?? played ?? wanted)); // what stands still is to be seen
@@ -74,6 +75,28 @@ export function mountInlined(root) {
   const held = (name) => root.querySelector(`script[data-name="${name}"]`).textContent;
   const about = JSON.parse(held("about"));
   return mount(root, about, Object.fromEntries(about.tracks.map(({ name }) => [name, bytesOf(held(name))])));
+}
+
+/** Another table in every picture that has the first of the two. */
+function paintIn(pictures, [before, after]) {
+  for (const picture of pictures) {
+    if (picture.colours !== before) continue;
+    picture.colours = after;
+    picture.columns?.clear?.(); // of the spectrogram, which are kept as colours
+    picture.draw();
+  }
+}
+
+function toggle(bar, label, act) {
+  const made = element(bar, "button");
+  made.type = "button";
+  made.textContent = label;
+  made.setAttribute("aria-pressed", false);
+  made.addEventListener("click", () => {
+    const on = made.getAttribute("aria-pressed") === "false";
+    made.setAttribute("aria-pressed", on);
+    act(on);
+  });
 }
 
 function loudest(track) {

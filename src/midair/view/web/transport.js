@@ -30,7 +30,7 @@ export class Transport extends EventTarget {
     this._dirty = true;
   }
   get last() { return this.first + this.frames - 1; }
-  get time() { return (this.frame - this.first) / this.rate; }
+  get time() { return this.frame / this.rate; }
   get state() {
     const { frame, from, channel, span, phase, loop, marks } = this;
     return { frame, from, channel, span, phase, loop, marks };

@@ -465,7 +465,7 @@ export class TracesPicture extends Picture {
     const { state, track } = this;
     if (!state) return "";
     const channel = state.channel ?? 0, value = track.value(state.frame, channel);
-    return `${said((state.frame - track.first) / track.rate, 4)} s, ${this._channelName(channel)} ${Number.isNaN(value) ? "lost" : `${said(value)} ${track.unit}`}`;
+    return `${said(state.frame / track.rate, 4)} s, ${this._channelName(channel)} ${Number.isNaN(value) ? "lost" : `${said(value)} ${track.unit}`}`;
   }
   _channelName(channel) { return this.names?.[channel] ?? `channel ${channel}`; }
   paint(context, width, height, state) {
@@ -510,15 +510,14 @@ export class TracesPicture extends Picture {
     }
   }
   _axis(context, left, w, base, begin, span) {
-    const { rate, first } = this.track, { ratio, colour } = this, step = nice((span / rate / w) * 90 * ratio);
+    const { rate } = this.track, { ratio, colour } = this, step = nice((span / rate / w) * 90 * ratio);
     context.strokeStyle = colour.line;
     context.lineWidth = Math.max(1, ratio / 2);
     context.globalAlpha = 0.35;
     context.beginPath();
     const ticks = [];
-    for (let k = Math.ceil((begin - first) / rate / step - 1e-9); k * step <= (begin - first + span) / rate; k++) {
-      const x = left + ((k * step * rate + first - begin) * w) / span;
-      if (k < 0) continue;
+    for (let k = Math.max(0, Math.ceil(begin / rate / step - 1e-9)); k * step <= (begin + span) / rate; k++) {
+      const x = left + ((k * step * rate - begin) * w) / span;
       context.moveTo(x, 0);
       context.lineTo(x, base);
       ticks.push([x, k * step]);
@@ -546,7 +545,7 @@ export class TracesPicture extends Picture {
     const at = this._at(x, y);
     if (!at || !this.track.has(at.frame)) return "";
     const over = this.over?.has(at.frame) ? `, ${this.over.label || "over it"} ${said(this.over.value(at.frame, at.channel))} ${this.over.unit}` : "";
-    return `${this._channelName(at.channel)}, ${said((at.frame - this.track.first) / this.track.rate, 4)} s: ${said(this.track.value(at.frame, at.channel))} ${this.track.unit}${over}`;
+    return `${this._channelName(at.channel)}, ${said(at.frame / this.track.rate, 4)} s: ${said(this.track.value(at.frame, at.channel))} ${this.track.unit}${over}`;
   }
   _press(event) {
     const at = this._at(event.offsetX, event.offsetY);
@@ -637,7 +636,7 @@ export class SpectrogramPicture extends Picture {
     this.text(said(top), left - 4 * ratio, 6 * ratio, { align: "right" });
     this.text(said(top / 2), left - 4 * ratio, h / 2, { align: "right" });
     this.text("0 Hz", left - 4 * ratio, h - 6 * ratio, { align: "right" });
-    if (this.head) this.text(`${said((state.frame - track.first) / track.rate, 4)} s`, left + w / 2, h + 10 * ratio, { align: "center" });
+    if (this.head) this.text(`${said(state.frame / track.rate, 4)} s`, left + w / 2, h + 10 * ratio, { align: "center" });
   }
   _column(index, channel) {
     const { track, hop, length } = this, middle = index * hop, from = middle - length / 2;
@@ -689,7 +688,7 @@ export class OverviewPicture extends Picture {
     canvas.setAttribute("aria-valuemin", track.first);
     canvas.setAttribute("aria-valuemax", track.first + Math.max(0, this.length - 1));
     canvas.setAttribute("aria-valuenow", state?.frame ?? track.first);
-    canvas.setAttribute("aria-valuetext", `${said(((state?.frame ?? track.first) - track.first) / track.rate, 4)} s, frame ${state?.frame ?? track.first}`);
+    canvas.setAttribute("aria-valuetext", `${said((state?.frame ?? track.first) / track.rate, 4)} s, frame ${state?.frame ?? track.first}`);
   }
   _x(frame) { return ((frame - this.track.first + 0.5) / (this.length || 1)) * this.canvas.width; }
   paint(context, width, height, state) {
@@ -717,9 +716,9 @@ export class OverviewPicture extends Picture {
     }
     context.fillStyle = colour.ink;
     context.fillRect(this._x(state.frame) - ratio, 0, 2 * ratio, base);
-    const seconds = this.length / track.rate, step = nice((seconds / width) * 110 * ratio);
-    for (let k = 0; k * step <= seconds * (1 - 30 * ratio / width); k++)
-      this.text(`${said(k * step, 4)}${k ? "" : " s"}`, Math.max(2 * ratio, (k * step / seconds) * width), height - 6 * ratio, { align: k ? "center" : "left", size: 10 });
+    const begin = track.first / track.rate, seconds = this.length / track.rate, step = nice((seconds / width) * 110 * ratio);
+    for (let k = Math.ceil(begin / step - 1e-9), first = true; k * step <= begin + seconds * (1 - 30 * ratio / width); k++, first = false)
+      this.text(`${said(k * step, 4)}${first ? " s" : ""}`, Math.max(12 * ratio, ((k * step - begin) / seconds) * width), height - 6 * ratio, { align: "center", size: 10 });
   }
   _loudness(width) {
     const { track, length } = this, curve = new Float32Array(width);
@@ -731,7 +730,7 @@ export class OverviewPicture extends Picture {
     if (length < width) for (let x = 0; x < width; x++) curve[x] = track.loudness(track.first + Math.floor((x / width) * length));
     return curve;
   }
-  valueAt(x) { return `${said((x / (this.canvas.clientWidth || 1)) * (this.length / this.track.rate), 4)} s`; }
+  valueAt(x) { return `${said((this.track.first + (x / (this.canvas.clientWidth || 1)) * this.length) / this.track.rate, 4)} s`; }
   _scrub(event) {
     const share = event.offsetX / (this.canvas.clientWidth || 1);
     this.seek?.(this.track.first + Math.max(0, Math.min(this.length - 1, Math.floor(share * this.length))));
