@@ -39,6 +39,7 @@ from midair.study.session import (
     StillClock,
     read_events,
     run,
+    seal_of,
 )
 from midair.study.statistics import (
     Chance,
@@ -183,6 +184,7 @@ __all__ = [
     "rm_anova",
     "run",
     "scores",
+    "seal_of",
     "sign_flip",
     "simulated_power",
     "stops_on_signals",

@@ -58,7 +58,9 @@ class Headphones:
                 f"headphones: {str(wrong)[:120]}; `python -m sounddevice` lists outputs"
             ) from wrong
         except sounddevice.PortAudioError as wrong:
-            raise DeviceError(f"headphones: expected a sound output, got: {str(wrong)[:120]}") from wrong
+            raise DeviceError(
+                f"headphones: expected a sound output, got: {str(wrong)[:120]}; name one with --noise, or --noise none"
+            ) from wrong
         return self
 
     def __exit__(

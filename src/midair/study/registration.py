@@ -111,6 +111,20 @@ def analysis_in_words(analysis: Analysis) -> tuple[str, ...]:
         f"{', '.join(analysis.within)}, Greenhouse and Geisser, Holm over its effects."
         if analysis.rated
         else "",
+        f"Factors between people: {', '.join(analysis.between)}." if analysis.between else "",
+        {
+            "leave out": "People who lack a cell of it are left out of it.",
+            "refuse": "It is not made if somebody lacks a cell.",
+        }[analysis.incomplete]
+        if analysis.rated
+        else "",
+        {
+            "wrong": "Answers that name what was never presented count as wrong.",
+            "leave out": "Answers that name what was never presented are left out.",
+            "refuse": "No analysis of choices is made if an answer names what was never presented.",
+        }[analysis.foils]
+        if analysis.choice
+        else "",
         f"A psychometric function of right answers over {analysis.strength}, chance {analysis.guess:g}."
         if analysis.strength
         else "",

@@ -3,18 +3,19 @@
 import io
 import json
 import shlex
+import shutil
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from midair.cli.commands.study import study_app as app
-from midair.errors import InputError, MissingFileError, UnknownDeviceError
+from midair.errors import BrokenFileError, InputError, MissingFileError, UnknownDeviceError
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
 from midair.physics import focus_phase
 from midair.study.folder import StudyFolder
-from midair.study.session.event_log import read_events
+from midair.study.session.event_log import read_events, seal_of
 from midair.study.session.presenters import NoPresenter
 from midair.study.session.trials import Session, run
 from midair.study.terminal_screen import TerminalScreen
@@ -263,7 +264,25 @@ def test_the_printed_next_runs_as_printed(tmp_path, monkeypatch, capsys):
             (tmp_path / "s" / "sessions" / "sub-01.jsonl").unlink()
     capsys.readouterr()
     assert study(*shlex.split(said[0].partition(": midair study ")[2])) == 0
-    assert "participant 1 was done before" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "participant 1 was done before" in said
+    assert seal_of(tmp_path / "s" / "sessions" / "sub-01.jsonl") in "".join(said.split())
+
+
+def test_a_number_for_which_nothing_was_drawn_leaves_no_file(tmp_path):
+    folder = study_of_drives(tmp_path, level=0.001)
+    with pytest.raises(InputError, match="expected 1 to 1, got 9"):
+        study("run", folder, "--participant", 9, "--array", "virtual")
+    assert not (folder / "sessions").exists()
+
+
+def test_a_log_that_was_edited_is_told_by_every_command(tmp_path, done, capsys):
+    folder = shutil.copytree(done, tmp_path / "edited")
+    log = folder / "sessions" / "sub-03.jsonl"
+    log.write_bytes(log.read_bytes().replace(b'"answer": "brush"', b'"answer": "towel"', 1))
+    for words in (("analyse", folder), ("export", folder, tmp_path / "b"), ("run", folder, "--simulate")):
+        with pytest.raises(BrokenFileError, match=r"sub-03\.jsonl: .* changed since"):
+            study(*words)
 
 
 def test_an_array_that_nothing_answers_to(tmp_path):

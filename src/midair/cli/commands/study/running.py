@@ -21,6 +21,7 @@ from midair.study import (
     read_events,
     replay,
     run,
+    seal_of,
     stops_on_signals,
     withdrawn,
 )
@@ -78,8 +79,8 @@ def run_command(
     if participant < 1:
         raise InputError("participant: expected --participant N, from 1 on; or --simulate for simulated ones")
     check_not_withdrawn(folder, participant)
-    if _is_done(folder, plan, participant):
-        say(f"participant {participant} was done before; nothing was asked.")
+    if done := _is_done(folder, plan, participant):
+        say(f"participant {participant} was done before; nothing was asked. {done}")
         return 0
     room, choices = (air or AirOptions()).medium(), (exposure or ExposureOptions()).choices()
     screen = TerminalScreen(
@@ -122,12 +123,14 @@ def run_command(
     return 0 if step.kind == "done" else 1
 
 
-def _is_done(folder: StudyFolder, plan: Plan, participant: int) -> bool:
+def _is_done(folder: StudyFolder, plan: Plan, participant: int) -> str:
+    """The seal of a log in which nothing is due any more; empty if something is."""
+    plan.of(participant)  # a number for which nothing was drawn is refused before a file has its name
     log = folder.log(participant)
     if not log.exists():
-        return False
+        return ""
     standing = replay(read_events(log), plan, participant)
-    return standing.next_trial == len(standing.trials)
+    return f"{log.name}: seal {seal_of(log)}" if standing.next_trial == len(standing.trials) else ""
 
 
 def _say_next_session(standing: Standing) -> None:
