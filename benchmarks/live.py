@@ -114,11 +114,12 @@ def latency(seconds: float) -> np.ndarray:
     try:
         running.until_loud()
         time.sleep(max(0.0, seconds - 1.0))
-        seen = _frames_of_all(tap)
     finally:
         said, wrong = running.end()
         skin.close()
         tap.close()
+    # Only now: what works here keeps the wire waiting.
+    seen = _frames_of_all(tap)
     grid = ControlGrid()
     where = grid.position[_nearest(grid, 5)][None]
     G = transfer_matrix(where, TransducerArray.autd3())[0]

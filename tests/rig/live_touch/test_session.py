@@ -66,7 +66,7 @@ def test_felt_and_played_are_one_take_in_which_nothing_is_missing(tmp_path):
     told, kept, played = session.statistics, open_take(path), load_played(path)
     assert told.frames == kept.recording.frames == played.frames == 3000
     assert told.lost == 0
-    assert told.latency == pytest.approx(0.013)
+    assert told.latency == pytest.approx(0.013, abs=1e-4)
     # The sensor's own round but for its noise, without a break.
     once = midair.record("virtual:towel", 3.0).recording.samples
     assert kept.recording.samples == pytest.approx(once, abs=1e-3)
@@ -116,7 +116,7 @@ def test_the_command_prints_numbers_for_a_program_and_ends_by_ctrl_c(tmp_path):
     told = json.loads(said)
     assert running.returncode == 0
     assert all(np.isfinite(told[name]) for name in ("frames", "lost", "late", "latency"))
-    assert told["latency"] == 13.0
+    assert told["latency"] == pytest.approx(13.0, abs=0.1)
     assert open_take(tmp_path / "felt.h5").recording.frames == told["frames"] > 500
 
 
@@ -137,7 +137,7 @@ def test_two_sides_by_the_command_line(tmp_path):
     spoken = json.loads(here.communicate(timeout=30)[0])
     assert there.returncode == here.returncode == 0
     # Filter, jitter buffer, hold, rise and air.
-    assert told["latency"] == 6 + 10 + 6 + 1
+    assert told["latency"] == pytest.approx(6 + 10 + 6 + 1, abs=0.1)
     assert told["frames"] == 2000
     assert told["played"] > 100
     assert 1000 < told["network"]["frames"] <= spoken["frames"]

@@ -21,7 +21,7 @@ from midair.devices import (
     virtual_immediate,
 )
 from midair.errors import DeviceError, InputError, MidairError, StoppedError, UnknownDeviceError
-from midair.model import Calibration, SensorGrid, Unit
+from midair.model import Calibration, Medium, SensorGrid, Unit
 from midair.rig.live_touch.listening import ListeningSource
 from midair.rig.live_touch.live_loop import LiveLoop
 from midair.rig.live_touch.live_order import RATES, LiveOrder
@@ -191,7 +191,10 @@ def _play(
                 check=_checks(permit, leave, array.name),
             )
             try:
-                with array.frames_to_come(admission, source=f"live {sensor.name}") as put, _running(sensor):
+                with (
+                    array.frames_to_come(admission, source=f"live {sensor.name}", room=room_of(order)) as put,
+                    _running(sensor),
+                ):
                     loop.run(put, order.duration)
             finally:
                 counted |= array.units.told()
@@ -226,6 +229,12 @@ def check_rate(sensor: StreamedSensor) -> None:
             f"{sensor.name}: expected {RATES[0]:g} to {RATES[1]:g} frames per second, got {sensor.rate:g} Hz; "
             "state a rate with ?rate=1000"
         )
+
+
+def room_of(order: LiveOrder) -> Medium | None:
+    """The air of the room, where somebody stated it."""
+    medium = order.touch.acoustics.medium
+    return None if medium.temperature is None else medium
 
 
 def sensor_for(order: LiveOrder) -> tuple[StreamedSensor, ListeningSource | None]:

@@ -24,8 +24,8 @@ from midair.rig.permit import Leave, Permit
 CHANNELS = 64
 """Of a sensor that can be felt live, at most."""
 
-AIR = 1e-3
-"""Rise of the transducers and 200 mm of air, in s; `docs/live.md` says where it is from."""
+RISE = 0.4e-3
+"""Of the transducers, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,9 +149,15 @@ class LiveSession:
     def statistics(self) -> LiveStatistics:
         """How it goes, or went."""
         ring, opened = self.ring, self.opened
+        grid, medium = self.order.touch.grid, self.order.touch.acoustics.medium
         buffer = 0.0 if self.order.listen is None else self.order.listen.buffer
         among = {} if self.order.listen is None else {"jitter buffer": buffer}
-        parts = {"filter": opened.delay - buffer, **among, "hold": self.order.pace.hold, "rise and air": AIR}
+        parts = {
+            "filter": opened.delay - buffer,
+            **among,
+            "hold": self.order.pace.hold,
+            "rise and air": RISE + grid.height / medium.speed,
+        }
         return LiveStatistics(
             frames=ring.count("frames"),
             played=ring.count("played"),
