@@ -29,6 +29,7 @@ def test_the_page_says_what_was_planned(plan):
     assert all(" ".join(line.split()) in said for line in plan.design.hypotheses)
     assert "Answers given sooner than 0.2 s" in said
     assert "equivalence within 0.1" in said
+    assert "left out of it. Answers that name what was never presented count as wrong." in said
     assert "towel-plain.drive.h5 " + "ab" * 32 in said
     assert f"d_z = 1: power {power_paired_t(10, d_z=1.0):.2f}" in said
     assert "plain_scored 1 12 shuffle, at most 3 alike in a row" in said

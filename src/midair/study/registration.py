@@ -1,12 +1,24 @@
 """The plan of a study as a page to be registered before its first participant, with its digest."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from midair.figures import render_page
-from midair.study.design import Analysis, Block, Design, Exclusions, Plan, PlannedPower, Question, block_order
+from midair.study.design import (
+    Analysis,
+    Block,
+    Design,
+    Exclusions,
+    Foils,
+    Incomplete,
+    Plan,
+    PlannedPower,
+    Question,
+    block_order,
+)
 from midair.study.statistics import (
     IdentificationExperiment,
     RatingExperiment,
@@ -14,6 +26,16 @@ from midair.study.statistics import (
     simulated_power,
 )
 from midair.version import __version__
+
+_INCOMPLETE: Mapping[Incomplete, str] = {
+    "leave out": "People who lack a cell of the analysis of variance are left out of it.",
+    "refuse": "No analysis of variance is made if somebody lacks a cell.",
+}
+_FOILS: Mapping[Foils, str] = {
+    "wrong": "Answers that name what was never presented count as wrong.",
+    "leave out": "Answers that name what was never presented are left out.",
+    "refuse": "No analysis of choices is made if an answer names what was never presented.",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,19 +134,8 @@ def analysis_in_words(analysis: Analysis) -> tuple[str, ...]:
         if analysis.rated
         else "",
         f"Factors between people: {', '.join(analysis.between)}." if analysis.between else "",
-        {
-            "leave out": "People who lack a cell of it are left out of it.",
-            "refuse": "It is not made if somebody lacks a cell.",
-        }[analysis.incomplete]
-        if analysis.rated
-        else "",
-        {
-            "wrong": "Answers that name what was never presented count as wrong.",
-            "leave out": "Answers that name what was never presented are left out.",
-            "refuse": "No analysis of choices is made if an answer names what was never presented.",
-        }[analysis.foils]
-        if analysis.choice
-        else "",
+        _INCOMPLETE[analysis.incomplete] if analysis.rated else "",
+        _FOILS[analysis.foils] if analysis.choice else "",
         f"A psychometric function of right answers over {analysis.strength}, chance {analysis.guess:g}."
         if analysis.strength
         else "",
