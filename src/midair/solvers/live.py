@@ -133,8 +133,7 @@ class Follower:
         self._error, self._change = np.zeros(kept.rank, np.complex64), np.zeros(problem.transducers, np.complex64)
         self._speed = np.zeros(problem.transducers, np.float32)
         self._warm = False
-        self._bend()
-        self._move(np.float32(1), 0, 0)  # no iteration at all, which compiles everything and moves nothing
+        self._move(np.float32(1), 0, 0, bends=True)  # no iteration at all, which compiles everything and moves nothing
 
     def follow(self, p: Array, *, hurried: bool = False) -> Array:
         """Phases (transducer,) in rad for the target p (point,); those of the frame before if p is all zero.
@@ -149,37 +148,25 @@ class Follower:
                 count, lift = settings.warm_iterations, settings.warm_lift_iterations
                 if hurried:
                     count, lift = settings.hurried_iterations, settings.hurried_lift_iterations
-                self._bend()
             else:
                 count, lift = settings.iterations, settings.lift_iterations
                 self._z[:] = self._first @ self._p
                 self._before[:] = self._p
-            self._move(np.float32(size), count, lift)
+            self._move(np.float32(size), count, lift, bends=self._warm)
             self._warm = True
             self.iterations += count
         return np.angle(self._q).astype(np.float64)
 
-    def _bend(self) -> None:
-        y, g = self._work[0], self._work[2]
-        towards = np.float32(self._settings.towards)
-        self._kernel.bend(self._z, self._p, self._before, self._out, self._psi, towards, self._weak, y, g)
-
-    def _move(self, size: np.float32, field: int, lift: int) -> None:
+    def _move(self, size: np.float32, field: int, lift: int, *, bends: bool) -> None:
         settings = self._settings
-        self._kernel.descend(
-            self._z, self._p, size, self._out, self._drive, self._weight, field, self._pairs, self._work
-        )
+        towards = np.float32(settings.towards)
+        y, g = self._work[0], self._work[2]
         step, momentum = np.float32(settings.step), np.float32(settings.momentum)
-        self._kernel.lift(
-            self._q,
-            self._z,
-            size,
-            self._root,
-            self._V,
-            step,
-            momentum,
+        self._kernel.follow(
+            bends,
+            (self._z, self._p, self._before, self._out, self._psi, towards, self._weak, y, g),
+            (self._z, self._p, size, self._out, self._drive, self._weight, self._pairs, self._work),
+            (self._q, self._root, self._V, step, momentum, self._error, self._change, self._speed),
+            field,
             lift,
-            self._error,
-            self._change,
-            self._speed,
         )

@@ -161,6 +161,21 @@ def lift(q, z, gain, root, V, step, momentum, iterations, error, change, speed):
             q[n] = complex(part * re, part * im)
 
 
+@njit(cache=True, fastmath=True, nogil=True)
+def follow(bends, bending, moving, lifting, field, lifts):
+    """`bend` if wanted, `descend`, `lift`, with the arguments of each, in one call.
+
+    Each return takes the interpreter's lock back, for which a thread that takes frames in may have to be waited for.
+    """
+    if bends:
+        z, p, before, out, lens, towards, weak, y, g = bending
+        bend(z, p, before, out, lens, towards, weak, y, g)
+    z, p, gain, out, drive, weight, pairs, work = moving
+    descend(z, p, gain, out, drive, weight, field, pairs, work)
+    q, root, V, step, momentum, error, change, speed = lifting
+    lift(q, z, gain, root, V, step, momentum, lifts, error, change, speed)
+
+
 def workspace(points: int, some: int, rank: int, memory: int, scale: float):
     """The pairs and the arrays that `descend` writes to; `scale` is the first guess of the inverse Hessian."""
     kind, real = np.complex64, np.float32

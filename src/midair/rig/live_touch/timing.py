@@ -83,7 +83,7 @@ def ask_for_time(priority: int = 20) -> Granted:
     gc.collect()
     gc.disable()
     # Other threads of this process take frames in and send them: they must not wait 5 ms for their turn.
-    sys.setswitchinterval(5e-4)
+    sys.setswitchinterval(5e-5)
     return Granted(priority=_take_priority(priority), memory=_lock_memory())
 
 

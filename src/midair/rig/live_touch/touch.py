@@ -135,7 +135,7 @@ class Touch:
         self._follower: Follower = settings.solver.begin(replace(problem, level=level))
         self.pressure, self._pushes = np.zeros(sensor.count), np.zeros(sensor.count)
         self._wanted, self._steps = np.zeros(grid.count), np.zeros(array.count)
-        self.phases = np.zeros(array.count, np.uint8)
+        self._whole, self.phases = np.zeros(array.count, np.int16), np.zeros(array.count, np.uint8)
         self.delay = (settings.delay if self._inverse is not None else 0.0) + self._mapping.delay / rate
         self._slow = self._mapping.delay > 0
 
@@ -163,9 +163,9 @@ class Touch:
         np.sqrt(self._wanted, out=self._wanted)
         self._wanted *= self._unit
         np.multiply(self._follower.follow(self._wanted, hurried=hurried), 256 / (2 * np.pi), out=self._steps)
-        np.rint(self._steps, out=self._steps)
-        np.mod(self._steps, 256, out=self._steps)
-        np.copyto(self.phases, self._steps, casting="unsafe")
+        np.rint(self._steps, out=self._whole, casting="unsafe")
+        # A turn is 256 steps, and so is a byte.
+        np.copyto(self.phases, self._whole, casting="unsafe")
         return True
 
     @property
