@@ -1,13 +1,24 @@
 """How the documentation is built; `make docs` treats every warning as an error."""
 
+import os
+import sys
+from pathlib import Path
 from typing import Any
 
+import latex2mathml.converter
+from docutils import nodes
 from matplotlib.figure import Figure
 from sphinx_gallery.scrapers import figure_rst
 
 from midair import __version__
 from midair.files.native.schema import HEADER, NETCDF, TABLE, as_markdown
 from midair.settings import choices_table
+
+sys.path.insert(0, str(Path(__file__).parent))
+import reference
+
+os.environ["COLUMNS"] = "100"
+reference.write(Path(__file__).parent / "reference")
 
 
 def figure_scraper(_: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
@@ -32,10 +43,11 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "numpydoc",
-    "sphinx.ext.mathjax",
+    "sphinx.ext.autosummary",
+    "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
 ]
-exclude_patterns = ["_build", "gallery/*.ipynb", "gallery/*.py", "gallery/*.json", "**/sg_execution_times.rst"]
+exclude_patterns = ["_build", "data", "gallery/*.ipynb", "gallery/*.py", "gallery/*.json", "**/sg_execution_times.rst"]
 suppress_warnings = ["config.cache"]  # the gallery's scraper is a function, which cannot be kept between builds
 
 html_theme = "furo"
@@ -69,3 +81,31 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "min_reported_time": 1e9,
 }
+
+autosummary_generate = False
+# What is copied is what is typed: no prompt, no output.
+copybutton_prompt_text = r"\$ "
+copybutton_prompt_is_regexp = True
+copybutton_only_copy_prompt_lines = True
+
+html_math_renderer = "mathml"
+linkcheck_timeout = 20
+linkcheck_retries = 2
+
+
+def formula(translator: Any, node: Any, display: str) -> None:
+    """A formula as MathML, which browsers draw by themselves: nothing is loaded from a network."""
+    text = node.astext()
+    if display == "block":
+        text = text.replace("\\\\", r"\\ ")
+    translator.body.append(latex2mathml.converter.convert(text, display=display))
+    raise nodes.SkipNode
+
+
+def setup(app: Any) -> None:
+    """Formulas need no network."""
+    app.add_html_math_renderer(
+        "mathml",
+        (lambda translator, node: formula(translator, node, "inline"), None),
+        (lambda translator, node: formula(translator, node, "block"), None),
+    )

@@ -69,6 +69,28 @@ def test_the_python_of_the_tutorial_runs(folder):
     assert names["played"].take.recording.frames == 120
 
 
+def test_the_python_of_the_first_five_minutes_runs(folder):
+    (script,) = blocks("docs/start.md", "python")
+    names = {}
+    exec(script.replace("cut(0.4, 0.1)", "cut(0.4, 0.03)"), names)
+    assert names["played"].take.recording.frames > 30
+
+
+@pytest.mark.slow
+def test_every_command_of_the_first_five_minutes_runs_and_the_sentence_is_the_demo_s(folder, capsys):
+    """But for the demo of half a second: the sentence that the page shows is of that."""
+    demo, *typed = commands("docs/start.md")
+    assert demo == ["demo"]
+    for words in typed:
+        assert run(words) == 0, words
+    capsys.readouterr()
+    assert run(demo) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    (shown,) = blocks("docs/start.md", "text")
+    first = " ".join(shown.split()).partition(", at ")[0]
+    assert first in said
+
+
 def test_the_python_of_the_settings_page_runs(folder):
     (script,) = blocks("docs/settings.md", "python")
     exec(script, {})

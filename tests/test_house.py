@@ -38,6 +38,7 @@ WHOLE_SUITES = {
     "test_benchmarks.py": "the benchmarks",
     "test_bench_gpu.py": "`make bench-gpu`, where there is no GPU",
     "test_docs.py": "README and the pages of docs",
+    "test_reference.py": "what the reference names",
     "files/test_whole_writers.py": "every writer, killed or refused in the middle",
     "files/test_one_way_in.py": "every format and every command that opens one",
     "files/test_real_recordings.py": "files that other programs wrote",

@@ -153,10 +153,10 @@ def status_of(frames: int, audible: NDArray[np.int64]) -> tuple[Status, ...]:
 
 
 def error_of(problem: Problem, theta: Array, level: Array | None = None) -> Array:
-    """E = || |G q| - p || / || p || of each frame, shape (frame,); 0 where p is zero, which is played as silence.
+    """``E = || |G q| - p || / || p ||`` of each frame, shape (frame,); 0 where p is zero, which is played as silence.
 
     The paper prints a factor 1/M in front, with which its 5 to 15 % would be .02 to .06 %; it is left out. Where the
-    cells of the sensor are the target, it is their error: || w |G q|^2 - P || / || P ||.
+    cells of the sensor are the target, it is their error: ``|| w |G q|^2 - P || / || P ||``.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ def white_level(density: Array, averages: float, overlap: float) -> tuple[Array,
 def noise_equivalent_pressure(calibration: Calibration, band: Band = (20.0, 470.0)) -> Array:
     """Rms pressure in a band that would be as strong as each channel's noise.
 
-    The root of the integral of S_nn / |H|^2 over the band; with the white `noise` where no density was measured.
+    The root of the integral of ``S_nn / |H|^2`` over the band; with the white `noise` where no density was measured.
 
     Parameters
     ----------

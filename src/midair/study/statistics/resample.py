@@ -89,7 +89,7 @@ def sign_flip(z: NDArray[Any], *, rng: np.random.Generator, draws: int = 10_000)
     Returns
     -------
     float
-        Share of turns for which |sum of z| is as large as observed.
+        Share of turns for which ``|sum of z|`` is as large as observed.
     """
     z = np.asarray(z, float).reshape(len(z), -1)
     if len(z) < 2:

@@ -1,0 +1,106 @@
+"""Every public name and every command stands in the reference; code in the docs runs, or is known not to."""
+
+import ast
+import importlib
+import importlib.util
+import pkgutil
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import midair
+from midair.cli.commands import COMMANDS, FOLDERS
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def reference():
+    spec = importlib.util.spec_from_file_location("reference", ROOT / "docs" / "reference.py")
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+def test_every_public_name_of_every_room_is_documented(reference):
+    found = reference.rooms()
+    open_rooms = {each.name for each in pkgutil.iter_modules(midair.__path__)} - reference.CLOSED
+    assert {name.partition(".")[2] for name in found} - {""} == open_rooms
+    assert sum(map(len, found.values())) > 700
+    for room, names in found.items():
+        module = sys.modules[room]
+        page = reference.room_page(room, names)
+        told = set(
+            re.findall(rf"^\.\. (?:autoclass|autofunction|py:data):: {re.escape(room)}\.(\w+)$", page, re.MULTILINE)
+        )
+        public = getattr(module, "__all__", None)
+        if public is not None:
+            assert {name for name in public if not isinstance(getattr(module, name), type(sys))} == told, room
+
+
+def test_every_class_and_function_that_is_public_says_what_it_is(reference):
+    silent = [
+        f"{room}.{name}"
+        for room, names in reference.rooms().items()
+        for name in names
+        if callable(value := getattr(sys.modules[room], name))
+        and getattr(value, "__module__", "").startswith("midair")
+        and not (getattr(value, "__doc__", None) or "").strip()
+    ]
+    assert silent == []
+
+
+def test_the_page_of_commands_has_every_command_and_its_help(reference):
+    page = reference.command_page()
+    assert all(f"## `midair {name}`" in page for name in (*COMMANDS, *FOLDERS))
+    assert page.count("Usage: midair") >= page.count("\n## `")
+
+
+RUN = {
+    "README.md": 1,
+    "docs/air.md": 1,
+    "docs/build-a-sensor.md": 1,
+    "docs/live.md": 2,
+    "docs/settings.md": 1,
+    "docs/start.md": 1,
+    "docs/study.md": 1,
+    "docs/tutorial.md": 1,
+}
+"""How many blocks of Python of each page tests/test_docs.py runs."""
+
+NOT_RUN = {
+    "docs/calibrate.md": (1, "takes of the reader's own sensor and reference"),
+    "docs/record.md": (1, "a sensor over LSL"),
+    "docs/show.md": (1, "a recording of the reader's"),
+    "docs/study.md": (1, "answers of people"),
+    "docs/sweep.md": (2, "a cluster, and hours"),
+}
+"""The others, and what they need."""
+
+
+def blocks(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").glob("*.md")))]
+
+
+def test_every_block_of_python_runs_in_a_test_or_is_known_not_to():
+    found = {page: len(blocks(page)) for page in PAGES}
+    known = {page: RUN.get(page, 0) + NOT_RUN.get(page, (0, ""))[0] for page in PAGES}
+    assert found == known
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)])
+def test_every_name_of_midair_in_a_block_of_python_is_there(page):
+    for block in blocks(page):
+        code = block if ">>>" not in block else "\n".join(re.findall(r"^(?:>>>|\.\.\.) ?(.*)$", block, re.MULTILINE))
+        for node in ast.walk(ast.parse(code)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("midair"):
+                module = importlib.import_module(node.module)
+                assert [each.name for each in node.names if not hasattr(module, each.name)] == []
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "midair":
+                assert hasattr(midair, node.attr), node.attr
