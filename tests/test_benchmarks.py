@@ -25,6 +25,7 @@ SMALLEST = {
     "benchmarks.palm": ["--things", "noise", "denim", "towel", "--ways", "quiet palm 0.1", "--duration", ".06"],
     "benchmarks.live": ["--part", "bands", "run", "--frames", "1000", "--priority", "0"],
     "benchmarks.scale": ["--sizes", "1 4"],
+    "benchmarks.studies": ["--studies", "2", "--part", "ratings", "errors", "--trials", "48"],
     "benchmarks.sweeps": ["--count", "4", "--chunk", "2", "--workers", "1"],
 }
 

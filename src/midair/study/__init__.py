@@ -86,12 +86,17 @@ from midair.study.statistics import (
 )
 from midair.study.stimulus_rig import StimulusRig, open_stimulus_rig
 from midair.study.study_figures import chance_figure, power_figure
-from midair.study.study_report import report_json, report_page, report_text
+from midair.study.study_notebook import analysis_notebook, load_study, load_table
+from midair.study.study_report import report_json, report_page, report_text, study_pictures
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
 from midair.study.terminal_screen import TerminalScreen, stops_on_signals
 from midair.study.withdrawal import check_not_withdrawn, remember_made, withdraw, withdrawn
 
 __all__ = [
+    "analysis_notebook",
+    "load_study",
+    "load_table",
+    "study_pictures",
     "Foils",
     "Incomplete",
     "left_out",

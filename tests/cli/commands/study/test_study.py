@@ -41,7 +41,8 @@ def test_ten_simulated_participants_from_plan_to_report(done, capsys):
     assert "Which object: plain" in said.out
     page = (done / "report.html").read_text(encoding="utf-8")
     assert "SIMULATED" in page
-    assert page.count("data:image/png;base64,") == 3
+    assert page.count("data:image/png;base64,") == 6  # three matrices, F-measures, ratings of two surfaces
+    assert (done / "report.ipynb").is_file()
     assert "surface:object:rated" in page
     assert "Not computed" not in page
     assert "nan" not in page.lower().split("base64")[0]

@@ -1,7 +1,8 @@
 """Commands for what came out of a study: analyse, export."""
 
+import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -15,10 +16,13 @@ from midair.study import (
     StudyData,
     StudyFolder,
     analyse,
+    analysis_notebook,
     answers_table,
     data_of_answers,
     data_of_columns,
     left_out,
+    load_study,
+    load_table,
     read_bids,
     read_csv,
     remember_made,
@@ -60,7 +64,8 @@ def analyse_command(
     source
         Folder of a study; or a CSV or TSV file, or a BIDS folder, with the columns named below.
     output
-        The HTML file; report.html in the folder of the study, or beside the table, if not given.
+        The HTML file, beside which the analysis comes as a notebook; report.html in the folder of the study, or beside
+        the table, if not given.
     seed
         Of permutations and of drawn data.
     draws
@@ -102,30 +107,35 @@ def analyse_command(
             excluded=left_out(plan, sessions),
         )
         title, target = plan.design.title or plan.design.name, output or source / "report.html"
+        loading = load_study(_from(target, source))
     else:
         table = _old_table(source)
-        data = data_of_columns(
-            table,
-            participant=participant,
-            presented=presented,
-            answered=answered,
-            condition=condition,
-            rating=rating,
-            within=within,
-            between=between,
-            incomplete=incomplete,
-            foils=foils,
-            margin=margin,
-            simulated="simulated" in table and bool((table["simulated"].astype(str) == "True").any()),
-        )
+        columns: dict[str, Any] = {
+            "participant": participant,
+            "presented": presented,
+            "answered": answered,
+            "condition": condition,
+            "rating": rating,
+            "within": within,
+            "between": between,
+            "incomplete": incomplete,
+            "foils": foils,
+            "margin": margin,
+            "simulated": "simulated" in table and bool((table["simulated"].astype(str) == "True").any()),
+        }
+        data = data_of_columns(table, **columns)
         title, target = source.name, output or source.with_name(f"{source.stem}-report.html")
+        loading = load_table(_from(target, source), columns, bids=source.is_dir())
     report = analyse(data, seed=seed, draws=draws)
     if (source / "plan.json").exists():
-        remember_made(StudyFolder(source), target, "report")
+        for file in (target, target.with_suffix(".ipynb")):
+            remember_made(StudyFolder(source), file, "report")
     page = report_page(report, title=title, within=data.within)
-    with whole_file(target) as partial:
-        partial.chmod(0o600)
-        partial.write_text(page, encoding="utf-8")
+    notebook = analysis_notebook(data, loading, title=title, seed=seed, draws=draws)
+    for file, text in ((target, page), (target.with_suffix(".ipynb"), notebook)):
+        with whole_file(file) as partial:
+            partial.chmod(0o600)
+            partial.write_text(text, encoding="utf-8")
     _print_report(report, data, target, json=json)
 
 
@@ -162,6 +172,11 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
     warn_simulated(bool(answers["simulated"].any()))
 
 
+def _from(target: Path, source: Path) -> str:
+    """Where a source is, seen from the folder of the report."""
+    return os.path.relpath(source, target.parent)
+
+
 def _old_table(source: Path) -> "DataFrame":
     return read_bids(source) if source.is_dir() else read_csv(source)
 
@@ -171,5 +186,5 @@ def _print_report(report: Report, data: StudyData, target: Path, *, json: bool) 
         print(report_json(report))  # noqa: T201  # a program reads it: nothing is spelled out
         return
     say(report_text(report))
-    say(f"\n{target}")
+    say(f"\n{target}, and the analysis as a notebook: {target.with_suffix('.ipynb')}")
     warn_simulated(data.simulated)

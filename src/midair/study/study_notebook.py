@@ -1,0 +1,154 @@
+"""A notebook of the whole analysis: what the report says, made again step by step from the answers."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from midair.study.findings import StudyData
+from midair.version import __version__
+
+BEGIN = """\
+from pathlib import Path
+
+import numpy as np
+from IPython.display import Markdown, display
+
+import midair.study as study
+"""
+
+WHOLE = """\
+report = study.analyse(data, seed={seed}, draws={draws})
+for finding in report.findings:
+    display(Markdown(f"### {{finding.title}}\\n{{finding.words}}"))
+    if finding.table is not None:
+        display(finding.table)
+"""
+
+FIGURES = """\
+from IPython.display import Image
+
+for row in study.study_pictures(report, within=data.within):
+    display(Markdown(f"### {row.title}\\n{row.caption}"))
+    for panel in row.panels:
+        display(Image(panel.data))
+"""
+
+CHOICES = """\
+rng = np.random.default_rng({seed})
+for name, rows in data.choices.groupby("condition", sort=False):
+    labels = sorted(set(rows["presented"]))
+    # Answers that name what was never presented; what becomes of them is said in the plan.
+    foils = sorted(set(rows["answered"]) - set(labels))
+    if data.foils == "leave out":
+        rows, foils = rows[rows["answered"].isin(labels)], []
+    confusion = study.confusion_matrix(
+        rows["presented"], rows["answered"], participant=rows["participant"], labels=labels, foils=foils
+    )
+    chance = study.chance_macro_f(confusion, rng=rng, draws={draws})
+    kappa = study.cohen_kappa(confusion.counts)
+    print(f"{{name}}: macro F {{confusion.macro_f:.3f}}, kappa {{kappa:.2f}}, p = {{chance.p:.4f}}")
+    display(study.scores(confusion))
+"""
+
+MIXED = """\
+rows = data.choices.assign(correct=data.choices["presented"] == data.choices["answered"])
+within = ["presented", "condition"] if rows["condition"].nunique() > 1 else ["presented"]
+mixed = study.logistic_mixed(rows, correct="correct", participant="participant", within=within)
+mixed.assign(p_Holm=study.holm(mixed["p"]))
+"""
+
+RATINGS = """\
+# People without an answer in every cell; what becomes of them is said in the plan.
+cells = data.ratings.groupby("participant")[list(data.within)].apply(lambda one: len(one.drop_duplicates()))
+whole = cells.index[cells == len(data.ratings[list(data.within)].drop_duplicates())]
+ratings = data.ratings[data.ratings["participant"].isin(whole)]
+anova = study.rm_anova(
+    ratings, value="rating", participant="participant", within=data.within, between=data.between
+)
+anova.assign(p_Holm=study.holm(anova["p_GG"]))
+"""
+
+RANKS = """\
+study.ordinal_check(
+    ratings, value="rating", participant="participant", within=data.within, rng=np.random.default_rng({seed})
+)
+"""
+
+STRENGTHS = """\
+counts = data.strengths.groupby("level")["correct"].agg(["sum", "size"])
+study.fit_psychometric(
+    counts.index.to_numpy(float), counts["sum"].to_numpy(), counts["size"].to_numpy(),
+    guess=float(data.strengths["guess"].iloc[0]), shape="weibull", rng=np.random.default_rng({seed}),
+)
+"""
+
+
+def load_study(folder: str) -> str:
+    """Python that loads the answers of a study, whose folder is given from where the notebook lies."""
+    return f"""\
+folder = study.StudyFolder(Path({folder!r}))
+plan, sessions = folder.plan(), folder.sessions()
+answers = study.answers_table(plan, sessions)
+data = study.data_of_answers(
+    answers,
+    plan.design.analysis,
+    thresholds=study.thresholds_of(plan, sessions),
+    excluded=study.left_out(plan, sessions),
+)
+answers
+"""
+
+
+def load_table(path: str, columns: Mapping[str, Any], *, bids: bool = False) -> str:
+    """Python that loads answers from a table or a BIDS folder; `columns` are the options of `data_of_columns`."""
+    named = "".join(f"    {name}={value!r},\n" for name, value in columns.items())
+    reader = "read_bids" if bids else "read_csv"
+    return f"answers = study.{reader}(Path({path!r}))\ndata = study.data_of_columns(\n    answers,\n{named})\nanswers\n"
+
+
+def analysis_notebook(data: StudyData, loading: str, *, title: str, seed: int = 0, draws: int = 10_000) -> str:
+    """The analysis as a Jupyter notebook (nbformat 4.5).
+
+    Parameters
+    ----------
+    data : StudyData
+        What is analysed: decides which steps there are.
+    loading : str
+        Python that makes `data` from the answers, run where the notebook lies; `Path` and `study` are known.
+    title : str
+        Of the study.
+    seed, draws : int
+        As for `analyse`.
+
+    Returns
+    -------
+    str
+        The file's content.
+    """
+    said = "**SIMULATED: no person was asked.** " if data.simulated else ""
+    head = f"# {title}\n\n{said}The whole analysis, step by step; made by midair {__version__}."
+    cells = [_cell(head), _cell(BEGIN, code=True), _cell("## The answers"), _cell(loading, code=True)]
+    steps: list[tuple[str, str]] = [("The report, all of it", WHOLE.format(seed=seed, draws=draws))]
+    if data.choices is not None:
+        steps.append(("Which object? One condition after the other", CHOICES.format(seed=seed, draws=draws)))
+        steps.append(("Right answers: a mixed model", MIXED))
+    if data.ratings is not None:
+        steps.append(("Ratings: analysis of variance", RATINGS))
+        steps.append(("Ratings: on ranks", RANKS.format(seed=seed)))
+    if data.strengths is not None:
+        steps.append(("The psychometric function", STRENGTHS.format(seed=seed)))
+    steps.append(("Figures", FIGURES))
+    for name, code in steps:
+        cells += [_cell(f"## {name}"), _cell(code, code=True)]
+    for number, cell in enumerate(cells):
+        cell["id"] = f"cell-{number}"
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    content = {"cells": cells, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+
+
+def _cell(source: str, *, code: bool = False) -> dict[str, object]:
+    lines = source.strip("\n").splitlines(keepends=True)
+    if not code:
+        return {"cell_type": "markdown", "metadata": {}, "source": lines}
+    return {"cell_type": "code", "metadata": {}, "source": lines, "outputs": [], "execution_count": None}
