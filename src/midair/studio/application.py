@@ -25,7 +25,7 @@ from midair.studio.doorkeeper import Doorkeeper, DoorKeys
 from midair.studio.jobs import Jobs, StudioJob
 from midair.studio.one_folder import OneFolder
 from midair.studio.player import PlayerPlan
-from midair.studio.rooms import CompareRoom, PlayingRoom, RecordRoom, ReproduceRoom
+from midair.studio.rooms import CalibrateRoom, CompareRoom, PlayingRoom, RecordRoom, ReproduceRoom, StudyRoom
 from midair.studio.scenes import TakeScene, frames_of
 from midair.studio.takes_list import TakesList
 from midair.studio.work import make_samples, settings_form, warm_up
@@ -85,6 +85,8 @@ class Studio:
         self.reproduce = ReproduceRoom(self.desk, self.takes, self.jobs, self.reading, self.later)
         self.compare = CompareRoom(self.desk, self.takes, self.jobs, self.playing, self.later)
         self.record = RecordRoom(self.desk, self.takes, plan.sensor, plan.seed, self.later, self.reproduce.show)
+        CalibrateRoom(self.desk, self.takes, self.reading)
+        self.study = StudyRoom(self.desk, self.folder, self.jobs, self.playing, self.later)
         self.desk.put(
             studio={
                 "version": __version__,
@@ -117,6 +119,7 @@ class Studio:
         try:
             yield
         finally:
+            self.study.close()
             self.playing.close()
             self.record.close()
             self.jobs.close()

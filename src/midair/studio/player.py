@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from multiprocessing import connection, get_context, parent_process
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -153,6 +153,9 @@ class _Player:
 
         path = Path(order["path"])
         drive = load_solution(path).drive
+        if (share := order.get("share", 1.0)) != 1.0:
+            # Radiation pressure goes with the square of the sound's, which goes with the level.
+            drive = replace(drive, level=drive.level * share**0.5)
         array = self.array if self.plan.device != "virtual" else self._virtual(drive).array_device()
         if array is None:
             raise DeviceStateError(f"{self.plan.device}: expected an open array")
@@ -299,8 +302,6 @@ class PlayerProcess:
 
     def start(self, origins: tuple[str, ...]) -> None:
         """Start the process."""
-        from dataclasses import replace
-
         context = get_context("spawn")
         self._pipe, there = context.Pipe()
         plan = replace(self._plan, origins=origins)

@@ -255,7 +255,7 @@ class _Listening:
         try:
             if self._name.startswith("virtual:"):
                 with sensor_named("virtual:taps", VirtualRig(seed=self._seed)) as tapped:
-                    found = identify_by_taps(tapped, TapTest(every=0.5), self._prompt)
+                    found = identify_by_taps(tapped, TapTest(every=1.0), self._prompt)
             else:
                 found = identify_by_taps(sensor, TapTest(), self._prompt)
         except MidairError as wrong:

@@ -15,6 +15,7 @@ from midair.model import PressureFrames, Progress
 from midair.rig import array_of_kind, loop, record, write_report
 from midair.settings import CHOICES, MODES, Mode, Settings, spelt
 from midair.studio.jobs import Progressed
+from midair.study import StudyFolder, Template, gather, read_design, template_text
 from midair.targets import led_in, without_lead
 
 
@@ -164,6 +165,29 @@ def make_samples(order: str, progress: Progressed) -> list[str]:
         made.append(path.name)
         progress("making samples", number + 1, 3)
     return made
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyWish:
+    """A study to draw: one that is shipped, for some people, into a folder that is not there yet."""
+
+    path: str
+    template: Template
+    participants: int
+
+
+def draw_study(wish: StudyWish, progress: Progressed) -> str:
+    """Draw the plan of a study, and make its drives of virtual strokes; the name of its folder."""
+    text, path = template_text(wish.template), Path(wish.path)
+    kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum()) or "study"
+    design = read_design(text, name=kept, participants=wish.participants)
+
+    def drives(into: Path) -> dict[str, str]:
+        made = gather(design, into, found_in=None, seed=design.seed, stage=lambda name: _stage(name, progress))
+        return {one.source: one.digest for one in made}
+
+    StudyFolder.create(path, text, design, drives=drives)
+    return path.name
 
 
 def settings_form() -> list[dict[str, Any]]:

@@ -4,6 +4,7 @@ import asyncio
 import itertools
 import secrets
 import time
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -136,26 +137,40 @@ class PlayingRoom:
         if take is None:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
         output = self._takes.beside(take, ".rerecorded.h5")
-        self._controls = page.number
-        leave = self.permit.arm(lasts=ALIVE)
-        self._show(state="plays", take=take, done=0, total=0, said="")
-        try:
-            report = await self._ask(
-                do="play", admission=order.admission, leave=leave, output=str(self._beside(output))
-            )
-        except MidairError as wrong:
-            said = str(wrong)
-            self._show(state="ready", emitting=False, said=said)
-            raise
-        finally:
-            self.permit.disarm()
         partial = self._beside(output)
+        report = await self._sound(page, order.admission, take, str(partial))
         if report.get("output") and partial.exists():
             partial.replace(output)
             report["output"] = output.name
-        self._show(state="ready", emitting=False, said="played to its end")
         for tell in self.played:
             tell(take)
+        return report
+
+    async def present(self, path: Path, share: float) -> dict[str, Any]:
+        """Check and play a drive for a study, while the page in control is in sight; answers when it is over."""
+        page = self._desk.pages.get(self._desk.control.holder)
+        self._busy()
+        if page is None or not page.visible or time.monotonic() - page.heard > ALIVE:
+            raise DeviceStateError("play: expected the experimenter's page to be in sight, it is hidden or gone")
+        how = {"profile": self._profile, "attenuate": False, "override": "", "repeats": 1, "share": share}
+        found = await self._ask(do="admit", path=str(path), **how)
+        if not found["number"]:
+            raise InputError(found["refused"])
+        return await self._sound(page, found["number"], path.name, "")
+
+    async def _sound(self, page: Page, admission: int, what: str, output: str) -> dict[str, Any]:
+        """Arm for a page, play, and disarm whatever comes of it."""
+        self._controls = page.number
+        leave = self.permit.arm(lasts=ALIVE)
+        self._show(state="plays", take=what, done=0, total=0, said="")
+        try:
+            report = await self._ask(do="play", admission=admission, leave=leave, output=output)
+        except MidairError as wrong:
+            self._show(state="ready", emitting=False, said=str(wrong))
+            raise
+        finally:
+            self.permit.disarm()
+        self._show(state="ready", emitting=False, said="played to its end")
         return report
 
     def stop(self, _: Page, __: Nothing) -> bool:

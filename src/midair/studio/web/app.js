@@ -6,9 +6,11 @@ import { make, toast, tried } from "/web/dom.js";
 import { Record } from "/web/room-record.js";
 import { Reproduce } from "/web/room-reproduce.js";
 import { Compare } from "/web/room-compare.js";
+import { Calibrate } from "/web/room-calibrate.js";
+import { Study } from "/web/room-study.js";
 import { jobsShown } from "/web/jobs.js";
 
-const ROOMS = { record: Record, reproduce: Reproduce, compare: Compare };
+const ROOMS = { record: Record, calibrate: Calibrate, reproduce: Reproduce, compare: Compare, study: Study };
 const by = (id) => document.getElementById(id);
 const link = new Link();
 const main = by("main"), footer = by("transport");

@@ -1,0 +1,328 @@
+"""Room Study: a participant's session, with a page for the experimenter and one for the participant."""
+
+import asyncio
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
+from midair.studio.desk import Desk, Nothing, Page
+from midair.studio.jobs import Jobs, StudioJob
+from midair.studio.one_folder import OneFolder
+from midair.studio.rooms.playing_room import PlayingRoom
+from midair.studio.work import StudyWish, draw_study
+from midair.study import Reply, Session, Stimulus, StudyFolder, Template
+
+
+class NewStudy(BaseModel):
+    """A study to draw, from one that is shipped."""
+
+    model_config = ConfigDict(extra="forbid")
+    name: str = Field(min_length=1, max_length=60, pattern=r"^\w[\w -]*$")
+    template: Template = "paper"
+    participants: int = Field(default=10, ge=1, le=500)
+
+
+class BeginSession(BaseModel):
+    """Whose session."""
+
+    model_config = ConfigDict(extra="forbid")
+    study: str = Field(min_length=1, max_length=200)
+    participant: int = Field(ge=1, le=500)
+    pilot: bool = False
+
+
+class AnswerGiven(BaseModel):
+    """What the participant said."""
+
+    model_config = ConfigDict(extra="forbid")
+    code: str = Field(max_length=100)
+    text: str = Field(max_length=1000)
+    reaction_s: float | None = Field(default=None, ge=0, le=86400)
+
+
+class Reason(BaseModel):
+    """Why a session is stopped."""
+
+    model_config = ConfigDict(extra="forbid")
+    reason: str = Field(max_length=200)
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class PagePresenter:
+    """Presents what a session asks for: drives by the player, objects by the experimenter, who is told on his page.
+
+    Attributes
+    ----------
+    play : callable
+        Plays the drive of a path at a share of its pressure; returns when it is over.
+    stop : callable
+        STOP, from any thread.
+    tell : callable
+        Shows the experimenter what to do.
+    folder : Path
+        Of the study, in which its drives are.
+    """
+
+    play: Callable[[Path, float], None]
+    stop: Callable[[], None]
+    tell: Callable[[str], None]
+    folder: Path
+    done: threading.Event = field(default_factory=threading.Event)
+    ended: threading.Event = field(default_factory=threading.Event)
+
+    def present(self, stimulus: Stimulus) -> None:
+        """Present it; return when it is over."""
+        if stimulus.kind == "drive":
+            self.play(self.folder / stimulus.source, stimulus.share)
+            return
+        self.done.clear()
+        self.tell("present nothing, and wait" if stimulus.kind == "silence" else f"present: {stimulus.source}")
+        while not self.done.wait(0.1):
+            if self.ended.is_set():
+                return
+        self.tell("")
+
+    def silence(self) -> None:
+        """End it at once."""
+        self.ended.set()
+        self.stop()
+
+
+class StudyRoom:
+    """Studies of the folder, and the one session that runs.
+
+    Parameters
+    ----------
+    desk : Desk
+        Orders come from it.
+    folder : OneFolder
+        Studies are folders in it.
+    jobs : Jobs
+        The queue of long work.
+    playing : PlayingRoom
+        The player's desk.
+    later : callable
+        Has something done on the desk's loop, from any thread.
+    """
+
+    def __init__(self, desk: Desk, folder: OneFolder, jobs: Jobs, playing: PlayingRoom, later: Any) -> None:
+        self._desk, self._folder, self._jobs, self._playing, self._later = desk, folder, jobs, playing, later
+        self._session: Session | None = None
+        self._presenter: PagePresenter | None = None
+        # A session is asked and told by one thread alone, which may wait for a stimulus.
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="session")
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._about: dict[str, Any] = {}
+        desk.offer("study", "list", self.list, Nothing, watchers=True)
+        desk.offer("study", "new", self.new, NewStudy)
+        desk.offer("study", "begin", self.begin, BeginSession)
+        desk.offer("study", "presented", self.presented, Nothing)
+        desk.offer("study", "end", self.end, Nothing)
+        # The participant may sit at a page of its own, which looks on at all else.
+        desk.offer("study", "acknowledge", self.acknowledge, Nothing, watchers=True)
+        desk.offer("study", "present", self.present, Nothing, watchers=True)
+        desk.offer("study", "answer", self.answer, AnswerGiven, watchers=True)
+        desk.offer("study", "stop", self.stop, Reason, watchers=True)
+        desk.put(studies=[], session=None)
+
+    async def list(self, _: Page, __: Nothing) -> bool:
+        """Look which studies there are."""
+        found = await asyncio.to_thread(self._studies)
+        self._desk.put(studies=found)
+        return True
+
+    def new(self, _: Page, order: NewStudy) -> dict[str, int]:
+        """Have a study drawn, and its drives made."""
+        path = self._folder.place(order.name)
+        if path.exists():
+            raise InputError(f"{order.name}: expected a new name, this one is there already")
+        wish = StudyWish(path=str(path), template=order.template, participants=order.participants)
+        job = self._jobs.add(f"draw the study {order.name}", draw_study, wish, room="study", ended=self._drawn)
+        return {"job": job.number}
+
+    def _drawn(self, _: StudioJob) -> None:
+        self._later(lambda: self._desk.put(studies=self._studies()))
+
+    async def begin(self, _: Page, order: BeginSession) -> bool:
+        """Begin a participant's session, or go on with one that was interrupted."""
+        if self._session is not None:
+            raise DeviceStateError("study: expected the session that runs to be over first; end it")
+        study = StudyFolder(self._folder.find(order.study))
+        plan = await asyncio.to_thread(study.plan)
+        if order.participant > plan.design.participants:
+            raise InputError(f"participant: expected 1 to {plan.design.participants}, got {order.participant}")
+        self._loop = asyncio.get_running_loop()
+        log = study.log(order.participant)
+        if order.pilot:
+            # A file of its own, in a folder that no analysis reads: a pilot cannot be taken for data.
+            log = study.path / "pilot" / log.name
+        self._presenter = PagePresenter(
+            play=self._play, stop=self._playing.permit.stop, tell=self._tell, folder=study.path
+        )
+        drives = any(stimulus.kind == "drive" for stimulus in plan.design.stimuli)
+        session = Session(
+            plan,
+            order.participant,
+            log,
+            self._presenter,
+            simulated=drives and bool(self._desk.state["player"]["simulated"]),
+            about={"pilot": order.pilot, "array": self._desk.state["player"]["device"]},
+        )
+        await self._do(session.__enter__)
+        self._session = session
+        self._about = {
+            "study": order.study,
+            "title": plan.design.title or plan.design.name,
+            "participant": order.participant,
+            "pilot": order.pilot,
+            "due": "",
+            "busy": False,
+            "log": [],
+            "error": "",
+        }
+        self._show()
+        return True
+
+    async def acknowledge(self, _: Page, __: Nothing) -> bool:
+        """The text was read, or the break is over."""
+        await self._do(self._open().acknowledge)
+        self._show()
+        return True
+
+    async def present(self, _: Page, __: Nothing) -> bool:
+        """Make the stimulus that is due felt; answers when it is over."""
+        session = self._open()
+        if self._about["busy"]:
+            raise DeviceStateError("study: expected the presentation to be over first")
+        number = session.step.number
+        self._show(busy=True, error="")
+        try:
+            await self._do(session.present)
+            self._note(f"trial {number} presented")
+        except MidairError as wrong:
+            self._show(error=str(wrong))
+            raise
+        finally:
+            if self._session is session:
+                self._show(busy=False, due="")
+        return True
+
+    async def answer(self, _: Page, order: AnswerGiven) -> bool:
+        """Store an answer; when this is answered it is on disk."""
+        session = self._open()
+        if session.step.code != order.code:
+            raise DeviceStateError("study: expected an answer to the question that is due; it has moved on")
+        await self._do(lambda: session.answer(Reply(text=order.text, reaction_s=order.reaction_s)))
+        self._note(f"trial {session.step.number or '–'}: answered")
+        self._show()
+        return True
+
+    def presented(self, _: Page, __: Nothing) -> bool:
+        """The experimenter has presented the object."""
+        self._open()
+        if self._presenter is not None:
+            self._presenter.done.set()
+        return True
+
+    async def stop(self, _: Page, order: Reason) -> bool:
+        """The participant, or the experimenter, wants to stop: silence first, then a line in the log."""
+        session = self._open()
+        # Not by the session's thread, which may be waiting for a stimulus to end.
+        await asyncio.to_thread(session.stop, order.reason)
+        self._note(f"stopped: {order.reason}")
+        self._show()
+        return True
+
+    async def end(self, page: Page, _: Nothing) -> bool:
+        """Leave the session; it can be taken up again."""
+        session = self._open()
+        if session.step.kind not in ("done", "stopped"):
+            await asyncio.to_thread(session.stop, "left by the experimenter")
+        await self._do(lambda: session.__exit__(None, None, None))
+        self._session = self._presenter = None
+        self._desk.put(session=None)
+        return await self.list(page, Nothing())
+
+    def close(self) -> None:
+        """The studio ends: the session is left as if it had been interrupted."""
+        session, self._session = self._session, None
+        if session is not None:
+            session.stop("the studio was ended")
+            self._thread.submit(session.__exit__, None, None, None)
+        self._thread.shutdown(wait=True)
+
+    def _studies(self) -> Any:
+        rows: list[dict[str, Any]] = []
+        for path in sorted(self._folder.path.iterdir()):
+            if not (path / "plan.json").is_file():
+                continue
+            study = StudyFolder(path)
+            try:
+                plan, begun = study.plan(), {s.trials[0].participant: s for s in study.sessions() if s.trials}
+            except (MidairError, OSError) as wrong:
+                rows.append({"name": path.name, "title": str(wrong), "participants": []})
+                continue
+            trials = {n: sum(t.participant == n for t in plan.trials) for n in range(1, plan.design.participants + 1)}
+            people = [
+                {"number": n, "done": begun[n].next_trial if n in begun else 0, "total": total}
+                for n, total in trials.items()
+            ]
+            rows.append({"name": path.name, "title": plan.design.title or plan.design.name, "participants": people})
+        return rows
+
+    async def _do(self, act: Callable[[], Any]) -> Any:
+        """Have the session's thread do something."""
+        return await asyncio.get_running_loop().run_in_executor(self._thread, act)
+
+    def _open(self) -> Session:
+        if self._session is None:
+            raise DeviceStateError("study: expected a session, none was begun")
+        return self._session
+
+    def _play(self, path: Path, share: float) -> None:
+        """In the session's thread: have the player play, and wait."""
+        if self._loop is None:
+            raise StoppedError("study: the studio ends")
+        asyncio.run_coroutine_threadsafe(self._playing.present(path, share), self._loop).result()
+
+    def _tell(self, said: str) -> None:
+        self._later(lambda: self._show(due=said) if self._session is not None else None)
+
+    def _note(self, said: str) -> None:
+        self._about["log"] = [*self._about["log"], said][-30:]
+
+    def _show(self, **changes: Any) -> None:
+        session = self._session
+        if session is None:
+            return
+        self._about = {**self._about, **changes}
+        step = session.step
+        question = step.question
+        self._desk.put(
+            session={
+                **self._about,
+                "step": {
+                    "kind": step.kind,
+                    "text": step.text,
+                    "code": step.code,
+                    "number": step.number,
+                    "total": step.total,
+                    "rest_s": step.rest_s,
+                    "question": None
+                    if question is None
+                    else {
+                        "text": question.text,
+                        "kind": question.kind,
+                        "answers": list(question.answers),
+                        "low_label": question.low_label,
+                        "high_label": question.high_label,
+                    },
+                },
+            }
+        )

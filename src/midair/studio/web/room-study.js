@@ -1,0 +1,115 @@
+/* Study: the experimenter's page, and the participant's: one question a page, large targets, "I want to stop". */
+
+import { choice, field, make, panel, rows, tried } from "/web/dom.js";
+
+const TEMPLATES = [["paper", "the paper's experiment"], ["detection", "threshold of a vibration"], ["intervals", "two intervals"], ["paired", "paired comparison"]];
+
+export class Study {
+  constructor(studio) {
+    this.studio = studio;
+    this.link = studio.link;
+    this.shown = "";
+    this.participant = studio.address.take === "participant";
+    this._offs = [this.link.on("session", () => this._show()), this.link.on("studies", () => this._show())];
+    this._keys = (event) => this._key(event);
+    addEventListener("keydown", this._keys);
+    this.reopened();
+    this._show();
+  }
+  reopened() { this.link.order("study", "list").catch(() => {}); }
+  leave() {
+    for (const off of this._offs) off();
+    removeEventListener("keydown", this._keys);
+    document.body.classList.remove("pilot");
+    document.querySelector("body > header").hidden = false;
+  }
+  moved({ take }) { this.participant = take === "participant"; this.shown = ""; this._show(); }
+  control() { this.shown = ""; this._show(); }
+  get session() { return this.link.state.session; }
+  _show() {
+    const { session } = this;
+    document.body.classList.toggle("pilot", Boolean(session?.pilot));
+    document.querySelector("body > header").hidden = this.participant;
+    if (this.participant) this._forParticipant(); else this._forExperimenter();
+  }
+
+  _forExperimenter() {
+    const { session } = this, controls = this.link.controls, studies = this.link.state.studies ?? [];
+    const key = JSON.stringify([session, studies, controls]);
+    if (key === this.shown) return;
+    this.shown = key;
+    const chosen = this.chosen ?? studies[0]?.name ?? "", study = studies.find((each) => each.name === chosen) ?? studies[0];
+    const left = make("div.column.left");
+    if (!session) {
+      const name = make("input", { type: "text", value: "touch", maxLength: 60 }), template = choice(TEMPLATES, "paper"), people = make("input", { type: "number", min: 1, max: 500, value: "10" });
+      left.append(panel("Studies", null, ...(studies.length ? [choice(studies.map((each) => [each.name, each.title]), study.name, ({ target }) => { this.chosen = target.value; this.shown = ""; this._show(); })] : [make("p.quiet", {}, "none in this folder yet")])),
+        panel("A new one", null, field("Name", name), field("Kind", template), field("People", people),
+          make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "new-study", onclick: async () => { if (await tried(this.link.order("study", "new", { name: name.value.trim(), template: template.value, participants: Number(people.value) || 1 }))) this.chosen = name.value.trim(); } }, "Draw its plan"))));
+    } else {
+      const { step } = session, over = ["done", "stopped"].includes(step.kind);
+      left.append(panel(session.title, session.pilot ? make("strong.simulated", {}, "PILOT") : `participant ${session.participant}`,
+        make("progress", { max: step.total || 1, value: over ? step.total || 1 : Math.max(0, step.number - 1), "aria-label": "progress" }),
+        rows([["Trial", step.total ? `${step.number} of ${step.total}` : "–"], ["Now", { show: "reads a text", present: "a stimulus is due", ask: "answers", rest: "rests", done: "done", stopped: "stopped" }[step.kind]]]),
+        ...(session.due ? [make("p", {}, make("strong", { id: "due" }, session.due)), make("button.main", { type: "button", id: "presented", disabled: !controls, onclick: () => tried(this.link.order("study", "presented")) }, "It was presented")] : []),
+        ...(session.error ? [make("p.bad", {}, session.error)] : []),
+        make("div.buttons", {}, make("button", { type: "button", onclick: () => this.studio.go("study", "participant") }, "Participant's page here"),
+          make("button", { type: "button", onclick: () => open("/#study/participant", "participant", "popup,width=1100,height=760") }, "In a window of its own")),
+        make("div.buttons", {}, make("button", { type: "button", disabled: !controls, id: "end-session", onclick: () => tried(this.link.order("study", "end")) }, over ? "Close the session" : "Leave it: it can be taken up again"))));
+    }
+    const right = make("div.column");
+    if (session) right.append(panel("Log", "newest last; no condition is shown", make("ol.events", {}, ...session.log.map((said) => make("li", {}, said)))));
+    else if (study) {
+      const pilot = make("input", { type: "checkbox", id: "pilot" });
+      right.append(panel(study.title, study.name, make("p.quiet", {}, "Pilot runs have a coloured frame and are stored apart, where no analysis reads them."), make("div", {}, pilot, " ", make("label", { htmlFor: "pilot" }, "as a pilot")),
+        make("div.card", {}, make("table", {}, make("thead", {}, make("tr", {}, ...["participant", "trials", ""].map((words) => make("th", { scope: "col" }, words)))),
+          make("tbody", {}, ...study.participants.map((each) => make("tr", {}, make("td", {}, String(each.number)), make("td", {}, `${each.done} of ${each.total}`),
+            make("td", {}, make("button", { type: "button", disabled: !controls, "data-participant": each.number, onclick: () => tried(this.link.order("study", "begin", { study: study.name, participant: each.number, pilot: pilot.checked })) }, each.done === 0 ? "Begin" : each.done < each.total ? "Go on" : "Open")))))))));
+    } else right.append(panel("No study", null, make("p.quiet", {}, "Draw a plan at the left: trials, their order and what is asked come from it.")));
+    this.studio.main.replaceChildren(make("div.study", {}, left, right));
+  }
+
+  _forParticipant() {
+    const { session } = this, step = session?.step, key = JSON.stringify([step, session?.busy]);
+    if (key === this.shown) return;
+    this.shown = key;
+    this.answers = [];
+    const main = make("div.participant", { lang: "en" }), next = (words, act) => make("button.main", { type: "button", id: "next", onclick: act }, words);
+    const stop = make("button.stop", { type: "button", id: "want-stop", onclick: () => this._stop() }, "I want to stop ", make("kbd", {}, "Esc"));
+    if (!session) main.append(make("p", {}, "Please wait."), make("a", { href: "#study" }, "experimenter's page"));
+    else if (step.kind === "show") main.append(...step.text.split("\n").map((line) => make("p", {}, line)), next("Next", () => tried(this.link.order("study", "acknowledge"))));
+    else if (step.kind === "present") main.append(make("p", {}, session.busy ? "Feel it now." : step.text || "Put your hand where it belongs."), ...(session.busy ? [] : [next("I am ready", () => tried(this.link.order("study", "present")))]));
+    else if (step.kind === "rest") {
+      const go = next(`A break of ${Math.ceil(step.rest_s)} s`, () => tried(this.link.order("study", "acknowledge")));
+      go.disabled = true;
+      setTimeout(() => { go.disabled = false; go.textContent = "Go on"; }, 1000 * step.rest_s);
+      main.append(make("p", {}, "Please rest."), go);
+    } else if (step.kind === "ask") main.append(...this._question(step));
+    else main.append(make("p", {}, step.kind === "done" ? "That was all. Thank you." : "Stopped. Thank you."), make("a", { href: "#study" }, "experimenter's page"));
+    const foot = make("div.row", {}, make("span.quiet", {}, step?.total ? `Trial ${step.number} of ${step.total}` : ""), ...(session?.pilot ? [make("strong.simulated", {}, "PILOT")] : []), ...(this.link.state.player?.simulated ? [make("strong.simulated", {}, "SIMULATED")] : []), stop);
+    foot.style.justifyContent = "space-between";
+    this.studio.footer.hidden = false;
+    this.studio.footer.replaceChildren(foot);
+    this.studio.main.replaceChildren(main);
+    (main.querySelector("button") ?? this.studio.main).focus();
+    this.asked = performance.now();
+  }
+  _question({ question, code }) {
+    const answer = (text) => tried(this.link.order("study", "answer", { code, text, reaction_s: (performance.now() - this.asked) / 1000 }));
+    const ends = question.low_label ? make("span.quiet", {}, ` ${question.answers[0]} ${question.low_label}, ${question.answers.at(-1)} ${question.high_label}`) : "";
+    const title = make("h2", { id: "question" }, question.text);
+    if (!question.answers.length) {
+      const given = make("input", question.kind === "text" ? { type: "text", maxLength: 1000, "aria-labelledby": "question" } : { type: "number", min: 0, step: "any", "aria-labelledby": "question" });
+      return [title, given, make("button.main", { type: "button", id: "next", onclick: () => answer(given.value) }, "Next")];
+    }
+    this.answers = question.answers.map((text) => make("button", { type: "button", onclick: () => answer(text) }, text));
+    return [make("div", {}, title, ends), make("div.answers", { role: "group", "aria-labelledby": "question" }, ...this.answers)];
+  }
+  /** The participant's keys: the answers by their number, or by their first letter. */
+  _key(event) {
+    if (!this.participant || event.ctrlKey || event.altKey || event.metaKey || event.repeat || event.target.closest?.("input")) return;
+    if (event.key === "Escape") { this._stop(); return; }
+    const numbers = this.answers?.every((each) => /^\d+$/.test(each.textContent)), wanted = this.answers?.find((each, i) => (numbers ? each.textContent === event.key : String(i + 1) === event.key)) ;
+    if (wanted) { event.preventDefault(); wanted.click(); }
+  }
+  _stop() { if (this.session && !["done", "stopped"].includes(this.session.step.kind)) tried(this.link.order("study", "stop", { reason: "the participant" })); }
+}
