@@ -104,13 +104,14 @@ def _spin() -> None:
 
 
 def latency(seconds: float) -> np.ndarray:
-    """A tap on one cell every 100 ms: from the moment it goes into the sensor's line to the strongest of its phases.
+    """Bursts on one cell: from their going into the sensor's line to their phases on the wire, in ms.
 
-    In ms. Nothing is asked of the loop. Pressure at the cell is worked out from the phases that went by on the wire.
+    Nothing is asked of the loop. Pressure at the cell is worked out from the phases that went by on the wire; the delay
+    of a burst is that at which it is most like what went into the line.
     """
     tap = UdpTap(4)
-    skin = SerialSkin(lambda number: np.where(np.arange(16) == 5, 40.0 * (abs(number % 100 - 50) < 2), 0.0))
-    running = Running(tap, skin.name, "--gain", "1", "--duration", f"{seconds:g}s", "--json")
+    skin = SerialSkin(lambda number: np.where(np.arange(16) == 5, _burst(number), 0.0))
+    running = Running(tap, skin.name, "--duration", f"{seconds:g}s", "--json")
     try:
         running.until_loud()
         time.sleep(max(0.0, seconds - 1.0))
@@ -121,28 +122,55 @@ def latency(seconds: float) -> np.ndarray:
     # Only now: what works here keeps the wire waiting.
     seen = _frames_of_all(tap)
     grid = ControlGrid()
-    where = grid.position[_nearest(grid, 5)][None]
-    G = transfer_matrix(where, TransducerArray.autd3())[0]
+    G = transfer_matrix(grid.position[_nearest(grid, 5)][None], TransducerArray.autd3())[0]
     times = np.array([at for at, _, _ in seen])
     pressure = np.array([abs(np.exp(2j * np.pi * phases / 256) @ G) * (level > 0) for _, level, phases in seen]) ** 2
-    waits = []
-    for number, pushed in skin.pushed.items():
-        inside = (times > pushed) & (times < pushed + 0.05)
-        if number % 100 == 50 and inside.any() and pressure[inside].max() > 0.3 * np.percentile(pressure, 99.9):
-            waits.append(times[inside][np.argmax(pressure[inside])] - pushed)
-    taps = np.array(waits[5:]) * 1e3
+    delays = np.array([_delay(number, skin.pushed, times, pressure) for number in skin.pushed if number % EVERY == 100])
+    delays = 1e3 * delays[np.isfinite(delays)][5:]
     print(f"\nlatency, seen from outside; {load()}")
-    if len(taps) < 3:
-        print(f"  too few taps were seen ({len(taps)}): {wrong[-300:]}")
-        return taps
-    half, most = np.percentile(taps, [50, 99.9])
-    print(f"  {len(taps)} taps into the sensor's line -> strongest phases on the wire: median {half:.2f} ms, ", end="")
-    print(f"99.9 % {most:.2f} ms, of which the filter is 6; they sound by their instant, a hold after the frame")
-    if not said:
-        print(f"  the run ended early: {wrong.strip().splitlines()[-1:]}")
+    if len(delays) < 3:
+        print(f"  too few bursts were seen ({len(delays)}): {wrong[-300:]}")
+        return delays
+    half, most = np.percentile(delays, [50, 99.9])
+    print(
+        f"  {len(delays)} bursts into the sensor's line -> phases on the wire: median {half:.2f}, 99.9 % {most:.2f} ms,"
+    )
+    print("  of which the filter is 6; they sound by their instant, a hold after the frame was taken")
     told = json.loads(said) if said else {}
     print(f"  the loop's own word: sent after they were taken {told.get('left_ms')}; late {told.get('late')}")
-    return taps
+    return delays
+
+
+EVERY, LASTS = 200, 60
+"""Frames from burst to burst, and that one lasts."""
+
+
+def _burst(number: int) -> float:
+    """Pressure of a burst of 100 Hz, in Pa."""
+    at = number % EVERY - 100
+    return 60.0 * np.sin(np.pi * at / LASTS) ** 2 * np.sin(2 * np.pi * at / 10) if 0 <= at < LASTS else 0.0
+
+
+def _delay(first: int, pushed: dict[int, float], times: np.ndarray, pressure: np.ndarray) -> float:
+    """By which a burst on the wire is late, in s; NaN where it was not seen whole."""
+    frames = [number for number in range(first, first + LASTS) if number in pushed]
+    began = pushed[first]
+    inside = (times > began - 0.05) & (times < began + 0.2)
+    if len(frames) < LASTS or inside.sum() < 150 or not pressure[inside].any():
+        return np.nan
+    grid = began + np.arange(-0.02, 0.12, 1e-4)
+    wanted = np.maximum([_burst(number) for number in frames], 0.0)
+    into = _held(grid, np.array([pushed[number] for number in frames]), wanted)
+    out = _held(grid, times[inside], pressure[inside])
+    lags = np.arange(400)
+    like = [np.dot(into[: len(grid) - lag], out[lag:]) for lag in lags]
+    return 1e-4 * float(lags[int(np.argmax(like))])
+
+
+def _held(grid: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """What stands at each moment of a grid: the last value before it."""
+    place = np.searchsorted(times, grid, side="right") - 1
+    return np.where(place >= 0, values[np.maximum(place, 0)], 0.0)
 
 
 def _frames_of_all(tap: UdpTap) -> list[tuple[float, int, np.ndarray]]:
