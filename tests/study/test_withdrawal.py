@@ -57,6 +57,7 @@ def test_one_person_goes_and_the_others_stay_byte_by_byte(study, tmp_path, capsy
     assert gone == {
         "s/sessions/sub-02.jsonl",
         "s/report.html",
+        "s/report.ipynb",
         "bids/sub-02/beh/sub-02_task-s_beh.tsv",
         "bids/sub-02/beh/sub-02_task-s_beh.json",
     }
