@@ -18,7 +18,20 @@ from midair.rig.bench import (
     write_practice,
 )
 from midair.rig.doctor import check_up
-from midair.rig.live_touch import LiveOrder, LiveSession, LiveStatistics, live, make_key, speak
+from midair.rig.live_touch import (
+    HELD,
+    LATE,
+    SOUNDS,
+    LiveOrder,
+    LiveSession,
+    LiveStatistics,
+    LiveTake,
+    Opened,
+    live,
+    live_admission,
+    make_key,
+    speak,
+)
 from midair.rig.looping import (
     BudgetPlan,
     DriveHeard,
@@ -69,7 +82,13 @@ __all__ = [
     "handled",
     "OpenRig",
     "Played",
+    "HELD",
+    "LATE",
+    "SOUNDS",
+    "LiveTake",
+    "Opened",
     "live",
+    "live_admission",
     "make_key",
     "speak",
     "LiveOrder",

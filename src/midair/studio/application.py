@@ -25,7 +25,7 @@ from midair.studio.doorkeeper import Doorkeeper, DoorKeys
 from midair.studio.jobs import Jobs, StudioJob
 from midair.studio.one_folder import OneFolder
 from midair.studio.player import PlayerPlan
-from midair.studio.rooms import CalibrateRoom, CompareRoom, PlayingRoom, RecordRoom, ReproduceRoom, StudyRoom
+from midair.studio.rooms import CalibrateRoom, CompareRoom, LiveRoom, PlayingRoom, RecordRoom, ReproduceRoom, StudyRoom
 from midair.studio.scenes import TakeScene, frames_of
 from midair.studio.takes_list import TakesList
 from midair.studio.work import make_samples, settings_form, warm_up
@@ -87,6 +87,9 @@ class Studio:
         self.record = RecordRoom(self.desk, self.takes, plan.sensor, plan.seed, self.later, self.reproduce.show)
         CalibrateRoom(self.desk, self.takes, self.reading)
         self.study = StudyRoom(self.desk, self.folder, self.jobs, self.playing, self.later)
+        self.live = LiveRoom(
+            self.desk, self.takes, self.playing, self.record, plan.seed, self.later, self.reproduce.show
+        )
         self.desk.put(
             studio={
                 "version": __version__,
@@ -119,6 +122,7 @@ class Studio:
         try:
             yield
         finally:
+            self.live.close()
             self.study.close()
             self.playing.close()
             self.record.close()
@@ -247,6 +251,7 @@ class Studio:
         finally:
             self.desk.leave(page)
             self.record.left(page)
+            self.live.left(page)
             sending.cancel()
             with contextlib.suppress(Exception):
                 await socket.close()

@@ -97,6 +97,11 @@ class _Player:
                             self._tell("answer", id=order["id"], value=self._admit(order))
                         case "play":
                             self._tell("answer", id=order["id"], value=self._play(order))
+                        case "let go":
+                            # Another process plays on it for a while.
+                            held.close()
+                            self.array = None
+                            self._tell("answer", id=order["id"], value=True)
                         case _:
                             return
                 except MidairError as wrong:
@@ -165,7 +170,7 @@ class _Player:
             admission = admit(drive, array, choices, repeats=order["repeats"])
         except ExposureError as wrong:
             # The page shows by how much, and what can be done about it: measured once more, for nobody's playing.
-            return {"number": 0, "refused": str(wrong), **_exposed(_measured(drive, array, profile))}
+            return {"number": 0, "refused": str(wrong), **exposed(_measured(drive, array, profile))}
         self.number += 1
         self.admitted = {self.number: (admission, path)}
         return {
@@ -175,7 +180,7 @@ class _Player:
             "by": admission.by,
             "duration_s": admission.repeats * drive.frames / drive.rate,
             "refused": "",
-            **_exposed(admission.exposure),
+            **exposed(admission.exposure),
         }
 
     def _virtual(self, drive: Any) -> Any:
@@ -250,7 +255,7 @@ def _measured(drive: Any, array: Any, profile: Any) -> Any:
     return measure(drive, array.array, profile)
 
 
-def _exposed(found: Any) -> dict[str, Any]:
+def exposed(found: Any) -> dict[str, Any]:
     """An exposure for the page: each place with its level and limit, in dB."""
     place, _ = found.worst
     return {

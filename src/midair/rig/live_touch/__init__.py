@@ -3,7 +3,7 @@
 from midair.rig.live_touch.live_loop import LiveLoop, Pace
 from midair.rig.live_touch.live_order import LiveOrder
 from midair.rig.live_touch.live_take import LiveTake
-from midair.rig.live_touch.playing_live import live, speak
+from midair.rig.live_touch.playing_live import live, live_admission, speak
 from midair.rig.live_touch.process import Opened, play_live
 from midair.rig.live_touch.sealed import make_key
 from midair.rig.live_touch.session import LiveSession, LiveStatistics
@@ -26,6 +26,7 @@ __all__ = [
     "Touch",
     "TouchSettings",
     "live",
+    "live_admission",
     "make_key",
     "play_live",
     "speak",

@@ -3,15 +3,25 @@
 import threading
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from midair.errors import MidairError
 from midair.files import RecordingWriter
 from midair.model import Event, Placement, Provenance
 from midair.rig.live_touch.live_order import LiveOrder
 from midair.rig.live_touch.process import Opened
-from midair.rig.live_touch.touch_ring import HELD, TouchRing
+from midair.rig.live_touch.touch_ring import HELD
+
+
+class TouchFrames(Protocol):
+    """What a take is read from."""
+
+    def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
+        """As `TouchRing.since`."""
+        ...
 
 
 class LiveTake:
@@ -25,8 +35,8 @@ class LiveTake:
         What was asked for.
     opened : Opened
         What was found.
-    ring : TouchRing
-        Of the loop.
+    ring : TouchFrames
+        Of the loop, or frames of it that were remembered.
     notes : mapping of str to str
         What people want to remember.
     every : float
@@ -43,7 +53,7 @@ class LiveTake:
         path: Path,
         order: LiveOrder,
         opened: Opened,
-        ring: TouchRing,
+        ring: TouchFrames,
         notes: Mapping[str, str],
         *,
         every: float = 0.05,

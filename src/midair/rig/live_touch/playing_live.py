@@ -4,18 +4,18 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from midair.devices import ExposureChoices, SilencerChoice
+from midair.devices import Admission, ExposureChoices, SilencerChoice, admit_level
 from midair.errors import InputError
 from midair.files import load_calibration
 from midair.model import Acoustics, Calibration, ControlGrid, Placement, SensorWiring
 from midair.rig.live_touch.live_loop import Pace
 from midair.rig.live_touch.live_order import Listening, LiveOrder
-from midair.rig.live_touch.process import calibration_for, check_rate, sensor_for
+from midair.rig.live_touch.process import array_for, calibration_for, check_rate, sensor_for
 from midair.rig.live_touch.sealed import read_key
 from midair.rig.live_touch.session import LiveSession
 from midair.rig.live_touch.speaking import Speaker
 from midair.rig.live_touch.touch import TouchSettings
-from midair.rig.permit import Permit
+from midair.rig.permit import Leave, Permit
 from midair.rig.playing import usual_exposure
 
 
@@ -44,6 +44,7 @@ def live(
     key: str | Path | None = None,
     buffer: float = 0.01,
     permit: Permit | None = None,
+    leave: Leave | None = None,
     priority: int = 20,
     seed: int = 0,
 ) -> LiveSession:
@@ -101,6 +102,8 @@ def live(
         Length of the jitter buffer, in s.
     permit : Permit, optional
         That another renews, and that can silence it.
+    leave : Leave, optional
+        By which the other armed that permit; armed here if None.
     priority : int
         Real-time priority that is asked for, 1 to 99; 0 asks for none.
     seed : int
@@ -152,7 +155,28 @@ def live(
         priority=priority,
         seed=seed,
     )
-    return LiveSession(order, keep=None if keep is None else Path(keep), notes=notes, permit=permit)
+    return LiveSession(order, keep=None if keep is None else Path(keep), notes=notes, permit=permit, leave=leave)
+
+
+def live_admission(order: LiveOrder, *, rate: float = 1000.0) -> Admission:
+    """What an order would expose people to, told without opening a device, for whoever has to decide first.
+
+    What plays asks once more, of the device itself.
+
+    Parameters
+    ----------
+    order : LiveOrder
+        What and how.
+    rate : float
+        Frames per second, in Hz.
+
+    Raises
+    ------
+    ExposureError
+        If the worst that its level can do exceeds the profile, and nobody answers for it.
+    """
+    array = array_for(order, rate)
+    return admit_level(order.level, array, order.exposure, rate=rate, acoustics=order.touch.acoustics)
 
 
 @contextmanager

@@ -100,6 +100,8 @@ class LiveSession:
         For the take.
     permit : Permit, optional
         That another renews; a permit of its own, renewed for as long as this process is well, if None.
+    leave : Leave, optional
+        By which the other armed that permit; armed here if None.
     slots : int
         Frames that are remembered, for whoever reads them late.
 
@@ -117,13 +119,14 @@ class LiveSession:
         keep: Path | None = None,
         notes: dict[str, str] | None = None,
         permit: Permit | None = None,
+        leave: Leave | None = None,
         slots: int = 8192,
     ) -> None:
         self.order, self._keep, self._notes = order, keep, notes or {}
         units = (order.placement or Placement.grid()).array().count
         self.ring = TouchRing(RingShape(slots=slots, channels=CHANNELS, transducers=units))
         self._own = permit is None
-        self.permit = permit or Permit()
+        self.permit, self._leave = permit or Permit(), leave
         self._context = get_context("spawn")
         self._process: Any = None
         self._told: Any = None
@@ -200,7 +203,7 @@ class LiveSession:
         self.permit.stop()
 
     def __enter__(self) -> Self:
-        leave = self.permit.arm()
+        leave = self._leave or self.permit.arm()
         self._told, tells = self._context.Pipe(duplex=False)
         arguments = (self.order, self.ring, self.permit, leave, tells)
         self._process = self._context.Process(target=play_live, args=arguments, name="midair live", daemon=True)

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
-from midair.rig import Permit
+from midair.rig import Leave, Permit
 from midair.studio.desk import Desk, Nothing, Page
 from midair.studio.player import PlayerPlan, PlayerProcess
 from midair.studio.takes_list import TakesList
@@ -98,6 +98,11 @@ class PlayingRoom:
         return self.permit.armed or self._state["emitting"]
 
     @property
+    def device(self) -> str:
+        """Name of the array."""
+        return self._state["device"]
+
+    @property
     def process(self) -> int:
         """Number of the player's process."""
         return self._player.process
@@ -131,8 +136,7 @@ class PlayingRoom:
     async def play(self, page: Page, order: PlayNow) -> Any:
         """Arm, and play; answers when it is over."""
         self._busy()
-        if not page.visible or time.monotonic() - page.heard > ALIVE:
-            raise DeviceStateError("play: expected the page to be in sight, it is hidden or has not been heard")
+        self._seen(page)
         take = self._checked.pop(order.admission, None)
         if take is None:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
@@ -172,6 +176,41 @@ class PlayingRoom:
             self.permit.disarm()
         self._show(state="ready", emitting=False, said="played to its end")
         return report
+
+    async def lend(self, page: Page, what: str) -> Leave:
+        """Let another process have the array, and arm it for a page; `take_back` when it has ended.
+
+        Raises
+        ------
+        DeviceStateError
+            If something plays, or the page is not in sight.
+        """
+        self._busy()
+        self._seen(page)
+        self._show(state="plays", take=what, done=0, total=0, said="")
+        try:
+            await self._ask(do="let go")
+            self._seen(page)
+        except MidairError:
+            await self._open()
+            raise
+        self._controls = page.number
+        return self.permit.arm(lasts=ALIVE)
+
+    async def take_back(self, said: str) -> None:
+        """What had the array has ended."""
+        self.permit.disarm()
+        self._show(state="opens", emitting=False)
+        await self._open()
+        self._show(said=said)
+
+    def emits(self, emitting: bool) -> None:
+        """Whether what has the array sounds now."""
+        self._show(emitting=emitting)
+
+    def _seen(self, page: Page) -> None:
+        if not page.visible or time.monotonic() - page.heard > ALIVE:
+            raise DeviceStateError("play: expected the page to be in sight, it is hidden or has not been heard")
 
     def stop(self, _: Page, __: Nothing) -> bool:
         """STOP, from any page: the permit is over, and the player's thread silences within milliseconds."""

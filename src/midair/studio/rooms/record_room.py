@@ -1,5 +1,6 @@
 """Room Record: what the sensor says now, and takes of it."""
 
+import asyncio
 import contextlib
 import threading
 from multiprocessing import get_context
@@ -139,6 +140,21 @@ class RecordRoom:
         self._desk.put(taps={"state": "listens", "cell": None})
         self._send("taps")
         return True
+
+    async def release(self) -> None:
+        """Let go of the sensor, for whoever feels with it now; it is opened again when somebody looks here.
+
+        Raises
+        ------
+        DeviceStateError
+            If a take runs.
+        """
+        if self._state["state"] in ("recording", "waiting"):
+            raise DeviceStateError("sensor: expected the take to be over first; stop it, then begin")
+        if self._process is not None:
+            self._show(state="closed")
+            # It may take a second to end, and pages are heard meanwhile.
+            await asyncio.to_thread(self._close)
 
     def close(self) -> None:
         """End the sensor's process."""

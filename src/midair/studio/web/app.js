@@ -8,9 +8,10 @@ import { Reproduce } from "/web/room-reproduce.js";
 import { Compare } from "/web/room-compare.js";
 import { Calibrate } from "/web/room-calibrate.js";
 import { Study } from "/web/room-study.js";
+import { Live } from "/web/room-live.js";
 import { jobsShown } from "/web/jobs.js";
 
-const ROOMS = { record: Record, calibrate: Calibrate, reproduce: Reproduce, compare: Compare, study: Study };
+const ROOMS = { record: Record, calibrate: Calibrate, reproduce: Reproduce, compare: Compare, study: Study, live: Live };
 const by = (id) => document.getElementById(id);
 const link = new Link();
 const main = by("main"), footer = by("transport");

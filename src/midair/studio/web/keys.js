@@ -1,9 +1,9 @@
 /* The keyboard: Esc is STOP everywhere; letters act outside text fields only, and nothing that sounds hangs on one. */
 
 export const TABLE = [
-  ["Esc", "STOP, everywhere, in text fields too"], ["Space", "play, pause"], ["J K L", "slower or back, stop, faster"],
+  ["Esc", "STOP, everywhere, in text fields too"], ["Space", "play, pause; live: freeze, Enter goes on"], ["J K L", "slower or back, stop, faster"],
   ["1 2 3", "full speed, 1/10, 1/100"], [", .", "one frame back, on; with Shift ten; repeats while held"], ["Home End", "to the start, to the end"],
-  ["I O \\", "loop from here, to here, on or off"], ["M, Shift M", "mark, next mark"], ["R", "record, stop"],
+  ["I O \\", "loop from here, to here, on or off"], ["M, Shift M", "mark, next mark"], ["R", "record, stop; live: keep the last 60 s"],
   ["arrows", "channel and frame; on a map: the cell"], ["F P", "magnitude, phase"], ["+ - 0", "time zoom, all"],
   ["Alt 1 … 6", "rooms"], ["?", "this table"],
 ];

@@ -1,0 +1,399 @@
+"""The process that looks after live touch for the studio: it starts the loop, reads what it did, remembers it.
+
+The loop is a process of its own below this one, so that nothing here can hold it up; without this one it is silent, and
+this one ends with the studio. What the page shows of the sound is worked out here, not in the server.
+"""
+
+import os
+import signal
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing import connection, parent_process
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.devices import ExposureChoices, amplitude_of
+from midair.errors import DeviceStateError, ExposureError, InputError, MidairError
+from midair.files import DEFAULT_PROFILE, profile_named
+from midair.model import ControlGrid, Placement, TransducerArray
+from midair.physics import greatest_exposure, transfer_matrix
+from midair.rig import HELD, LATE, SOUNDS, Leave, LiveOrder, LiveSession, LiveTake, Opened, Permit, live, live_admission
+from midair.studio.player import exposed
+from midair.view import Kind, Section, counted, finer, pack
+
+EVERY = 1 / 120
+"""Seconds of frames that are handed on at once: two 60 Hz clocks would beat against each other."""
+
+PHASES = 15.0
+"""How often the phases of the array are handed on, per second: a page draws no more of them."""
+
+REMEMBERED = 60.0
+"""Seconds that can be kept as a take afterwards."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveWish:
+    """Live touch as somebody wants it; names and units as in `midair.live`."""
+
+    sensor: str
+    device: str
+    height: float = 0.2
+    gain: float = 1.0
+    level: float = 1.0
+    hold: float = 0.006
+    delay: float = 0.006
+    mapping: str = "half-wave"
+    calibration: str = ""
+    profile: str = ""
+    attenuate: bool = False
+    override: str = ""
+    seed: int = 0
+
+    def session(self, permit: Any = None, leave: Leave | None = None) -> LiveSession:
+        """What this means, not yet begun; InputError where it means nothing."""
+        choices = ExposureChoices(
+            profile=profile_named(self.profile or DEFAULT_PROFILE),
+            attenuate=self.attenuate,
+            override=self.override or None,
+        )
+        return live(
+            self.sensor,
+            self.device,
+            height=self.height,
+            gain=self.gain,
+            level=self.level,
+            hold=self.hold,
+            delay=self.delay,
+            mapping=self.mapping,
+            calibration=self.calibration or None,
+            exposure=choices,
+            permit=permit,
+            leave=leave,
+            seed=self.seed,
+        )
+
+
+def run_live(pipe: Connection, permit: Permit) -> None:
+    """What runs in the process, until its studio is gone.
+
+    Parameters
+    ----------
+    pipe : Connection
+        Orders come by it; answers, frames and how it goes leave by it.
+    permit : Permit
+        Without whose leave nothing sounds.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(AttributeError, OSError):
+        # The loop does not wait for the one who looks on; pages may wait for both.
+        os.nice(5)
+    threading.Thread(target=_end_with_the_studio, args=(permit,), name="studio", daemon=True).start()
+    _LiveWatch(pipe, permit).serve()
+
+
+def _end_with_the_studio(permit: Permit) -> None:
+    studio = parent_process()
+    if studio is None:
+        return
+    connection.wait([studio.sentinel])
+    permit.stop()
+    # The loop finds that out within a millisecond, and is silent; then the rest ends too, whatever it does.
+    time.sleep(1.0)
+    os._exit(0)
+
+
+class Remembered:
+    """The last minute of a run, for a take that is wanted only afterwards.
+
+    Parameters
+    ----------
+    channels, transducers : int
+        Of a frame.
+    most : int
+        Frames that are kept.
+    """
+
+    def __init__(self, channels: int, transducers: int, most: int) -> None:
+        self._kept = np.dtype(
+            [
+                ("samples", "f8", (channels,)),
+                ("phases", "u1", (transducers,)),
+                ("intensity", "u1"),
+                ("flags", "u1"),
+                ("instant", "i8"),
+            ]
+        )
+        self._channels, self._most, self.frames = channels, most, 0
+        self._blocks: deque[NDArray[Any]] = deque()
+
+    def add(self, found: NDArray[Any]) -> None:
+        """Frames of the ring."""
+        block = np.zeros(len(found), self._kept)
+        block["samples"] = found["samples"][:, : self._channels]
+        for name in ("phases", "intensity", "flags", "instant"):
+            block[name] = found[name]
+        self._blocks.append(block)
+        self.frames += len(block)
+        while self.frames - len(self._blocks[0]) >= self._most:
+            self.frames -= len(self._blocks.popleft())
+
+    def clear(self) -> None:
+        """Frames were missed: what came before them does not go on here."""
+        self._blocks.clear()
+        self.frames = 0
+
+    def last(self, frames: int) -> "LastMinute":
+        """The last frames, whatever comes after them."""
+        blocks = list(self._blocks)
+        return LastMinute(np.concatenate(blocks)[-frames:] if blocks else np.zeros(0, self._kept))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LastMinute:
+    """Frames that were remembered, as a take reads them: all at once."""
+
+    frames: NDArray[Any]
+
+    def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
+        """As `TouchRing.since`."""
+        return self.frames[seen:], len(self.frames), 0
+
+
+class Sight:
+    """Frames of the ring as sections for the page.
+
+    Parameters
+    ----------
+    order : LiveOrder
+        What is played.
+    opened : Opened
+        What was found.
+    """
+
+    def __init__(self, order: LiveOrder, opened: Opened) -> None:
+        self.array: TransducerArray = (order.placement or Placement.grid()).array()
+        self.grid: ControlGrid = order.touch.grid
+        self._acoustics, self._rate, self._channels = order.touch.acoustics, opened.rate, opened.sensor.count
+        matrix = transfer_matrix(self.grid, self.array, acoustics=self._acoustics)
+        self._matrix = np.ascontiguousarray(matrix.T, np.complex64)
+        self._turns = np.exp(2j * np.pi * np.arange(256) / 256).astype(np.complex64)
+        self._strength = amplitude_of(np.arange(256, dtype=np.uint8)).astype(np.float32)
+        # Of the frame before: what was late let it stand on.
+        self._before = np.zeros((1, self.grid.count), np.complex64)
+        self._phases_due = 0
+
+    def about(self) -> dict[str, Any]:
+        """What the page has to know to draw the sections."""
+        fine = finer(self.grid, self.array, acoustics=self._acoustics)
+        return {
+            "grid_rows": self.grid.rows,
+            "grid_columns": self.grid.columns,
+            "grid_pitch_mm": 1e3 * self.grid.pitch,
+            "x_mm": 1e3 * self.grid.centre[0],
+            "y_mm": 1e3 * self.grid.centre[1],
+            "positions_mm": np.round(1e3 * self.array.position[:, :2], 2).ravel().tolist(),
+            "down": np.round(fine.down, 6).ravel().tolist(),
+            "across": np.round(fine.across, 6).ravel().tolist(),
+        }
+
+    def sections(self, found: NDArray[Any]) -> list[Section]:
+        """What was felt, in Pa, and the sound made of it, frame by frame; now and then the phases that made it."""
+        first = int(found["number"][0])
+        pressure = found["pressure"][:, : self._channels]
+        made = [
+            counted(pressure, Kind.SAMPLES, first=first, rate=self._rate),
+            counted(self.sound(found), Kind.FIELD, dtype="i1", first=first, rate=self._rate),
+        ]
+        last = first + len(found) - 1
+        if last >= self._phases_due and found["flags"][-1] & SOUNDS:
+            self._phases_due = last + round(self._rate / PHASES)
+            steps = np.array(found["phases"][-1:])
+            made.append(
+                Section(kind=Kind.PHASES, values=steps, unit=2 * np.pi / 256, first=last, time=last / self._rate)
+            )
+        return made
+
+    def sound(self, found: NDArray[Any]) -> NDArray[np.complex64]:
+        """Complex pressure at the control points, shape (frame, point), in Pa; of a late frame, that before it."""
+        q = self._turns[found["phases"]] * self._strength[found["intensity"]][:, None]
+        field = np.asarray(q @ self._matrix, np.complex64)
+        for frame in np.flatnonzero(found["flags"] & (LATE | HELD)):
+            field[frame] = field[frame - 1] if frame else self._before[0]
+        self._before = field[-1:].copy()
+        return field
+
+
+class _LiveWatch:
+    """Serves the studio's orders, and one run of live touch at a time."""
+
+    def __init__(self, pipe: Connection, permit: Permit) -> None:
+        self._pipe, self._permit = pipe, permit
+        self._telling = threading.Lock()
+        self._checked: dict[int, LiveWish] = {}
+        self._number = 0
+        self._past: tuple[LiveOrder, Opened, Remembered] | None = None
+
+    def serve(self) -> None:
+        """One order after the other."""
+        while True:
+            try:
+                order: dict[str, Any] = self._pipe.recv()
+            except (EOFError, OSError):
+                return
+            self._do(order)
+
+    def _do(self, order: Mapping[str, Any]) -> None:
+        try:
+            match order["do"]:
+                case "check":
+                    self._tell("answer", id=order["id"], value=self._check(order["wish"]))
+                case "begin":
+                    self._begin(order)
+                case "keep":
+                    self._keep(order)
+                case _:
+                    pass  # to end what has ended
+        except MidairError as wrong:
+            self._tell("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
+        except Exception as wrong:  # noqa: BLE001  # the process stays, whatever an order does
+            said = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
+            self._tell("wrong", id=order["id"], error=said, of="unforeseen")
+
+    def _check(self, wish: LiveWish) -> dict[str, Any]:
+        """What the worst of the level would expose people to; a number by which it may be begun."""
+        order = wish.session().order
+        try:
+            admission = live_admission(order)
+        except ExposureError as wrong:
+            # The page shows by how much, and what can be done about it.
+            array = (order.placement or Placement.grid()).array()
+            profile, acoustics = order.exposure.profile, order.touch.acoustics
+            found = greatest_exposure(array, order.level, profile, rate=1000.0, acoustics=acoustics)
+            return {"number": 0, "refused": str(wrong), **exposed(found)}
+        self._number += 1
+        self._checked = {self._number: wish}
+        return {
+            "number": self._number,
+            "refused": "",
+            "outcome": admission.outcome,
+            "verdict": admission.verdict(),
+            "level": admission.level,
+            **exposed(admission.exposure),
+        }
+
+    def _begin(self, order: Mapping[str, Any]) -> None:
+        """Play by a leave until it ends, for whatever reason; answered as soon as it plays."""
+        wish = self._checked.pop(order["admission"], None)
+        if wish is None:
+            raise DeviceStateError("live: expected a level that was just checked; check its exposure again")
+        self._past = None
+        session = wish.session(self._permit, order["leave"])
+        error = ""
+        try:
+            with session:
+                opened = session.opened
+                sight = Sight(session.order, opened)
+                kept = Remembered(opened.sensor.count, sight.array.count, round(REMEMBERED * opened.rate))
+                self._past = session.order, opened, kept
+                self._tell("answer", id=order["id"], value={**_found(session), **sight.about()})
+                order = {}
+                self._watch(session, sight, kept)
+        except MidairError as wrong:
+            if order:
+                raise
+            error = str(wrong)
+        self._tell("ended", error=error, goes=_goes(session))
+
+    def _watch(self, session: LiveSession, sight: Sight, kept: Remembered) -> None:
+        seen, told = 0, 0.0
+        while session.wait(EVERY):
+            found, seen, missed = session.since(seen)
+            if missed:
+                kept.clear()
+            if len(found):
+                kept.add(found)
+                data = [pack([section]) for section in sight.sections(found)]
+                self._tell("frames", end=int(found["number"][-1]) + 1, data=data)
+            if time.monotonic() - told > 0.25:
+                told = time.monotonic()
+                emitting = bool(len(found) and found["intensity"][-1])
+                self._tell("goes", goes=_goes(session), emitting=emitting, remembered=kept.frames)
+            while self._pipe.poll():
+                order = self._pipe.recv()
+                if order["do"] == "end":
+                    return
+                self._do(order)
+
+    def _keep(self, order: Mapping[str, Any]) -> None:
+        """The last seconds as a take, written while it plays on."""
+        if self._past is None or not self._past[2].frames:
+            raise InputError("keep: expected something that was felt, nothing was yet; begin first")
+        known, opened, kept = self._past
+        moment = kept.last(round(order["seconds"] * opened.rate))
+
+        def write() -> None:
+            try:
+                take = LiveTake(Path(order["path"]), known, opened, moment, order["notes"])
+                take.end()
+                take.run()
+                take.close()
+            except MidairError as wrong:
+                self._tell("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
+                return
+            value = {"name": Path(order["path"]).name, "frames": len(moment.frames)}
+            self._tell("answer", id=order["id"], value={**value, "duration_s": len(moment.frames) / opened.rate})
+
+        threading.Thread(target=write, name="keep").start()
+
+    def _tell(self, kind: str, **said: Any) -> None:
+        with suppress(OSError, ValueError), self._telling:
+            self._pipe.send({"kind": kind, **said})
+
+
+def _found(session: LiveSession) -> dict[str, Any]:
+    opened, order = session.opened, session.order
+    grid = opened.sensor
+    return {
+        "sensor": order.sensor,
+        "rows": grid.rows,
+        "columns": grid.columns,
+        "pitch_mm": 1e3 * grid.pitch,
+        "rate_hz": opened.rate,
+        "device": order.device,
+        "transducers": opened.transducers,
+        "simulated": opened.simulated,
+        "level": opened.level,
+        "exposure": opened.exposure,
+        "computer": opened.granted.words(),
+        "height_mm": 1e3 * order.touch.grid.height,
+        "hold_ms": 1e3 * order.pace.hold,
+        "errors": [
+            [f"{low:g} to {high:g} Hz", round(100 * error, 1)]
+            for (low, high), error in zip(opened.parts, opened.error, strict=True)
+        ],
+    }
+
+
+def _goes(session: LiveSession) -> dict[str, Any]:
+    """How it goes, for the page: the hold as what was worked in it and what was waited."""
+    try:
+        told = session.statistics.plain()
+    except DeviceStateError:
+        return {}
+    parts, left = dict(told["latency_parts_ms"]), told["left_ms"]["half"]
+    hold = parts.pop("hold")
+    worked = min(left or 0.0, hold)
+    named = []
+    for name, value in parts.items():
+        if name == "rise and air":
+            named += [["work and sending", worked], ["waits its turn", hold - worked]]
+        named.append([name, value])
+    return {**told, "parts": [[name, round(value, 2)] for name, value in named]}

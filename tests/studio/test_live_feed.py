@@ -1,0 +1,104 @@
+"""Live sections on their way to pages."""
+
+import asyncio
+
+import numpy as np
+import pytest
+
+from midair.studio.desk import Page
+from midair.studio.live_feed import LiveFeed
+from midair.view import Kind, Section, pack, unpack
+
+
+class Wire:
+    """A page that takes what it is sent, or hangs."""
+
+    def __init__(self):
+        self.got, self.hangs = [], False
+
+    async def send_bytes(self, data):
+        while self.hangs:
+            await asyncio.sleep(0.001)
+        self.got.extend([data])
+
+
+def block(first, frames=8):
+    values = np.full((frames, 3), first % 100, np.int16)
+    return [pack([Section(kind=Kind.SAMPLES, values=values, first=first)])]
+
+
+def frames_of(messages):
+    return [first + i for data in messages for each in unpack(data) for first, i in _frames(each)]
+
+
+def _frames(section):
+    return [(section.first, i) for i in range(len(section.values))]
+
+
+async def settle():
+    for _ in range(5):
+        await asyncio.sleep(0)
+
+
+def test_a_page_that_is_behind_gets_all_of_it_at_once_and_no_other_waits_for_it():
+    async def run():
+        feed, quick, slow = LiveFeed(), Page(1, Wire()), Page(2, Wire(), credit=2)
+        for page in (quick, slow):
+            feed.enter(page)
+        await settle()
+        for first in range(0, 80, 8):
+            feed.add(block(first))
+            await settle()
+            quick.credit = 24
+        assert len(quick.wire.got) == 10
+        assert len(slow.wire.got) == 2, "no more under way than it has credit for"
+        assert feed.waiting == 8
+        slow.credit += 2
+        feed.remind(slow)
+        await settle()
+        assert len(slow.wire.got) == 3
+        assert frames_of(slow.wire.got) == frames_of(quick.wire.got) == list(range(80))
+        assert feed.waiting == 0, "what every page has is forgotten"
+        assert [unpack(data)[0].number for data in slow.wire.got] == [1, 2, 3]
+        assert {each.number for each in unpack(slow.wire.got[-1])} == {3}
+        feed.close()
+
+    asyncio.run(run())
+
+
+def test_a_page_that_hangs_holds_nobody_up_and_a_minute_is_kept_for_it_at_most():
+    async def run():
+        feed, quick, stuck = LiveFeed(), Page(1, Wire()), Page(2, Wire())
+        stuck.wire.hangs = True
+        for page in (quick, stuck):
+            feed.enter(page)
+        await settle()
+        for first in range(0, 8 * 7300, 8):
+            feed.add(block(first))
+            if first % 800 == 0:
+                quick.credit = 24
+                await settle()
+        await settle()
+        assert frames_of(quick.wire.got)[-1] == 8 * 7300 - 1
+        assert feed.waiting == 7200
+        feed.leave(stuck)
+        assert feed.waiting == 0
+        feed.close()
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("pages", [0, 1])
+def test_a_page_that_comes_begins_with_now(pages):
+    async def run():
+        feed, page = LiveFeed(), Page(1, Wire())
+        feed.add(block(0))
+        for _ in range(pages):
+            feed.enter(page)
+        await settle()
+        feed.add(block(8))
+        await settle()
+        assert frames_of(page.wire.got) == list(range(8, 16)) * pages
+        feed.close()
+
+    asyncio.run(run())

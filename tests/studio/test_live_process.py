@@ -1,0 +1,94 @@
+"""What live touch shows and remembers; that it runs is for the browser's tests."""
+
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.model import SensorGrid
+from midair.physics import transfer_matrix
+from midair.rig import HELD, LATE, SOUNDS
+from midair.studio.live_process import LiveWish, Remembered, Sight
+from midair.view import Kind
+
+SLOT = np.dtype(
+    [
+        ("number", "i8"),
+        ("samples", "f8", (64,)),
+        ("pressure", "f8", (64,)),
+        ("phases", "u1", (996,)),
+        ("intensity", "u1"),
+        ("flags", "u1"),
+        ("instant", "i8"),
+    ]
+)
+
+
+class Opened:
+    """What the loop's process found, as far as it matters here."""
+
+    rate = 1000.0
+    sensor = SensorGrid()
+
+
+def frames(first, count, seed=3):
+    random = np.random.default_rng(seed)
+    found = np.zeros(count, SLOT)
+    found["number"] = np.arange(first, first + count)
+    found["samples"][:, :16] = random.normal(size=(count, 16))
+    found["pressure"][:, :16] = random.normal(size=(count, 16))
+    found["phases"] = random.integers(0, 256, (count, 996))
+    found["intensity"], found["flags"] = 255, SOUNDS
+    return found
+
+
+@pytest.fixture(scope="module")
+def sight():
+    return Sight(LiveWish(sensor="virtual:towel", device="virtual").session().order, Opened)
+
+
+def test_the_sound_is_that_of_the_phases_in_pascal(sight):
+    found = frames(100, 3)
+    q = np.exp(2j * np.pi * found["phases"] / 256)
+    expected = q @ transfer_matrix(sight.grid, sight.array).T
+    assert np.abs(sight.sound(found) - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def test_what_was_late_or_held_let_the_frame_before_stand(sight):
+    before = sight.sound(frames(0, 4))
+    found = frames(4, 5, seed=4)
+    found["flags"][[0, 3]] = SOUNDS | LATE, HELD
+    sound = sight.sound(found)
+    assert np.array_equal(sound[0], before[-1])
+    assert np.array_equal(sound[3], sound[2])
+    assert not np.array_equal(sound[4], sound[3])
+
+
+def test_every_frame_is_there_once_and_phases_now_and_then(sight):
+    kinds = []
+    for first in range(0, 1000, 8):
+        felt, sound, *phases = sight.sections(frames(1000 + first, 8))
+        assert felt.first == sound.first == 1000 + first
+        assert (felt.values.shape, sound.values.shape) == ((8, 16), (8, 512))
+        assert (felt.values.dtype, sound.values.dtype) == (np.int16, np.int8)
+        kinds += [each.kind for each in phases]
+    assert kinds == [Kind.PHASES] * len(kinds)
+    assert 13 <= len(kinds) <= 16
+
+
+def test_a_minute_is_remembered_and_no_more():
+    kept = Remembered(16, 996, 100)
+    assert len(kept.last(10).frames) == 0
+    for first in range(0, 400, 8):
+        kept.add(frames(first, 8, seed=first))
+    assert 100 <= kept.frames < 108
+    found, head, missed = kept.last(100).since(0)
+    assert (len(found), head, missed) == (100, 100, 0)
+    last = frames(392, 8, seed=392)
+    assert np.array_equal(found["samples"][-8:], last["samples"][:, :16])
+    assert np.array_equal(found["phases"][-8:], last["phases"])
+    assert len(kept.last(100).since(100)[0]) == 0
+
+
+def test_a_wish_that_means_nothing_is_refused():
+    with pytest.raises(InputError, match="sound card"):
+        LiveWish(sensor="audio:0", device="virtual").session()

@@ -1,0 +1,109 @@
+"""Room Live without its process: what it answers, and what it refuses."""
+
+import json
+import warnings
+
+import pytest
+
+from midair.studio import Studio, StudioPlan
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    from starlette.testclient import TestClient
+
+ROOT = "http://127.0.0.1:8346"
+
+
+@pytest.fixture
+def studio(tmp_path):
+    folder, samples = tmp_path / "folder", tmp_path / "samples"
+    folder.mkdir()
+    samples.mkdir()
+    made = Studio(StudioPlan(folder=folder), samples, 8346)
+    yield made
+    made.live.close()
+    made.playing.close()
+    made.jobs.close()
+
+
+@pytest.fixture
+def client(studio):
+    client = TestClient(studio.application(), base_url=ROOT)
+    client.cookies.set(studio.keys.cookie, studio.keys.session)
+    return client
+
+
+def page(client):
+    return client.websocket_connect("ws://127.0.0.1:8346/socket", headers={"origin": ROOT})
+
+
+def ask(socket, order, **given):
+    socket.send_text(json.dumps({"id": 7, "room": "live", "order": order, "with": given}))
+    while True:
+        answer = json.loads(socket.receive_text())
+        if answer.get("id") == 7:
+            return answer
+
+
+@pytest.mark.parametrize(
+    ("order", "given", "words"),
+    [
+        ("begin", {"admission": 1}, "just checked"),
+        ("turn", {"share": 0.5}, "begin first"),
+        ("turn", {"share": 1.5}, "less than or equal to 1"),
+        ("turn", {"share": 0}, "greater than 0"),
+        ("keep", {}, "begin first"),
+        ("keep", {"seconds": 61}, "less than or equal to 60"),
+        ("check", {"sensor": "virtual:towel", "delay_ms": 1}, "greater than or equal to 2"),
+        ("check", {"sensor": "/etc/passwd"}, "match pattern"),
+        ("check", {"sensor": "virtual:towel", "calibration": "../other.h5"}, "leads out"),
+        ("check", {"sensor": "virtual:towel", "device": "autd3"}, "not permitted"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_words(client, order, given, words):
+    with page(client) as socket:
+        assert words in ask(socket, order, **given)["error"]
+
+
+def test_a_page_that_looks_on_sees_it_and_can_change_nothing(client, studio):
+    with page(client) as _, page(client) as second:
+        assert ask(second, "sight", shown=True)["ok"]
+        for order, given in (("begin", {"admission": 1}), ("turn", {"share": 0.5}), ("keep", {}), ("end", {})):
+            assert "only looks on" in ask(second, order, **given)["error"]
+        assert ask(second, "sight", shown=False)["ok"]
+    assert studio.live.feed.waiting == 0
+
+
+def test_it_says_what_it_is_before_anything_plays(client, studio):
+    (studio.folder.path / "skin.calibration.h5").write_bytes(b"")
+    with page(client) as socket:
+        said = json.loads(socket.receive_text())
+        assert said["whole"]["live"]["state"] == "idle"
+        assert "live_about" not in said["whole"]
+        ask(socket, "sight", shown=True)
+    assert studio.desk.state["live"]["calibrations"] == ["skin.calibration.h5"]
+
+
+def test_nothing_is_armed_where_the_array_cannot_be_lent(client, studio):
+    """Its player is not there: what was checked is not begun, and the permit stays shut."""
+    studio.live._checked = {3: _wish()}
+    with page(client) as socket:
+        socket.send_text(json.dumps({"alive": True}))
+        assert "player" in ask(socket, "begin", admission=3)["error"]
+        assert "just checked" in ask(socket, "begin", admission=3)["error"], "a check is used up by what it allowed"
+    assert not studio.playing.permit.armed
+    assert studio.desk.state["live"]["state"] == "idle"
+
+
+def test_a_page_that_hides_cannot_begin(client, studio):
+    studio.live._checked = {3: _wish()}
+    with page(client) as socket:
+        socket.send_text(json.dumps({"alive": False}))
+        assert "in sight" in ask(socket, "begin", admission=3)["error"]
+    assert not studio.playing.permit.armed
+
+
+def _wish():
+    from midair.studio.live_process import LiveWish
+
+    return LiveWish(sensor="virtual:towel", device="virtual")
