@@ -1,5 +1,6 @@
 """The studio in a real browser: what a person sees, does and can rely on."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -109,16 +110,21 @@ def sounding(studio_at, look):
         page = look(studio)
         shown(page)
         page.until("studio.link.state.player.state === 'ready'", timeout=120)
-        found = page.page.evaluate(
-            "n => studio.link.order('play', 'check', {take: 'sample:towel', repeats: n, attenuate: true})", repeats
-        )
         page.page.evaluate("studio.room.transport.pause()")
-        page.page.evaluate(
-            """number => { studio.ended = ''; studio.link.order('play', 'play', {admission: number})
-                .then(() => { studio.ended = 'played'; }, wrong => { studio.ended = wrong.message; }); }""",
-            found["number"],
-        )
-        page.until("studio.link.state.player.state === 'plays' && studio.link.state.player.done > 0", timeout=60)
+        for _ in range(3):
+            found = page.page.evaluate(
+                "n => studio.link.order('play', 'check', {take: 'sample:towel', repeats: n, attenuate: true})", repeats
+            )
+            page.page.evaluate(
+                """number => { studio.ended = ''; studio.link.order('play', 'play', {admission: number})
+                    .then(() => { studio.ended = 'played'; }, wrong => { studio.ended = wrong.message; }); }""",
+                found["number"],
+            )
+            page.until("studio.ended || (studio.link.state.player.emitting && studio.link.state.player.done > 0)")
+            # On a busy machine an emulated unit may stop answering; the next drive opens it anew.
+            if "is lost" not in page.page.evaluate("studio.ended"):
+                break
+        assert page.page.evaluate("studio.ended") == ""
         return studio, page
 
     return begin
@@ -267,3 +273,41 @@ def test_the_code_that_is_shown_runs_as_printed(studio_at, look, tmp_path):
         assert done.returncode == 0, done.stderr
     done = subprocess.run([sys.executable, "-c", python], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def logged(tmp_path):
+    """The lines of the log of what was played."""
+    lines = (tmp_path / "state" / "played.jsonl").read_text(encoding="utf-8").splitlines()
+    return [json.loads(line) for line in lines]
+
+
+def test_on_emulated_units_exposure_is_refused_attenuated_or_answered_for_by_name(studio_at, look, tmp_path):
+    page = look(studio_at("--device", "autd3:emulator"))
+    shown(page)
+    page.until("studio.link.state.player.state === 'ready'", timeout=120)
+    page.page.get_by_role("button", name="Play on array").click()
+    page.until("document.querySelector('#exposure .buttons button')?.innerText.startsWith('Attenuate')", timeout=60)
+    assert page.page.locator("#hold").is_disabled()
+    assert "exceeded" in page.page.locator("#exposure p").first.inner_text()
+    page.page.get_by_role("button", name="I answer for playing").click()
+    assert page.page.locator("#hold").is_disabled(), "without a name nobody answers"
+    page.page.get_by_label("Or answer for it yourself").fill("Ada")
+    page.page.get_by_role("button", name="I answer for playing").click()
+    page.until("document.querySelector('#exposure p').innerText.startsWith('overridden')", timeout=60)
+    page.hold_to_play()
+    page.until("studio.link.state.player.said === 'played to its end'", timeout=60)
+    order = next(line for line in logged(tmp_path) if line["event"] == "play")
+    assert (order["exposure"], order["override_by"]) == ("overridden", "Ada")
+
+
+def test_emulated_units_fall_silent_when_the_server_is_killed(sounding, tmp_path):
+    studio, _ = sounding("autd3:emulator")
+    studio.process.kill()
+    began = time.monotonic()
+    while not any(line.get("outcome") for line in logged(tmp_path)):
+        assert time.monotonic() < began + 5, logged(tmp_path)
+        time.sleep(0.01)
+    assert time.monotonic() - began < 1.5
+    end = logged(tmp_path)[-1]
+    assert end["outcome"] == "failed"
+    assert "silence" in end["reason"] or "looked on" in end["reason"]

@@ -80,7 +80,7 @@ class _Player:
 
     def serve(self) -> None:
         """One order after the other."""
-        from midair.errors import MidairError
+        from midair.errors import LinkLostError, MidairError
 
         self._tell("ready", process=os.getpid())
         with ExitStack() as held:
@@ -94,7 +94,7 @@ class _Player:
                         case "open":
                             self._tell("answer", id=order["id"], value=self._open(held))
                         case "admit":
-                            self._tell("answer", id=order["id"], value=self._admit(order))
+                            self._tell("answer", id=order["id"], value=self._admit(order, held))
                         case "play":
                             self._tell("answer", id=order["id"], value=self._play(order))
                         case "let go":
@@ -105,6 +105,11 @@ class _Player:
                         case _:
                             return
                 except MidairError as wrong:
+                    if isinstance(wrong, LinkLostError):
+                        # Units that stopped answering are opened anew for the next drive.
+                        self.array = None
+                        with suppress(Exception):
+                            held.close()
                     self._tell("wrong", id=order["id"], error=str(wrong), of=type(wrong).__name__)
                 except Exception as wrong:  # noqa: BLE001  # the player stays, whatever an order does
                     said = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
@@ -150,10 +155,10 @@ class _Player:
             "heard": False,
         }
 
-    def _admit(self, order: Mapping[str, Any]) -> dict[str, Any]:
+    def _admit(self, order: Mapping[str, Any], held: ExitStack) -> dict[str, Any]:
         """Measure the exposure of a drive's file on this array, before any sound, and keep the admission."""
         from midair.devices import ExposureChoices, admit
-        from midair.errors import DeviceStateError, ExposureError
+        from midair.errors import ExposureError
         from midair.files import load_solution, profile_named
 
         path = Path(order["path"])
@@ -161,9 +166,9 @@ class _Player:
         if (share := order.get("share", 1.0)) != 1.0:
             # Radiation pressure goes with the square of the sound's, which goes with the level.
             drive = replace(drive, level=drive.level * share**0.5)
-        array = self.array if self.plan.device != "virtual" else self._virtual(drive).array_device()
-        if array is None:
-            raise DeviceStateError(f"{self.plan.device}: expected an open array")
+        if self.plan.device != "virtual" and self.array is None:
+            self._open(held)
+        array: Any = self.array if self.plan.device != "virtual" else self._virtual(drive).array_device()
         profile = profile_named(order["profile"])
         choices = ExposureChoices(profile=profile, attenuate=order["attenuate"], override=order["override"] or None)
         try:
