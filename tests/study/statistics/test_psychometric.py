@@ -76,3 +76,21 @@ def test_answers_that_set_no_limit_say_so():
         LEVELS, [3, 3, 2, 3, 3, 2, 3, 4], np.full(8, 6), rng=rng, guess=0.5, shape="weibull", draws=9
     )
     assert fit.threshold_high == np.inf
+
+
+@pytest.mark.slow
+def test_limits_of_a_threshold_cover():
+    # One start for each draw covered .77 to .80.
+    true = Psychometric(threshold=1, slope=2.0, guess=0.5, lapse=0.02, shape="weibull")
+    levels, each = np.geomspace(0.25, 4, 8), np.full(8, 5)
+    rng = np.random.default_rng(7)
+    inside = []
+    for _ in range(150):
+        right = rng.binomial(each, true.probability(levels))
+        try:
+            fit = fit_psychometric(levels, right, each, rng=rng, guess=0.5, shape="weibull", draws=0)
+        except InputError:
+            continue
+        inside.append(fit.threshold_low <= 1 <= fit.threshold_high)
+    # Three standard errors of 150 studies about .95.
+    assert 0.895 <= np.mean(inside) <= 0.995

@@ -65,3 +65,26 @@ def test_too_few_people_are_refused():
         sign_flip(np.ones(1), rng=np.random.default_rng(0))
     with pytest.raises(InputError, match="scale"):
         limits_over_people(np.mean, np.ones(5), scale="odds")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("people", [5, 10])
+def test_limits_of_macro_f_cover(people):
+    # People with a d' and favourites of their own; BCa limits of five people cover .83 to .86.
+    from midair.study import f_measure
+
+    rng = np.random.default_rng(people)
+
+    def answers(many):
+        x = rng.normal(size=(many, 3, 4, 3)) + rng.normal(0, 0.4, (many, 1, 1, 3))
+        d = rng.normal(1.2, 0.5, (many, 1))
+        for thing in range(3):
+            x[:, thing, :, thing] += d
+        return (x.argmax(axis=-1)[..., None] == np.arange(3)).sum(axis=2)
+
+    def macro(counts):
+        return float(f_measure(counts.sum(axis=0)).mean())
+
+    true = macro(answers(100_000))
+    found = [limits_over_people(macro, answers(people), scale="share") for _ in range(1000)]
+    assert 0.93 <= np.mean([one.low <= true <= one.high for one in found]) <= 0.97

@@ -94,7 +94,7 @@ def logistic_mixed(
     people. Where people do not differ in an effect the test is shy.
 
     Without slopes: correct ~ factors + (1 | participant), by adaptive quadrature, and the p of chi2. Where effects
-    differ between people this finds something in up to half of all empty studies.
+    differ between people this finds something in most empty studies with many trials.
 
     Parameters
     ----------

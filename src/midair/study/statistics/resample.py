@@ -116,7 +116,7 @@ def limits_over_people(
     The figure is made again without each person. On a scale without bounds (the logit of a share, the logarithm of
     what is positive, Fisher's z of a correlation) its standard error is sqrt((n - 1) / n sum (without_i - mean)^2), and
     the limits are t on n - 1 degrees of freedom away. A bootstrap of people (BCa) covers .83 to .86 for a 95 % interval
-    of F with five people; this .94 to .97 (`python -m benchmarks.studies`).
+    of F with five people; this .93 to .98 (docs/decisions/0034-analysis.md).
 
     Parameters
     ----------
