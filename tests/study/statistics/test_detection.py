@@ -88,3 +88,10 @@ def test_says_what_is_wrong():
         d_prime_choice(5, 4, alternatives=3)
     with pytest.raises(InputError, match="2 or more"):
         proportion_correct(1, alternatives=1)
+
+
+def test_few_signals_or_blanks_set_no_limits():
+    # At 8 signals and 8 blanks the limits would cover up to .987 of a 95 % interval.
+    few, enough = d_prime_yes_no(15, 19, 3, 40), d_prime_yes_no(16, 20, 3, 40)
+    assert np.isnan([few.low, few.high]).all()
+    assert enough.low < enough.d_prime < enough.high
