@@ -16,7 +16,10 @@ from pathlib import Path
 import psutil
 from playwright.sync_api import sync_playwright
 
-TICKS = "void (studio.ticks = 0, (function tick() { studio.ticks++; requestAnimationFrame(tick); })())"
+TICKS = """void (studio.ticks ?? (studio.ticks = 0,
+    (function tick() { studio.ticks++; requestAnimationFrame(tick); })()))"""
+    "void (studio.ticks ?? (studio.ticks = 0, (function tick() { studio.ticks++; requestAnimationFrame(tick); })()))"
+)
 
 
 def until(page, script, timeout=180.0):

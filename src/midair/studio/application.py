@@ -28,7 +28,7 @@ from midair.studio.player import PlayerPlan
 from midair.studio.rooms import CalibrateRoom, CompareRoom, LiveRoom, PlayingRoom, RecordRoom, ReproduceRoom, StudyRoom
 from midair.studio.scenes import TakeScene, frames_of
 from midair.studio.takes_list import TakesList
-from midair.studio.work import make_samples, settings_form, warm_up
+from midair.studio.work import make_sample, settings_form, warm_up
 from midair.version import __version__
 from midair.view import TABLES, WEB, colour_table
 
@@ -117,7 +117,10 @@ class Studio:
         """Processes are started as the server is, and ended with it."""
         self.loop = asyncio.get_running_loop()
         self.reading.start()
-        self.reading.add("samples", make_samples, str(self.takes.samples), ended=lambda _: self.later(self._sampled))
+        # The first one is shown, and solved, while the others are made.
+        for thing in ("towel", "brush", "sponge"):
+            order = (str(self.takes.samples), thing)
+            self.reading.add(f"sample {thing}", make_sample, order, ended=lambda _: self.later(self._sampled))
         self.playing.start(self.origins)
         try:
             yield

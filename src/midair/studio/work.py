@@ -155,16 +155,13 @@ def report_loop(order: tuple[SolveWish, str], progress: Progressed) -> dict[str,
     return {"report": Path(path).name, "figures": [[n, _figure(v, u)] for n, (v, u) in last.figures().items()]}
 
 
-def make_samples(order: str, progress: Progressed) -> list[str]:
-    """Strokes of the virtual sensor, recorded into a folder; what is there already is kept."""
-    folder, made = Path(order), list[str]()
-    for number, thing in enumerate(("towel", "brush", "sponge")):
-        path = folder / f"{thing}.h5"
-        if not path.exists():
-            record(f"virtual:{thing}", 1.6, path=path, notes={"object": thing, "surface": "flat"}, seed=1)
-        made.append(path.name)
-        progress("making samples", number + 1, 3)
-    return made
+def make_sample(order: tuple[str, str], progress: Progressed) -> str:
+    """A stroke of the virtual sensor, recorded into a folder; its name."""
+    folder, thing = order
+    path = Path(folder) / f"{thing}.h5"
+    progress("making a sample", 0, 1)
+    record(f"virtual:{thing}", 1.6, path=path, notes={"object": thing, "surface": "flat"}, seed=1)
+    return path.name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

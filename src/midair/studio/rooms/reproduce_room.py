@@ -74,6 +74,7 @@ class ReproduceRoom:
 
     def __init__(self, desk: Desk, takes: TakesList, jobs: Jobs, reading: Jobs, later: Any) -> None:
         self._desk, self._takes, self._jobs, self._reading, self._later = desk, takes, jobs, reading, later
+        self._sampled = False
         desk.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
         desk.offer("reproduce", "solve", self.solve, HowMade)
         desk.offer("compare", "report", self.report, HowMade)
@@ -114,7 +115,8 @@ class ReproduceRoom:
     def solve_sample(self) -> None:
         """Solve the first sample, so that there is something to see and to play from the first moment on."""
         rows = [row for row in self._takes.rows() if row["sample"]]
-        if rows and not rows[0]["solved"]:
+        if rows and not rows[0]["solved"] and not self._sampled:
+            self._sampled = True
             sample = HowMade(take=rows[0]["name"], method="live", level="auto")
             self._solve(sample, f"solve {sample.take}")
 
