@@ -1,9 +1,10 @@
 """The studio against its own browser: pictures drawn of the browser's ticks, delay of samples, the server's share.
 
-``python -m benchmarks.studio [SECONDS]``: a server on the virtual rig in a process of its own, and Chromium without a
-GPU, both on this machine. Every figure stands beside what the same browser did in the same run.
+``python -m benchmarks.studio --seconds 10``: a server on the virtual rig in a process of its own, and Chromium without
+a GPU, both on this machine. Every figure stands beside what the same browser did in the same run.
 """
 
+import argparse
 import json
 import os
 import statistics
@@ -14,12 +15,9 @@ import time
 from pathlib import Path
 
 import psutil
-from playwright.sync_api import sync_playwright
 
 TICKS = """void (studio.ticks ?? (studio.ticks = 0,
     (function tick() { studio.ticks++; requestAnimationFrame(tick); })()))"""
-    "void (studio.ticks ?? (studio.ticks = 0, (function tick() { studio.ticks++; requestAnimationFrame(tick); })()))"
-)
 
 
 def until(page, script, timeout=180.0):
@@ -53,8 +51,13 @@ def measured(page, server, seconds, drawn):
     }
 
 
-def main(seconds=10.0):
-    figures = {"load": [round(each, 1) for each in os.getloadavg()]}
+def main():
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.studio", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=10.0, help="for how long each room is watched")
+    seconds = parser.parse_args().seconds
+    from playwright.sync_api import sync_playwright
+
+    figures: dict = {"load": [round(each, 1) for each in os.getloadavg()]}
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
         began = time.monotonic()
         words = [sys.executable, "-m", "midair", "studio", folder, "--no-browser"]
@@ -105,4 +108,4 @@ def main(seconds=10.0):
 
 
 if __name__ == "__main__":
-    main(*map(float, sys.argv[1:2]))
+    main()

@@ -26,6 +26,7 @@ SMALLEST = {
     "benchmarks.live": ["--part", "bands", "run", "--frames", "1000", "--priority", "0"],
     "benchmarks.scale": ["--sizes", "1 4"],
     "benchmarks.studies": ["--studies", "2", "--part", "ratings", "errors", "--trials", "48"],
+    "benchmarks.studio": ["--seconds", "2"],
     "benchmarks.sweeps": ["--count", "4", "--chunk", "2", "--workers", "1"],
 }
 
