@@ -51,6 +51,7 @@ WHOLE_SUITES = {
     "study/statistics/test_type_one_error.py": "every test of significance, on data without an effect",
     "studio/test_browser.py": "the studio in a real browser: playing, silence, who may speak to it",
     "studio/test_rooms.py": "the rooms in a real browser, and that everybody can use them",
+    "studio/test_live_page.py": "the room Live in a real browser",
     "studio/test_live_room.py": "the room Live without its process",
     "test_examples.py": "the examples",
     "test_house.py": "this file",

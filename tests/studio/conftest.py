@@ -89,6 +89,11 @@ class Look:
         """Another room."""
         self.page.evaluate(f"location.hash = {address!r}")
 
+    def hold_to_begin(self):
+        """Hold the button that arms live touch."""
+        self.hold_to_play()
+        self.until("studio.link.state.live.state !== 'idle'")
+
     def hold_to_play(self):
         """Hold the button that arms."""
         self.until("!document.querySelector('#hold').disabled")

@@ -43,7 +43,9 @@ def frames(first, count, seed=3):
 
 @pytest.fixture(scope="module")
 def sight():
-    return Sight(LiveWish(sensor="virtual:towel", device="virtual").session().order, Opened)
+    made = Sight(LiveWish(sensor="virtual:towel", device="virtual").session().order)
+    made.found(Opened)
+    return made
 
 
 def test_the_sound_is_that_of_the_phases_in_pascal(sight):

@@ -183,7 +183,9 @@ class Studio:
         name = request.path_params["name"]
         if name not in TABLES:
             return PlainTextResponse("not there\n", 404)
-        return Response(colour_table(name).tobytes(), media_type="application/octet-stream")
+        # The first one takes a second to load, and "alive" must not wait for it.
+        table = await asyncio.to_thread(colour_table, name)
+        return Response(table.tobytes(), media_type="application/octet-stream")
 
     async def _frames(self, request: Request) -> Response:
         """A second of a stream of a take, as sections."""

@@ -26,6 +26,7 @@ from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import ControlGrid, Placement, TransducerArray
 from midair.physics import greatest_exposure, transfer_matrix
 from midair.rig import HELD, LATE, SOUNDS, Leave, LiveOrder, LiveSession, LiveTake, Opened, Permit, live, live_admission
+from midair.solvers import one_blas_thread
 from midair.studio.player import exposed
 from midair.view import Kind, Section, counted, finer, pack
 
@@ -96,7 +97,8 @@ def run_live(pipe: Connection, permit: Permit) -> None:
         # The loop does not wait for the one who looks on; pages may wait for both.
         os.nice(5)
     threading.Thread(target=_end_with_the_studio, args=(permit,), name="studio", daemon=True).start()
-    _LiveWatch(pipe, permit).serve()
+    with one_blas_thread():
+        _LiveWatch(pipe, permit).serve()
 
 
 def _end_with_the_studio(permit: Permit) -> None:
@@ -174,14 +176,12 @@ class Sight:
     ----------
     order : LiveOrder
         What is played.
-    opened : Opened
-        What was found.
     """
 
-    def __init__(self, order: LiveOrder, opened: Opened) -> None:
+    def __init__(self, order: LiveOrder) -> None:
         self.array: TransducerArray = (order.placement or Placement.grid()).array()
         self.grid: ControlGrid = order.touch.grid
-        self._acoustics, self._rate, self._channels = order.touch.acoustics, opened.rate, opened.sensor.count
+        self._acoustics, self._rate, self._channels = order.touch.acoustics, 1000.0, 1
         matrix = transfer_matrix(self.grid, self.array, acoustics=self._acoustics)
         self._matrix = np.ascontiguousarray(matrix.T, np.complex64)
         self._turns = np.exp(2j * np.pi * np.arange(256) / 256).astype(np.complex64)
@@ -189,6 +189,10 @@ class Sight:
         # Of the frame before: what was late let it stand on.
         self._before = np.zeros((1, self.grid.count), np.complex64)
         self._phases_due = 0
+
+    def found(self, opened: Opened) -> None:
+        """Know the sensor, once it is open."""
+        self._rate, self._channels = opened.rate, opened.sensor.count
 
     def about(self) -> dict[str, Any]:
         """What the page has to know to draw the sections."""
@@ -238,7 +242,7 @@ class _LiveWatch:
         self._pipe, self._permit = pipe, permit
         self._telling = threading.Lock()
         self._checked: dict[int, LiveWish] = {}
-        self._number = 0
+        self._number = self._seen = 0
         self._past: tuple[LiveOrder, Opened, Remembered] | None = None
 
     def serve(self) -> None:
@@ -296,41 +300,52 @@ class _LiveWatch:
             raise DeviceStateError("live: expected a level that was just checked; check its exposure again")
         self._past = None
         session = wish.session(self._permit, order["leave"])
+        # Before the first frame: those that came meanwhile would come all at once.
+        sight = Sight(session.order)
+        about = sight.about()
         error = ""
         try:
             with session:
                 opened = session.opened
-                sight = Sight(session.order, opened)
+                sight.found(opened)
                 kept = Remembered(opened.sensor.count, sight.array.count, round(REMEMBERED * opened.rate))
                 self._past = session.order, opened, kept
-                self._tell("answer", id=order["id"], value={**_found(session), **sight.about()})
+                self._tell("answer", id=order["id"], value={**_found(session), **about})
                 order = {}
                 self._watch(session, sight, kept)
         except MidairError as wrong:
             if order:
                 raise
             error = str(wrong)
+        # What the loop wrote last, before it was silent.
+        if self._past is not None:
+            self._hand_on(session, sight, self._past[2])
         self._tell("ended", error=error, goes=_goes(session))
 
     def _watch(self, session: LiveSession, sight: Sight, kept: Remembered) -> None:
-        seen, told = 0, 0.0
+        told, emitting = 0.0, False
+        self._seen = 0
         while session.wait(EVERY):
-            found, seen, missed = session.since(seen)
-            if missed:
-                kept.clear()
-            if len(found):
-                kept.add(found)
-                data = [pack([section]) for section in sight.sections(found)]
-                self._tell("frames", end=int(found["number"][-1]) + 1, data=data)
+            found = self._hand_on(session, sight, kept)
+            emitting = bool(found["intensity"][-1]) if len(found) else emitting
             if time.monotonic() - told > 0.25:
                 told = time.monotonic()
-                emitting = bool(len(found) and found["intensity"][-1])
                 self._tell("goes", goes=_goes(session), emitting=emitting, remembered=kept.frames)
             while self._pipe.poll():
                 order = self._pipe.recv()
                 if order["do"] == "end":
                     return
                 self._do(order)
+
+    def _hand_on(self, session: LiveSession, sight: Sight, kept: Remembered) -> NDArray[Any]:
+        """Frames that are new, shown and remembered."""
+        found, self._seen, missed = session.since(self._seen)
+        if missed:
+            kept.clear()
+        if len(found):
+            kept.add(found)
+            self._tell("frames", data=[pack([section]) for section in sight.sections(found)])
+        return found
 
     def _keep(self, order: Mapping[str, Any]) -> None:
         """The last seconds as a take, written while it plays on."""

@@ -37,6 +37,9 @@ class Lately extends Track {
   get top() { return this._most ?? 1; }
 }
 
+/** A verdict for people: what is exceeded and may be played is played where nothing sounds. */
+const spoken = (verdict) => (verdict.startsWith("exceeded: ") ? `On a real array: ${verdict.slice(10)}. Here no sound can come out.` : verdict);
+
 export class Live {
   constructor(studio) {
     this.studio = studio;
@@ -45,6 +48,7 @@ export class Live {
     this.state = { frame: 0, from: 0, channel: 10, span: 1 };
     this.drawn = this.undrawn = this.ticks = 0;
     this.given = { sensor: "", mapping: "half-wave", delay_ms: 6, hold_ms: 6, gain: 1, height_mm: 200, level: 1, attenuate: false, override: "" };
+    for (const name of ["inferno", "twilight"]) colours(name); // before anything is armed
     this._build();
     this._offs = [this.link.on("live", (live) => this._live(live)), this.link.on("live_goes", (goes) => this._goes(goes)), this.link.on("live_about", (about) => this._about(about)), this.link.on("player", () => this.control())];
     this.link.frames = (bytes) => this._frames(bytes);
@@ -100,7 +104,7 @@ export class Live {
     this.parts = make("div.parts", { role: "img", "aria-label": "From touch to sound: nothing plays yet" });
     this.counted = make("p.quiet.counted", {}, "nothing plays yet");
     this.delay = panel("From touch to sound", "the same for every frame", make("div.latency", {}, this.sum, this.parts), this.counted,
-      make("p.quiet", {}, "For stroking. Tapping is beyond it: the vibration of a tap is noticed when it is 5.5 ms late, a texture at 60."));
+      make("p.quiet", {}, "For stroking. Tapping is beyond it: a tap is noticed 5.5 ms late, a texture 60."));
     this.studio.main.append(make("div.live", {},
       make("div.column.left", {}, panel("Begin", null, this.form, make("div.buttons", {}, this.check, this.hold), this.verdict, this.refused, this.running), panel("Safety", null, this.safety)),
       make("div.middle", {}, make("div.trio", {}, panels.touch, panels.sound, panels.phase, panel("Pa", null, boxes.bar)), this.delay, panels.traces),
@@ -157,7 +161,7 @@ export class Live {
     this.calibration.value = had;
     this.share.value = String(Math.round(100 * live.share));
     if (live.state === "opens") this._say("it opens sensor and array …");
-    else if (live.state === "plays") this._say(this.link.state.live_about?.exposure ?? "it plays");
+    else if (live.state === "plays") this._say(spoken(this.link.state.live_about?.exposure ?? "it plays"));
     else if (live.said) this._say(live.said, /in order/.test(live.said) ? "" : "bad");
     if (live.take) this.kept.replaceChildren(`${live.take.name}: ${live.take.duration_s.toFixed(1)} s `, make("a", { href: `#reproduce/${encodeURI(live.take.name)}`, id: "to-reproduce" }, "open in Reproduce"));
     this.control();
@@ -170,7 +174,7 @@ export class Live {
     const found = await tried(this.link.order("live", "check", this.given));
     if (!found) { this._say("it could not be checked", "bad"); return; }
     this.admission = found.number;
-    this._say(found.outcome === "exceeded" ? `On a real array: ${found.verdict.replace(/^exceeded: /, "")}. Here no sound can come out.` : found.refused || found.verdict, found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good");
+    this._say(found.refused || spoken(found.verdict), found.refused ? "bad" : found.outcome === "exceeded" ? "" : "good");
     this.refused.replaceChildren();
     if (found.refused) {
       const name = make("input", { type: "text", autocomplete: "off", placeholder: "your name" });
@@ -250,9 +254,10 @@ export class Live {
     this.soundPicture.draw({ ...state });
     this.phasePicture.draw({ ...state, phase: true });
     const moving = { ...state, from: middle, frame: middle };
-    this.traces.draw(moving);
-    this.arrayPicture.draw({ ...state });
-    if (this.drawn % 6 === 0) { this.spectrum.draw({ ...moving, span: 2 * state.span }); this.scale.draw({ ...state }); }
+    // What moves slowly is drawn less often: phases come 15 times a second.
+    if (this.drawn % 2 === 0) this.traces.draw(moving);
+    if (this.drawn % 4 === 1) this.arrayPicture.draw({ ...state });
+    if (this.drawn % 6 === 0) { this.spectrum.draw(moving); this.scale.draw({ ...state }); }
     if (this.drawn % 6 === 3) this.now.textContent = `${(newest / track.rate).toFixed(2)} s, frame ${newest}`;
     this.drawn++;
     this.studio.drawn = this.drawn;
@@ -317,7 +322,9 @@ export class Live {
     this.parts.style.gridTemplateColumns = goes.parts.map(([, value]) => `minmax(1.9em, ${Math.max(value, 0.01)}fr)`).join(" ");
     this.parts.setAttribute("aria-label", `From touch to sound ${goes.latency.toFixed(1)} ms: ${goes.parts.map(([name, value]) => `${name} ${value.toFixed(1)}`).join(", ")} ms`);
     const work = goes.work_ms, left = goes.left_ms, of = (value) => (value === null ? "–" : value.toFixed(2));
-    this.counted.textContent = `${goes.frames} frames, ${goes.played} sounded · ${goes.late} late, the frame before stood · ${goes.lost} lost by the sensor, concealed by the last good one · ${goes.hurried} hurried · ${goes.gaps} gaps · work ${of(work.half)} ms a frame, 99.9 % below ${of(work["99.9%"])} · sent ${of(left.half)} ms after it was taken, 99.9 % below ${of(left["99.9%"])}`;
+    this.counted.textContent = `${goes.frames} frames, ${goes.played} sounded; ${goes.late} late, the one before stood; ${goes.lost} lost, concealed by the last good one; ${goes.hurried} hurried; ${goes.gaps} gaps`;
+    this.counted.title = "late: ready after its instant; lost: the sensor never gave it; hurried: solved in half the time; gap: 20 ms without a frame, so that it faded";
+    this.delay.aside.textContent = `work ${of(work.half)} ms a frame, 99.9 % below ${of(work["99.9%"])}; sent within ${of(left["99.9%"])}`;
     this.counted.className = `counted ${goes.late + goes.lost + goes.gaps ? "" : "quiet"}`;
   }
   _code() {

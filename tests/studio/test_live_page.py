@@ -1,0 +1,126 @@
+"""The room Live in a real browser: every frame, freezing, keeping, silence."""
+
+import time
+
+import pytest
+
+from midair.files import load_played, open_take
+
+pytestmark = pytest.mark.browser
+
+PLAYS = "studio.link.state.live.state === 'plays'"
+
+
+@pytest.fixture
+def feeling(studio_at, look):
+    """A page on live touch that plays."""
+
+    def begin(**how):
+        studio = studio_at()
+        page = look(studio, **how)
+        page.until("studio.link.state.player?.state === 'ready'", timeout=120)
+        page.go("#live")
+        page.until("studio.name === 'live' && !document.querySelector('#live-check').disabled")
+        page.page.locator("#live-check").click()
+        page.hold_to_begin()
+        page.until("studio.link.state.live.state === 'plays' && studio.room.drawn > 10", timeout=120)
+        return studio, page
+
+    return begin
+
+
+def in_silence(page):
+    """It is silent by its own word; why."""
+    page.until("studio.link.state.live.state === 'idle'", timeout=10)
+    assert not page.page.evaluate("studio.link.state.player.emitting")
+    return page.page.evaluate("studio.link.state.live.said")
+
+
+def test_every_frame_comes_and_a_page_that_stalled_catches_up(feeling):
+    _, page = feeling()
+    first, drawn, began = *page.page.evaluate("[studio.room.track.last, studio.room.drawn]"), time.monotonic()
+    page.page.wait_for_timeout(4000)
+    last, lost, more = page.page.evaluate("[studio.room.track.last, studio.room.track.lost, studio.room.drawn]")
+    took = time.monotonic() - began
+    assert 0.8 * 1000 * took < last - first < 1.2 * 1000 * took + 500
+    assert lost == page.page.evaluate("studio.room.sound.lost") == 0
+    assert more - drawn > 20
+    # It falls silent, since nobody looks on; what was felt until then comes all the same.
+    page.page.evaluate("() => { const end = performance.now() + 3000; while (performance.now() < end); }")
+    assert "nobody looked on" in in_silence(page)
+    felt = page.page.evaluate("studio.link.state.live_goes.frames")
+    page.until(f"studio.room.track.last === {felt} && studio.room.sound.last === {felt}")
+    assert page.page.evaluate("studio.room.track.lost") == page.page.evaluate("studio.room.sound.lost") == 0
+    assert page.wrong == []
+
+
+def test_freeze_slow_motion_and_keep(feeling):
+    studio, page = feeling()
+    press = page.page.keyboard.press
+    assert page.page.locator("#simulated").is_visible()
+    assert "Tapping is beyond it" in page.page.locator("#main").inner_text()
+    said = page.page.locator(".parts").get_attribute("aria-label")
+    assert said.startswith("From touch to sound 13.0 ms: filter 6.0, work and sending")
+    page.until("studio.room.track.last > 1500")
+    page.page.locator("#main").focus()
+    press("Space")
+    page.until("!!studio.room.frozen")
+    frames = page.page.evaluate("studio.room.frozen.transport.frames")
+    # What is looked at stands still; what is felt goes on behind it.
+    before = page.page.evaluate("studio.room.track.last")
+    page.until(f"studio.room.track.last > {before} + 300")
+    assert page.page.evaluate("studio.room.frozen.transport.frames") == frames
+    assert page.page.evaluate("studio.room.traces.track.last") == frames
+    press("Home")
+    for key, frame in ((".", 1), ("Shift+.", 11), (",", 10), ("End", frames - 1)):
+        press(key)
+        assert page.page.evaluate("studio.room.frozen.transport.frame") == frame
+    overview = page.page.locator("#box-overview canvas")
+    box = overview.bounding_box()
+    page.page.mouse.click(box["x"] + box["width"] / 4, box["y"] + 8)
+    assert page.page.evaluate("studio.room.frozen.transport.frame") == pytest.approx(frames / 4, abs=frames / 100)
+    page.page.locator("#main").focus()
+    for key, rate in (("2", 100), ("3", 10)):
+        press("Home")
+        press(key)
+        press("Space")
+        began = time.monotonic()
+        page.page.wait_for_timeout(1500)
+        moved, took = page.page.evaluate("studio.room.frozen.transport.frame"), time.monotonic() - began
+        press("Space")
+        assert 0.4 * rate * took < moved < 1.6 * rate * took, f"{rate} frames a second"
+    press("r")
+    kept = page.until("studio.link.state.live.take")
+    assert kept["frames"] > frames
+    path = studio.folder / kept["name"]
+    take, played = open_take(path), load_played(path)
+    assert take.recording.frames == played.frames == kept["frames"]
+    assert played.intensity.max() > 0
+    press("Enter")
+    page.until("!studio.room.frozen")
+    assert page.page.evaluate(PLAYS)
+    page.page.locator("#to-reproduce").click()
+    page.until(f"studio.room.take?.name === {kept['name']!r} && studio.room.take.samples.last > 1000", timeout=60)
+    # What nobody sees does not sound: the room was left.
+    assert "faded" in in_silence(page)
+    assert page.wrong == []
+
+
+def test_stop_and_a_closed_tab_silence_it_and_it_begins_again(feeling, look):
+    studio, page = feeling()
+    page.page.get_by_label("Loudness, per cent").fill("30")
+    page.until("studio.link.state.live.share === 0.3")
+    began = time.monotonic()
+    page.page.keyboard.press("Escape")
+    assert "asked for silence" in in_silence(page)
+    assert time.monotonic() - began < 5
+    page.page.locator("#live-check").click()
+    page.hold_to_begin()
+    page.until("studio.link.state.live.state === 'plays' && studio.room.drawn > 10", timeout=120)
+    watching = look(studio, link=studio.root, context=page.page.context)
+    watching.go("#live")
+    watching.until("studio.room.track?.last > 100", timeout=30)
+    assert watching.page.locator("#live-check").is_disabled()
+    page.page.close()
+    said = in_silence(watching)
+    assert "asked for silence" in said or "nobody looked on" in said
