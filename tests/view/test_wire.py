@@ -174,3 +174,20 @@ def test_the_page_reads_what_python_writes():
 
     wanted = [[told(each) for each in some] for some in drawn]
     assert read == wanted
+
+
+EMPTY = """
+const {Track} = await import("data:text/javascript;base64," + process.argv[1]);
+const track = new Track({rate: 1000, capacity: 4, unit: "Pa"}), before = track.top;
+track.add({kind: 2, width: 2, frames: 1, first: 0, unit: 0.5, values: new Int8Array([3, -8])});
+console.log(JSON.stringify([before, track.top]));
+"""
+
+
+def test_the_top_of_a_track_is_a_number_before_any_frame():
+    """Where nothing is played yet, what is wanted is drawn on the scale of what is wanted."""
+    page = base64.b64encode((WEB / "view.js").read_bytes()).decode()
+    said = subprocess.run(
+        [*node(), "--input-type=module", "-e", EMPTY, page], capture_output=True, text=True, check=True
+    ).stdout
+    assert json.loads(said) == [0, 4]

@@ -59,6 +59,7 @@ export class Track {
     this.first = this.last = 0; // kept: first to last - 1
     this.width = 0;
     this.lost = 0;
+    this.version = 0; // counts what came: a number from the beginning, or the top of nothing would be no number
   }
   add(section) {
     if (!this.values) {
@@ -78,7 +79,7 @@ export class Track {
     }
     this.last = Math.max(this.last, section.first + section.frames);
     this.first = Math.max(this.first, this.last - this.capacity);
-    this.version = (this.version ?? 0) + 1;
+    this.version++;
     return this;
   }
   has(frame) { return frame >= this.first && frame < this.last; }
