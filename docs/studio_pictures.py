@@ -24,6 +24,21 @@ def until(page, script, timeout=300.0):
     raise TimeoutError(script)
 
 
+def live(page):
+    """The room Live, frozen at one frame of what the seed gives; how it went there is the computer's."""
+    page.evaluate("location.hash = '#live'")
+    until(page, "studio.name === 'live' && !document.querySelector('#live-check').disabled")
+    page.locator("#live-check").click()
+    until(page, "!document.querySelector('#hold').disabled")
+    page.locator("#hold").click(delay=900)
+    until(page, "studio.room.track?.last > 5000")
+    page.locator("#main").focus()
+    page.keyboard.press("Space")
+    page.evaluate("studio.room.frozen.transport.set({channel: 6}); studio.room.frozen.transport.seek(3640)")
+    page.wait_for_timeout(1500)
+    page.screenshot(path=IMAGES / "studio-live.png")
+
+
 def main():
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
         words = [sys.executable, "-m", "midair", "studio", folder, "--no-browser"]
@@ -39,6 +54,7 @@ def main():
             until(page, "document.querySelectorAll('.job').length === 0")
             page.wait_for_timeout(1500)
             page.screenshot(path=IMAGES / "studio-reproduce.png")
+            live(page)
             browser.close()
         finally:
             studio.terminate()

@@ -53,7 +53,7 @@ PRESENTS = """void studio.link.on('session', session =>
     session?.due && studio.link.order('study', 'presented').catch(() => {}))"""
 """The experimenter presents as soon as the page says what. Void: Playwright calls what a script gives."""
 
-ROOMS = ("record", "calibrate", "reproduce", "compare", "study")
+ROOMS = ("record", "calibrate", "reproduce", "compare", "study", "live")
 
 
 def answers(study, folder="sessions"):

@@ -104,7 +104,7 @@ export class Live {
     this.parts = make("div.parts", { role: "img", "aria-label": "From touch to sound: nothing plays yet" });
     this.counted = make("p.quiet.counted", {}, "nothing plays yet");
     this.delay = panel("From touch to sound", "the same for every frame", make("div.latency", {}, this.sum, this.parts), this.counted,
-      make("p.quiet", {}, "For stroking. Tapping is beyond it: a tap is noticed 5.5 ms late, a texture 60."));
+      make("p.quiet", {}, "For stroking. Tapping is beyond it: a tap is noticed 5.5 ms late, a texture 60 ms."));
     this.studio.main.append(make("div.live", {},
       make("div.column.left", {}, panel("Begin", null, this.form, make("div.buttons", {}, this.check, this.hold), this.verdict, this.refused, this.running), panel("Safety", null, this.safety)),
       make("div.middle", {}, make("div.trio", {}, panels.touch, panels.sound, panels.phase, panel("Pa", null, boxes.bar)), this.delay, panels.traces),
@@ -224,8 +224,11 @@ export class Live {
     this.control();
   }
   _choose(channel) {
-    this.state.channel = channel;
+    this._chosen(channel);
     this.frozen?.transport.set({ channel });
+  }
+  _chosen(channel) {
+    this.state.channel = channel;
     this.panels.spectrogram.aside.textContent = `channel ${channel}`;
     this.fresh = true;
   }
@@ -288,6 +291,7 @@ export class Live {
     const enter = transport.press.bind(transport);
     transport.press = (event) => (event.key === "Enter" ? (this.freeze(), true) : enter(event));
     this.frozen = { transport, overview: new OverviewPicture(this.boxes.overview, { label: "The last minute", track, seek: (frame) => transport.seek(frame), frames }) };
+    transport.addEventListener("change", () => { if (transport.channel !== this.state.channel) this._chosen(transport.channel); });
     this._tracks(track, sound, phases, true);
     this._bar();
     transport.seek(frames - 1);
