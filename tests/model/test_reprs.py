@@ -23,6 +23,7 @@ from midair.model import (
     Medium,
     Palm,
     Placement,
+    PlayedTouch,
     PressureFrames,
     Provenance,
     Recording,
@@ -103,6 +104,14 @@ ORDINARY = {
     "Medium": Medium.at(),
     "Palm": Palm.disc(),
     "Placement": Placement.grid(),
+    "PlayedTouch": PlayedTouch(
+        phase_steps=np.zeros((50, 996), np.uint8),
+        intensity=np.full(50, 255, np.uint8),
+        instant=np.arange(50) * 10**6,
+        state=np.ones(50, np.int8),
+        rate=1000.0,
+        array=FOUR,
+    ),
     "PressureFrames": PressureFrames(
         pressure=RNG.standard_normal((1280, 4, 4)), rate=1000.0, sensor=SENSOR, band=(20.0, 470.0), provenance=TOWEL
     ),
@@ -141,6 +150,7 @@ SAYS = {
     "Medium": ["speed=34", "humidity=0.5"],
     "Palm": ["disc of 85 mm", "cm2", "2.5 mm apart"],
     "Placement": ["4 units", "AUTD3 2 x 2"],
+    "PlayedTouch": ["50 frames", "1000 Hz", "AUTD3 2 x 2"],
     "PressureFrames": ["1280 frames at 1000 Hz, 1.28 s", " Pa,", "band 20 to 470 Hz"],
     "Provenance": ["from virtual:towel", "1 step: cut", "1 note: object"],
     "Recording": ["1280 frames at 1000 Hz, 1.28 s", "4 x 4 'virtual sensor 0'", " V,", "from virtual:towel"],

@@ -1,17 +1,16 @@
 """How fast work of each kind went on this machine the last time: what long work will take is told from it."""
 
-import os
-import secrets
 import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 
 import tomli_w
 
 from midair.devices import state_folder
+from midair.errors import FileError
+from midair.files import whole_file
 from midair.settings import Settings
 
 LONG = 10.0
@@ -71,13 +70,11 @@ class Speeds:
 
     def keep(self) -> None:
         """Write it to the state folder, whole; a folder that refuses costs no more than the next estimate."""
-        partial: Path | None = None
-        with suppress(OSError):
+        with suppress(OSError, FileError):
             folder = state_folder()
             folder.mkdir(parents=True, exist_ok=True)
-            partial = folder / f".{_FILE}-{secrets.token_hex(4)}"
-            partial.write_text(tomli_w.dumps(dict(self.rates)), encoding="utf-8")
-            os.replace(partial, folder / _FILE)
+            with whole_file(folder / _FILE) as partial:
+                partial.write_text(tomli_w.dumps(dict(self.rates)), encoding="utf-8")
 
 
 def workload_of(settings: Settings, transducers: int) -> str:

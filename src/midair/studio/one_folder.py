@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from midair.errors import InputError, MissingFileError
+from midair.files import whole_file
 from midair.rig import Subject
 
 LARGEST = 256 * 2**20
@@ -108,17 +109,13 @@ class OneFolder:
         if ending not in READABLE or ending == ".html":
             raise InputError(f"upload: expected a recording ({' '.join(READABLE[:-2])}), got {ending or 'no ending'}")
         path = self.free(Path(name).stem, ending)
-        partial, size = path.with_name(f".{path.name}.partial"), 0
-        try:
-            with partial.open("xb") as file:
-                async for part in parts:
-                    size += len(part)
-                    if size > largest:
-                        raise InputError(
-                            f"upload: expected at most {largest >> 20} MiB, got more; copy it into {self.path}"
-                        )
-                    file.write(part)
-            partial.rename(path)
-        finally:
-            partial.unlink(missing_ok=True)
+        size = 0
+        with whole_file(path) as partial, partial.open("wb") as file:
+            async for part in parts:
+                size += len(part)
+                if size > largest:
+                    raise InputError(
+                        f"upload: expected at most {largest >> 20} MiB, got more; copy it into {self.path}"
+                    )
+                file.write(part)
         return path
