@@ -12,7 +12,7 @@ PARALLEL := --numprocesses 4 --dist worksteal --durations 15 --durations-min 1
 # pyproject.toml. Without: counting lines takes a quarter to a third more processor time on Python 3.11.
 COVER := $(if $(COVERAGE),--cov --cov-report=term:skip-covered)
 
-.PHONY: demo test coverage test-slow test-browser check bench bench-gpu docs links format clean
+.PHONY: demo test coverage test-slow test-browser test-again test-browser-again check bench bench-gpu docs links format clean
 
 $(VENV)/run: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -37,6 +37,16 @@ test-slow: $(VENV)/dev
 
 test-browser: $(VENV)/dev
 	$(BIN)/python -m pytest -m browser --durations 10
+
+# Those that failed last, alone and one after the other: what fails again does not fail for want of time. Fails where
+# nothing had failed, so that it never hides another reason.
+AGAIN := --last-failed --last-failed-no-failures none
+
+test-again: $(VENV)/dev
+	$(BIN)/python -m pytest $(AGAIN)
+
+test-browser-again: $(VENV)/dev
+	$(BIN)/python -m pytest -m browser $(AGAIN)
 
 check: $(VENV)/dev
 	$(BIN)/ruff check
