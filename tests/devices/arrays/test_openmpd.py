@@ -49,11 +49,15 @@ def test_every_frame_of_a_drive_sounds_once_in_its_order(stand_ins, count):
     drive = some_drive(boards, frames=120)
     device = array_at(ports, boards)
     with device:
-        report = device.play(overridden(drive, device, repeats=2))
-    assert report.frames == 240
+        for _ in range(3):
+            report = device.play(overridden(drive, device, repeats=2))
+            # On a busy computer a frame stands on for one that came too late, and the report says so.
+            if report.late == 0:
+                break
+    assert (report.frames, report.late) == (240, 0)
     for number, (port, board) in enumerate(zip(ports, boards, strict=True)):
         port.settle()
-        heard = phases(port, board)
+        heard = phases(port, board)[-240:]  # of the last play
         assert heard.shape == (240, 256)
         own = np.tile(drive.phase[:, 256 * number : 256 * (number + 1)], (2, 1))
         assert np.abs(np.angle(heard * np.exp(-1j * own))).max() <= np.pi / 128 + 1e-9
