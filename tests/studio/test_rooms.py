@@ -189,6 +189,14 @@ def test_everybody_can_use_every_room(studio_at, look, scheme):
     assert page.wrong == []
 
 
+def test_an_address_that_was_typed_is_not_taken_back(studio_at, look):
+    """A room tells its time in the address as often as it draws, also in the instant in which another is asked for."""
+    page = look(studio_at())
+    page.until("!!studio.room?.take")
+    page.page.evaluate("location.hash = '#record'; studio.here('sample:towel', 0.5)")
+    page.until("studio.name === 'record'", timeout=20)
+
+
 def test_reproduce_by_tab_and_arrows(studio_at, look):
     page = look(studio_at(), reduced_motion="reduce")
     page.until("!!studio.room?.played && studio.room.take.played.last > 0", timeout=120)

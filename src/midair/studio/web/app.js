@@ -27,6 +27,8 @@ export const studio = {
   },
   /** Put take and time into the address, without another step for Back. */
   here(take, time) {
+    // An address that leads to another room, whose event is still to come, is not taken back.
+    if (location.hash && this.address.room !== this.name) return;
     const query = Number.isFinite(time) ? `?t=${Number(time.toFixed(4))}` : "";
     history.replaceState(null, "", `#${this.name}/${encodeURI(take)}${query}`);
   },
