@@ -170,6 +170,7 @@ def test_demo_leaves_a_report_and_what_it_shows(capsys):
     assert "What a whole palm gets" in Path("out/report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_same_by_hand_gives_the_same_figures(capsys):
     assert run(["demo", "out", "--duration", "0.05s", "--object-name", "sponge+groove", "--seed", "3", *QUICK]) == 0
     page = Path("out/report.html").read_text(encoding="utf-8")

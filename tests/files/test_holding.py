@@ -142,7 +142,7 @@ def test_a_disk_without_locks_is_said_once_and_nothing_is_refused(tmp_path):
     assert done.stderr.count("no locks") == 1
     assert "another program" not in done.stderr
     assert "damaged" not in done.stderr
-    done = run("study", "new", "s")
+    done = run("study", "new", "s", "--drives", "none")
     assert done.returncode == 0, done.stderr
     done = run("study", "run", "s", "--simulate", "--participant", "1")
     assert done.returncode == 0, done.stderr
