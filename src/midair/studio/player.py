@@ -28,8 +28,6 @@ class PlayerPlan:
     ----------
     device : str
         Name of the array, as in ``midair play --device``.
-    sensor : str
-        Name of the sensor that hears a real array; empty for none. A virtual array brings its own.
     seed : int
         Of a virtual rig.
     token : str
@@ -39,7 +37,6 @@ class PlayerPlan:
     """
 
     device: str = "virtual"
-    sensor: str = ""
     seed: int = 0
     token: str = ""
     origins: tuple[str, ...] = ()

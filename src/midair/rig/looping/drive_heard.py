@@ -1,11 +1,11 @@
 """What a sensor and a whole palm get of a drive on the virtual rig."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from midair.devices import admit, choose_silencer
+from midair.devices import admit
 from midair.evaluate import PalmFidelity
 from midair.model import Calibration, Drive, Palm, PressureFrames, Recording
-from midair.rig.looping.palm_simulation import palm_of_drive
+from midair.rig.looping.palm_simulation import palm_of_drive, played_chain
 from midair.rig.names import VirtualRig
 from midair.rig.playing import rerecord, usual_exposure
 
@@ -57,8 +57,7 @@ def hear_drive(
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
         recording = rerecord(admit(drive, array, usual_exposure()), array, sensor)
         calibration = sensor.calibration
-    silencer = choose_silencer("auto", drive)
-    chain = replace(rig.array_device().chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
+    chain = played_chain(drive, rig)
     lead = (asked.frames - original.frames) // 2 / original.rate
     judged = (lead, original.frames / original.rate)
     of_palm = palm_of_drive(asked, drive, palm or Palm.disc(), chain=chain, rig=rig, judged=judged, band=band)

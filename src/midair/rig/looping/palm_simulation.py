@@ -62,6 +62,12 @@ def palm_of_drive(
     )
 
 
+def played_chain(drive: Drive, rig: VirtualRig) -> PlaybackChain:
+    """What stands between a drive and its sound on the rig's array, with the silencer that it would choose."""
+    silencer = choose_silencer("auto", drive)
+    return replace(rig.array_device().chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
+
+
 def palm_of_loop(
     loop: Loop, rig: VirtualRig, palm: Palm | None = None, *, progress: Progress | None = None
 ) -> PalmFidelity:
@@ -69,13 +75,11 @@ def palm_of_loop(
     last, original = loop.passes[-1], loop.original
     lead = (last.asked.frames - original.frames) // 2 / original.rate
     drive = last.reproduction.solution.drive
-    silencer = choose_silencer("auto", drive)
-    chain = replace(rig.array_device().chain, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
     return palm_of_drive(
         led_in(original, lead),
         drive,
         palm or Palm.disc(),
-        chain=chain,
+        chain=played_chain(drive, rig),
         rig=rig,
         judged=(lead, original.frames / original.rate),
         band=loop.settings.calibration.band,
