@@ -130,7 +130,6 @@ UNTESTED_BY_NAME = {
     "studio/rooms/reproduce_room.py": "studio/test_application.py",
     "studio/server.py": "studio/test_browser.py",
     "studio/takes_list.py": "studio/test_application.py",
-    "studio/work.py": "studio/test_browser.py",
     "study/terminal_screen.py": "cli/commands/study/test_study.py",
 }
 """Files of src without a test file of their own name, and the one that tests them all the same."""

@@ -51,6 +51,10 @@ def test_the_first_five_minutes(studio_at, look):
     assert 0.5 < float(figures["correlation"]) <= 1
     assert figures["peak distance"].endswith("mm")
     assert found["simulated"]
+    page.page.get_by_role("button", name="The whole palm").click()
+    palm = page.until("studio.link.state.palms?.['towel-flat-01.h5']", timeout=120)
+    assert float(dict(map(tuple, palm["rows"]))["power outside the square"].removesuffix(" %")) > 50
+    page.until("document.querySelector('.card').textContent.includes('disc of 85 mm')")
     page.page.get_by_role("button", name="Make the report").click()
     page.until("!document.querySelector('#to-report').hidden", timeout=300)
     with page.page.context.expect_page() as opened:

@@ -11,8 +11,8 @@ from midair.evaluate import compare, heard_perfectly, perceptual_card
 from midair.files import load_solution, open_take, save_solutions
 from midair.flow import felt, lead_of, reproduce_parts
 from midair.headroom import level_of
-from midair.model import PressureFrames, Progress
-from midair.rig import array_of_kind, loop, record, write_report
+from midair.model import Palm, PressureFrames, Progress, Provenance
+from midair.rig import VirtualRig, array_of_kind, loop, palm_of_drive, played_chain, record, write_report
 from midair.settings import CHOICES, MODES, Mode, Settings, spelt
 from midair.studio.jobs import Progressed
 from midair.study import StudyFolder, Template, gather, read_design, template_text
@@ -125,21 +125,55 @@ def brought_together(original: str, again: str) -> tuple[PressureFrames, Pressur
     What was played is compared as a perfect rig would give it back: through the band once more.
     """
     take = open_take(again)
-    provenance = take.recording.provenance
-    settings = Settings.of(provenance) or Settings()
-    source = open_take(original)
+    settings = Settings.of(take.recording.provenance) or Settings()
+    before, asked = _asked_of(original, take.recording.provenance, settings)
+    virtual = take.calibration is not None and take.calibration.provenance.simulated
+    heard = felt(take.recording, take.calibration, settings, from_rest=virtual)
+    first = (asked.frames - before.frames) // 2
+    reference = without_lead(heard_perfectly(asked), before.frames)
+    return reference, replace(heard, pressure=heard.pressure[first : first + before.frames]), settings
+
+
+def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]:
+    """What a palm of 85 mm gets of a take's drive on the virtual rig, of its first seconds if it is long."""
+    take, file = order
+    stamp = f"{Path(file).stat().st_mtime_ns:x}"
+    drive = load_solution(file).drive
+    settings = Settings.of(drive.provenance) or Settings()
+    before, asked = _asked_of(take, drive.provenance, settings)
+    lead = (asked.frames - before.frames) // 2 / asked.rate
+    judged = min(before.frames / before.rate, _PALM_SECONDS)
+    played = min(round((lead + judged) * drive.rate), drive.frames)
+    first = replace(drive, phase=drive.phase[:played], level=drive.level[:played])
+    rig = VirtualRig(cells=before.sensor, height=settings.target.grid.height).hearing(settings.calibration.band)
+    found = palm_of_drive(
+        asked.cut(0.0, played / drive.rate),
+        first,
+        Palm.disc(),
+        chain=played_chain(first, rig),
+        rig=rig,
+        judged=(lead, judged),
+        band=settings.calibration.band,
+        progress=_stage("pressing on a palm", progress),
+    )
+    rows = [[name.removeprefix("palm: "), _figure(value, unit)] for name, (value, unit) in found.figures().items()]
+    return {"stamp": stamp, "palm": found.palm, "seconds": judged, "rows": rows}
+
+
+_PALM_SECONDS = 2.0
+"""Of a drive: a palm has a thousand points."""
+
+
+def _asked_of(take: str, provenance: Provenance, settings: Settings) -> tuple[PressureFrames, PressureFrames]:
+    """The part of a take that a drive's life says it is of, and the same with the lead that it was solved with."""
+    source = open_take(take)
     before = felt(source.recording, source.calibration, settings)
     cut = next((step.settings for step in reversed(provenance.steps) if step.stage == "cut"), {})
     start, duration = cut.get("start_s"), cut.get("duration_s")
     if isinstance(start, int | float) and isinstance(duration, int | float):
         before = before.cut(float(start), float(duration))
     lead = next((step.settings["lead_s"] for step in provenance.steps if step.stage == "lead"), 0.0)
-    asked = led_in(before, float(lead) if isinstance(lead, int | float) else 0.0)
-    virtual = take.calibration is not None and take.calibration.provenance.simulated
-    heard = felt(take.recording, take.calibration, settings, from_rest=virtual)
-    first = (asked.frames - before.frames) // 2
-    reference = without_lead(heard_perfectly(asked), before.frames)
-    return reference, replace(heard, pressure=heard.pressure[first : first + before.frames]), settings
+    return before, led_in(before, float(lead) if isinstance(lead, int | float) else 0.0)
 
 
 def report_loop(order: tuple[SolveWish, str], progress: Progressed) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from midair.studio.desk import Desk, Page
 from midair.studio.jobs import Jobs, StudioJob
 from midair.studio.rooms.reproduce_room import TakeNamed
 from midair.studio.takes_list import TakesList
-from midair.studio.work import compare_takes
+from midair.studio.work import compare_takes, palm_of_take
 
 
 class CompareRoom:
@@ -30,9 +30,11 @@ class CompareRoom:
     def __init__(self, desk: Desk, takes: TakesList, jobs: Jobs, played: Any, later: Any) -> None:
         self._desk, self._takes, self._jobs, self._later = desk, takes, jobs, later
         self._found: dict[str, Any] = {}
+        self._palms: dict[str, Any] = {}
         desk.offer("compare", "compare", self.compare, TakeNamed)
+        desk.offer("compare", "palm", self.palm, TakeNamed)
         played.played.append(self._played)
-        desk.put(comparisons={})
+        desk.put(comparisons={}, palms={})
 
     def compare(self, _: Page, order: TakeNamed) -> dict[str, int]:
         """Compare a take with what was re-recorded of it."""
@@ -40,6 +42,25 @@ class CompareRoom:
         if not again.exists():
             raise InputError(f"{order.take}: expected a take that was played and re-recorded; play it first")
         return {"job": self._start(order.take).number}
+
+    def palm(self, _: Page, order: TakeNamed) -> dict[str, int]:
+        """Simulate what a whole palm gets of a take's drive."""
+        drive = self._takes.beside(order.take, ".drive.h5")
+        if not drive.exists():
+            raise InputError(f"{order.take}: expected a take that was solved; solve it first")
+        job = self._jobs.add(
+            f"the palm under {order.take}",
+            palm_of_take,
+            (str(self._takes.path(order.take)), str(drive)),
+            room="compare",
+            ended=lambda job: self._later(self._pressed, order.take, job),
+        )
+        return {"job": job.number}
+
+    def _pressed(self, take: str, job: StudioJob) -> None:
+        if job.state == "done":
+            self._palms = {**self._palms, take: job.result}
+            self._desk.put(palms=self._palms)
 
     def _played(self, take: str) -> None:
         """What was just played is compared without being asked."""

@@ -11,7 +11,7 @@ export class Compare {
     this.link = studio.link;
     this.name = studio.address.take;
     this._build();
-    this._offs = [this.link.on("takes", () => this._takes()), this.link.on("comparisons", () => this._takes()), this.link.on("jobs", () => this.control())];
+    this._offs = [this.link.on("takes", () => this._takes()), this.link.on("comparisons", () => this._takes()), this.link.on("palms", () => this.control()), this.link.on("jobs", () => this.control())];
   }
   leave() { this.left = true; for (const off of this._offs) off(); this._close(); }
   moved({ take }) { if (take && take !== this.name) { this.name = take; this.found = null; this._takes(); } }
@@ -20,24 +20,28 @@ export class Compare {
     this.list = make("ul.takes");
     this.compare = make("button", { type: "button", onclick: () => tried(this.link.order("compare", "compare", { take: this.name })) }, "Compare again");
     this.report = make("button", { type: "button", id: "report", title: "the whole loop on the virtual rig, with a correction: solve, play, re-record, correct, compare", onclick: () => tried(this.link.order("compare", "report", { take: this.name, method: "live", level: "auto" })) }, "Make the report");
+    this.palm = make("button", { type: "button", id: "palm", title: "what a palm of 85 mm gets of the drive beside the cells: simulated, in seconds", onclick: () => tried(this.link.order("compare", "palm", { take: this.name })) }, "The whole palm");
+    this.pressed = make("div");
     this.apply = make("button.main", { type: "button", onclick: () => this._apply() }, "Apply");
     this.shown = make("a", { target: "_blank", rel: "noopener", hidden: true, id: "to-report" }, "Open the report");
     this.suggested = make("div");
     this.traces = make("div.box");
     this.spectrum = make("div.box");
-    this.card = make("div.card");
+    this.card = make("div");
     this.tracesPanel = panel("Cells, Pa", make("span.legend", {}, make("span", {}, "original"), make("span", {}, "re-recorded")), this.traces);
     this.spectrumPanel = panel("Spectrum", "", this.spectrum);
     this.studio.main.append(make("div.compare", {},
       make("div.column.left", {}, Object.assign(panel("Takes", null, this.list), { className: "panel grow" }),
-        panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)), panel("Report", null, make("div.buttons", {}, this.compare, this.report), this.shown)),
+        panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)), panel("Report", null, make("div.buttons", {}, this.compare, this.palm, this.report), this.shown)),
       make("div.middle", {}, this.tracesPanel, this.spectrumPanel),
-      panel("What differs", null, this.card)));
+      panel("What differs", null, make("div.card", {}, this.pressed, this.card))));
   }
   control() {
     const row = this.link.state.takes?.find((each) => each.name === this.name), controls = this.link.controls;
     this.compare.disabled = !controls || !row?.played;
     this.report.disabled = !controls || !row;
+    this.palm.disabled = !controls || !row?.solved;
+    this._pressed(row);
     this.apply.disabled = !controls || !this.found?.suggested_gain;
     this.shown.hidden = !row?.report;
     this.shown.href = row?.sample ? `/file/${encodeURI(this.name)}.report.html` : `/file/${encodeURI(this.name.replace(/\.\w+$/, ""))}.report.html`;
@@ -51,6 +55,12 @@ export class Compare {
     if (found && found !== this.found) this._show(found);
     if (!found) { this.found = null; this._close(); this._empty(takes.find((row) => row.name === this.name)); }
     this.control();
+  }
+  _pressed(row) {
+    const palm = this.link.state.palms?.[this.name];
+    // Of another drive than the one that is there now, it is told no more.
+    this.pressed.replaceChildren(...(palm && palm.stamp === row?.stamp.split("-")[1] ? [make("h3", {}, "What a whole palm gets ", make("strong.simulated", {}, "SIMULATED")), rows(palm.rows),
+      make("p.quiet", {}, `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal over distortion of flat model skins, soft and stiff, on bone and deep: no person was asked`)] : []));
   }
   _empty(row) {
     const words = !row ? "no takes yet" : row.played ? "not compared in this session: press Compare again" : row.solved ? "play it first, in Reproduce: what the sensor hears is compared here" : "solve it first, then play it, in Reproduce";
