@@ -31,6 +31,12 @@ TOO_MUCH = 1.5
 """What they promise the other way: never further above it where sound is as loud as a drive makes it, in dB."""
 
 
+MEASURED = replace(
+    ARRAY, response=np.random.default_rng(9).uniform(0.7, 1.1, ARRAY.count) * np.exp(1j * np.arange(ARRAY.count))
+)
+"""Transducers of all phases and of some sizes."""
+
+
 def alone(place):
     return ExposureProfile(name="p", title="t", source="s", evidence="e", places=(place,))
 
@@ -94,6 +100,13 @@ def test_sound_that_is_loud_just_outside_the_cube_does_not_count():
     over = exposure(told, alone(place)).level[:, 0] - true
     assert over.max() < TOO_MUCH
     assert over.min() > -MISSED
+
+
+def test_a_focus_of_an_array_that_was_measured():
+    at = np.array(EAR.position)
+    told = drive(focus_phase(MEASURED, at)[None], array=MEASURED)
+    true = sound_level(np.abs(told.q @ transfer_matrix(at[None], MEASURED).T))[0, 0]
+    assert -MISSED < exposure(told, alone(EAR)).peak[0] - true < TOO_MUCH
 
 
 def hidden(told, wanted, place):
@@ -190,6 +203,7 @@ def test_places_that_only_advise_are_looked_at_in_27_points():
         (ARRAY, Acoustics(medium=Medium.at(temperature=30.0))),
         (ARRAY, Acoustics(directivity="piston")),
         (TransducerArray(position=np.zeros((1, 3)), normal=np.array([[0.0, 0.0, 1.0]])), Acoustics()),
+        (MEASURED, Acoustics()),
     ],
 )
 def test_other_arrays_and_airs(array, acoustics):
@@ -211,6 +225,7 @@ def test_arrays_of_the_same_numbers_share_a_search_and_others_do_not():
         replace(ARRAY, frequency=41e3),
         replace(ARRAY, position=ARRAY.position + 1e-4),
         replace(ARRAY, normal=-ARRAY.normal),
+        MEASURED,
     ):
         assert cube_search(small(), other, Acoustics()) is not cube_search(small(), ARRAY, Acoustics())
 

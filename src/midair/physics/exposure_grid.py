@@ -132,4 +132,5 @@ def slow_field(share: Array, place: Place, array: TransducerArray, acoustics: Ac
         angle = (2 * np.pi * (turns - np.rint(turns))).astype(np.float32)
         field.real[part] = magnitude[part] * np.cos(angle)
         field.imag[part] = magnitude[part] * np.sin(angle)
-    return field
+    # The magnitude above has the size of what was measured, and not yet by how much each transducer is ahead.
+    return field if array.alike else field * np.exp(1j * np.angle(array.response)).astype(np.complex64)

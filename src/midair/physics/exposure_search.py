@@ -154,7 +154,7 @@ class _Alike:
     def numbers(self) -> tuple[object, ...]:
         """All that sound in the air depends on."""
         one = self.array
-        return one.position.tobytes(), one.normal.tobytes(), one.pressure, one.frequency
+        return one.position.tobytes(), one.normal.tobytes(), one.pressure, one.frequency, one.response.tobytes()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Alike) and self.numbers == other.numbers
