@@ -1,6 +1,7 @@
 """The application without its processes: what it answers, and what it refuses."""
 
 import json
+import re
 import warnings
 
 import numpy as np
@@ -11,6 +12,7 @@ from midair.datasets import stroke
 from midair.files import save
 from midair.model import Provenance, Recording
 from midair.studio import Studio, StudioPlan
+from midair.view import unpack
 
 with warnings.catch_warnings():
     # Starlette would rather have another client library, which is not needed otherwise.
@@ -94,11 +96,35 @@ def test_the_page_and_all_its_files_come_from_here(client):
         assert client.get(name).status_code == 404
 
 
-def test_all_that_a_page_loads_is_small():
-    from midair.studio.application import OWN
-    from midair.view import WEB
+def test_all_that_a_page_loads_is_small_and_asked_for_at_once(client):
+    """Every module is named by the page, so that none waits for another that asks for it."""
+    page = client.get("/").text
+    wanted = set(re.findall(r'(?:href|src)="(/web/[^"]+)"', page))
+    scripts = {name for name in wanted if name.endswith(".js")}
+    imported = {name for script in scripts for name in re.findall(r'from "(/web/[^"]+)"', client.get(script).text)}
+    assert imported | {"/web/app.js"} == scripts
+    received = 0
+    for name in ["/", *wanted]:
+        with client.stream("GET", name, headers={"accept-encoding": "gzip"}) as answer:
+            assert answer.headers["content-encoding"] == "gzip"
+            received += sum(map(len, answer.iter_raw()))
+    assert received < 70_000
 
-    assert sum(path.stat().st_size for folder in (OWN, WEB) for path in folder.iterdir()) < 185_000
+
+def test_a_stroke_is_shown_before_there_is_a_sample_and_then_the_sample(studio, client, talk):
+    row = talk.state["whole"]["takes"][-1]
+    assert (row["name"], row["sample"], row["solved"]) == ("sample:towel", True, False)
+    facts = talk.order("reproduce", "open", take="sample:towel")["ok"]
+    assert (facts["frames"], facts["simulated"], facts["stamp"]) == (1600, True, row["stamp"])
+    [section] = unpack(client.get("/frames/wanted/1", params={"take": "sample:towel"}).content)
+    assert (section.first, section.values.shape) == (1000, (600, 256))
+    assert "samples yet" in talk.order("reproduce", "solve", take="sample:towel")["error"]
+    studio.takes.path("towel.h5").rename(studio.takes.samples / "towel.h5")
+    studio.reproduce.show()
+    talk.order("play", "stop")
+    [made] = talk.state["whole"]["takes"]
+    assert made["name"] == row["name"]
+    assert made["stamp"] != row["stamp"]
 
 
 def test_whoever_has_no_cookie_gets_nothing(studio):

@@ -22,18 +22,21 @@ from midair.files import DEFAULT_PROFILE
 from midair.studio.asking import asked
 from midair.studio.desk import LARGEST_ORDER, Desk, Page
 from midair.studio.doorkeeper import Doorkeeper, DoorKeys
+from midair.studio.first_stroke import FirstStroke
+from midair.studio.folders import OneFolder
 from midair.studio.jobs import Jobs, StudioJob
-from midair.studio.one_folder import OneFolder
 from midair.studio.player import PlayerPlan
 from midair.studio.rooms import CalibrateRoom, CompareRoom, LiveRoom, PlayingRoom, RecordRoom, ReproduceRoom, StudyRoom
 from midair.studio.scenes import TakeScene, frames_of
 from midair.studio.takes_list import TakesList
+from midair.studio.web_files import WebFiles
 from midair.studio.work import make_sample, settings_form, warm_up
 from midair.version import __version__
 from midair.view import TABLES, WEB, colour_table
 
 OWN = Path(__file__).parent / "web"
-_TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
+AFTER = 0.5
+"""Seconds from the first page on until the array is opened: its picture comes first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,16 +76,19 @@ class Studio:
         self.plan, self.keys = plan, DoorKeys(port=port)
         self.folder = OneFolder.at(plan.folder)
         self.takes = TakesList(self.folder, samples)
+        self.first = FirstStroke.load()
+        self._files = WebFiles.of((OWN, WEB))
         self.desk = Desk(lambda: self.playing.sounding)
         self.loop: asyncio.AbstractEventLoop | None = None
         self.jobs = Jobs(self._job_changed, name="work", warm=warm_up)
         self.reading = Jobs(_nobody, name="reading")
         self._shown: dict[int, StudioJob] = {}
         self._kept: dict[tuple[str, str, int], bytes] = {}
+        self._began = False
         token = secrets.token_urlsafe(24)
         player = PlayerPlan(device=plan.device, seed=plan.seed, token=token)
         self.playing = PlayingRoom(self.desk, self.takes, player, self.later, profile=DEFAULT_PROFILE)
-        self.reproduce = ReproduceRoom(self.desk, self.takes, self.jobs, self.reading, self.later)
+        self.reproduce = ReproduceRoom(self.desk, self.takes, self.jobs, self.reading, self.later, self.first.facts)
         self.compare = CompareRoom(self.desk, self.takes, self.jobs, self.playing, self.later)
         self.record = RecordRoom(self.desk, self.takes, plan.sensor, plan.seed, self.later, self.reproduce.show)
         CalibrateRoom(self.desk, self.takes, self.reading)
@@ -117,14 +123,16 @@ class Studio:
         """Processes are started as the server is, and ended with it."""
         self.loop = asyncio.get_running_loop()
         self.reading.start()
+        # Takes a moment to load, while the browser opens.
+        tables = asyncio.gather(*(asyncio.to_thread(colour_table, name) for name in TABLES))
         # The first one is shown, and solved, while the others are made.
         for thing in ("towel", "brush", "sponge"):
             order = (str(self.takes.samples), thing)
             self.reading.add(f"sample {thing}", make_sample, order, ended=lambda _: self.later(self._sampled))
-        self.playing.start(self.origins)
         try:
             yield
         finally:
+            tables.cancel()
             self.live.close()
             self.study.close()
             self.playing.close()
@@ -147,6 +155,12 @@ class Studio:
         app = Starlette(routes=routes, lifespan=self.running)
         return Doorkeeper(app, self.keys, stop_port=self.playing.port)
 
+    def _begin(self) -> None:
+        """Somebody looks: the array is opened, after the picture that is seen first."""
+        if self.loop is not None and not self._began:
+            self._began = True
+            self.loop.call_later(AFTER, self.playing.start, self.origins)
+
     def _sampled(self) -> None:
         self.reproduce.show()
         self.reproduce.solve_sample()
@@ -164,20 +178,14 @@ class Studio:
         now = time.monotonic()
         self.desk.put(jobs=[each.told(now) for each in self._shown.values()])
 
-    async def _index(self, _: Request) -> Response:
-        return FileResponse(OWN / "index.html", media_type="text/html")
+    async def _index(self, request: Request) -> Response:
+        return self._files.answer(request, "index.html")
 
-    async def _icon(self, _: Request) -> Response:
-        return FileResponse(OWN / "icon.svg", media_type=_TYPES[".svg"])
+    async def _icon(self, request: Request) -> Response:
+        return self._files.answer(request, "icon.svg")
 
     async def _web(self, request: Request) -> Response:
-        name = request.path_params["name"]
-        for folder in (OWN, WEB):
-            # Only what is there by exactly this name: no path is put together from what was sent.
-            found = {path.name: path for path in folder.iterdir() if path.suffix in _TYPES}
-            if name in found:
-                return FileResponse(found[name], media_type=_TYPES[found[name].suffix])
-        return PlainTextResponse("not there\n", 404)
+        return self._files.answer(request, request.path_params["name"])
 
     async def _colours(self, request: Request) -> Response:
         name = request.path_params["name"]
@@ -194,6 +202,8 @@ class Studio:
         if stream not in ("samples", "wanted", "played", "phases", "original", "again"):
             return PlainTextResponse("not there\n", 404)
         try:
+            if self.takes.comes(take):
+                return Response(self.first.streams.get((stream, second), b""), media_type="application/octet-stream")
             scene = self.takes.scene(take)
             key = (f"{scene.take} {scene.stamp}", stream, second)
             if key not in self._kept:
@@ -240,6 +250,7 @@ class Studio:
         """One page, until it goes."""
         await socket.accept()
         page = self.desk.enter(socket)
+        self._begin()
         sending = asyncio.create_task(_send(page))
         orders: set[asyncio.Task[None]] = set()
         try:

@@ -3,16 +3,15 @@
 import os
 import socket
 import sys
-import tempfile
 import webbrowser
 from collections.abc import Callable
-from pathlib import Path
 
 import uvicorn
 
 from midair.errors import DeviceError, InputError
 from midair.studio.application import Studio, StudioPlan
 from midair.studio.desk import LARGEST_ORDER
+from midair.studio.folders import folder_of_session
 
 
 def listen(port: int) -> socket.socket:
@@ -64,8 +63,8 @@ def open_studio(
     # One BLAS thread in every process that is started from here: several spin, and hold up the feed for seconds.
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    with listen(port) as listening, tempfile.TemporaryDirectory(prefix="midair-studio-") as samples:
-        studio = Studio(plan, Path(samples), listening.getsockname()[1])
+    with listen(port) as listening, folder_of_session() as samples:
+        studio = Studio(plan, samples, listening.getsockname()[1])
         config = uvicorn.Config(
             studio.application(),
             log_level="warning",

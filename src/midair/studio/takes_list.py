@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from midair.errors import InputError
-from midair.studio.one_folder import OneFolder
+from midair.studio.first_stroke import FIRST
+from midair.studio.folders import OneFolder
 from midair.studio.scenes import TakeScene
 
 SAMPLE = "sample:"
@@ -13,6 +14,9 @@ SAMPLE = "sample:"
 
 _ENDINGS = (".drive.h5", ".rerecorded.h5", ".calibration.h5", ".array.h5")
 """Of files that are no takes."""
+
+_NOT_YET = ("solved", "played", "compared", "report")
+"""What can be said of a take that is not there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +39,14 @@ class TakesList:
         own = [name for name in self.folder.names(".h5") if not name.endswith(_ENDINGS)]
         own += [name for ending in (".csv", ".wav", ".npz") for name in self.folder.names(ending)]
         samples = [SAMPLE + path.stem for path in self._sample_files()]
-        return [self._row(name) for name in [*own, *samples]]
+        rows = [self._row(name) for name in own]
+        if self.comes(SAMPLE + FIRST):
+            rows.append({**dict.fromkeys(_NOT_YET, False), "name": SAMPLE + FIRST, "sample": True, "stamp": "first"})
+        return [*rows, *(self._row(name) for name in samples)]
+
+    def comes(self, name: str) -> bool:
+        """Whether this is the sample of which the first stroke is shown until its file is there."""
+        return name == SAMPLE + FIRST and not (self.samples / f"{FIRST}.h5").exists()
 
     def path(self, name: str) -> Path:
         """The recording of a name.

@@ -1,5 +1,6 @@
 """Room Reproduce: takes, how a drive is made of one, and the job that makes it."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -70,11 +71,15 @@ class ReproduceRoom:
         The queue of long work, and that of quick looks into files.
     later : callable
         Has something done on the desk's loop, from any thread.
+    first : mapping
+        Facts of the stroke that is shown before there is a sample.
     """
 
-    def __init__(self, desk: Desk, takes: TakesList, jobs: Jobs, reading: Jobs, later: Any) -> None:
+    def __init__(
+        self, desk: Desk, takes: TakesList, jobs: Jobs, reading: Jobs, later: Any, first: Mapping[str, Any]
+    ) -> None:
         self._desk, self._takes, self._jobs, self._reading, self._later = desk, takes, jobs, reading, later
-        self._sampled = False
+        self._sampled, self._first = False, first
         desk.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
         desk.offer("reproduce", "solve", self.solve, HowMade)
         desk.offer("compare", "report", self.report, HowMade)
@@ -87,6 +92,8 @@ class ReproduceRoom:
 
     async def open(self, _: Page, order: TakeNamed) -> Any:
         """Facts of a take."""
+        if self._takes.comes(order.take):
+            return {"stamp": "first", **self._first}
         scene = self._takes.scene(order.take)
         found = await asked(self._reading, f"reading {order.take}", facts_of, scene)
         return {"stamp": scene.stamp, **found}
@@ -114,7 +121,7 @@ class ReproduceRoom:
 
     def solve_sample(self) -> None:
         """Solve the first sample, so that there is something to see and to play from the first moment on."""
-        rows = [row for row in self._takes.rows() if row["sample"]]
+        rows = [row for row in self._takes.rows() if row["sample"] and not self._takes.comes(row["name"])]
         if rows and not rows[0]["solved"] and not self._sampled:
             self._sampled = True
             sample = HowMade(take=rows[0]["name"], method="live", level="auto")

@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
 from midair.studio.desk import Desk, Nothing, Page
+from midair.studio.folders import OneFolder
 from midair.studio.jobs import Jobs, StudioJob
-from midair.studio.one_folder import OneFolder
 from midair.studio.rooms.playing_room import PlayingRoom
 from midair.studio.work import StudyWish, draw_study
 from midair.study import Reply, Session, Stimulus, StudyFolder, Template

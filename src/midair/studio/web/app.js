@@ -10,10 +10,12 @@ import { Calibrate } from "/web/room-calibrate.js";
 import { Study } from "/web/room-study.js";
 import { Live } from "/web/room-live.js";
 import { jobsShown } from "/web/jobs.js";
+import { colours } from "/web/take.js";
 
 const ROOMS = { record: Record, calibrate: Calibrate, reproduce: Reproduce, compare: Compare, study: Study, live: Live };
 const by = (id) => document.getElementById(id);
 const link = new Link();
+for (const name of ["inferno", "twilight"]) colours(name); // asked for now, needed for the first picture
 const main = by("main"), footer = by("transport");
 
 export const studio = {

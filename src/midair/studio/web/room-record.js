@@ -82,7 +82,6 @@ export class Record {
     else if (take) this.done.replaceChildren(make("p", {}, `${take.name}: ${take.duration_s.toFixed(2)} s, ${take.frames} frames, ${take.lost} lost`), rows(take.problems),
       make("a", { href: `#reproduce/${encodeURI(take.name)}`, id: "to-reproduce" }, "Look at it in Reproduce"));
     if (about && this._aboutOf !== about.sensor + about.rate_hz) { this._aboutOf = about.sensor + about.rate_hz; await this._pictures(about); }
-    if (this.spanned !== record.about) this.spanned = record.about;
   }
   async _pictures(about) {
     const inferno = await colours("inferno");

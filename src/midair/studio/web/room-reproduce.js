@@ -64,12 +64,13 @@ export class Reproduce {
   }
   control() {
     const controls = this.link.controls, player = this.link.state.player, row = this._row(this.take?.name);
-    this.solve.disabled = !controls || !this.take;
+    const comes = this.take?.stamp === "first";
+    this.solve.disabled = !controls || !this.take || comes;
     this.play.disabled = !controls || !row?.solved || player?.state !== "ready";
     this.play.title = !row?.solved ? "solve it first" : player?.state !== "ready" ? "the array is not ready" : "";
     this.add.disabled = !controls;
     const solving = (this.link.state.jobs ?? []).find((job) => job.room === "reproduce" && ["runs", "waits"].includes(job.state) && this.take && job.title.endsWith(this.take.name));
-    if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : "not solved yet: press Solve";
+    if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "comes in a moment" : "not solved yet: press Solve";
   }
   _row(name) { return this.link.state.takes?.find((row) => row.name === name); }
   _takes(takes) {

@@ -4,7 +4,7 @@ import os
 import pytest
 
 from midair.errors import InputError, MissingFileError
-from midair.studio.one_folder import OneFolder
+from midair.studio.folders import OneFolder
 
 
 @pytest.fixture

@@ -1,0 +1,6 @@
+"""The folders of a studio: the one that a person opened, and the one of the session."""
+
+from midair.studio.folders.one_folder import LARGEST, READABLE, OneFolder
+from midair.studio.folders.session_folder import PREFIX, folder_of_session, sweep
+
+__all__ = ["LARGEST", "PREFIX", "READABLE", "OneFolder", "folder_of_session", "sweep"]
