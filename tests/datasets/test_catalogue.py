@@ -1,13 +1,16 @@
 import hashlib
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from midair.datasets.catalogue import SAMPLES, sample, sample_path, samples
+from midair.calibration import calibrate
+from midair.datasets.catalogue import SAMPLES, credited, sample, sample_path, samples
 from midair.errors import InputError
 from midair.evaluate import perceptual_card
 from midair.files import open_take
 from midair.model import PressureFrames, SensorGrid
-from midair.recordings import Footprint, footprint_field
+from midair.recordings import Footprint, footprint_field, resample
 
 CONNECT = "58c8e304d9723d5dc18eca75b2597a96287577b939b3b49fa5027ffffc4291b8"
 REAL = [name for name, each in SAMPLES.items() if each.file]
@@ -27,9 +30,15 @@ def test_every_sample_has_its_licence_and_source_beside_it(name):
     assert commit in source
 
 
-def test_denim_is_the_original_byte_by_byte():
-    digest = hashlib.sha256(sample_path("denim").read_bytes()).hexdigest()
-    assert digest == "92d01b74784361b9f67fe6da5f8bcfbb89913d64fa8cbff90149de9b6f0524f4"
+@pytest.mark.parametrize(
+    ("name", "digest"),
+    [
+        ("denim", "92d01b74784361b9f67fe6da5f8bcfbb89913d64fa8cbff90149de9b6f0524f4"),
+        ("ridges", "f5b4f9dec5270de8fae13efdd1b6b2b52b09f19dafce875b87435635f9be8b3c"),
+    ],
+)
+def test_what_comes_along_is_the_original_byte_by_byte(name, digest):
+    assert hashlib.sha256(sample_path(name).read_bytes()).hexdigest() == digest
 
 
 def test_denim_is_a_real_recording_that_names_its_origin():
@@ -43,12 +52,60 @@ def test_denim_is_a_real_recording_that_names_its_origin():
     assert recording.provenance.notes["material"] == "Denim"
 
 
+def felt_by(recording):
+    """The card of a recording that comes back as it was."""
+    pressure = calibrate(recording)
+    return perceptual_card(pressure, pressure)
+
+
+def test_ridges_are_a_real_recording_that_can_be_felt_and_say_what_was_chosen():
+    recording = sample("ridges")
+    assert (recording.unit, recording.rate, recording.sensor.shape) == ("Pa", 1000, (4, 4))
+    assert not recording.provenance.simulated
+    assert float(np.abs(recording.samples).max()) == pytest.approx(60)
+    notes = recording.provenance.notes
+    assert notes["licence"] == "MIT"
+    assert "10.3389/fnbot.2022.808222" in notes["origin"]
+    assert "nobody measured it" in notes["level"]
+    assert "ten times as fast" in notes["speed"]
+    card = felt_by(recording)
+    assert card.verdict().startswith("A palm would feel it")
+    told = float(notes["felt"].split("yes, ")[1].split(" dB")[0])
+    assert card.figure("Pacinian power, original").overall == pytest.approx(told, abs=0.5)
+
+
+def test_ridges_come_every_four_millimetres_of_the_board_whatever_plays_them():
+    """2 mm of ridge and 2 mm of groove: 5 Hz at the robot's 20 mm/s, and 50 Hz ten times as fast."""
+    original, quick = open_take(sample_path("ridges")).recording, sample("ridges")
+    for recording, band, expected in ((original, (2.0, 15.0), 5.0), (quick, (20.0, 470.0), 50.0)):
+        change = np.asarray(recording.samples).reshape(recording.frames, -1)
+        change = change - np.median(change, axis=0)
+        power = np.abs(np.fft.rfft(change * np.hanning(len(change))[:, None], n=8 * len(change), axis=0)) ** 2
+        frequency = np.fft.rfftfreq(8 * len(change), 1 / recording.rate)
+        inside = (frequency > band[0]) & (frequency < band[1])
+        assert frequency[inside][power[inside].sum(axis=1).argmax()] == pytest.approx(expected, rel=0.02)
+
+
+def test_denim_is_not_felt_at_the_level_of_its_example_as_the_docs_say():
+    recording = sample("denim")
+    change = np.asarray(recording.samples) - np.median(recording.samples, axis=0)
+    slow = replace(recording, samples=30 * change / np.abs(change).max(), unit="Pa")
+    pressure = calibrate(resample(slow, 1000.0), band=(0.5, 15.0))
+    assert perceptual_card(pressure, pressure).verdict().startswith("A palm would not feel it")
+
+
+def test_a_file_of_a_sample_that_was_read_with_options_names_its_licence():
+    read = open_take(sample_path("connect"), scale=200.0).recording
+    assert "licence" not in read.provenance.notes
+    assert credited("connect", read).provenance.notes["licence"] == "Apache-2.0"
+
+
 def test_lists_what_there_is():
     assert [entry.name for entry in samples()] == list(SAMPLES)
 
 
 def test_refuses_an_unknown_name():
-    with pytest.raises(InputError, match="expected one of denim, connect, brush, sponge, towel, got 'velvet'"):
+    with pytest.raises(InputError, match="expected one of denim, connect, ridges, brush, sponge, towel, got 'velvet'"):
         sample("velvet")
 
 

@@ -1,6 +1,6 @@
 """Data to try things on: seeded synthetic strokes and stimuli, and real samples."""
 
-from midair.datasets.catalogue import SAMPLES, Sample, sample, sample_path, samples
+from midair.datasets.catalogue import SAMPLES, Sample, credited, sample, sample_path, samples
 from midair.datasets.patterns import binary_patterns, channel_amplitudes
 from midair.datasets.stimuli import Probe, Stimulus, am_stimulus, probe_signal
 from midair.datasets.strokes import Motion, Object, Texture, stroke
@@ -17,6 +17,7 @@ __all__ = [
     "am_stimulus",
     "binary_patterns",
     "channel_amplitudes",
+    "credited",
     "probe_signal",
     "sample",
     "sample_path",

@@ -1,15 +1,18 @@
 """Recordings that come with the package: real ones under a licence that lets them travel, and synthetic ones."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from midair.datasets.strokes import Object, stroke
 from midair.errors import InputError
 from midair.files import open_take
 from midair.model import Recording
+from midair.recordings import resample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +34,12 @@ class Sample:
     stroke : {"brush", "sponge", "towel"} or None
         The object of a synthetic one.
     peak : float or None
-        Its largest pressure, in Pa; as strong as the object makes it if None.
+        Its largest pressure, in Pa; as strong as the object makes it if None. Of a real one, the largest change of any
+        channel, which is chosen so that it can be felt: nobody measured it.
+    faster : float
+        So many times as fast as it was recorded.
+    notes : Mapping of str to str
+        What a person should know of it, beside licence and source.
     """
 
     name: str
@@ -41,6 +49,13 @@ class Sample:
     file: str = ""
     stroke: Object | None = None
     peak: float | None = None
+    faster: float = 1.0
+    notes: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    @property
+    def ready(self) -> bool:
+        """Whether it comes in Pa and can be solved as it is."""
+        return self.peak is not None or self.stroke is not None
 
 
 def _synthetic(name: Object, peak: float | None = None) -> Sample:
@@ -54,15 +69,17 @@ def _synthetic(name: Object, peak: float | None = None) -> Sample:
     )
 
 
+_FABRICSLIDE = (
+    "github.com/wngfra/FabricSlide at eceb7716027cd1bcb5e614927f4cc2d0904adb25; "
+    "Wang et al. 2022, doi 10.3389/fnbot.2022.808222"
+)
+
 SAMPLES: Mapping[str, Sample] = {
     "denim": Sample(
         name="denim",
         what="a 16-taxel capacitive finger slid over denim at 50 mm/s by a robot's arm, 35.6 Hz, raw counts",
         licence="MIT",
-        source=(
-            "github.com/wngfra/FabricSlide at eceb7716027cd1bcb5e614927f4cc2d0904adb25; "
-            "Wang et al. 2022, doi 10.3389/fnbot.2022.808222"
-        ),
+        source=_FABRICSLIDE,
         file="fabricslide/Denim_F180_V-50mmps_0.csv",
     ),
     "connect": Sample(
@@ -71,6 +88,21 @@ SAMPLES: Mapping[str, Sample] = {
         licence="Apache-2.0",
         source="github.com/google/audio-to-tactile at d3f449fdfd8cfe4a845d0ae244fce2a0bca34a15; no paper",
         file="audio_to_tactile/tactile_pattern_connect.wav",
+    ),
+    "ridges": Sample(
+        name="ridges",
+        what="a 16-taxel capacitive finger slid over a board with ridges of 2 mm by a robot's arm, ten times as fast",
+        licence="MIT",
+        source=_FABRICSLIDE,
+        file="fabricslide/Board2mm_F135_V-20mmps_0.csv",
+        peak=60.0,
+        faster=10.0,
+        notes={
+            "level": "chosen, so that it can be felt: the largest change of any taxel is 60 Pa; nobody measured it",
+            "speed": "recorded at 20 mm/s and 35.6 Hz, ten times as fast here, as if slid at 200 mm/s; at 5, 10, "
+            "20 and 30 mm/s the ridges come every 4.0 mm alike",
+            "felt": "yes, 10 dB over what is just felt on a palm, by a model of skin; not tried on people",
+        },
     ),
     # Bristles of smooth tips are felt least: by 1 dB as strong as the model makes them.
     "brush": _synthetic("brush", 60.0),
@@ -103,21 +135,44 @@ def sample(name: str) -> Recording:
     InputError
         If there is none of that name.
     """
-    known = _known(name)
-    if known.stroke is not None:
-        pressure = stroke(known.stroke, peak=known.peak)
-        recording = Recording(
-            samples=pressure.pressure,
-            rate=pressure.rate,
-            sensor=pressure.sensor,
-            unit="Pa",
-            provenance=pressure.provenance,
-        )
-    else:
-        recording = open_take(sample_path(name), **_OPENED.get(name, {})).recording
-    about = {"licence": SAMPLES[name].licence, "origin": SAMPLES[name].source}
-    life = replace(recording.provenance, notes={**recording.provenance.notes, **about})
+    about = _known(name)
+    return _named(_made(about) if about.stroke is not None else _read(about), about)
+
+
+def credited(name: str, recording: Recording) -> Recording:
+    """A recording that was read from `sample_path(name)`, with licence and source in its provenance."""
+    return _named(recording, _known(name))
+
+
+def _named(recording: Recording, about: Sample) -> Recording:
+    notes = {"licence": about.licence, "origin": about.source, **about.notes}
+    life = replace(recording.provenance, notes={**recording.provenance.notes, **notes})
     return replace(recording, provenance=life)
+
+
+def _made(about: Sample) -> Recording:
+    """A synthetic one."""
+    pressure = stroke(about.stroke or "towel", peak=about.peak)
+    return Recording(
+        samples=pressure.pressure,
+        rate=pressure.rate,
+        sensor=pressure.sensor,
+        unit="Pa",
+        provenance=pressure.provenance,
+    )
+
+
+def _read(about: Sample) -> Recording:
+    """A real one, as its file has it, or faster and at the level that was chosen."""
+    found = open_take(sample_path(about.name), **_OPENED.get(about.name, {})).recording
+    if about.peak is None:
+        return found
+    life = found.provenance.then("faster", {"times": about.faster, "from_hz": found.rate})
+    quick = resample(replace(found, rate=about.faster * found.rate, provenance=life), 1000.0)
+    change = np.asarray(quick.samples) - np.median(quick.samples, axis=0)
+    scale = about.peak / float(np.abs(change).max())
+    life = quick.provenance.then("level", {"pa_per_count": scale, "peak_pa": about.peak})
+    return replace(quick, samples=scale * change, unit="Pa", provenance=life)
 
 
 _OPENED: Mapping[str, Mapping[str, Any]] = {"connect": {"unit": "count"}}

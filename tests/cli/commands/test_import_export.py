@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import soundfile
 
+from midair.calibration import calibrate
 from midair.cli import run
 from midair.files import load, open_take
 
@@ -86,3 +87,34 @@ def test_a_clipped_wav_and_a_magnitude_are_named(capsys):
     np.save("b.npy", np.hypot(*RNG.normal(size=(2, 4000))))
     told = answer(capsys, "import", "b.npy", "b.h5", "--scale", "1Pa", "--rate", "1kHz")
     assert "magnitude" in " ".join(told["notes"])
+
+
+COARSE = ["--mode", "quick", "--points", "4", "--pitch", "11mm", "--guard", "0mm", "--duration", "0.2s"]
+
+
+def test_ridges_are_real_and_felt_and_info_says_so(capsys):
+    told = answer(capsys, "import", "sample:ridges")
+    assert not told["simulated"]
+    assert "licence: MIT" in told["notes"]
+    known = answer(capsys, "info", "ridges.h5")["notes"]
+    assert known["licence"] == "MIT"
+    assert known["felt"].startswith("yes")
+    assert "nobody measured it" in known["level"]
+
+
+@pytest.mark.slow
+def test_the_card_of_ridges_says_that_a_palm_would_feel_them(capsys):
+    assert run(["import", "sample:ridges"]) == 0
+    assert run(["solve", "ridges.h5", "--mode", "quick"]) == 0
+    assert answer(capsys, "compare", "ridges.h5", "ridges.drive.h5")["verdict"].startswith("A palm would feel it")
+
+
+def test_the_level_of_ridges_is_the_choice_of_who_plays_them():
+    assert run(["import", "sample:ridges", "loud.h5", "--peak", "90Pa"]) == 0
+    take = open_take("loud.h5")
+    assert np.abs(calibrate(take.recording, take.calibration).pressure).max() == pytest.approx(1.5 * 24, rel=0.05)
+
+
+def test_denim_names_its_licence_too(capsys):
+    assert "licence: MIT" in answer(capsys, "import", "sample:denim", "denim.h5")["notes"]
+    assert answer(capsys, "info", "denim.h5")["notes"]["licence"] == "MIT"

@@ -24,7 +24,7 @@ from midair.cli.terminal import (
     say_kept,
     scale_by,
 )
-from midair.datasets import SAMPLES, sample, sample_path
+from midair.datasets import SAMPLES, credited, sample, sample_path
 from midair.errors import InputError
 from midair.files import OpenedTake, format_of, load_pressure, open_take, repair
 from midair.recordings import GapFill, Mending
@@ -57,7 +57,8 @@ def import_command(
     ----------
     source
         The file; or what comes with midair: sample:brush, sample:sponge, sample:towel (synthetic strokes),
-        sample:connect (an effect), sample:denim (a real fabric, too slow to be felt).
+        sample:ridges (a real board of ridges, ten times as fast), sample:connect (an effect), sample:denim (a real
+        fabric, too slow to be felt).
     output
         The recording; the source's name with .h5 in this folder if not given.
     options
@@ -78,6 +79,7 @@ def import_command(
     Examples
     --------
     $ midair import sample:towel
+    $ midair import sample:ridges
     $ midair import sample:denim --peak 30Pa
     $ midair import towel.wav --scale 30Pa --footprint circle:20mm --speed 50mm/s
     $ midair import towel.wav pa.h5 --reference tone.wav --tone 94dB
@@ -148,16 +150,18 @@ def _take_in(
     json: bool,
 ) -> None:
     name = source.removeprefix("sample:") if source.startswith("sample:") else ""
-    synthetic = name in SAMPLES and SAMPLES[name].stroke is not None
-    if synthetic:
+    ready = name in SAMPLES and SAMPLES[name].ready
+    if ready:
         if options != FileOptions() or mending is not None:
-            raise InputError(f"{source}: expected no options of files, since it is made and not read; leave them out")
+            raise InputError(f"{source}: expected no options of files, since it comes as it is felt; leave them out")
         file = Path(name)
     else:
         file = sample_path(name) if source.startswith("sample:") else Path(source)
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
-    imported = OpenedTake(recording=sample(name)) if synthetic else bring(file, options, streamed=True, mending=mending)
+    imported = OpenedTake(recording=sample(name)) if ready else bring(file, options, streamed=True, mending=mending)
+    if name in SAMPLES:
+        imported, notes = _credited(name, imported), (*notes, *_known_of(name))
     calibration = imported.calibration
     stated = nominal_calibration(imported.recording, sensitivity, peak)
     pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
@@ -174,6 +178,20 @@ def _take_in(
     }
     say_kept(
         rows, figures, (*notes, *imported.report), lost, simulated=imported.recording.provenance.simulated, json=json
+    )
+
+
+def _credited(name: str, taken: OpenedTake) -> OpenedTake:
+    return replace(taken, recording=credited(name, taken.recording))
+
+
+def _known_of(name: str) -> tuple[str, ...]:
+    """What should be known of a sample, a line each."""
+    about = SAMPLES[name]
+    return (
+        f"licence: {about.licence}",
+        f"origin: {about.source}",
+        *(f"{key}: {it}" for key, it in about.notes.items()),
     )
 
 

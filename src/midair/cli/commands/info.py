@@ -108,7 +108,8 @@ def _told_of_take(source: Path) -> _FileFacts:
     life = recording.provenance
     pressure = load_pressure(source, streamed=True) if take.stored else None
     rows = [("recording", str(source)), ("source", life.source), *recording_rows(recording)]
-    rows.append(("calibration", calibrated_by(calibration)))
+    if recording.unit != "Pa" or calibration is not None:
+        rows.append(("calibration", calibrated_by(calibration)))
     if calibration is not None:
         rows.append(("calibration id", f"{calibration.identifier}, version {calibration.version}"))
         rows.append(("calibration date", calibration.date or "not written down"))
