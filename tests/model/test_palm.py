@@ -38,3 +38,22 @@ def test_palms_that_are_none_are_refused():
         Palm.within(np.zeros((2, 2)))
     with pytest.raises(InputError, match="diameter of the palm"):
         Palm.disc(0.0)
+
+
+def test_letters_draw_the_same_palm():
+    palm = Palm.within(np.array([[-20, -20], [20, -20], [0, 25]]) * 1e-3)
+    np.testing.assert_array_equal(Palm.of_rows(palm.rows, pitch=palm.pitch).inside, palm.inside)
+    assert set("".join(palm.rows)) == {"#", "."}
+    with pytest.raises(ShapeError, match="rows of one length, got 1 to 2"):
+        Palm.of_rows(("##", "#"))
+
+
+def test_a_wider_palm_is_wider_by_the_margin_on_all_sides():
+    corners = np.array([[-40, -10], [40, -10], [40, 10], [-40, 10]]) * 1e-3
+    palm = Palm.within(corners, pitch=2e-3).wider(10e-3, pitch=1e-3)
+    x, y = palm.grid(0.1).x, palm.grid(0.1).y
+    assert np.abs(x[palm.inside.any(axis=0)]).max() == pytest.approx(50e-3, abs=2e-3)
+    assert np.abs(y[palm.inside.any(axis=1)]).max() == pytest.approx(20e-3, abs=2e-3)
+    # Round at the corners.
+    assert not palm.inside[0, 0]
+    assert palm.inside.sum() * 1e-6 == pytest.approx(80e-3 * 20e-3 + 200e-3 * 10e-3 + np.pi * 10e-3**2, rel=0.05)

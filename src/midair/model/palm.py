@@ -75,6 +75,37 @@ class Palm:
         x, y = (centred(2 * int(half / pitch) + 1, pitch) for half in (half_x, half_y))
         return cls(inside=_enclosed(corners, *np.meshgrid(x, y)), pitch=pitch, name=name)
 
+    @classmethod
+    def of_rows(cls, rows: tuple[str, ...], *, pitch: float = 2.5e-3, name: str = "palm") -> "Palm":
+        """The palm that `rows` of another one draw.
+
+        Raises
+        ------
+        ShapeError
+            If the rows are of different lengths.
+        """
+        if len({len(row) for row in rows}) > 1:
+            raise ShapeError(f"palm: expected rows of one length, got {min(map(len, rows))} to {max(map(len, rows))}")
+        return cls(inside=np.array([[mark == "#" for mark in row] for row in rows]), pitch=pitch, name=name)
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """Its points in letters: # where skin is, a dot where none is."""
+        return tuple("".join("#" if skin else "." for skin in row) for row in self.inside)
+
+    def wider(self, margin: float, *, pitch: float) -> "Palm":
+        """Everything that is no farther than a margin from its skin, on points of another pitch; both in m."""
+        from scipy.spatial import cKDTree
+
+        skin = self.grid(1.0).position[self.inside.ravel(), :2]
+        # Half a pitch to the left of its first point it is skin, too.
+        reach = margin + self.pitch / 2
+        half_y, half_x = ((count - 1) / 2 * self.pitch + reach for count in self.inside.shape)
+        x, y = (centred(2 * int(half / pitch) + 1, pitch) for half in (half_x, half_y))
+        points = np.stack(np.meshgrid(x, y), axis=-1)
+        away, _ = cKDTree(skin).query(points)
+        return Palm(inside=np.asarray(away <= reach), pitch=pitch, name=self.name)
+
     def grid(self, height: float) -> ControlGrid:
         """The grid that `inside` is of, at a height above the array, in m."""
         rows, columns = self.inside.shape

@@ -9,7 +9,7 @@ from midair.errors import InputError
 from midair.model import Medium
 from midair.settings.mode import MODES
 from midair.settings.settings import Settings
-from midair.solvers import Guard, name_of
+from midair.solvers import Guard, QuietPalm, name_of
 from midair.targets import Circle
 
 
@@ -40,7 +40,8 @@ class Choice:
         for part in self.path.split("."):
             # What is off has no parts, and a guard that is given by its width alone is its own margin.
             value = getattr(value, part, value)
-        return value
+        # Of a palm with an outline people type the weight.
+        return value.weight if isinstance(value, QuietPalm) else value
 
     def put(self, settings: Settings, value: Any) -> Settings:
         """The settings with it.
@@ -56,6 +57,8 @@ class Choice:
         if group == "acoustics":
             chosen = _in_air(settings.acoustics.medium, inner[0], value) if name == "medium" else value
             return settings.but(acoustics=replace(settings.acoustics, **{name: chosen}))
+        if name == "quiet_palm" and value > 0 and isinstance(settings.solver.quiet_palm, QuietPalm):
+            value = replace(settings.solver.quiet_palm, weight=value)
         if not inner:
             return settings.but(**{name: value})
         part = getattr(getattr(settings, group), name)
@@ -164,7 +167,7 @@ CHOICES: tuple[Choice, ...] = (
     Choice(
         name="quiet-palm",
         path="solver.quiet_palm",
-        help="Weight of the sound on a palm of 100 mm around the control points: 0.1 is much.",
+        help="Weight of the sound on a palm, 100 mm or --palm, around the points: 0.1 is much.",
     ),
     Choice(
         name="backend",

@@ -10,7 +10,7 @@ from midair.errors import BrokenFileError, InputError
 from midair.files import from_plain, read_toml, to_plain, whole_file
 from midair.model import Acoustics, ArrayCalibration, ControlGrid, Medium, Provenance, Setting
 from midair.physics import TransducerDynamics
-from midair.solvers import Amplitudes, Fit, Guard, Method, name_of
+from midair.solvers import Amplitudes, Fit, Guard, Method, QuietPalm, name_of
 from midair.solvers import solver as solver_of
 from midair.targets import Circle, Interpolated
 
@@ -126,8 +126,8 @@ class SolverSettings:
         Degrees Celsius by which the air may be colder or warmer than that of the settings; not in the paper.
     quiet_ears : float
         Weight of the sound at the ears of a person in front of the array; not in the paper.
-    quiet_palm : float
-        Weight of the sound on a palm around the control points; not in the paper.
+    quiet_palm : float or QuietPalm
+        Weight of the sound on a palm around the control points, or the term with an outline; not in the paper.
     backend : str or None
         What does the arithmetic of methods "fast" and "glide"; NumPy if None.
     jobs : int or None
@@ -144,7 +144,7 @@ class SolverSettings:
     smooth: float = 0.0
     robust: float = 0.0
     quiet_ears: float = 0.0
-    quiet_palm: float = 0.0
+    quiet_palm: float | QuietPalm = 0.0
     backend: str | None = None
     # Settings that differ in it alone give the same.
     jobs: int | None = field(default=None, compare=False)

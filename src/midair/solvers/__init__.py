@@ -12,7 +12,7 @@ from midair.solvers.methods import METHODS, TAKES, Method, name_of, solver
 from midair.solvers.ordering import read_as_solved, solve_parts, solve_piece
 from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
 from midair.solvers.solving import memory_of, solve
-from midair.solvers.terms import Cells, Fit, Guard, Windows
+from midair.solvers.terms import Cells, Fit, Guard, QuietPalm, Windows
 from midair.solvers.threads import one_blas_thread
 
 __all__ = [
@@ -31,6 +31,7 @@ __all__ = [
     "METHODS",
     "Piece",
     "Problem",
+    "QuietPalm",
     "Solver",
     "Start",
     "TAKES",

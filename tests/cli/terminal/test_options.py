@@ -6,7 +6,7 @@ import pytest
 from midair.cli import run
 from midair.cli.terminal.options import BandOptions, SolveOptions, paper_beside, way_of
 from midair.errors import InputError
-from midair.files import load_solution
+from midair.files import load_palm, load_solution
 from midair.model import Acoustics, ControlGrid, Medium
 from midair.settings import MODES, Settings, best_mode
 from midair.solvers import Guard
@@ -138,3 +138,52 @@ def test_the_paper_s_mode_beside_another_is_the_paper_s_in_the_same_room():
 def test_beside_the_paper_s_mode_stands_nothing():
     assert paper_beside(SolveOptions(mode="paper")) is None
     assert way_of(SolveOptions(mode="paper")) == "the paper's mode"
+
+
+SMALL = [
+    "--mode",
+    "paper",
+    "--points",
+    "6",
+    "--pitch",
+    "11mm",
+    "--method",
+    "fast",
+    "--iterations",
+    "2",
+    "2",
+    "--duration",
+    "10ms",
+    "--lead",
+    "0s",
+]
+
+
+def test_a_hand_of_a_picture_is_kept_quiet(stroke, tmp_path):
+    from matplotlib.image import imsave
+
+    dark = np.ones((60, 90, 3))
+    dark[5:55, 5:85] = 0.0
+    imsave(tmp_path / "hand.png", dark)
+    (tmp_path / "hand.toml").write_text('picture = "hand.png"\nwidth_mm = 120', encoding="utf-8")
+    words = ["--quiet-palm", "0.2", "--palm", str(tmp_path / "hand.toml")]
+    assert run(["solve", str(stroke), str(tmp_path / "hand.drive.h5"), *SMALL, *words]) == 0
+    drive = load_solution(tmp_path / "hand.drive.h5").drive
+    term = Settings.of(drive.provenance).solver.quiet_palm
+    assert (term.weight, term.outline) == (0.2, load_palm(tmp_path / "hand.toml").rows)
+    assert stages(tmp_path / "hand.drive.h5")["solve"]["quiet_palm_outline"] == term.outline
+
+
+@pytest.mark.parametrize("command", ["solve", "loop", "sweep recordings x.zarr"])
+def test_an_outline_that_nobody_looks_at_is_refused(stroke, tmp_path, command, capsys):
+    (tmp_path / "hand.toml").write_text("disc_mm = 90", encoding="utf-8")
+    assert run([*command.split(), str(stroke), *SMALL[:-2], "--palm", str(tmp_path / "hand.toml")]) == 1
+    assert "--palm: expected --quiet-palm or --mode finest beside it" in capsys.readouterr().err
+
+
+def test_what_is_typed_names_the_hand(tmp_path):
+    (tmp_path / "hand.toml").write_text("disc_mm = 90", encoding="utf-8")
+    options = SolveOptions(mode="finest", palm=tmp_path / "hand.toml")
+    assert options.settings().solver.quiet_palm.outline
+    assert options.typed() == ["--mode", "finest", "--palm", str(tmp_path / "hand.toml")]
+    assert paper_beside(options).palm is None

@@ -46,6 +46,48 @@ def test_it_goes_along_with_a_grid_that_is_elsewhere():
     np.testing.assert_allclose(there, QuietPalm().rows(GRID, beside, Acoustics()), atol=1e-9 * np.abs(there).max())
 
 
+HAND = Palm.within(np.array([[-30, -30], [80, -30], [80, 30], [-30, 30]]) * 1e-3)
+"""To the right of the middle."""
+
+
+def beside(x):
+    """Points 60 to 80 mm beside the middle."""
+    place = np.stack(np.meshgrid(x * np.linspace(60e-3, 80e-3, 9), np.linspace(-25e-3, 25e-3, 21)), axis=-1)
+    return np.concatenate([place.reshape(-1, 2), np.full((place[..., 0].size, 1), GRID.height)], axis=1)
+
+
+def test_a_hand_is_quiet_where_it_lies():
+    drives = [
+        solve(target(), ARRAY, method="fast", quiet_palm=term).drive
+        for term in (QuietPalm(weight=0.3), QuietPalm.under(HAND, weight=0.3))
+    ]
+    right, left = ([np.mean(np.abs(propagate(each, beside(side))) ** 2) for each in drives] for side in (1.0, -1.0))
+    # The disc of 100 mm does not mind what is there, and the hand not what is at its other side.
+    assert 10 * np.log10(right[1] / right[0]) < -6
+    assert left[1] > 4 * right[1]
+    assert drives[1].provenance.steps[-1].settings["quiet_palm_outline"] == HAND.rows
+
+
+def test_a_hand_stays_where_it_is_and_its_margin_is_quiet_as_well():
+    moved = ControlGrid(rows=4, columns=4, pitch=11e-3, centre=(0.03, 0.0))
+    rows = [len(QuietPalm.under(HAND).rows(grid, ARRAY, Acoustics())) for grid in (GRID, moved)]
+    # Both squares lie on it whole: as many of its points are left.
+    assert rows[0] == pytest.approx(rows[1], rel=0.05)
+    term = QuietPalm.under(HAND)
+    area = (125 * 75 - 44**2) * 1e-6
+    assert rows[0] * term.pitch**2 == pytest.approx(area, rel=0.1)
+
+
+def test_settings_with_a_hand_can_be_written_down(tmp_path):
+    made = Settings().but(quiet_palm=QuietPalm.under(HAND, weight=0.2))
+    made.save(tmp_path / "hand.settings.toml")
+    assert Settings.load(tmp_path / "hand.settings.toml") == made
+    (choice,) = [each for each in CHOICES if each.name == "quiet-palm"]
+    assert choice.of(made) == 0.2
+    assert choice.put(made, 0.1).solver.quiet_palm == QuietPalm.under(HAND, weight=0.1)
+    assert choice.put(made, 0.0).solver.quiet_palm == 0.0
+
+
 def _parts(array):
     return {name: getattr(array, name) for name in array.__dataclass_fields__}
 
@@ -55,7 +97,8 @@ def _parts(array):
     [
         ("exact", 0.1, "quiet-palm"),
         ("fast", -0.1, "0 or more, got -0.1"),
-        ("fast", QuietPalm(diameter=40e-3), "a disc larger than the control points, got one of 40 mm"),
+        ("fast", QuietPalm(diameter=40e-3), "one larger than the control points, got a disc of 40 mm"),
+        ("fast", QuietPalm(outline=("###", "###"), margin=0.0), "one larger than the control points, got an outline"),
     ],
 )
 def test_what_cannot_be_is_refused(method, asked, says):

@@ -28,9 +28,8 @@ from midair.cli.terminal import (
 from midair.devices import SilencerChoice
 from midair.evaluate import Budget
 from midair.figures import budget_figure, png
-from midair.files import load_palm, open_take, whole_file
+from midair.files import open_take, whole_file
 from midair.flow import lead_of
-from midair.model import Palm
 from midair.rig import BudgetPlan, VirtualRig, error_budget, kept_in_band
 
 
@@ -43,7 +42,6 @@ def budget_command(
     start_at: Time = 0.0,
     duration: Annotated[float | None, quantity("s")] = None,
     silencer: SilencerChoice = "auto",
-    palm: Path | None = None,
     lead: Annotated[float | None, quantity("s")] = None,
     array_calibration: Path | None = None,
     seed: int = 0,
@@ -69,8 +67,6 @@ def budget_command(
         How much of the recording; all that is left if not given.
     silencer
         How the array spreads phase steps; auto is what midair sets on any.
-    palm
-        TOML with the outline of a palm, which is looked at beside the cells; a disc of 85 mm if not given.
     lead
         Time before and after it, to swell and fade; what the mapping needs if not given.
     array_calibration
@@ -97,7 +93,7 @@ def budget_command(
         rig=virtual,
         measured=None if array_calibration is None else measured,
         silencer=silencer,
-        palm=Palm.disc() if palm is None else load_palm(palm),
+        palm=options.outline(),
         lead=lead_of(settings) if lead is None else lead,
     )
     banner(True)

@@ -32,7 +32,7 @@ from midair.errors import InputError
 from midair.files import check_unclaimed, save, save_solution, whole_file
 from midair.flow import felt, lead_of
 from midair.headroom import level_of
-from midair.model import Calibration, Progress, Recording
+from midair.model import Calibration, Palm, Progress, Recording
 from midair.rig import Outcome, VirtualRig, capture_recording, open_rig, palm_of_loop, verdict, write_report
 from midair.rig import loop as go_round
 from midair.settings import Settings
@@ -49,6 +49,7 @@ class _Touched:
     start_at: float
     duration: float
     rig: VirtualRig
+    palm: Palm
 
     def typed(self) -> list[str]:
         """What a person types to choose the same part."""
@@ -105,7 +106,7 @@ def demo_command(
         raise InputError(
             f"--start-at, --duration: expected a part of {_STROKE} s, got {duration:g} s from {start_at:g} s on"
         )
-    piece = _Touched(object_name=object_name, start_at=start_at, duration=duration, rig=rig)
+    piece = _Touched(object_name=object_name, start_at=start_at, duration=duration, rig=rig, palm=options.outline())
     output.mkdir(parents=True, exist_ok=True)
     check_unclaimed(output / "stroke.h5")
     (output / "stroke.h5").unlink(missing_ok=True)
@@ -134,7 +135,9 @@ def _outcome(
     original = felt(recording, calibration, settings).cut(piece.start_at, piece.duration)
     with open_rig("virtual", height=settings.target.grid.height, seed=piece.rig.seed) as opened:
         loop = go_round(original, settings, opened, stage=paced)
-    return Outcome.of(loop, palm=palm_of_loop(loop, piece.rig, progress=paced("palm")), name=way_of(options))
+    return Outcome.of(
+        loop, palm=palm_of_loop(loop, piece.rig, piece.palm, progress=paced("palm")), name=way_of(options)
+    )
 
 
 def _works(settings: Settings, piece: _Touched) -> list[Work]:

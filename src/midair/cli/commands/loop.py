@@ -142,6 +142,7 @@ def loop_command(
     target = output or Path(source.name.removesuffix(source.suffix) + ".html")
     options = options or SolveOptions()
     settings = options.settings()
+    options.refuse_idle_palm()
     may_write(target, force, ".html")
     original = felt_part(source, settings, start_at, duration)
     chosen = rig or RigOptions()

@@ -88,6 +88,7 @@ def solve_command(
     """
     options = options or SolveOptions()
     settings = options.settings()
+    options.refuse_idle_palm()
     if placement is not None and array != "autd3":
         raise InputError(f"--placement: expected --array autd3, whose units it places, got {array}; leave one out")
     transducers = array_of_kind(array) if placement is None else load_placement(placement).array()

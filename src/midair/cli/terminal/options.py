@@ -13,8 +13,10 @@ from cyclopts import Parameter
 
 from midair.cli.terminal.quantities import quantity, spell
 from midair.errors import InputError
-from midair.files import load_solution
+from midair.files import load_palm, load_solution
+from midair.model import Palm
 from midair.settings import CHOICES, MODES, Choice, Mode, Settings, spelt
+from midair.solvers import QuietPalm
 
 Length = Annotated[float, quantity("m")]
 Frequency = Annotated[float, quantity("Hz")]
@@ -56,16 +58,37 @@ class _Chosen:
             low, high = (spell(each, "m") for each in PLAUSIBLE)
             height = spell(made.target.grid.height, "m")
             raise InputError(f"--height: expected {low} to {high} of a palm above the array, got {height}")
+        palm, weight = getattr(self, "palm", None), _weight(made)
+        if palm is not None and weight > 0:
+            made = made.but(quiet_palm=QuietPalm.under(load_palm(palm), weight=weight))
         if made.solver.jobs is None:
             made = made.but(jobs=_cores())
         return made
+
+    def refuse_idle_palm(self) -> None:
+        """Refuse an outline of which a command that looks at no palm would make nothing.
+
+        Raises
+        ------
+        InputError
+            If there is one and no quiet palm.
+        """
+        if getattr(self, "palm", None) is not None and _weight(self.settings()) == 0:
+            raise InputError("--palm: expected --quiet-palm or --mode finest beside it, got neither")
+
+    def outline(self) -> Palm:
+        """The palm that is looked at: a disc of 85 mm if nobody chose one."""
+        palm = getattr(self, "palm", None)
+        return Palm.disc() if palm is None else load_palm(palm)
 
     def typed(self) -> list[str]:
         """What a person types to choose the same."""
         words: list[str] = []
         mode, path = getattr(self, "mode", None), getattr(self, "settings_file", None)
         words += [] if mode is None else ["--mode", mode]
+        palm = getattr(self, "palm", None)
         words += [] if path is None else ["--settings", str(path)]
+        words += [] if palm is None else ["--palm", str(palm)]
         for choice in CHOICES:
             value = getattr(self, choice.name.replace("-", "_"), None)
             if isinstance(value, bool):
@@ -79,6 +102,12 @@ class _Chosen:
     def air_is_stated(self) -> bool:
         """Whether the air is a person's: by an option, or by the file that it is to be made like."""
         return getattr(self, "temperature", None) is not None or getattr(self, "settings_file", None) is not None
+
+
+def _weight(settings: Settings) -> float:
+    """Of the quiet palm."""
+    asked = settings.solver.quiet_palm
+    return asked.weight if isinstance(asked, QuietPalm) else asked
 
 
 def _word(value: Any, unit: str) -> str:
@@ -153,16 +182,21 @@ def _options(name: str, doc: str, names: Sequence[str] | None = None, *, modes: 
     if modes:
         mode = Parameter(
             name=("--mode", "-m"),
-            help="paper, best, quick (the best with fewer iterations) or finest (with a quiet palm); "
-            "single options go on top.",
+            help="paper, best, quick (fewer iterations) or finest (a quiet palm); single options go on top.",
             show_default=_fixed("best"),
         )
         path = Parameter(
             name="--settings", help="TOML of settings, or a drive, that it is to be made like.", show_default=False
         )
+        palm = Parameter(
+            name="--palm",
+            help="TOML with a palm's outline, in place of a disc.",
+            show_default=False,
+        )
         first = [
             ("mode", Annotated[Mode | None, mode], field(default=None)),
             ("settings_file", Annotated[Path | None, path], field(default=None)),
+            ("palm", Annotated[Path | None, palm], field(default=None)),
         ]
     otherwise: Literal["paper", "best"] = "best" if modes else "paper"
     rest = [(choice.name.replace("-", "_"), _parameter(choice, otherwise), field(default=None)) for choice in chosen]

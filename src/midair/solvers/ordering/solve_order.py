@@ -215,6 +215,8 @@ class SolveOrder:
             "temperature_c": acoustics.medium.temperature,
             "humidity": acoustics.medium.humidity,
         }
+        if self.quiet_palm is not None and self.quiet_palm.outline:
+            settings["quiet_palm_outline"] = self.quiet_palm.outline
         if self.ring is not None:
             settings |= {f"guard_{name}": value for name, value in _settings(self.ring).items()}
         return settings | {"array": self.own.array.name} | _settings(self.solver)

@@ -30,16 +30,34 @@ class QuietPalm:
         the millimetre.
     pitch : float
         Between the points that are looked at, in m; half a wavelength is 4.3 mm.
+    outline : tuple of str
+        In place of the disc, what `Palm.rows` of a hand over the middle of the array tell; letters, so that settings
+        can be written down.
+    outline_pitch : float
+        Between two letters, in m.
+    margin : float
+        How much farther than the outline it is to be quiet, in m.
     """
 
     weight: float = 0.1
     diameter: float = 100e-3
     pitch: float = 4.25e-3
+    outline: tuple[str, ...] = ()
+    outline_pitch: float = 2.5e-3
+    margin: float = 7.5e-3
 
     def __post_init__(self) -> None:
         positive(self.weight, "weight of the quiet palm")
         positive(self.diameter, "diameter of the quiet palm", "m")
         positive(self.pitch, "pitch of the quiet palm", "m")
+        positive(self.outline_pitch, "pitch of the quiet palm's outline", "m")
+        if not 0 <= self.margin < np.inf:
+            raise InputError(f"margin of the quiet palm: expected 0 m or more, got {self.margin:g} m")
+
+    @classmethod
+    def under(cls, palm: Palm, *, weight: float = 0.1) -> "QuietPalm":
+        """The term of a palm of any outline, which lies where it lies, whatever the control points do."""
+        return cls(weight=weight, outline=palm.rows, outline_pitch=palm.pitch)
 
     def rows(self, grid: ControlGrid, array: TransducerArray, acoustics: Acoustics) -> NDArray[np.complex128]:
         """Rows whose fields' squares add up to the mean of |p|^2 on the palm around a grid, (row, transducer), in Pa.
@@ -49,12 +67,22 @@ class QuietPalm:
         InputError
             If the grid covers the palm.
         """
-        palm = Palm.disc(self.diameter, pitch=self.pitch)
-        beyond = palm.beyond(grid.columns * grid.pitch / 2, grid.rows * grid.pitch / 2).ravel()
-        if not beyond.any():
+        points = self._skin(grid)
+        half = np.array([grid.columns, grid.rows]) * grid.pitch / 2
+        # A nanometre more: points on the edge itself must not depend on rounding.
+        points = points[(np.abs(points[:, :2] - np.asarray(grid.centre)) > half + 1e-9).any(axis=1)]
+        if not len(points):
+            said = "an outline" if self.outline else f"a disc of {1e3 * self.diameter:g} mm"
             raise InputError(
-                f"quiet palm: expected a disc larger than the control points, got one of {1e3 * self.diameter:g} mm "
+                f"quiet palm: expected one larger than the control points, got {said} "
                 f"around {1e3 * grid.columns * grid.pitch:g} x {1e3 * grid.rows * grid.pitch:g} mm"
             )
-        points = palm.grid(grid.height).position[beyond] + np.array([*grid.centre, 0.0])
         return transfer_matrix(points, array, acoustics=acoustics) / np.sqrt(len(points))
+
+    def _skin(self, grid: ControlGrid) -> NDArray[np.float64]:
+        """All points of the palm, shape (point, 3), in m."""
+        if self.outline:
+            palm = Palm.of_rows(self.outline, pitch=self.outline_pitch).wider(self.margin, pitch=self.pitch)
+            return palm.grid(grid.height).position[palm.inside.ravel()]
+        palm = Palm.disc(self.diameter, pitch=self.pitch)
+        return palm.grid(grid.height).position[palm.inside.ravel()] + np.array([*grid.centre, 0.0])

@@ -68,6 +68,8 @@ def recordings_command(
         raise InputError("sweep: expected recordings after the name of the sweep, got none")
     options = options or SolveOptions()
     variants = _variants(options, vary)
+    for _, chosen in variants:
+        chosen.refuse_idle_palm()
     if not any(text.startswith("temperature=") for text in vary):
         say_air(options.settings().acoustics.medium, stated=options.air_is_stated)
     trials = [_trial(source, name, chosen, start_at, duration) for name, chosen in variants for source in sources]
