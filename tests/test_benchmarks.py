@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-NO_PROGRAMS = {"clock", "live_outside", "targets", "yardstick", "peers", "limits", "sequence", "static"}
+NO_PROGRAMS = {"clock", "live_outside", "palm_floor", "targets", "yardstick", "peers", "limits", "sequence", "static"}
 """What the others are made of."""
 PROGRAMS = sorted(
     path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem[0] != "_" and path.stem not in NO_PROGRAMS
@@ -22,7 +22,10 @@ SMALLEST = {
     "benchmarks.playback": ["--seconds", ".02", "--rate", "4000"],
     "benchmarks.air": ["--heights", ".2", "--duration", ".002"],
     "benchmarks.reels": ["--rows", "small 0.1"],
-    "benchmarks.palm": ["--things", "noise", "denim", "towel", "--ways", "quiet palm 0.1", "--duration", ".06"],
+    "benchmarks.palm": [
+        *("--part", "table", "ears", "floor", "--things", "noise", "denim", "--ways", "finest", "--duration", ".06"),
+        *("--units", "4", "--strengths", ".1", "--starts", "1", "--frames", "8", "--iterations", "9"),
+    ],
     "benchmarks.live": ["--part", "bands", "run", "--frames", "1000", "--priority", "0"],
     "benchmarks.scale": ["--sizes", "1 4"],
     "benchmarks.studies": ["--studies", "2", "--part", "ratings", "errors", "--trials", "48"],
