@@ -3,13 +3,13 @@ import json
 import numpy as np
 import pytest
 
-from midair.evaluate import palm_fidelity
+from midair.evaluate import palm_fidelity, palm_frames
 from midair.model import Palm
-from midair.physics import Tissue
+from midair.physics import SKINS, SkinMotion, Tissue
 
 PALM, RATE, SQUARE = Palm.disc(60e-3, pitch=5e-3), 2000.0, (15e-3, 15e-3)
 BEYOND = PALM.beyond(*SQUARE)[PALM.inside]
-SKINS = {"soft": Tissue(), "layer": Tissue(depth=5e-3)}
+TWO_SKINS = {"soft": Tissue(), "layer": Tissue(depth=5e-3)}
 
 
 def waves(frames, points, seed):
@@ -28,7 +28,7 @@ def wanted():
 
 
 def judged(wanted, delivered, **more):
-    return palm_fidelity(wanted, delivered, PALM, rates=(RATE, RATE), square=SQUARE, skins=SKINS, **more)
+    return palm_fidelity(wanted, delivered, PALM, rates=(RATE, RATE), square=SQUARE, skins=TWO_SKINS, **more)
 
 
 def test_the_same_but_later_and_louder_is_whole(wanted):
@@ -68,3 +68,22 @@ def test_nothing_played_is_no_number_and_no_error(wanted):
     assert plain["sdr_pressure_db"] is None
     assert plain["palm"] == "disc of 60 mm"
     assert "SIMULATED" in repr(found)
+
+
+def test_frames_are_what_is_compared_moment_by_moment(wanted):
+    late = np.concatenate([np.zeros((8, wanted.shape[1])), 3.0 * wanted[:-8]])
+    found = palm_frames(
+        wanted, late, PALM, rates=(RATE, RATE), square=SQUARE, judged=(0.1, 0.1), band=(20.0, 450.0), skin="stiff, deep"
+    )
+    assert found.rate == 1000.0
+    assert found.wanted.shape == found.motion.shape == (100, *PALM.inside.shape)
+    assert np.isnan(found.delivered[:, ~PALM.inside]).all()
+    # As loud as what came, and when it came.
+    inside = (slice(None), PALM.inside)
+    np.testing.assert_allclose(found.wanted[inside], found.delivered[inside], atol=0.02 * np.nanmax(found.wanted))
+    np.testing.assert_allclose(found.wanted[inside], 3 * wanted[200:400:2], atol=0.1 * np.nanmax(found.wanted))
+    load = np.zeros((len(wanted), *PALM.inside.shape))
+    load[inside] = 3 * wanted
+    skin = SkinMotion.of(SKINS["stiff, deep"], PALM.inside.shape, pitch=PALM.pitch, rate=RATE, band=(20.0, 450.0))
+    moved = skin.displacement(load)[200:400:2]
+    np.testing.assert_allclose(found.motion[inside], moved[inside], atol=0.1 * np.abs(moved).max())

@@ -13,7 +13,7 @@ from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
 from midair.evaluate.stage_loss import Budget, StageLoss, StageOutput, budget
 from midair.evaluate.timbre import THIRD_OCTAVES, third_octaves
-from midair.evaluate.whole_palm import PalmFidelity, PressedPalm, palm_fidelity
+from midair.evaluate.whole_palm import PalmFidelity, PalmFrames, PressedPalm, palm_fidelity, palm_frames
 from midair.physics import printed_error, relative_error
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Leak",
     "Met",
     "PalmFidelity",
+    "PalmFrames",
     "PerceptualCard",
     "PressedPalm",
     "SkinModel",
@@ -44,6 +45,7 @@ __all__ = [
     "met",
     "pacinian_level",
     "palm_fidelity",
+    "palm_frames",
     "peak_position",
     "perceptual_card",
     "printed_error",

@@ -138,13 +138,8 @@ def palm_fidelity(
     skins : Mapping of str to Tissue
         What is to move.
     """
-    slow = _rate_for(band)
-    x, y = (
-        in_band(resample(each, rate, slow), slow, band) for each, rate in zip((wanted, delivered), rates, strict=True)
-    )
-    frames = min(len(x), len(y))
-    x, y = x[:frames], y[:frames]
-    y = advance(y, find_delay(x, y, slow, longest=min(0.05, (frames - 1) / slow)), slow)
+    x, y, slow = _together(wanted, delivered, rates, band)
+    frames = len(x)
     begin, duration = judged or (0.0, frames / slow)
     part = slice(round(begin * slow), round((begin + duration) * slow))
     beyond = palm.beyond(*square)[palm.inside]
@@ -163,6 +158,96 @@ def palm_fidelity(
             wanted=_mapped(x[part], palm), delivered=_mapped(y[part], palm), pitch=palm.pitch, square=square
         ),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PalmFrames:
+    """What pressed on a palm moment by moment, and how its skin moved.
+
+    Attributes
+    ----------
+    wanted, delivered : ndarray, shape (frame, row, column)
+        Pressure in the band, in Pa; NaN where there is no skin. What is wanted is as loud as what came, and comes
+        when that came.
+    wanted_motion, motion : ndarray, shape (frame, row, column)
+        How far the skin is pressed in, in m.
+    rate : float
+        In Hz.
+    pitch : float
+        Between the points, in m.
+    square : tuple of float
+        Half the sides of the square that the sensor covers, along x and y, in m.
+    skin : str
+        Name of the model skin.
+    """
+
+    wanted: Array
+    delivered: Array
+    wanted_motion: Array
+    motion: Array
+    rate: float
+    pitch: float
+    square: tuple[float, float]
+    skin: str
+
+
+def palm_frames(
+    wanted: Array,
+    delivered: Array,
+    palm: Palm,
+    *,
+    rates: tuple[float, float],
+    square: tuple[float, float],
+    judged: tuple[float, float] | None = None,
+    band: Band = (20.0, 470.0),
+    skin: str = "soft, deep",
+) -> PalmFrames:
+    """What `palm_fidelity` compares, as frames of about 1 kHz to be looked at.
+
+    Parameters
+    ----------
+    wanted, delivered, palm, rates, square, judged, band
+        As in `palm_fidelity`.
+    skin : str
+        Name of one of `physics.SKINS`.
+    """
+    x, y, rate = _together(wanted, delivered, rates, band)
+    # As loud as what came of it.
+    x = x * (float((x * y).sum()) / max(float((x**2).sum()), np.finfo(float).tiny))
+    begin, duration = judged or (0.0, len(x) / rate)
+    every = max(1, round(rate / max(1000.0, 2.2 * band[1])))
+    part = slice(round(begin * rate), round((begin + duration) * rate), every)
+    moved = (_moved(SKINS[skin], each, palm, rate, band) for each in (x, y))
+    x, y, wanted_motion, motion = (_spread(each[part], palm) for each in (x, y, *moved))
+    return PalmFrames(
+        wanted=x,
+        delivered=y,
+        wanted_motion=wanted_motion,
+        motion=motion,
+        rate=rate / every,
+        pitch=palm.pitch,
+        square=square,
+        skin=skin,
+    )
+
+
+def _together(wanted: Array, delivered: Array, rates: tuple[float, float], band: Band) -> tuple[Array, Array, float]:
+    """Both in the band and at one rate, the second without its delay; and that rate."""
+    slow = _rate_for(band)
+    x, y = (
+        in_band(resample(each, rate, slow), slow, band) for each, rate in zip((wanted, delivered), rates, strict=True)
+    )
+    frames = min(len(x), len(y))
+    x, y = x[:frames], y[:frames]
+    y = advance(y, find_delay(x, y, slow, longest=min(0.05, (frames - 1) / slow)), slow)
+    return x, y, slow
+
+
+def _spread(values: Array, palm: Palm) -> Array:
+    """Values of the skin on the palm's grid, NaN beside it."""
+    on_grid = np.full((len(values), *palm.inside.shape), np.nan)
+    on_grid[:, palm.inside] = values
+    return on_grid
 
 
 def _mapped(pressure: Array, palm: Palm) -> Array:

@@ -5,6 +5,7 @@ from midair.view.film import Film, ffmpeg, write_gif, write_mp4
 from midair.view.finer_field import Finer, finer, finer_points
 from midair.view.hearing import AudibleChannel, audible, heard_together
 from midair.view.pages import WEB, inlined, one_module, sealed, show_page, style
+from midair.view.palm_film import PalmMaps, film_of_palm
 from midair.view.showing import (
     Channels,
     Part,
@@ -25,6 +26,7 @@ __all__ = [
     "in_notebook",
     "framed_page",
     "heard_together",
+    "PalmMaps",
     "Part",
     "write_mp4",
     "write_gif",
@@ -48,6 +50,7 @@ __all__ = [
     "inlined",
     "one_module",
     "pack",
+    "film_of_palm",
     "phase_counts",
     "played_field",
     "sealed",

@@ -30,7 +30,7 @@ MOST_OF_A_GIF = 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Tile:
+class Tile:
     """A map that changes from frame to frame.
 
     Attributes
@@ -38,7 +38,7 @@ class _Tile:
     title : str
         Above it.
     values : callable
-        Takes a frame, gives (row, column), 0 or more.
+        Takes a frame, gives (row, column); NaN where there is nothing.
     top : float
         Value of the last colour.
     unit : str
@@ -47,6 +47,10 @@ class _Tile:
         Of the map, in m.
     share : float
         Of the map's side that the values cover, around its middle.
+    low : float
+        Value of the first colour.
+    square : tuple of float or None
+        Half the sides of a rectangle to be drawn around the middle, along x and y, in m.
     """
 
     title: str
@@ -55,6 +59,8 @@ class _Tile:
     unit: str
     width: float
     share: float = 1.0
+    low: float = 0.0
+    square: tuple[float, float] | None = None
 
 
 class Film:
@@ -66,12 +72,23 @@ class Film:
         What it shows: fields of sound where there are some, the cells of the sensor where those are.
     side : int
         Of each map, in pixels.
+    groups : sequence of sequences of Tile, optional
+        Maps that share a scale, in place of the showing's own.
+    table : str
+        Colours of `colour_table`.
     """
 
-    def __init__(self, showing: Showing, *, side: int = 256) -> None:
+    def __init__(
+        self,
+        showing: Showing,
+        *,
+        side: int = 256,
+        groups: Sequence[Sequence[Tile]] | None = None,
+        table: str = "inferno",
+    ) -> None:
         self._showing, self._side = showing, side
-        self._groups = list(_groups(showing))
-        self._table = colour_table("inferno")
+        self._groups = list(groups or _groups(showing))
+        self.table = colour_table(table)
         if not self._groups:
             raise InputError("film: expected frames of a sensor or of sound, got neither")
 
@@ -97,11 +114,16 @@ class Film:
 
         picture = self._ground.copy()
         for (left, top), tile in self._places:
-            index = np.clip(np.rint(tile.values(frame) * (255 / tile.top if tile.top > 0 else 0)), 0, 255).astype(
-                np.intp
-            )
-            pixels = Image.fromarray(self._table[index])
+            values, high = tile.values(frame), tile.top - tile.low
+            part = np.nan_to_num((values - tile.low) * (255 / high if high > 0 else 0))
+            colours = self.table[np.clip(np.rint(part), 0, 255).astype(np.intp)]
+            colours[np.isnan(values)] = _GROUND
+            pixels = Image.fromarray(colours)
             picture.paste(pixels.resize((self._side, self._side), Image.Resampling.NEAREST), (left, top))
+            if tile.square is not None:
+                half, middle = [each * self._side / tile.width for each in tile.square], self._side / 2
+                corners = [(left + middle + sign * half[0], top + middle + sign * half[1]) for sign in (-1, 1)]
+                ImageDraw.Draw(picture).rectangle(corners, outline=_LINE)
         said = f"{frame / self._showing.rate:.4f} s, frame {frame}"
         ImageDraw.Draw(picture).text((_EDGE, self._size[1] - 30), said, fill="white", font=self._font)
         return picture
@@ -122,8 +144,8 @@ class Film:
         return ImageFont.truetype(findfont("DejaVu Sans"), 14)
 
     @cached_property
-    def _places(self) -> list[tuple[tuple[int, int], _Tile]]:
-        places, left = list[tuple[tuple[int, int], _Tile]](), _EDGE
+    def _places(self) -> list[tuple[tuple[int, int], Tile]]:
+        places, left = list[tuple[tuple[int, int], Tile]](), _EDGE
         for group in self._groups:
             for tile in group:
                 places.append(((left, 30), tile))
@@ -136,17 +158,17 @@ class Film:
         """What is the same in every picture."""
         from PIL import Image, ImageDraw
 
-        picture = Image.new("RGB", self._size, "#0d1117")
+        picture = Image.new("RGB", self._size, _GROUND)
         draw, left = ImageDraw.Draw(picture), _EDGE
         for group in self._groups:
             for tile in group:
                 draw.text((left, 8), tile.title, fill="white", font=self._font)
                 left += self._side + _EDGE
-            bar = Image.fromarray(self._table[::-1, None]).resize((18, self._side), Image.Resampling.NEAREST)
+            bar = Image.fromarray(self.table[::-1, None]).resize((18, self._side), Image.Resampling.NEAREST)
             picture.paste(bar, (left, 30))
             draw.text((left + 22, 26), _short(group[0].top), fill="white", font=self._font)
             draw.text((left + 22, 46), group[0].unit, fill="#a9b4c0", font=self._font)
-            draw.text((left + 22, 14 + self._side), "0", fill="white", font=self._font)
+            draw.text((left + 22, 14 + self._side), _short(group[0].low), fill="white", font=self._font)
             left += _BAR + _EDGE
         self._words(draw)
         return picture
@@ -159,6 +181,8 @@ class Film:
 
 
 _EDGE, _BAR = 14, 74
+
+_GROUND, _LINE = (13, 17, 23), (110, 115, 120)
 
 
 def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None:
@@ -174,7 +198,7 @@ def write_gif(film: Film, path: Path, *, progress: Report | None = None) -> None
             f"{path.name}: expected at most {MOST_OF_A_GIF} frames in a GIF, got {len(film)}; "
             "show a part (--start-at, --duration), or save an .mp4"
         )
-    first, *_ = pictures = [_indexed(picture) for picture in _told(film, progress)]
+    first, *_ = pictures = [_indexed(picture, film.table) for picture in _told(film, progress)]
     how = {"duration": 1000 // PICTURES_A_SECOND, "loop": 0, "optimize": False}
     first.save(path, format="GIF", save_all=True, append_images=pictures[1:], **how)
 
@@ -235,18 +259,18 @@ def _told(film: Film, progress: Report | None) -> "Iterator[Image.Image]":
             progress(done, len(film))
 
 
-def _indexed(picture: "Image.Image") -> "Image.Image":
+def _indexed(picture: "Image.Image", table: NDArray[np.uint8]) -> "Image.Image":
     """The picture in 256 colours: those of the table, every second of them, and those of words."""
     from PIL import Image
 
     palette = Image.new("P", (1, 1))
-    words = [(13, 17, 23), (255, 255, 255), (169, 180, 192), (255, 123, 114), (110, 115, 120), (60, 66, 73)]
-    shades = [tuple(int(part) for part in colour) for colour in colour_table("inferno")[::2]]
+    words = [_GROUND, (255, 255, 255), (169, 180, 192), (255, 123, 114), _LINE, (60, 66, 73)]
+    shades = [tuple(int(part) for part in colour) for colour in table[::2]]
     palette.putpalette([part for colour in [*shades, *words] for part in colour])
     return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
-def _groups(showing: Showing) -> Iterator[Sequence[_Tile]]:
+def _groups(showing: Showing) -> Iterator[Sequence[Tile]]:
     """Maps that share a scale."""
     if showing.sound is not None and (fields := list(_fields(showing.sound))):
         yield fields
@@ -256,21 +280,21 @@ def _groups(showing: Showing) -> Iterator[Sequence[_Tile]]:
         yield [_cells(each, showing.sensor, top) for each in felt]
 
 
-def _fields(sound: Sound) -> Iterator[_Tile]:
+def _fields(sound: Sound) -> Iterator[Tile]:
     shape, top, width = sound.grid.shape, sound.top, sound.grid.columns * sound.grid.pitch
     if (wanted := sound.wanted) is not None:
 
         def asked(frame: int) -> Array:
             return wanted[frame].reshape(shape)
 
-        yield _Tile(title="Wanted, sound", values=asked, top=top, unit="Pa", width=width)
+        yield Tile(title="Wanted, sound", values=asked, top=top, unit="Pa", width=width)
     if (played := sound.played) is not None:
 
         def made(frame: int) -> Array:
             field = played[frame].reshape(shape)
             return np.abs(field if sound.finer is None else sound.finer(field))
 
-        yield _Tile(title="Played, sound", values=made, top=top, unit="Pa", width=width, share=_covered(sound))
+        yield Tile(title="Played, sound", values=made, top=top, unit="Pa", width=width, share=_covered(sound))
 
 
 def _covered(sound: Sound) -> float:
@@ -281,12 +305,12 @@ def _covered(sound: Sound) -> float:
     return finer * (points - 1) / (finer - 1) / points
 
 
-def _cells(channels: Channels, sensor: SensorGrid, top: float) -> _Tile:
+def _cells(channels: Channels, sensor: SensorGrid, top: float) -> Tile:
     def felt(frame: int) -> Array:
         return np.abs(channels.values[frame]).reshape(sensor.shape)
 
     width = sensor.columns * sensor.pitch
-    return _Tile(title=channels.label.capitalize(), values=felt, top=top, unit=channels.unit, width=width)
+    return Tile(title=channels.label.capitalize(), values=felt, top=top, unit=channels.unit, width=width)
 
 
 def _short(value: float) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from midair.cli import run
 from midair.files import load_solution, open_take, save
@@ -63,7 +64,8 @@ def test_what_was_never_played_is_compared_as_it_is(capsys):
 def test_a_drive_is_played_to_a_virtual_sensor_and_a_whole_palm(capsys):
     assert run(["solve", "take.h5", "--mode", "paper", *COARSE, "--start-at", "0.55s", "--duration", "0.1s", "-f"]) == 0
     capsys.readouterr()
-    assert run(["compare", "take.h5", "take.drive.h5", "--json"]) == 0
+    Path("coarse.toml").write_text("disc_mm = 85\npitch_mm = 5")
+    assert run(["compare", "take.h5", "take.drive.h5", "--palm", "coarse.toml", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["simulated"]
     assert told["figures"]["signal to distortion"]["value"] < 10  # half a wave is gone
@@ -81,9 +83,25 @@ def test_a_drive_of_another_recording_and_a_palm_without_a_drive_are_refused(cap
     capsys.readouterr()
     assert run(["compare", "take.h5", "take.h5", "--palm", "hand.toml"]) == 1
     assert "--palm: expected with a drive" in capsys.readouterr().err
+    assert run(["compare", "take.h5", "take.h5", "--film", "no.gif"]) == 1
+    assert "--film: expected with a drive" in capsys.readouterr().err
+    assert run(["compare", "take.h5", "take.drive.h5", "--film", "palm.png"]) == 1
+    assert "palm.png: expected a name that ends in .gif or .mp4" in capsys.readouterr().err
+    assert not Path("palm.png").exists()
     Path("other.drive.h5").write_bytes(Path("take.drive.h5").read_bytes())
     assert run(["solve", "take.h5", "other.drive.h5", "--mode", "paper", *COARSE, "--duration", "0.2s", "-f"]) == 0
     assert run(["compare", "short.h5", "other.drive.h5"]) == 1
+
+
+def test_a_drive_s_palm_can_be_filmed(capsys):
+    assert run(["solve", "take.h5", "--mode", "paper", *COARSE, "--start-at", "0.5s", "--duration", "0.01s", "-f"]) == 0
+    Path("coarse.toml").write_text("disc_mm = 85\npitch_mm = 5")
+    assert run(["compare", "take.h5", "take.drive.h5", "--palm", "coarse.toml", "--film", "palm.gif"]) == 0
+    assert "film palm.gif" in capsys.readouterr().out
+    with Image.open("palm.gif") as film:
+        assert film.n_frames == 10
+    assert run(["compare", "take.h5", "take.drive.h5", "--film", "palm.gif"]) == 1
+    assert "palm.gif: is there already" in capsys.readouterr().err
 
 
 @pytest.mark.slow

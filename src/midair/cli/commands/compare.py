@@ -24,12 +24,12 @@ from midair.cli.terminal import (
     talk,
 )
 from midair.errors import InputError
-from midair.evaluate import Comparison, PalmFidelity, PerceptualCard, compare
+from midair.evaluate import Comparison, PalmFidelity, PalmFrames, PerceptualCard, compare
 from midair.files import DRIVE_SUFFIX, OpenedTake, load_palm, load_solution, open_take, whole_file
-from midair.model import PressureFrames
-from midair.rig import VirtualRig, hear_drive
+from midair.model import Palm, PressureFrames
+from midair.rig import VirtualRig, hear_drive, palm_frames_of_drive, played_chain
 from midair.settings import Settings
-from midair.view import check_size, show_comparison, show_page
+from midair.view import PalmMaps, check_size, ffmpeg, film_of_palm, show_comparison, show_page, write_gif, write_mp4
 
 
 def compare_command(
@@ -41,6 +41,7 @@ def compare_command(
     palm: Path | None = None,
     seed: int = 0,
     report: Path | None = None,
+    film: Path | None = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -63,23 +64,34 @@ def compare_command(
         Of the virtual rig that plays a drive.
     report
         page.html, to hold the figures, and both recordings to be watched and heard.
+    film
+        palm.gif, or palm.mp4 by ffmpeg, of a drive: pressure on the palm and how soft skin moves, wanted beside played,
+        in slow motion.
     force
-        Write over a report that is there.
+        Write over a report or a film that is there.
 
     Examples
     --------
     $ midair compare take.h5 take.rerecorded.h5
     $ midair compare take.h5 take.drive.h5
+    $ midair compare take.h5 take.drive.h5 --film palm.gif
     $ midair compare take.h5 take.rerecorded.h5 --report compared.html
     """
     if report is not None:
         may_write(report, force, ".html")
+    if film is not None:
+        may_write(film, force, ".gif", ".mp4")
+        if film.suffix.lower() == ".mp4":
+            ffmpeg()
     told: PalmFidelity | None = None
     if reproduced.name.lower().endswith(DRIVE_SUFFIX):
-        settings, take, told = _played(original, reproduced, palm, seed)
+        settings, take, told = _played(original, reproduced, palm, seed, film)
     else:
-        if palm is not None:
-            raise InputError(f"--palm: expected with a drive, which a virtual rig plays to it, got {reproduced.name}")
+        for option, given in (("--palm", palm), ("--film", film)):
+            if given is not None:
+                raise InputError(
+                    f"{option}: expected with a drive, which a virtual rig plays to a palm, got {reproduced.name}"
+                )
         take = open_take(reproduced, streamed=True)
         settings = made_with(take.recording.provenance, (options or BandOptions()).settings())
     with ExitStack() as stack:
@@ -99,6 +111,8 @@ def compare_command(
         print_palm(told)
     if report is not None:
         say(f"report {report}")
+    if film is not None:
+        say(f"film {film}")
     return None
 
 
@@ -116,8 +130,21 @@ def _write_report(
         partial.write_text(page, encoding="utf-8")
 
 
+def _write_film(path: Path, frames: PalmFrames) -> None:
+    """Pressure and displacement, wanted beside played."""
+    pressure = {"Pressure, wanted": frames.wanted, "played": frames.delivered}
+    motion = {f"{frames.skin} skin, wanted": 1e6 * frames.wanted_motion, "played": 1e6 * frames.motion}
+    groups = [
+        PalmMaps(maps=maps, unit=unit, pitch=frames.pitch, square=frames.square)
+        for maps, unit in ((pressure, "Pa"), (motion, "µm"))
+    ]
+    made = film_of_palm(groups, rate=frames.rate)
+    with whole_file(path) as partial:
+        (write_mp4 if path.suffix.lower() == ".mp4" else write_gif)(made, partial)
+
+
 def _played(
-    original: Path, drive_file: Path, palm: Path | None, seed: int
+    original: Path, drive_file: Path, palm: Path | None, seed: int, film: Path | None
 ) -> tuple[Settings, OpenedTake, PalmFidelity]:
     """The settings of a drive, and what a virtual rig's sensor and a whole palm get of it."""
     drive = load_solution(drive_file).drive
@@ -136,6 +163,10 @@ def _played(
         )
     band = settings.calibration.band
     rig = VirtualRig(cells=felt.sensor, seed=seed, height=settings.target.grid.height).hearing(band)
-    outline = None if palm is None else load_palm(palm)
+    outline = Palm.disc() if palm is None else load_palm(palm)
+    if film is not None:
+        lead = (asked.frames - piece.frames) // 2 / piece.rate
+        judged, chain = (lead, piece.frames / piece.rate), played_chain(drive, rig)
+        _write_film(film, palm_frames_of_drive(asked, drive, outline, chain=chain, rig=rig, judged=judged, band=band))
     heard = hear_drive(drive, piece, asked, rig, palm=outline, band=band)
     return settings, OpenedTake(recording=heard.recording, calibration=heard.calibration), heard.palm

@@ -7,7 +7,7 @@ from midair.rig.looping.loop_pictures import pictures
 from midair.rig.looping.loop_report import write_report
 from midair.rig.looping.loop_view import watched
 from midair.rig.looping.outcomes import Outcome, card_of_loop, side_by_side, verdict
-from midair.rig.looping.palm_simulation import palm_of_drive, palm_of_loop, played_chain
+from midair.rig.looping.palm_simulation import palm_frames_of_drive, palm_of_drive, palm_of_loop, played_chain
 from midair.rig.looping.passes import Stage, quiet
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "error_budget",
     "hear_drive",
     "kept_in_band",
+    "palm_frames_of_drive",
     "palm_of_drive",
     "palm_of_loop",
     "played_chain",

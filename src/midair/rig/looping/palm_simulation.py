@@ -2,13 +2,18 @@
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from midair.devices import choose_silencer
-from midair.evaluate import PalmFidelity, palm_fidelity
-from midair.model import Acoustics, Drive, Palm, PressureFrames, Progress
+from midair.evaluate import PalmFidelity, PalmFrames, palm_fidelity, palm_frames
+from midair.model import Acoustics, Drive, Palm, PressureFrames, Progress, SensorGrid
 from midair.physics import PlaybackChain, simulate, transfer_matrix
 from midair.rig.looping.correction_loop import Loop
 from midair.rig.names import VirtualRig
 from midair.targets import decouple, interpolation_matrix, led_in
+
+Array = NDArray[np.float64]
 
 
 def palm_of_drive(
@@ -43,23 +48,44 @@ def palm_of_drive(
     progress : callable, optional
         Called with (frames done, frames in all).
     """
-    grid, sensor = palm.grid(rig.height), asked.sensor
-    skin = palm.inside.ravel()
+    wanted, pressure = _pressed(asked, drive, palm, chain, rig, progress)
+    rates, square = (asked.rate, rig.skin().rate), _square(asked.sensor)
+    return palm_fidelity(wanted, pressure, palm, rates=rates, square=square, judged=judged, band=band)
+
+
+def palm_frames_of_drive(
+    asked: PressureFrames,
+    drive: Drive,
+    palm: Palm,
+    *,
+    chain: PlaybackChain,
+    rig: VirtualRig,
+    judged: tuple[float, float] | None = None,
+    band: tuple[float, float] = (20.0, 470.0),
+    skin: str = "soft, deep",
+) -> PalmFrames:
+    """What a drive does to a palm moment by moment, to be looked at; parameters as in `palm_of_drive`."""
+    wanted, pressure = _pressed(asked, drive, palm, chain, rig, None)
+    rates, square = (asked.rate, rig.skin().rate), _square(asked.sensor)
+    return palm_frames(wanted, pressure, palm, rates=rates, square=square, judged=judged, band=band, skin=skin)
+
+
+def _square(sensor: SensorGrid) -> tuple[float, float]:
+    """Half the sides of what a sensor covers, along x and y, in m."""
+    return (sensor.columns + 1) / 2 * sensor.pitch, (sensor.rows + 1) / 2 * sensor.pitch
+
+
+def _pressed(
+    asked: PressureFrames, drive: Drive, palm: Palm, chain: PlaybackChain, rig: VirtualRig, progress: Progress | None
+) -> tuple[Array, Array]:
+    """Pressure that is wanted and that comes, at the points of the palm that are skin, in Pa."""
+    grid, skin = palm.grid(rig.height), palm.inside.ravel()
     around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
     G = transfer_matrix(grid.position[skin], rig.array, acoustics=around)
-    rate = rig.skin().rate
-    pressure = simulate(drive, G, chain=chain, rate=rate, acoustics=around, progress=progress)
+    came = simulate(drive, G, chain=chain, rate=rig.skin().rate, acoustics=around, progress=progress)
     # Of all pressures, the interpolated one of which the cells would hear what they heard.
     cells = decouple(asked).pressure.reshape(asked.frames, -1)
-    return palm_fidelity(
-        cells @ interpolation_matrix(sensor, grid)[skin].T,
-        pressure,
-        palm,
-        rates=(asked.rate, rate),
-        square=((sensor.columns + 1) / 2 * sensor.pitch, (sensor.rows + 1) / 2 * sensor.pitch),
-        judged=judged,
-        band=band,
-    )
+    return cells @ interpolation_matrix(asked.sensor, grid)[skin].T, came
 
 
 def played_chain(drive: Drive, rig: VirtualRig) -> PlaybackChain:
