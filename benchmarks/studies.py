@@ -14,38 +14,39 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.clock import load
+from benchmarks.empty_studies import LEVELS, OBJECTS, TESTS, answers, errors
 from midair.errors import InputError
 from midair.study import (
-    Confusion,
     Psychometric,
-    chance_macro_f,
-    choice_model,
-    cohen_kappa,
     d_prime_choice,
+    d_prime_same_different,
     d_prime_yes_no,
     equivalence,
     f_measure,
     fit_psychometric,
     limits_over_people,
-    logistic_mixed,
-    ordinal_check,
     paired_t,
     proportion_correct,
-    rm_anova,
-    sign_flip,
     wilson,
 )
-from midair.study.statistics import fit_threshold
+from midair.study.statistics import (
+    Interval,
+    d_prime_limits,
+    f_limits,
+    fit_threshold,
+    kappa_limits,
+    macro_f_limits,
+    share_limits,
+)
 
-OBJECTS = 3
-LEVELS = np.geomspace(0.25, 4, 8)
-STATISTICS = {
-    "share of right answers": (lambda c: float(np.trace(c) / c.sum()), "share"),
-    "F of one object": (lambda c: float(f_measure(c)[0]), "share"),
-    "macro F": (lambda c: float(f_measure(c).mean()), "share"),
-    "d'": (lambda c: d_prime_choice(int(np.trace(c)), int(c.sum()), alternatives=OBJECTS).d_prime, "plain"),
-    "kappa": (cohen_kappa, "correlation"),
+FIGURES: dict[str, Callable[[np.ndarray], Interval]] = {
+    "share of right answers": share_limits,
+    "F of one object": f_limits,
+    "macro F": macro_f_limits,
+    "d'": d_prime_limits,
+    "kappa": kappa_limits,
 }
+"""Figures of choices with their limits over people."""
 
 
 def main() -> None:
@@ -62,53 +63,81 @@ def main() -> None:
             COVERAGE[name](said.studies, said.seed)
     if "errors" in said.part:
         print(f"share of p < .05 without an effect, {said.studies} studies, 10 people; trials a person:", *said.trials)
-        for name, test in TESTS.items():
+        for names, test in TESTS.items():
             shares = [errors(test, trials, said.studies, said.seed) for trials in said.trials]
-            print(f"{name:45}", *(f"{share:.3f}" for share in shares), flush=True)
+            for name, row in zip(names, zip(*shares, strict=True), strict=True):
+                print(f"{name:47}", *(f"{share:.3f}" for share in row), flush=True)
     print(load())
 
 
-def answers(rng: np.random.Generator, people: int, trials: int, d: float, spread: float, favour: float) -> np.ndarray:
-    """Counts of people who pick the largest of three internal values, shape (participant, presented, answered)."""
-    own = rng.normal(d, spread, (people, 1))
-    x = rng.normal(size=(people, OBJECTS, trials // OBJECTS, OBJECTS)) + rng.normal(0, favour, (people, 1, 1, OBJECTS))
-    for thing in range(OBJECTS):
-        x[:, thing, :, thing] += own
-    return (x.argmax(axis=-1)[..., None] == np.arange(OBJECTS)).sum(axis=2)
+def holds(low: float, value: float, high: float) -> bool | None:
+    """Whether limits hold a value; None where there are none."""
+    return None if np.isnan(low) else bool(low <= value <= high)
 
 
 def say(name: str, inside: list[bool | None]) -> None:
     """One line: None stands for a study without limits."""
     known = [one for one in inside if one is not None]
-    print(f"{name:72} {np.mean(known) if known else np.nan:.3f}  without limits {len(inside) - len(known)}", flush=True)
+    print(f"{name:80} {np.mean(known) if known else np.nan:.3f}  without limits {len(inside) - len(known)}", flush=True)
 
 
 def over_people(studies: int, seed: int) -> None:
-    """Figures of choices, and the difference between two conditions."""
+    """Figures of choices, the difference between two conditions, and d' of questions with two answers."""
     for people, trials, d, spread, favour in (
         *((n, 12, 1.2, 0.5, 0.4) for n in (5, 6, 10, 20)),
         *((n, 48, 1.2, 0.5, 0.4) for n in (5, 10)),
-        *((n, 12, d, 0.3, 0.4) for n in (5, 10) for d in (0.3, 2.5)),
+        *((n, 12, d, 0.3, 0.4) for n in (5, 10) for d in (0.3, 2.0, 2.5, 3.0)),
+        *((n, 48, d, 0.3, 0.4) for n in (5, 10) for d in (2.5, 3.0)),
     ):
         rng = np.random.default_rng([seed, people, trials, int(10 * d)])
         true = sum(answers(rng, 5000, 48, d, spread, favour).sum(axis=0) for _ in range(8))
         drawn = [answers(rng, people, trials, d, spread, favour) for _ in range(studies)]
-        for name, (statistic, scale) in STATISTICS.items():
-            found = [limits_over_people(lambda p, f=statistic: f(p.sum(axis=0)), one, scale=scale) for one in drawn]
-            value = statistic(true)
+        who = f"{people} people x {trials} trials, d' {d} (sd {spread})"
+        for name, limits in FIGURES.items():
+            # Of so many people, the figure itself is the true one.
+            value = np.atleast_1d(limits(np.stack([true] * 5)).value)[0]
+            found = [limits(one) for one in drawn]
             say(
-                f"{name}: {people} people x {trials} trials, d' {d} (sd {spread}), favourites",
-                [None if np.isnan(one.low) else bool(one.low <= value <= one.high) for one in found],
+                f"{name}: {who}", [holds(np.atleast_1d(one.low)[0], value, np.atleast_1d(one.high)[0]) for one in found]
             )
+        of_pairs(studies, who, lambda rng=rng, a=(people, trials, d, spread, favour): answers(rng, *a))
+    for people, trials, d in ((n, k, d) for n in (5, 10, 20) for k in (6, 24) for d in (0.5, 1.2, 2.5)):
+        of_two_answers(np.random.default_rng([seed, people, trials, int(10 * d)]), studies, people, trials, d)
+
+
+def of_pairs(studies: int, who: str, draw: Callable[[], np.ndarray]) -> None:
+    """Macro F of two conditions between which there is no difference."""
+    found: dict[str, list[bool | None]] = {"95 %": [], "90 %": []}
+    for _ in range(studies):
+        first, second = (f_measure(draw()).mean(axis=-1) for _ in "ab")
+        try:
+            both, same = paired_t(first, second), equivalence(first, second, margin=0.1)
+        except InputError:
+            found["95 %"].append(None)
+            found["90 %"].append(None)
+            continue
+        found["95 %"].append(both.low <= 0 <= both.high)
+        found["90 %"].append(same.low <= 0 <= same.high)
+    say(f"difference of macro F: {who}", found["95 %"])
+    say(f"the same, 90 % limits of the equivalence: {who}", found["90 %"])
+
+
+def of_two_answers(rng: np.random.Generator, studies: int, people: int, trials: int, d: float) -> None:
+    """d' of yes and no, and of same and different, over people who differ in d' and in their criterion."""
+    for name, measure, chances in (
+        ("yes and no", d_prime_yes_no, _yes),
+        ("same and different", d_prime_same_different, _different),
+    ):
+        many = np.array(chances(rng.normal(d, 0.3, 10**6), rng.normal(0, 0.3, 10**6))).mean(axis=1)
+        true = measure(*np.rint([many[0] * 1e9, 1e9, many[1] * 1e9, 1e9]).astype(int).tolist()).d_prime
         inside: list[bool | None] = []
         for _ in range(studies):
-            first, second = (f_measure(answers(rng, people, trials, d, spread, favour)).mean(axis=-1) for _ in "ab")
-            try:
-                both = paired_t(first, second)
-                inside.append(both.low <= 0 <= both.high)
-            except InputError:
-                inside.append(None)
-        say(f"difference of macro F: {people} people x {trials} trials, d' {d}", inside)
+            rates = chances(rng.normal(d, 0.3, people), rng.normal(0, 0.3, people))
+            hits, alarms = (rng.binomial(trials, rate) for rate in rates)
+            table = np.stack([hits, np.full(people, trials), alarms, np.full(people, trials)], axis=1)
+            found = limits_over_people(lambda p, m=measure: m(*p.sum(axis=0).tolist()).d_prime, table)
+            inside.append(holds(float(found.low), true, float(found.high)))
+        say(f"d' of {name} over people: {people} people x {trials} and {trials} trials, {d}", inside)
 
 
 def of_thresholds(studies: int, seed: int) -> None:
@@ -184,68 +213,6 @@ def of_ratings(studies: int, seed: int) -> None:
         say(f"mean rating of these people: {people} people, 2 x 3 cells", inside)
 
 
-def errors(test: Callable[[np.random.Generator, int], float], trials: int, studies: int, seed: int) -> float:
-    """Share of studies in which a test comes below .05."""
-    rng = np.random.default_rng([seed, trials])
-    return float(np.mean([test(rng, trials) < 0.05 for _ in range(studies)]))
-
-
-def _pair(rng: np.random.Generator, trials: int) -> list[np.ndarray]:
-    return [f_measure(answers(rng, 10, trials, 1.0, 0.4, 0.4)).mean(axis=-1) for _ in "ab"]
-
-
-def _macro(rng: np.random.Generator, trials: int) -> float:
-    counts = answers(rng, 10, trials, 0.0, 0.0, 0.6)
-    confusion = Confusion(by_person=counts, labels=tuple("abc"), participants=tuple(range(10)))
-    return chance_macro_f(confusion, rng=rng, draws=199).p
-
-
-def _mixed(rng: np.random.Generator, trials: int, differ: float, effect: int) -> float:
-    each = trials // 6
-    logit = 0.5 + rng.normal(0, 0.7, (10, 1, 1)) + rng.normal(0, differ, (10, 2, 1)) + rng.normal(0, differ, (10, 1, 3))
-    logit = logit + rng.normal(0, differ, (10, 2, 3))
-    correct = rng.random((10, 2, 3, each)) < 1 / (1 + np.exp(-logit))[..., None]
-    who, surface, thing, _ = np.indices(correct.shape).reshape(4, -1)
-    table = {"correct": correct.ravel().astype(float), "who": who, "surface": surface, "object": thing}
-    return logistic_mixed(table, correct="correct", participant="who", within=["surface", "object"])["p"][effect]
-
-
-def _ratings(rng: np.random.Generator, trials: int) -> dict[str, np.ndarray]:
-    each = trials // 6
-    shown = rng.normal(4, 0.8, (10, 1, 1)) + rng.normal(0, 0.5, (10, 2, 3))
-    y = np.clip(np.rint(shown[..., None] + rng.normal(0, 1, (10, 2, 3, each))), 1, 7)
-    who, surface, thing, _ = np.indices(y.shape).reshape(4, -1)
-    return {"y": y.ravel(), "who": who, "surface": surface, "object": thing, "hand": who % 3 // 2}
-
-
-def _anova(rng: np.random.Generator, trials: int, effect: str, between: tuple[str, ...] = ()) -> float:
-    options = {"value": "y", "participant": "who", "within": ["surface", "object"], "between": between}
-    return rm_anova(_ratings(rng, trials), **options).set_index("effect").loc[effect, "p_GG"]
-
-
-def _ranks(rng: np.random.Generator, trials: int) -> float:
-    options = {"value": "y", "participant": "who", "within": ["surface", "object"], "rng": rng}
-    return ordinal_check(_ratings(rng, trials), **options).set_index("effect").loc["object", "p_sign"]
-
-
-def _misfit(rng: np.random.Generator, trials: int) -> float:
-    true = Psychometric(threshold=1, slope=2.0, guess=0.5, lapse=0.02, shape="weibull")
-    each = np.full(8, max(trials // 8, 1))
-    try:
-        options = {"guess": 0.5, "shape": "weibull", "draws": 99}
-        return fit_psychometric(
-            LEVELS, rng.binomial(each, true.probability(LEVELS)), each, rng=rng, **options
-        ).deviance_p
-    except InputError:
-        return 1.0
-
-
-def _taste(rng: np.random.Generator, trials: int) -> float:
-    share = np.array([[0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6]]) * np.array([1.3, 1.0, 0.7])
-    counts = np.array([rng.multinomial(trials // 3, row / row.sum()) for row in share])
-    return choice_model(counts).p
-
-
 COVERAGE: dict[str, Callable[[int, int], None]] = {
     "people": over_people,
     "trials": of_trials,
@@ -253,26 +220,6 @@ COVERAGE: dict[str, Callable[[int, int], None]] = {
     "thresholds": of_thresholds,
 }
 """What limits are of."""
-
-TESTS: dict[str, Callable[[np.random.Generator, int], float]] = {
-    "macro F against shuffled answers": _macro,
-    "paired t of macro F": lambda rng, trials: paired_t(*_pair(rng, trials)).p,
-    "turned signs of macro F": lambda rng, trials: sign_flip(np.subtract(*_pair(rng, trials)), rng=rng),
-    "equivalence, true difference at the margin": lambda rng, trials: (
-        equivalence(_pair(rng, trials)[0] + 0.1, _pair(rng, trials)[1], margin=0.1).p
-    ),
-    "mixed model, main effect, people alike": lambda rng, trials: _mixed(rng, trials, 0.0, 1),
-    "mixed model, main effect, people differ": lambda rng, trials: _mixed(rng, trials, 0.6, 1),
-    "mixed model, interaction, people differ": lambda rng, trials: _mixed(rng, trials, 0.6, 2),
-    "analysis of variance, GG, main effect": lambda rng, trials: _anova(rng, trials, "object"),
-    "analysis of variance, GG, interaction": lambda rng, trials: _anova(rng, trials, "surface:object"),
-    "analysis of variance, 7 and 3 people in groups": lambda rng, trials: _anova(rng, trials, "hand", ("hand",)),
-    "the same, group x object": lambda rng, trials: _anova(rng, trials, "hand:object", ("hand",)),
-    "ranks, turned signs": _ranks,
-    "misfit of a psychometric function": _misfit,
-    "misfit of Luce's choice model": _taste,
-}
-"""P-value of one study of ten people without an effect, by the number of trials a person."""
 
 
 def _right(rng: np.random.Generator, people: int, each: int, spread: float) -> np.ndarray:
@@ -290,6 +237,21 @@ def _above(edge: float) -> float:
     from scipy.stats import norm
 
     return float(norm.sf(edge))
+
+
+def _yes(d: np.ndarray, criterion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Chances of yes to something and to nothing."""
+    from scipy.stats import norm
+
+    return norm.sf(criterion - d / 2), norm.sf(criterion + d / 2)
+
+
+def _different(d: np.ndarray, criterion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Chances of "different" to two that are and to two that are not: the difference of two values is large."""
+    from scipy.stats import norm
+
+    k = 1.5 + criterion
+    return norm.sf((k - d) / 2**0.5) + norm.cdf((-k - d) / 2**0.5), 2 * norm.sf(k / 2**0.5)
 
 
 if __name__ == "__main__":

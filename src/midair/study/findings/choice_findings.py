@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.study.findings.finding import Choices, Finding, attempt, limits_words, note_last, p_words
+from midair.study.findings.finding import Choices, Finding, attempt, interval_words, note_last, p_words
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
     Confusion,
@@ -18,14 +18,17 @@ from midair.study.statistics import (
     cohen_kappa,
     confusion_matrix,
     d_prime_choice,
+    d_prime_limits,
     equivalence,
-    f_measure,
+    f_limits,
     holm,
-    limits_over_people,
+    kappa_limits,
     logistic_mixed,
+    macro_f_limits,
     mutual_information,
     paired_t,
     scores,
+    share_limits,
     sign_flip,
 )
 
@@ -68,7 +71,7 @@ def _confusion(name: str, rows: DataFrame, policy: Foils) -> Choices:
     confusion = confusion_matrix(presented, answered, participant=people, labels=labels, foils=foils)
     limits = None
     if len(confusion.participants) >= 5:
-        limits = limits_over_people(lambda counts: f_measure(counts.sum(axis=0)), confusion.by_person, scale="share")
+        limits = f_limits(confusion.by_person)
     return Choices(name=name, confusion=confusion, f_limits=limits, left_out=left_out)
 
 
@@ -84,7 +87,7 @@ def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> li
 
 def _share_words(one: Choices) -> list[str]:
     confusion, counts = one.confusion, one.confusion.counts
-    limits = limits_words(_share, confusion.by_person, "share", form=".3f")
+    limits = interval_words(share_limits, confusion.by_person, form=".3f")
     words = [
         f"{100 * confusion.accuracy:.1f} % of {counts.sum()} answers are right, among {counts.shape[1]} possible"
         f" ones (share {confusion.accuracy:.3f}, {limits})."
@@ -104,7 +107,7 @@ def _chance_words(confusion: Confusion, rng: np.random.Generator, draws: int) ->
     chance = chance_macro_f(confusion, rng=rng, draws=draws)
     low, high = chance.range95
     better = "better than chance" if chance.p < 0.05 else "no better than chance can be"
-    limits = limits_words(lambda p: float(f_measure(p.sum(axis=0)).mean()), confusion.by_person, "share", form=".3f")
+    limits = interval_words(macro_f_limits, confusion.by_person, form=".3f")
     return (
         f"Macro F, the mean of F over the objects, is {confusion.macro_f:.3f} ({limits}), {better}: shuffled answers"
         f" give {chance.mean:.3f}, 95 % of them {low:.3f} to {high:.3f} ({p_words(chance.p)})."
@@ -115,8 +118,8 @@ def _sense_words(confusion: Confusion) -> list[str]:
     counts = confusion.counts
     objects, alternatives = counts.shape
     sense = d_prime_choice(int(np.trace(counts)), int(counts.sum()), alternatives=alternatives)
-    limits = limits_words(lambda p: _d_prime(p, alternatives), confusion.by_person, "plain")
-    agreement = limits_words(lambda p: cohen_kappa(p.sum(axis=0)), confusion.by_person, "correlation")
+    limits = interval_words(d_prime_limits, confusion.by_person)
+    agreement = interval_words(kappa_limits, confusion.by_person)
     plain, corrected = mutual_information(counts)
     words = [
         f"d' is {sense.d_prime:.2f} ({limits}{'; corrected for a rate of 0 or 1' if sense.corrected else ''}).",
@@ -132,16 +135,6 @@ def _sense_words(confusion: Confusion) -> list[str]:
             " were none)."
         )
     return words
-
-
-def _share(by_person: NDArray[np.int64]) -> float:
-    counts = by_person.sum(axis=0)
-    return float(np.trace(counts) / counts.sum())
-
-
-def _d_prime(by_person: NDArray[np.int64], alternatives: int) -> float:
-    counts = by_person.sum(axis=0)
-    return d_prime_choice(int(np.trace(counts)), int(counts.sum()), alternatives=alternatives).d_prime
 
 
 def compared(pair: tuple[Choices, ...], data: StudyData, *, rng: np.random.Generator) -> list[Finding]:

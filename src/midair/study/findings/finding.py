@@ -89,8 +89,13 @@ def limits_words(
     statistic: Callable[[NDArray[Any]], float], by_person: NDArray[Any], scale: Scale, *, form: str = ".2f"
 ) -> str:
     """Limits of a figure over people in words, or why there are none."""
+    return interval_words(lambda people: limits_over_people(statistic, people, scale=scale), by_person, form=form)
+
+
+def interval_words(limits: Callable[[NDArray[Any]], Interval], by_person: NDArray[Any], *, form: str = ".2f") -> str:
+    """The same for a figure whose limits have a function of their own."""
     try:
-        found = limits_over_people(statistic, by_person, scale=scale)
+        found = limits(by_person)
     except InputError:
         return f"no limits with {len(by_person)} people, who are fewer than five"
     if not np.isfinite(found.low):

@@ -2,6 +2,13 @@
 
 from midair.study.statistics.anova import rm_anova
 from midair.study.statistics.cell_averages import cell_means
+from midair.study.statistics.choice_limits import (
+    d_prime_limits,
+    f_limits,
+    kappa_limits,
+    macro_f_limits,
+    share_limits,
+)
 from midair.study.statistics.columns import column, frame_of, levels
 from midair.study.statistics.confusion import (
     Confusion,
@@ -63,19 +70,23 @@ __all__ = [
     "column",
     "confusion_matrix",
     "d_prime_choice",
+    "d_prime_limits",
     "d_prime_same_different",
     "d_prime_yes_no",
     "derive",
     "equivalence",
+    "f_limits",
     "f_measure",
     "fit_psychometric",
     "fit_threshold",
     "frame_of",
     "holm",
+    "kappa_limits",
     "levels",
     "limits_over_people",
     "logistic_mixed",
     "logistic_posterior",
+    "macro_f_limits",
     "mutual_information",
     "ordinal_check",
     "paired_t",
@@ -85,6 +96,7 @@ __all__ = [
     "proportion_correct",
     "rm_anova",
     "scores",
+    "share_limits",
     "sign_flip",
     "simulated_power",
     "steepness",

@@ -87,6 +87,22 @@ def proportion_correct(d_prime: Any, *, alternatives: int) -> Array:
     return np.asarray(inside @ weight / np.sqrt(2 * np.pi))
 
 
+def d_prime_of_share(share: float, *, alternatives: int) -> float:
+    """Find the d' at which an unbiased choice among m alternatives is right in this share of trials.
+
+    The inverse of `proportion_correct`; infinite where no d' within 12 gives the share.
+    """
+    from scipy.optimize import brentq
+
+    def excess(d: float) -> float:
+        return float(proportion_correct(d, alternatives=alternatives)) - share
+
+    edge = 12.0
+    if excess(-edge) >= 0:
+        return -np.inf
+    return np.inf if excess(edge) <= 0 else float(brentq(excess, -edge, edge))
+
+
 def d_prime_choice(correct: int, total: int, *, alternatives: int, level: float = 0.95) -> Sensitivity:
     """Find d' of a forced choice among m alternatives, for an observer without a favourite answer.
 
@@ -100,7 +116,7 @@ def d_prime_choice(correct: int, total: int, *, alternatives: int, level: float 
     low, high = wilson(correct, total, level=level)
     corrected = correct in (0, total)
     rate = (correct + 0.5) / (total + 1) if corrected else correct / total
-    found = [_invert_choice(share, alternatives) for share in (rate, float(low), float(high))]
+    found = [d_prime_of_share(share, alternatives=alternatives) for share in (rate, float(low), float(high))]
     return Sensitivity(d_prime=found[0], low=found[1], high=found[2], corrected=corrected)
 
 
@@ -207,15 +223,3 @@ def _quasi_symmetry(data: Array, *, sweeps: int = 2000) -> Array:
         if np.abs(fit - before).max() < 1e-12 * data.sum():
             break
     return fit
-
-
-def _invert_choice(rate: float, alternatives: int) -> float:
-    from scipy.optimize import brentq
-
-    def excess(d: float) -> float:
-        return float(proportion_correct(d, alternatives=alternatives)) - rate
-
-    edge = 12.0
-    if excess(-edge) >= 0:
-        return -np.inf
-    return np.inf if excess(edge) <= 0 else float(brentq(excess, -edge, edge))

@@ -28,7 +28,7 @@ class PsychometricFit:
         The function at the maximum of the likelihood.
     threshold_low, threshold_high : float
         95 % limits of the threshold, for trials that are independent (`threshold_limits`); 0 or infinite where the
-        answers set no limit.
+        answers set no limit, NaN where none were asked for.
     deviance : float
         Deviance from the saturated model; about the number of levels less that of parameters for a good fit.
     deviance_p : float
@@ -52,6 +52,7 @@ def fit_psychometric(
     shape: CurveShape = "logistic",
     lapse_most: float = 0.05,
     draws: int = 200,
+    limit_draws: int = 400,
 ) -> PsychometricFit:
     """Fit threshold, slope and lapse by maximum likelihood (Wichmann and Hill, 2001).
 
@@ -71,6 +72,8 @@ def fit_psychometric(
         Upper limit of the lapse.
     draws : int
         Data sets for the deviance.
+    limit_draws : int
+        Data sets at each threshold for its limits; 0 for no limits.
 
     Raises
     ------
@@ -93,15 +96,16 @@ def fit_psychometric(
     function = curves.function(best)
     deviance = max(float(2 * (loss + _saturated(k, n))), 0.0)
     data = rng.binomial(n.astype(int), function.probability(x), (draws, len(x))).astype(float)
-    again = 2 * (_saturated(data, n) - net.profile(data, n).max(axis=1))
-    low, high = threshold_limits(net, k, n, rng=rng)
+    # Both from the net: drawn data are not fitted better or worse than the answers.
+    on_net, again = (2 * (_saturated(each, n) - net.profile(each, n).max(axis=1)) for each in (k[None], data))
+    low, high = threshold_limits(net, k, n, rng=rng, draws=limit_draws) if limit_draws else (np.nan, np.nan)
     return PsychometricFit(
         function=function,
         threshold_low=low,
         threshold_high=high,
         deviance=deviance,
         # The data count as one of the draws, so that p is never 0.
-        deviance_p=float((1 + np.count_nonzero(again >= deviance)) / (1 + draws)),
+        deviance_p=float((1 + np.count_nonzero(again >= on_net)) / (1 + draws)),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,18 +25,18 @@ class CurveNet:
         The family that they are of.
     axes : tuple of ndarray
         Places, log slopes, lapses.
-    yes, no : ndarray, shape (level, place, slope and lapse)
-        Logarithms of the chances of the answer and of none.
+    logit, no : ndarray, shape (level, place, slope and lapse)
+        Logarithms of the odds of the answer, and of the chance of none.
     """
 
     curves: CurveFamily
     axes: tuple[Array, Array, Array]
-    yes: Array
+    logit: Array
     no: Array
 
     def likelihood(self, right: Array, total: Array, place: int) -> Array:
         """Logarithm of the likelihood of the functions at a place, shape (data set, slope and lapse)."""
-        return right @ self.yes[:, place] + (total - right) @ self.no[:, place]
+        return right @ self.logit[:, place] + total @ self.no[:, place]
 
     def profile(self, right: Array, total: Array) -> Array:
         """The greatest at each place, shape (data set, place), for right answers of shape (data set, level)."""
@@ -107,11 +108,14 @@ def threshold_limits(
         In the unit of the levels; 0 or infinite where the net ends before the ratio is too great: the answers set no
         limit there.
     """
+    from scipy.stats import chi2
+
     seed = int(rng.integers(2**63))
     profile = net.profile(right[None], total)[0]
     ratio = 2 * (profile.max() - profile)
     best = int(ratio.argmin())
 
+    @cache
     def excess(place: int) -> float:
         # The same numbers at every place, so that a limit does not hang on the luck of the draw.
         return float(ratio[place] - critical_ratio(net, right, total, place, np.random.default_rng(seed), draws, level))
@@ -123,9 +127,13 @@ def threshold_limits(
             plain = -np.inf if net.curves.shape != "weibull" else 0.0
             found.append(plain if side < 0 else np.inf)
             continue
+        critical = float(chi2.ppf(level, 1))
         while abs(outside - inside) > 1:
-            middle = (inside + outside) // 2
-            inside, outside = (inside, middle) if excess(middle) > 0 else (middle, outside)
+            # Not halved: the ratio that is too great changes little from place to place, so the last one tells where.
+            between = range(inside + side, outside, side)
+            middle = next((place for place in between if ratio[place] > critical), between[-1])
+            critical = float(ratio[middle]) - excess(middle)
+            inside, outside = (inside, middle) if ratio[middle] > critical else (middle, outside)
         near, far = excess(inside), excess(outside)
         share = -near / (far - near)
         place = net.axes[0][inside] + share * (net.axes[0][outside] - net.axes[0][inside])
@@ -138,16 +146,17 @@ def critical_ratio(
 ) -> float:
     """The likelihood ratio that data drawn from the best function at a place do not exceed in `level` of all sets."""
     function = int(net.likelihood(right, total, place).argmax())
-    chance = np.exp(net.yes[:, place, function])
+    chance = np.exp(net.logit[:, place, function] + net.no[:, place, function])
     data = rng.binomial(total.astype(int), chance, (draws, len(total))).astype(float)
     profile = net.profile(data, total)
     return float(np.quantile(2 * (profile.max(axis=1) - profile[:, place]), level))
 
 
 def _net(curves: CurveFamily, box: list[tuple[float, float]]) -> CurveNet:
+    # Coarse in slope and lapse: the drawn data are held against the same net, so that nothing leans to one side.
     places, slopes, lapses = (
-        np.linspace(low, high, count) for (low, high), count in zip(box, (81, 31, 7), strict=True)
+        np.linspace(low, high, count) for (low, high), count in zip(box, (81, 21, 4), strict=True)
     )
     z = np.stack(np.meshgrid(places, slopes, lapses, indexing="ij")).reshape(3, -1)
     yes, no = (each.reshape(len(curves.x), len(places), -1) for each in curves.logarithms(z))
-    return CurveNet(curves=curves, axes=(places, slopes, lapses), yes=yes, no=no)
+    return CurveNet(curves=curves, axes=(places, slopes, lapses), logit=yes - no, no=no)
