@@ -37,15 +37,21 @@ def sizes(name):
         return [{key: text.strip() for key, text in row.items()} for row in csv.DictReader(file)]
 
 
+def answers_of(trials):
+    """The answers of one size, one a trial."""
+    rows = [row for row in sizes("sizes.csv") if row["trials"] == trials]
+    right, total = (np.array([int(row[key]) for row in rows]) for key in ("right", "total"))
+    table = {key: np.repeat([row[key] for row in rows], total) for key in ("participant", *WITHIN)}
+    correct = np.concatenate([np.arange(n) < k for k, n in zip(right, total, strict=True)])
+    return table | {"correct": correct.astype(float)}
+
+
 @pytest.mark.parametrize("model", ["levels", "slopes"])
 @pytest.mark.parametrize("trials", ["48", "200", "400", "1000"])
 def test_equals_lme4_from_few_trials_to_many(trials, model):
     # mixed/sizes.R. With quadrature that does not follow the people, 6 x 1000 gave a spread of .76 for 1.07.
-    rows = [row for row in sizes("sizes.csv") if row["trials"] == trials]
     reference = next(row for row in sizes("sizes_r.csv") if row["trials"] == trials and row["model"] == model)
-    right, total = (np.array([int(row[key]) for row in rows]) for key in ("right", "total"))
-    table = {key: np.repeat([row[key] for row in rows], total) for key in ("participant", *WITHIN)}
-    table["correct"] = np.concatenate([np.arange(n) < k for k, n in zip(right, total, strict=True)]).astype(float)
+    table = answers_of(trials)
     options = {"correct": "correct", "participant": "participant", "within": WITHIN}
     found = logistic_mixed(table, slopes=model == "slopes", **options)
     chi2 = [float(reference[key]) for key in ("surface", "object", "both")]
@@ -119,3 +125,56 @@ def test_a_cell_that_is_all_right_is_pointed_at(choices):
     table = logistic_mixed(changed, correct="correct", participant="participant", within=["object"])
     assert np.isfinite(table["p"]).all()
     assert "unsafe" in table["note"][0]
+
+
+def integral(counts, fixed, varying, group, mode):
+    """Minus the logarithm of the likelihood as a function of coefficients and log spreads, by 1024 even draws a person.
+
+    Drawn about each person's mode with that person's curvature, as quadrature is laid, but in any number of dimensions.
+    """
+    from scipy.special import expit, ndtri
+    from scipy.stats import qmc
+
+    z = ndtri(qmc.Sobol(varying.shape[1], seed=1).random(1024))
+
+    def loss(x):
+        scaled = varying * np.exp(np.clip(x[fixed.shape[1] :], -7, 4))[group]
+        level, total = fixed @ x[: fixed.shape[1]], 0.0
+        for who, (right, of) in enumerate(zip(counts.right, counts.total, strict=True)):
+            for _ in range(30):
+                p = expit(level + scaled @ mode[who])
+                curvature = np.eye(len(mode[who])) + scaled.T @ (scaled * (of * p * (1 - p))[:, None])
+                mode[who] += (step := np.linalg.solve(curvature, scaled.T @ (right - of * p) - mode[who]))
+                if np.abs(step).max() < 1e-10:
+                    break
+            root = np.linalg.cholesky(np.linalg.inv(curvature))
+            u = mode[who] + z @ root.T
+            logit = level + u @ scaled.T
+            log = logit @ right - np.logaddexp(0, logit) @ of - (u**2).sum(axis=1) / 2 + (z**2).sum(axis=1) / 2
+            total += np.log(np.exp(log - log.max()).mean()) + log.max() + np.log(np.diagonal(root)).sum()
+        return -total
+
+    return loss
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("within", [["object"], WITHIN], ids=["one factor", "two factors"])
+@pytest.mark.parametrize("trials", ["48", "200", "400", "1000"])
+def test_laplace_is_within_two_percent_of_the_integral(trials, within):
+    from scipy.optimize import minimize
+
+    data = right_answers(answers_of(trials), correct="correct", participant="participant", within=within)
+    full = data.fit(slopes=True)
+    found = []
+    for without in range(len(data.names) + 1):
+        fit = data.fit(slopes=True, without=without, start=full) if without else full
+        kept = (data.effect != without) | (without == 0)
+        mode = np.zeros((data.people, len(data.effect)))
+        loss = integral(data.counts, data.cells[:, kept], data.cells, data.effect, mode)
+        begin = np.r_[fit.coefficient, np.log(np.maximum(fit.spread, 0.02))]
+        best = minimize(loss, begin, method="L-BFGS-B", options={"maxiter": 40, "ftol": 1e-9})
+        found.append((fit.log_likelihood, -best.fun, fit.spread, np.exp(best.x[kept.sum() :])))
+    np.testing.assert_allclose(found[0][2], found[0][3], rtol=0.02, atol=0.003)
+    for less in found[1:]:
+        mine, known = (2 * (found[0][which] - less[which]) for which in (0, 1))
+        assert mine == pytest.approx(known, rel=0.02, abs=1e-3)
