@@ -41,6 +41,32 @@ def test_surfaces_are_counterbalanced_and_real_objects_come_first(plan):
     assert first == {"plain": 5, "grooved": 5}
 
 
+def test_sessions_are_counterbalanced_too():
+    text = paper_design_text().replace('group = "grooved"', 'group = "grooved"\nsession = 2')
+    days = draw_plan(read_design(text, participants=4))
+    first = Counter()
+    for number in range(1, 5):
+        trials = days.of(number)
+        assert [trial.session for trial in trials] == sorted(trial.session for trial in trials)
+        assert {trial.session for trial in trials if trial.group == "real"} == {1}
+        (surface,) = {trial.group for trial in trials if trial.session == 1} - {"real"}
+        (other,) = {trial.group for trial in trials if trial.session == 2}
+        assert {surface, other} == {"plain", "grooved"}
+        first[surface] += 1
+    assert first == {"plain": 2, "grooved": 2}
+
+
+def test_a_group_with_blocks_in_two_sessions_keeps_them():
+    text = paper_design_text().replace('name = "grooved_scored"', 'name = "grooved_scored"\nsession = 2', 1)
+    days = draw_plan(read_design(text.replace('name = "plain_scored"', 'name = "plain_scored"\nsession = 2', 1)))
+    for number in (1, 2):
+        blocks = [(block.name, block.session) for block in block_order(days.design, number)][1:]
+        assert sorted(blocks) == [("grooved_first", 1), ("grooved_scored", 2), ("plain_first", 1), ("plain_scored", 2)]
+        assert [name.split("_")[0] for name, _ in blocks] == (
+            ["plain", "grooved"] if number == 1 else ["grooved", "plain"]
+        ) * 2
+
+
 def test_the_seed_decides_and_more_people_change_nothing(plan):
     assert draw_plan(plan.design) == plan
     assert draw_plan(replace(plan.design, seed=1)).trials != plan.trials

@@ -155,14 +155,28 @@ def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Pla
 
 
 def block_order(design: Design, participant: int) -> list[Block]:
-    """Blocks of one participant: counterbalanced groups change places within a session, by a row of a Latin square."""
+    """Blocks of one participant: counterbalanced groups change places by a row of a Latin square.
+
+    Groups that each belong to one session change sessions with their places; one that has blocks in several sessions
+    keeps them, and the places are those within a session.
+    """
     groups = list(dict.fromkeys(block.group for block in design.blocks))
-    moving = [group for group in groups if group in design.counterbalanced]
-    if moving:
-        square = balanced_latin_square(len(moving))
-        row = iter(square[(participant - 1) % len(square)])
-        groups = [moving[next(row)] if group in moving else group for group in groups]
-    found = [block for group in groups for block in design.blocks if block.group == group]
+    places = [group for group in groups if group in design.counterbalanced]
+    sessions = {group: {block.session for block in design.blocks if block.group == group} for group in groups}
+    moved: dict[str, int] = {}
+    if places:
+        square = balanced_latin_square(len(places))
+        order = [places[number] for number in square[(participant - 1) % len(square)]]
+        if all(len(sessions[group]) == 1 for group in places):
+            moved = {group: min(sessions[place]) for group, place in zip(order, places, strict=True)}
+        row = iter(order)
+        groups = [next(row) if group in places else group for group in groups]
+    found = [
+        replace(block, session=moved.get(group, block.session))
+        for group in groups
+        for block in design.blocks
+        if block.group == group
+    ]
     return sorted(found, key=lambda block: block.session)
 
 

@@ -61,7 +61,8 @@ class Design:
     stimuli, questions, blocks : tuple
         The parts.
     counterbalanced : tuple of str
-        Groups of blocks that go through a balanced Latin square; the others stay where they are written.
+        Groups of blocks that go through a balanced Latin square, over sessions too; the others stay where they are
+        written.
     consent, debrief : str
         Told before and after.
     analysis : Analysis

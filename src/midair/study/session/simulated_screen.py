@@ -21,11 +21,14 @@ class SimulatedScreen:
         Its model.
     presenter : NoPresenter
         Of the session; tells what an adaptive block has chosen.
+    number : int
+        Of the participant: the first gives the first answer to a question of the form, the second the second.
     """
 
     plan: Plan
     participant: SimulatedParticipant
     presenter: NoPresenter = field(default_factory=NoPresenter)
+    number: int = 1
 
     def show(self, text: str) -> None:
         """Does not read."""
@@ -37,9 +40,10 @@ class SimulatedScreen:
         """Needs no telling."""
 
     def ask(self, step: TrialStep) -> Reply:
-        """Answers by the model; a form as nobody would."""
+        """Answers by the model; to a form, one participant after the other gives the next answer."""
         if step.question and not step.code:
-            return Reply(text=step.question.answers[0] if step.question.answers else "0", reaction_s=1.0, by="model")
+            possible = step.question.answers or ("0",)
+            return Reply(text=possible[(self.number - 1) % len(possible)], reaction_s=1.0, by="model")
         trial = self.plan.trial(step.code)
         name = step.question.name if step.question else ""
         text, reaction = self.participant.answer(self.plan, trial, name, felt=self._felt(trial))

@@ -14,10 +14,11 @@ from midair.errors import BrokenFileError, InputError, MissingFileError, Unknown
 from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
 from midair.physics import focus_phase
-from midair.study.folder import StudyFolder
+from midair.study.folder import StudyFolder, paper_design_text
 from midair.study.session.event_log import read_events, seal_of
 from midair.study.session.presenters import NoPresenter
 from midair.study.session.trials import Session, run
+from midair.study.tables import read_csv, write_csv
 from midair.study.terminal_screen import TerminalScreen
 
 
@@ -55,6 +56,37 @@ def test_json_is_for_programs(done, capsys):
     anova = next(one for one in found["findings"] if one["title"] == "Ratings: analysis of variance")
     assert len(anova["table"]) == 7
     assert {"effect", "F", "p_GG", "ges"} <= set(anova["table"][0])
+
+
+def test_people_in_groups_from_the_form_of_a_plan_to_report_and_from_an_old_table(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = (
+        paper_design_text()
+        .replace("repetitions = 4", "repetitions = 1")
+        .replace("participants = 10", "participants = 6")
+    )
+    (tmp_path / "p.toml").write_text(text.replace("margin = 0.1", 'margin = 0.1\nbetween = ["hand"]'))
+    study("new", "s", "--source", "p.toml", "--drives", "none")
+    study("run", "s", "--simulate")
+    capsys.readouterr()
+    study("analyse", "s", "--draws", 20, "--json")
+    findings = {one["title"]: one for one in json.loads(capsys.readouterr().out)["findings"]}
+    mine = findings["Ratings: analysis of variance"]["table"]
+    assert [row["effect"] for row in mine][:4] == ["hand", "surface", "object", "rated"]
+    assert "hand:surface:object:rated" in [row["effect"] for row in mine]
+    assert len(mine) == 15
+    assert (mine[0]["df1"], mine[0]["df2"]) == (2, 3)
+    study("plan", "s", "--runs", 2)
+    assert "Factors between people: hand." in (tmp_path / "s" / "plan.html").read_text()
+    # The same from a table by the names of its columns.
+    study("export", "s", "a.csv", "--format", "csv")
+    table = read_csv(tmp_path / "a.csv")
+    write_csv(table[table["question"].str.startswith("like") & table["scored"]], tmp_path / "r.csv")
+    capsys.readouterr()
+    columns = ["--rating", "answer", "--within", "surface", "object", "rated", "--between", "hand"]
+    study("analyse", "r.csv", *columns, "--draws", 20, "--json")
+    findings = {one["title"]: one for one in json.loads(capsys.readouterr().out)["findings"]}
+    assert findings["Ratings: analysis of variance"]["table"] == mine
 
 
 def test_export_and_old_data_give_the_same_figures(done, tmp_path, capsys):

@@ -147,7 +147,7 @@ def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Po
     for number in numbers:
         check_not_withdrawn(folder, number)
         presenter, log = NoPresenter(), folder.log(number)
-        screen = SimulatedScreen(plan=plan, participant=model, presenter=presenter)
+        screen = SimulatedScreen(plan=plan, participant=model, presenter=presenter, number=number)
         for _ in range(plan.design.sessions):
             with Session(plan, number, log, presenter, policy=policy, simulated=True, clock=StillClock()) as session:
                 run(session, screen)
