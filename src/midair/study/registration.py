@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +19,8 @@ from midair.study.design import (
     block_order,
 )
 from midair.study.statistics import (
+    EquivalenceExperiment,
+    Experiment,
     IdentificationExperiment,
     RatingExperiment,
     power_paired_t,
@@ -180,21 +181,36 @@ def _power_in_words(power: PlannedPower, design: Design, runs: int) -> str:
     if power.test == "paired":
         found = power_paired_t(people, d_z=effect)
         return f"Paired t over {people} people at d_z = {effect:g}: power {found:.2f}, by formula."
-    experiment: Any = (
-        IdentificationExperiment(objects=power.objects, trials=power.trials, d_prime=effect)
-        if power.test == "identification"
-        else RatingExperiment(means=(0.0, effect), others=_other_levels(design))
-    )
+    if power.test == "threshold":
+        found = power_paired_t(people, d_z=effect)
+        return (
+            f"Limits of the mean of {people} thresholds that leave out a bound at {effect:g} times the standard"
+            f" deviation of their logarithms: power {found:.2f}, by formula."
+        )
+    experiment, what = _experiment(power, design)
     found = simulated_power(experiment, people, rng=np.random.default_rng(design.seed), runs=runs)
-    what = {
-        "identification": f"{power.objects} objects told apart at d' = {effect:g}, {power.trials} trials each",
-        "rating": f"a difference of {effect:g} steps of a rating",
-    }[power.test]
     limits = f"{found.low:.2f} to {found.high:.2f}"
     return f"{what}, {people} people: power {found.power:.2f} ({limits}), {runs} simulated studies."
 
 
-def _other_levels(design: Design) -> tuple[int, ...]:
-    """Levels of the factors of the ratings beside the first, which Holm's correction takes in."""
+def _experiment(power: PlannedPower, design: Design) -> tuple[Experiment, str]:
+    """A study to be simulated, and what it is about."""
+    effect = power.effect
+    if power.test == "identification":
+        what = f"{power.objects} objects told apart at d' = {effect:g}, {power.trials} trials each"
+        return IdentificationExperiment(objects=power.objects, trials=power.trials, d_prime=effect), what
+    if power.test == "equivalence":
+        what = f"no difference, shown within {effect:g} times the standard deviation of people's differences"
+        return EquivalenceExperiment(margin=effect), what
+    others, groups = _other_levels(design)
+    effects = 2 ** (1 + len(others)) - 1 if not groups else 2 ** len(groups) * 2 ** (1 + len(others)) - 1
+    what = f"a difference of {effect:g} steps of a rating among {effects} effects that Holm's correction is for"
+    return RatingExperiment(means=(0.0, effect), others=others, groups=groups), what
+
+
+def _other_levels(design: Design) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Levels of the factors of the ratings beside the first, within and between people, for Holm's correction."""
     parts = [part.levels for part in (*design.stimuli, *design.blocks, *design.questions)]
-    return tuple(len({levels[name] for levels in parts if name in levels}) for name in design.analysis.within[1:])
+    within = [len({levels[name] for levels in parts if name in levels}) for name in design.analysis.within[1:]]
+    between = [len(design.question(name).answers) for name in design.analysis.between if name in design.form]
+    return tuple(within), tuple(between)

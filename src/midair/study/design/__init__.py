@@ -2,7 +2,7 @@
 
 from midair.study.design.adaptive import QuestPlus, Staircase
 from midair.study.design.adaptive_block import next_stimulus, thresholds_of
-from midair.study.design.analysis_plan import Analysis, Exclusions, Foils, Incomplete, PlannedPower
+from midair.study.design.analysis_plan import Analysis, Exclusions, Foils, Incomplete, PlannedPower, PowerTest
 from midair.study.design.answers import answers_table
 from midair.study.design.blocks import Block, Criterion, Extra
 from midair.study.design.exclusions import left_out
@@ -26,6 +26,7 @@ __all__ = [
     "MaskingNoise",
     "Plan",
     "PlannedPower",
+    "PowerTest",
     "Policy",
     "QuestPlus",
     "Question",

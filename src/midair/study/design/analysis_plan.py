@@ -61,8 +61,9 @@ class Analysis:
         one_of(self.foils, Foils, "analysis: foils")
 
 
-PowerTest = Literal["paired", "identification", "rating"]
-"""Paired t over people; objects told apart better than by guessing; a factor of two levels of a rating."""
+PowerTest = Literal["paired", "identification", "rating", "equivalence", "threshold"]
+"""Paired t over people; objects told apart better than by guessing; a factor of two levels of a rating; two conditions
+that do not differ, shown to be within a margin; a mean threshold whose limits leave out a bound."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,10 +72,11 @@ class PlannedPower:
 
     Attributes
     ----------
-    test : {"paired", "identification", "rating"}
+    test : {"paired", "identification", "rating", "equivalence", "threshold"}
         As in `midair study power`.
     effect : float
-        d_z, mean d', or difference in rating steps.
+        d_z; mean d'; difference in rating steps; margin over the standard deviation of people's differences; distance
+        of the bound from the mean of the logarithms of thresholds, over their standard deviation.
     objects, trials : int
         Of "identification": alternatives, and trials of each participant.
     """
@@ -83,6 +85,9 @@ class PlannedPower:
     effect: float
     objects: int = 3
     trials: int = 12
+
+    def __post_init__(self) -> None:
+        one_of(self.test, PowerTest, "power: test")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

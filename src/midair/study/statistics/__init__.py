@@ -33,6 +33,8 @@ from midair.study.statistics.mixed import logistic_mixed, logistic_posterior
 from midair.study.statistics.ordinal import ordinal_check
 from midair.study.statistics.paired import Equivalence, PairedT, bayes_factor, equivalence, holm, paired_t
 from midair.study.statistics.power import (
+    EquivalenceExperiment,
+    Experiment,
     IdentificationExperiment,
     Power,
     RatingExperiment,
@@ -52,6 +54,8 @@ __all__ = [
     "Confusion",
     "CurveShape",
     "Equivalence",
+    "EquivalenceExperiment",
+    "Experiment",
     "IdentificationExperiment",
     "Interval",
     "PairedT",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.study.statistics.confusion import Confusion, chance_macro_f, wilson
 from midair.study.statistics.detection import proportion_correct
-from midair.study.statistics.paired import holm
+from midair.study.statistics.paired import equivalence, holm
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -158,6 +158,8 @@ class RatingExperiment:
     others : tuple of int
         Number of levels of each further factor, none of which matters; Holm corrects for all effects together, seven
         with two further factors.
+    groups : tuple of int
+        Number of levels of each factor between people, none of which matters; people are spread over them evenly.
     noise : float
         Standard deviation of the mean rating of one person at one level of the factor, over the cells of the others,
         the person's own level left out.
@@ -167,6 +169,7 @@ class RatingExperiment:
 
     means: tuple[float, ...]
     others: tuple[int, ...] = ()
+    groups: tuple[int, ...] = ()
     noise: float = 1.0
     person: float = 0.8
 
@@ -181,5 +184,26 @@ class RatingExperiment:
         who, *cells = (where.ravel() for where in np.indices(shape))
         names = [f"factor{number}" for number in range(len(cells))]
         table = {"y": y.ravel(), "who": who, **dict(zip(names, cells, strict=True))}
-        found = rm_anova(table, value="y", participant="who", within=names)
-        return float(holm(found["p_GG"].to_numpy())[0])
+        between = [f"group{number}" for number in range(len(self.groups))]
+        if between:
+            member = np.unravel_index(who % int(np.prod(self.groups)), self.groups)
+            table |= dict(zip(between, member, strict=True))
+        found = rm_anova(table, value="y", participant="who", within=names, between=between)
+        return float(holm(found["p_GG"].to_numpy())[found["effect"].tolist().index(names[0])])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EquivalenceExperiment:
+    """Two conditions between which people differ, but not on average: the report's two one-sided tests.
+
+    Attributes
+    ----------
+    margin : float
+        Largest difference that does not matter, in standard deviations of people's differences.
+    """
+
+    margin: float
+
+    def __call__(self, participants: int, rng: np.random.Generator) -> float:
+        """P-value of one simulated study."""
+        return equivalence(rng.normal(size=participants), np.zeros(participants), margin=self.margin).p

@@ -1,7 +1,7 @@
 """Commands for the numbers around a study: power, and what the paper printed."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
@@ -11,7 +11,10 @@ from midair.errors import InputError
 from midair.figures import png
 from midair.files import whole_file
 from midair.study import (
+    EquivalenceExperiment,
+    Experiment,
     IdentificationExperiment,
+    PowerTest,
     RatingExperiment,
     chance_figure,
     chance_of_published,
@@ -24,7 +27,7 @@ from midair.study import (
 
 
 def power_command(
-    test: Literal["paired", "identification", "rating"],
+    test: PowerTest,
     /,
     *,
     effect: float,
@@ -40,11 +43,13 @@ def power_command(
     Parameters
     ----------
     test
-        The tests of the report. "paired": paired t over people, by formula; "identification": macro F against shuffled
-        answers; "rating": a factor of two levels in the analysis of variance, with Holm's correction for all its
-        effects; both by simulation.
+        The tests of the report. "paired": paired t over people, by formula, and so "threshold": limits of the mean
+        threshold that leave out a bound; "identification": macro F against shuffled answers; "rating": a factor of two
+        levels in the analysis of variance, with Holm's correction for all its effects; "equivalence": two conditions
+        that do not differ, shown to be within a margin; these by simulation.
     effect
-        d_z, mean d', or difference in rating steps.
+        d_z; mean d'; difference in rating steps; margin over the standard deviation of people's differences; distance
+        of the bound over the standard deviation of people's thresholds, in logarithms.
     objects
         Alternatives of the choice.
     trials
@@ -64,14 +69,15 @@ def power_command(
     """
     if not 0 < power < 1:
         raise InputError(f"--power: expected between 0 and 1, got {power:g}")
-    if test == "paired":
-        say(f"{participants_for_paired_t(d_z=effect, power=power)} pairs for power {power:g} at d_z = {effect:g}.")
+    if test in ("paired", "threshold"):
+        many, what = participants_for_paired_t(d_z=effect, power=power), "pairs" if test == "paired" else "thresholds"
+        say(f"{many} {what} for power {power:g} at {'d_z' if test == 'paired' else 'a distance'} = {effect:g}.")
         return
-    experiment = (
-        IdentificationExperiment(objects=objects, trials=trials, d_prime=effect)
-        if test == "identification"
-        else RatingExperiment(means=(0.0, effect), others=others)
-    )
+    experiment: Experiment = {
+        "identification": IdentificationExperiment(objects=objects, trials=trials, d_prime=effect),
+        "rating": RatingExperiment(means=(0.0, effect), others=others),
+        "equivalence": EquivalenceExperiment(margin=effect),
+    }[test]
     curve = power_curve(experiment, [3, 5, 8, 10, 12, 16, 20, 30, 40], rng=np.random.default_rng(seed), runs=runs)
     for row in curve.to_dict("records"):
         say(f"{row['participants']:>4} participants: power {row['power']:.2f} ({row['low']:.2f} to {row['high']:.2f})")
