@@ -47,6 +47,7 @@ WHOLE_SUITES = {
     "rig/takes/test_crash.py": "a recorder that is killed at any moment",
     "rig/takes/test_take_memory.py": "a long take in little memory",
     "solvers/test_contract.py": "one contract, each solver and each known problem",
+    "study/test_planned_power.py": "the power that a plan tells, and how often its report finds the effect",
     "study/test_kills.py": "new, run, analyse and export, killed at any moment",
     "study/statistics/test_type_one_error.py": "every test of significance, on data without an effect",
     "studio/test_browser.py": "the studio in a real browser: playing, silence, who may speak to it",
