@@ -2,11 +2,11 @@
 
 from midair.physics.cell_means import Between, cell_weights
 from midair.physics.chain import Moment, PlaybackChain, radiate
+from midair.physics.cubes import searched_points
 from midair.physics.directivity import off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
 from midair.physics.exposure_level import Exposure, exposure, greatest_exposure, sound_level
 from midair.physics.exposure_places import ExposureProfile, Place
-from midair.physics.exposure_search import searched_points
 from midair.physics.field_error import printed_error, relative_error
 from midair.physics.narrow_cone import cone_points
 from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_a_frame

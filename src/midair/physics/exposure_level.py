@@ -3,6 +3,7 @@
 Levels are in dB re 20 µPa rms, from the linear field of each frame as if it lasted for ever.
 """
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -13,8 +14,8 @@ from threadpoolctl import threadpool_limits
 
 from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
+from midair.physics.cubes import Searches, Workspace, cube_search, point_search, searches_of
 from midair.physics.exposure_places import ExposureProfile, Place
-from midair.physics.exposure_search import CubeSearch, PointSearch, cube_search, point_search
 from midair.physics.propagation import transfer_matrix
 from midair.physics.radiation import radiation_pressure
 from midair.validation import frozen_array
@@ -22,7 +23,7 @@ from midair.validation import frozen_array
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
-BLOCK = 128
+BLOCK = 256
 """Frames that are worked out at once."""
 
 
@@ -164,14 +165,11 @@ def exposure(
     """
     acoustics = acoustics or drive.acoustics
     level = np.empty((drive.frames, len(profile.places)))
-    # Small parts stay in the cache, and a whole drive at all points would not fit into memory.
-    blocks = [slice(first, first + BLOCK) for first in range(0, drive.frames, BLOCK)]
     # NumPy lets go of the interpreter, so that threads use all cores; BLAS threads beside them would only wait.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor() as threads:
-        searches = list(threads.map(partial(cube_search, array=drive.array, acoustics=acoustics), profile.places))
-        found = threads.map(partial(_levels, drive, searches), blocks)
-        for part, block in zip(blocks, found, strict=True):
-            level[part] = block
+        searches = searches_of(profile.places, drive.array, acoustics)
+        shares = np.array_split(np.arange(0, drive.frames, BLOCK), os.cpu_count() or 1)
+        list(threads.map(partial(_fill, level, drive, searches), shares))
     return Exposure(
         profile=profile,
         level=level,
@@ -269,43 +267,48 @@ def _beam(
 def _pressure(drive: Drive, profile: ExposureProfile, acoustics: Acoustics) -> float:
     """Highest radiation pressure on the nearest place's level, at points 5 mm apart over 6 cm, in Pa."""
     some = np.unique(np.linspace(0, drive.frames - 1, 256).astype(int))
-    parts, _ = _parts(drive, some)
-    loudest = _palm(profile.nearest[1].position, drive.array, acoustics).loudest(parts)
+    space = Workspace()
+    parts, _ = _parts(drive, some, space)
+    loudest = _palm(profile.nearest[1].position, drive.array, acoustics).loudest(parts, space)
     return float(radiation_pressure(loudest.max(initial=0.0), acoustics.medium))
 
 
 @lru_cache(maxsize=4)
-def _palm(middle: tuple[float, float, float], array: TransducerArray, acoustics: Acoustics) -> PointSearch:
+def _palm(middle: tuple[float, float, float], array: TransducerArray, acoustics: Acoustics) -> Searches:
     """The search of a square on the level of a place."""
     steps = np.arange(-30e-3, 31e-3, 5e-3)
     x, y = np.meshgrid(steps, steps)
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) + np.array(middle)
-    return point_search(points, array, acoustics)
+    return Searches.of(point_search(points, array, acoustics))
 
 
-def _levels(drive: Drive, searches: list[CubeSearch | PointSearch], frames: slice) -> Array:
-    """Level of some frames at each place, shape (frame, place), in dB."""
-    parts, level = _parts(drive, frames)
-    ceiling = np.stack([each.ceiling for each in searches], axis=1)
-    most = level * ceiling.sum(axis=0) if level.shape[1] == 1 else level @ ceiling
-    found = np.stack([each.loudest(parts) for each in searches], axis=1)
-    found += level.max(axis=1, keepdims=True) * np.array([each.left_out for each in searches])
-    return sound_level(np.minimum(found, most))
+def _fill(level: Array, drive: Drive, searches: Searches, blocks: NDArray[np.intp]) -> None:
+    """Level of the frames of some blocks at each place, in dB."""
+    space = Workspace()
+    ceiling = np.stack([each.ceiling for each in searches.each], axis=1)
+    left_out = np.array([each.left_out for each in searches.each])
+    # Small parts stay in the cache, and a whole drive at all points would not fit into memory.
+    for first in blocks:
+        frames = slice(first, first + BLOCK)
+        parts, strength = _parts(drive, frames, space)
+        most = strength * ceiling.sum(axis=0) if strength.shape[1] == 1 else strength @ ceiling
+        found = searches.loudest(parts, space) + strength.max(axis=1, keepdims=True) * left_out
+        level[frames] = sound_level(np.minimum(found, most))
 
 
-def _parts(drive: Drive, frames: slice | NDArray[np.intp]) -> tuple[Single, Array]:
-    """Real, then imaginary parts of some frames in single precision, and their level, shape (frame, any or 1)."""
+def _parts(drive: Drive, frames: slice | NDArray[np.intp], space: Workspace) -> tuple[Single, Array]:
+    """Some frames as `CubeSearch.loudest` wants them, and their level, shape (frame, any or 1)."""
     phase = np.asarray(drive.phase[frames])
     # Single precision has no digits to spare for turns: a file may hold any number of them.
-    if np.abs(phase).max(initial=0.0) > 64:
+    if max(phase.max(initial=0.0), -phase.min(initial=0.0)) > 64:
         phase = np.remainder(phase, 2 * np.pi)
-    phase = phase.astype(np.float32)
     level = np.asarray(drive.level[frames]).reshape(len(phase), -1)
-    parts = np.empty((len(phase), 2 * phase.shape[1]), np.float32)
-    np.cos(phase, out=parts[:, : phase.shape[1]])
-    np.sin(phase, out=parts[:, phase.shape[1] :])
-    strength = level.astype(np.float32)
-    parts *= strength if strength.shape[1] == 1 else np.tile(strength, 2)
+    parts, angle = space.array("parts", 3, *phase.shape), space.array("angle", *phase.shape)
+    angle[:] = phase
+    np.cos(angle, out=parts[0])
+    np.sin(angle, out=parts[1])
+    parts[:2] *= level.astype(np.float32)
+    np.add(parts[0], parts[1], out=parts[2])
     return parts, level
 
 

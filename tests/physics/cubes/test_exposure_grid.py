@@ -6,7 +6,7 @@ import pytest
 from midair.files import profile_named
 from midair.model import Acoustics, TransducerArray
 from midair.physics import transfer_matrix
-from midair.physics.exposure_grid import bands, between, lattice, middle, slow_field
+from midair.physics.cubes.exposure_grid import bands, between, lattice, middle, slow_field, stacks
 
 ARRAY = TransducerArray.autd3()
 EAR = profile_named("occupational-110").places[0]
@@ -34,7 +34,19 @@ def test_the_slow_field_is_the_transfer_matrix_but_for_a_wave_from_the_middle():
     path = np.linalg.norm(points - middle(ARRAY), axis=1, keepdims=True)
     wave = np.exp(-1j * 2 * np.pi * ARRAY.frequency / Acoustics().medium.speed * path)
     true = transfer_matrix(points, ARRAY) * wave
-    np.testing.assert_allclose(slow_field(share, EAR, ARRAY, Acoustics()), true, atol=4e-3 * np.abs(true).max())
+    magnitude = np.abs(transfer_matrix(EAR.points, ARRAY))
+    found = slow_field(share, place=EAR, array=ARRAY, acoustics=Acoustics(), magnitude=magnitude)
+    np.testing.assert_allclose(found, true, atol=4e-3 * np.abs(true).max())
+
+
+def test_stacks_are_the_inside_and_all_of_the_surface_each_point_once():
+    found = [each.points.reshape(-1, 3) for each in stacks(np.array([3.0, 8.0, 5.0]), inside=1.6, faces=1.0)]
+    assert (np.abs(found[0]) < 1).all()
+    surface = np.concatenate(found[1:])
+    assert (np.abs(surface).max(axis=1) == 1).all()
+    assert len(np.unique(surface.round(9), axis=0)) == len(surface)
+    closer = lattice(np.array([3.0, 8.0, 5.0]), 1.0)
+    assert len(surface) == (np.abs(closer.points).max(axis=1) == 1).sum()
 
 
 def test_bands_are_how_far_a_phase_turns_from_the_middle_of_the_cube_to_a_face():
