@@ -108,13 +108,15 @@ class RecordRoom:
         self._looking.pop(page.number, None)
         self._feed.leave(page)
 
-    def listen(self, _: Page, order: Listen) -> bool:
-        """Take another sensor."""
+    async def listen(self, _: Page, order: Listen) -> bool:
+        """Take another sensor, or the same anew."""
         if self._state["state"] in ("recording", "waiting"):
             raise DeviceStateError("sensor: expected the take to be over first; stop it, then choose another sensor")
         self._sensor = order.sensor
-        self._close()
-        self._open()
+        # The one before may take a second to end, and pages are heard meanwhile.
+        await asyncio.to_thread(self._close)
+        if self._process is None:
+            self._open()
         return True
 
     def take(self, _: Page, order: MakeTake) -> str:

@@ -42,7 +42,9 @@ export class Record {
     this.repeats = make("input", { type: "number", min: 1, max: 100, value: "1" });
     this.big = make("button.main.big", { type: "button", id: "record", onclick: () => this.record() }, "Record ", make("kbd", {}, "R"));
     this.touched = make("div.column", {}, field("Level", this.level), field("Kept before it, s", this.pre));
-    this.done = make("div", { role: "status" });
+    this.done = make("div", { role: "status", id: "kept" });
+    this.lost = make("div.column", { role: "alert", id: "sensor-lost", hidden: true });
+    this.again = make("button", { type: "button", onclick: () => this._listen(this.link.state.record.sensor) }, "Open it again");
     this.events = make("ol.events", { "aria-live": "polite" });
     this.about = make("div");
     this.meters = make("div.meters", { role: "img", "aria-label": "Meters" });
@@ -51,7 +53,7 @@ export class Record {
     this.tracesPanel = panel("Cells", "the last 2 s", this.traces);
     this.studio.main.append(make("div.record", {},
       make("div.column.left", {},
-        panel("Sensor", null, field("Source", this.source), this.named, this.about),
+        panel("Sensor", null, field("Source", this.source), this.named, this.lost, this.about),
         panel("What", null, ...Object.entries(this.notes).map(([name, input]) => field(name[0].toUpperCase() + name.slice(1), input))),
         panel("How", null, field("Begins", this.begins), this.touched, field("Lasts, s", this.duration), field("Takes", this.repeats), this.big, this.done)),
       make("div.middle", {}, this.tracesPanel, panel("Spectrogram", "of the chosen channel", this.spectrum)),
@@ -78,10 +80,16 @@ export class Record {
     this.source.disabled = this.named.disabled = runs || !this.link.controls;
     this.events.replaceChildren(...(record.events ?? []).map((event) => make("li", { className: event.event === "trigger" ? "" : "bad" }, event.said)));
     if (!record.events?.length) this.events.replaceChildren(make("li.quiet", {}, "nothing to tell"));
-    if (record.error) this.done.replaceChildren(make("p.bad", {}, record.error));
-    else if (take) this.done.replaceChildren(make("p", {}, `${take.name}: ${take.duration_s.toFixed(2)} s, ${take.frames} frames, ${take.lost} lost`), rows(take.problems),
-      make("a", { href: `#reproduce/${encodeURI(take.name)}`, id: "to-reproduce" }, "Look at it in Reproduce"));
+    this.lost.hidden = state !== "lost";
+    this.again.disabled = !this.link.controls;
+    this.lost.replaceChildren(...(state === "lost" ? [make("p.bad", {}, record.error), this.again] : []));
+    this.done.replaceChildren(...(record.error && state !== "lost" ? [make("p.bad", {}, record.error)] : []), ...(take && !runs ? this._take(take) : []));
     if (about && this._aboutOf !== about.sensor + about.rate_hz) { this._aboutOf = about.sensor + about.rate_hz; await this._pictures(about); }
+  }
+  _take(take) {
+    const broken = take.end === "failure";
+    return [make(`p${broken ? ".bad" : ""}`, {}, `${broken ? "The take broke off; what came until then is kept. " : ""}${take.name}: ${take.duration_s.toFixed(2)} s, ${take.frames} frames, ${take.lost} lost`), rows(take.problems),
+      make("a", { href: `#reproduce/${encodeURI(take.name)}`, id: "to-reproduce" }, "Look at it in Reproduce")];
   }
   async _pictures(about) {
     const inferno = await colours("inferno");
