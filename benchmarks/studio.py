@@ -16,6 +16,8 @@ from pathlib import Path
 
 import psutil
 
+PARTS = ("rooms", "deaths")
+
 TICKS = """void (studio.ticks ?? (studio.ticks = 0,
     (function tick() { studio.ticks++; requestAnimationFrame(tick); })()))"""
 
@@ -54,7 +56,19 @@ def measured(page, server, seconds, drawn):
 def main():
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studio", description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0, help="for how long each room is watched")
-    seconds = parser.parse_args().seconds
+    parser.add_argument(
+        "--part", nargs="+", choices=("rooms", "deaths"), default=("rooms", "deaths"), help="only these"
+    )
+    given = parser.parse_args()
+    if "rooms" in given.part:
+        rooms(given.seconds)
+    if "deaths" in given.part:
+        from benchmarks.studio_deaths import deaths
+
+        deaths()
+
+
+def rooms(seconds):
     from playwright.sync_api import sync_playwright
 
     figures: dict = {"load": [round(each, 1) for each in os.getloadavg()]}

@@ -9,7 +9,19 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-NO_PROGRAMS = {"clock", "live_outside", "palm_floor", "targets", "yardstick", "peers", "limits", "sequence", "static"}
+NO_PROGRAMS = {
+    "clock",
+    "live_outside",
+    "palm_floor",
+    "studio_deaths",
+    "studio_delays",
+    "targets",
+    "yardstick",
+    "peers",
+    "limits",
+    "sequence",
+    "static",
+}
 """What the others are made of."""
 PROGRAMS = sorted(
     path.stem for path in (ROOT / "benchmarks").glob("*.py") if path.stem[0] != "_" and path.stem not in NO_PROGRAMS
@@ -29,7 +41,7 @@ SMALLEST = {
     "benchmarks.live": ["--part", "bands", "run", "--frames", "1000", "--priority", "0"],
     "benchmarks.scale": ["--sizes", "1 4"],
     "benchmarks.studies": ["--studies", "2", "--part", "ratings", "errors", "--trials", "48"],
-    "benchmarks.studio": ["--seconds", "2"],
+    "benchmarks.studio": ["--seconds", "2", "--part", "rooms"],
     "benchmarks.sweeps": ["--count", "4", "--chunk", "2", "--workers", "1"],
 }
 

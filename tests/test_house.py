@@ -50,6 +50,8 @@ WHOLE_SUITES = {
     "study/test_planned_power.py": "the power that a plan tells, and how often its report finds the effect",
     "study/test_kills.py": "new, run, analyse and export, killed at any moment",
     "study/statistics/test_type_one_error.py": "every test of significance, on data without an effect",
+    "studio/test_deaths.py": "whatever ends a studio that plays, by the word of its units",
+    "studio/test_faulty_sensor.py": "a sensor with faults, on the page and in the file",
     "studio/test_browser.py": "the studio in a real browser: playing, silence, who may speak to it",
     "studio/test_rooms.py": "the rooms in a real browser, and that everybody can use them",
     "studio/test_live_page.py": "the room Live in a real browser",

@@ -1,7 +1,6 @@
 """The studio in a real browser: what a person sees, does and can rely on."""
 
 import json
-import signal
 import subprocess
 import sys
 import time
@@ -170,38 +169,6 @@ def test_stop_by_button_by_escape_in_a_text_field_and_from_a_page_that_looks_on(
     silent(page, 2, "asked for silence")
 
 
-def test_stop_reaches_the_player_while_the_server_is_halted(sounding):
-    studio, page = sounding()
-    studio.process.send_signal(signal.SIGSTOP)
-    try:
-        port, token = page.page.evaluate("[studio.link.state.studio.stop_port, studio.link.state.studio.stop_token]")
-        said = page.page.evaluate(
-            """async ([port, token]) => {
-                const answer = await fetch(`http://127.0.0.1:${port}/stop`, {method: 'POST', body: token});
-                return [answer.status, await answer.text()]; }""",
-            [port, token],
-        )
-        assert said == [200, "silent\n"]
-    finally:
-        studio.process.send_signal(signal.SIGCONT)
-    silent(page, 2, "asked for silence")
-
-
-def test_a_script_that_hangs_silences_within_half_a_second_and_a_little(sounding):
-    _, page = sounding()
-    page.page.evaluate("() => { const end = performance.now() + 1500; while (performance.now() < end); }")
-    silent(page, 1, "nobody looked on")
-
-
-def test_a_tab_that_is_closed_silences_at_once(sounding, look):
-    studio, page = sounding()
-    watching = look(studio, link=studio.root, context=page.page.context)
-    page.page.close()
-    watching.until("studio.link.state.player.state === 'ready' && !studio.link.state.player.emitting", timeout=3)
-    said = watching.page.evaluate("studio.link.state.player.said")
-    assert "asked for silence" in said or "nobody looked on" in said
-
-
 def test_a_second_page_looks_on_and_takes_over_in_silence(studio_at, look):
     studio = studio_at()
     first = look(studio)
@@ -302,16 +269,3 @@ def test_on_emulated_units_exposure_is_refused_attenuated_or_answered_for_by_nam
     page.until("studio.link.state.player.said === 'played to its end'", timeout=60)
     order = next(line for line in logged(tmp_path) if line["event"] == "play")
     assert (order["exposure"], order["override_by"]) == ("overridden", "Ada")
-
-
-def test_emulated_units_fall_silent_when_the_server_is_killed(sounding, tmp_path):
-    studio, _ = sounding("autd3:emulator")
-    studio.process.kill()
-    began = time.monotonic()
-    while not any(line.get("outcome") for line in logged(tmp_path)):
-        assert time.monotonic() < began + 5, logged(tmp_path)
-        time.sleep(0.01)
-    assert time.monotonic() - began < 1.5
-    end = logged(tmp_path)[-1]
-    assert end["outcome"] == "failed"
-    assert "silence" in end["reason"] or "looked on" in end["reason"]

@@ -1,4 +1,4 @@
-"""Clipping, losses, a dead channel, and a sensor that is pulled off while it records: said on the page, and in the file."""
+"""Clipping, losses, a dead channel, a sensor that is pulled off while it records: on the page, and in the file."""
 
 import subprocess
 import sys
