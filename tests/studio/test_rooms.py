@@ -1,10 +1,13 @@
 """The rooms in a real browser: Calibrate, Study, Record's warnings; and that everybody can use all of them."""
 
+import hashlib
 import json
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 
+from midair.rig import record
+from midair.studio.work import SolveWish, solve_take
 from midair.study import StudyFolder, read_design, read_events
 
 pytestmark = pytest.mark.browser
@@ -147,6 +150,111 @@ def test_a_pilot_is_seen_as_one_and_stored_apart_and_who_wants_to_stop_is_stoppe
     events = read_events(study.path / "pilot" / "sub-01.jsonl")
     assert events[-1]["event"] == "stop"
     assert next(event for event in events if event["event"] == "open")["pilot"] is True
+
+
+PLAYED = """
+name = "felt"
+title = "Felt or not"
+participants = 1
+seed = 1
+consent = "You will feel faint vibrations. You may stop at any time."
+cue = "It comes now."
+form = ["age", "tired"]
+noise = { level_dbfs = -20 }
+
+[[questions]]
+name = "age"
+kind = "text"
+text = "How old are you?"
+
+[[questions]]
+name = "tired"
+kind = "slider"
+text = "How tired are you?"
+low = 0
+high = 10
+low_label = "not at all"
+high_label = "very"
+
+[[questions]]
+name = "felt"
+kind = "yes-no"
+text = "Did you feel something?"
+
+[[stimuli]]
+name = "nothing"
+kind = "silence"
+
+[[stimuli]]
+name = "weak"
+source = "weak.drive.h5"
+share = 0.5
+
+[[blocks]]
+name = "one"
+stimuli = ["nothing", "weak"]
+questions = ["felt"]
+"""
+
+
+def drive_of(folder):
+    """A soft drive, and its digest, as a study is drawn with."""
+    record("virtual:towel", 0.2, path=folder / "towel.h5")
+    made = str(folder / "weak.drive.h5")
+    choices = (("method", "naive"), ("level", 0.01))
+    solve_take(SolveWish(take=str(folder / "towel.h5"), drive=made, choices=choices), lambda *_: None)
+    (folder / "towel.h5").unlink()
+    return {"weak.drive.h5": hashlib.sha256((folder / "weak.drive.h5").read_bytes()).hexdigest()}
+
+
+def test_a_trial_plays_its_drive_by_the_studio_s_own_player(studio_at, look, tmp_path):
+    """Consent, a form, a drive and as long a silence, on emulated units; the form is no trial and no question twice."""
+    studio = studio_at("--device", "autd3:emulator")
+    study = StudyFolder.create(studio.folder / "felt", PLAYED, read_design(PLAYED), drives=drive_of)
+    page = look(studio)
+    page.until("studio.link.state.player.state === 'ready'", timeout=120)
+    page.go("#study")
+    page.until("!!document.querySelector('[data-participant=\"1\"]')")
+    assert "white noise at -20 dB" in page.page.locator("#main").inner_text()
+    page.page.get_by_label("Noise in the headphones").select_option("none")
+    page.page.locator('[data-participant="1"]').click()
+    page.until("!!studio.link.state.session || !!document.querySelector('#begins.bad')", timeout=60)
+    assert not page.page.locator("#begins").is_visible(), page.page.locator("#begins").inner_text()
+    page.go("#study/participant")
+    page.page.get_by_role("button", name="I have read this, and take part").click()
+    page.until("document.querySelector('#question')?.innerText.startsWith('How old')")
+    turn = page.page.evaluate("studio.link.state.session.step.turn")
+    page.page.get_by_label("How old are you?").fill("31")
+    page.page.keyboard.press("Tab")
+    page.page.keyboard.press("Enter")
+    page.until("document.querySelector('#question')?.innerText.startsWith('How tired')")
+    # Pressed twice, the first answer is none to the second question.
+    again = (
+        f"studio.link.order('study', 'answer', {{turn: {turn}, text: '7'}}).then(() => '', (wrong) => wrong.message)"
+    )
+    assert "moved on" in page.page.evaluate(again)
+    assert page.page.locator("#next").is_disabled()
+    page.page.get_by_label("How tired are you?").focus()
+    page.page.keyboard.press("ArrowRight")
+    page.page.locator("#next").click()
+    for _ in range(2):
+        page.until("studio.link.state.session.step.kind === 'present' && !studio.link.state.session.busy")
+        page.page.keyboard.press("Enter")
+        page.until("document.querySelector('.participant').innerText.startsWith('It comes now.')")
+        page.until("studio.link.state.session.step.kind === 'ask'", timeout=60)
+        page.page.keyboard.press("1")
+        page.until("studio.link.state.session.step.kind !== 'ask'")
+    page.until("studio.link.state.session.step.kind === 'done'")
+    events = read_events(study.path / "sessions" / "sub-01.jsonl")
+    form = {event["question"]: event["answer"] for event in events if event["event"] == "form"}
+    assert form == {"age": "31", "tired": "5.1"}
+    opened = next(event for event in events if event["event"] == "open")
+    assert (opened["array"], opened["noise_dbfs"], opened["simulated"]) == ("autd3:emulator", None, True)
+    assert [event["event"] for event in events].count("presented") == 2
+    lines = (tmp_path / "state" / "played.jsonl").read_text(encoding="utf-8").splitlines()
+    [order] = [line for line in map(json.loads, lines) if line["event"] == "play"]
+    assert order["exposure"] == "kept"
+    assert page.wrong == []
 
 
 def test_taps_tell_which_channel_is_which_cell_and_a_response_is_shown(studio_at, look):

@@ -17,7 +17,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from midair.studio.masking import HeldNoise
 from midair.studio.stop_port import StopPort
+
+TRIALS = 32
+"""Drives of a session that stay admitted, so that each is presented as soon as the others."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +76,8 @@ class _Player:
     plan: PlayerPlan
     array: Any = None
     admitted: dict[int, tuple[Any, Path]] = field(default_factory=dict[int, tuple[Any, Path]])
+    trials: dict[tuple[str, float], dict[str, Any]] = field(default_factory=dict[tuple[str, float], dict[str, Any]])
+    noise: HeldNoise = field(default_factory=HeldNoise)
     number: int = 0
     emits: bool = False
 
@@ -94,6 +100,11 @@ class _Player:
                             self._tell("answer", id=order["id"], value=self._admit(order, held))
                         case "play":
                             self._tell("answer", id=order["id"], value=self._play(order))
+                        case "mask":
+                            self.trials.clear()
+                            self._tell("answer", id=order["id"], value=self.noise.take(order["noise"], order["device"]))
+                        case "quiet":
+                            self._tell("answer", id=order["id"], value=self._quiet(order))
                         case "let go":
                             # Another process plays on it for a while.
                             held.close()
@@ -158,7 +169,9 @@ class _Player:
         from midair.errors import ExposureError
         from midair.files import load_solution, profile_named
 
-        path = Path(order["path"])
+        path, trial = Path(order["path"]), (order["path"], order.get("share", 1.0))
+        if order.get("keep") and trial in self.trials:
+            return self.trials[trial]
         drive = load_solution(path).drive
         if (share := order.get("share", 1.0)) != 1.0:
             # Radiation pressure goes with the square of the sound's, which goes with the level.
@@ -174,8 +187,10 @@ class _Player:
             # The page shows by how much, and what can be done about it: measured once more, for nobody's playing.
             return {"number": 0, "refused": str(wrong), **exposed(_measured(drive, array, profile))}
         self.number += 1
-        self.admitted = {self.number: (admission, path)}
-        return {
+        kept = {found["number"] for found in self.trials.values()} if order.get("keep") else set[int]()
+        self.admitted = {number: one for number, one in self.admitted.items() if number in kept}
+        self.admitted[self.number] = (admission, path)
+        found = {
             "number": self.number,
             "outcome": admission.outcome,
             "verdict": admission.verdict(),
@@ -184,6 +199,8 @@ class _Player:
             "refused": "",
             **exposed(admission.exposure),
         }
+        self.trials = dict(list(self.trials.items())[1 - TRIALS :]) | {trial: found} if order.get("keep") else {}
+        return found
 
     def _virtual(self, drive: Any) -> Any:
         """A virtual rig for a drive: its array, its cells, its height and its band."""
@@ -203,13 +220,28 @@ class _Player:
     def _play(self, order: Mapping[str, Any]) -> dict[str, Any]:
         """Play an admission, by a leave; where a sensor hears it, write what it heard."""
         from midair.errors import DeviceStateError
+
+        kept = any(trial["number"] == order["admission"] for trial in self.trials.values())
+        found = self.admitted.get(order["admission"]) if kept else self.admitted.pop(order["admission"], None)
+        if found is None:
+            raise DeviceStateError("play: expected a drive that was just checked, got none; check its exposure again")
+        with self.noise.over(order["masked"]):
+            return self._let_sound(order, *found)
+
+    def _quiet(self, order: Mapping[str, Any]) -> bool:
+        """A stimulus of silence: as long as the others, and with the same noise."""
+        with self.noise.over(order["masked"]):
+            end = time.monotonic() + order["seconds"]
+            while time.monotonic() < end:
+                self.permit.check(order["leave"], "silence")
+                time.sleep(0.02)
+        return True
+
+    def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path) -> dict[str, Any]:
         from midair.files import save
         from midair.rig import permitted, play_admitted, rerecord
 
-        found = self.admitted.pop(order["admission"], None)
-        if found is None:
-            raise DeviceStateError("play: expected a drive that was just checked, got none; check its exposure again")
-        (admission, path), leave, output = found, order["leave"], order["output"]
+        leave, output = order["leave"], order["output"]
         if self.plan.device != "virtual":
             with permitted(self.array, self.permit, leave):
                 report = play_admitted(admission, self.array, source=path, progress=self._progress(leave))

@@ -24,9 +24,10 @@ from midair.study.design import (
     replay,
     thresholds_of,
 )
-from midair.study.drives import StudyDrive, gather
+from midair.study.drives import StudyDrive, check_digests, gather
 from midair.study.findings import Report, StudyData, analyse, data_of_answers, data_of_columns
 from midair.study.folder import StudyFolder, Template, paper_design_text, read_design, template_text
+from midair.study.headphones import Headphones
 from midair.study.keyboard import keyboard_of_terminal
 from midair.study.registration import plan_page
 from midair.study.session import (
@@ -102,6 +103,8 @@ __all__ = [
     "load_table",
     "study_pictures",
     "Foils",
+    "Headphones",
+    "check_digests",
     "Incomplete",
     "left_out",
     "Analysis",

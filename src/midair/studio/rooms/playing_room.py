@@ -9,7 +9,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
+from midair import errors
+from midair.errors import DeviceStateError, ExposureError, InputError, MidairError, SilentFramesError
 from midair.rig import Leave, Permit
 from midair.studio.desk import Desk, Nothing, Page
 from midair.studio.player import PlayerPlan, PlayerProcess
@@ -142,7 +143,7 @@ class PlayingRoom:
             raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
         output = self._takes.beside(take, ".rerecorded.h5")
         partial = self._beside(output)
-        report = await self._sound(page, order.admission, take, str(partial))
+        report = await self._sound(page, take, do="play", admission=order.admission, output=str(partial), masked=False)
         if report.get("output") and partial.exists():
             partial.replace(output)
             report["output"] = output.name
@@ -150,25 +151,60 @@ class PlayingRoom:
             tell(take)
         return report
 
-    async def present(self, path: Path, share: float) -> dict[str, Any]:
-        """Check and play a drive for a study, while the page in control is in sight; answers when it is over."""
-        page = self._desk.pages.get(self._desk.control.holder)
+    async def admit_trial(self, path: Path, share: float, *, override: str = "") -> dict[str, Any]:
+        """Check a drive of a study, and keep it at hand for its trials.
+
+        Raises
+        ------
+        ExposureError
+            If it is louder than the profile and nobody answers for that by name.
+        """
+        how = {"profile": self._profile, "attenuate": False, "override": override, "repeats": 1, "share": share}
+        found = await self._ask(do="admit", path=str(path), keep=True, **how)
+        if not found["number"]:
+            raise ExposureError(f"{path.name}: {found['refused']}")
+        return found
+
+    async def mask(self, noise: Any, device: str) -> str:
+        """Have the player hold a sound output for the noise of a study; none lets go of it. What it gives, in words."""
+        return await self._ask(do="mask", noise=noise, device=device)
+
+    async def present(self, path: Path, share: float, *, masked: bool = False) -> dict[str, Any]:
+        """Play a drive for a study, while the page in control is in sight; answers when it is over.
+
+        Raises
+        ------
+        SilentFramesError
+            If the array was silent where it should have sounded.
+        """
+        page = self._experimenter()
+        found = await self.admit_trial(path, share)
+        report = await self._sound(page, path.name, do="play", admission=found["number"], output="", masked=masked)
+        if report.get("gap"):
+            raise SilentFramesError(
+                f"array: expected every frame in time, {report['late']} were late after {report['gap']:.3f} s of "
+                "silence; close other programs"
+            )
+        return report
+
+    async def quiet(self, seconds: float, *, masked: bool = False) -> None:
+        """A stimulus of silence, as long as the others and with the same noise."""
+        await self._sound(self._experimenter(), "silence", do="quiet", seconds=seconds, masked=masked)
+
+    def _experimenter(self) -> Page:
         self._busy()
+        page = self._desk.pages.get(self._desk.control.holder)
         if page is None or not page.visible or time.monotonic() - page.heard > ALIVE:
             raise DeviceStateError("play: expected the experimenter's page to be in sight, it is hidden or gone")
-        how = {"profile": self._profile, "attenuate": False, "override": "", "repeats": 1, "share": share}
-        found = await self._ask(do="admit", path=str(path), **how)
-        if not found["number"]:
-            raise InputError(found["refused"])
-        return await self._sound(page, found["number"], path.name, "")
+        return page
 
-    async def _sound(self, page: Page, admission: int, what: str, output: str) -> dict[str, Any]:
-        """Arm for a page, play, and disarm whatever comes of it."""
+    async def _sound(self, page: Page, what: str, **order: Any) -> Any:
+        """Arm for a page, have the player do it, and disarm whatever comes of it."""
         self._controls = page.number
         leave = self.permit.arm(lasts=ALIVE)
         self._show(state="plays", take=what, done=0, total=0, said="")
         try:
-            report = await self._ask(do="play", admission=admission, leave=leave, output=output)
+            report = await self._ask(leave=leave, **order)
         except MidairError as wrong:
             self._show(state="ready", emitting=False, said=str(wrong))
             raise
@@ -282,8 +318,7 @@ class PlayingRoom:
                     waits.set_result(said["value"])
             case "wrong":
                 if (waits := self._waiting.get(said["id"])) is not None and not waits.done():
-                    kind = StoppedError if said["of"] == "StoppedError" else InputError
-                    waits.set_exception(kind(said["error"]))
+                    waits.set_exception(_as_it_was(said["of"])(said["error"]))
             case "sounds":
                 self._show(done=said["done"], total=said["total"], emitting=said["emitting"])
             case "stopped":
@@ -305,3 +340,9 @@ class PlayingRoom:
     def _show(self, **changes: Any) -> None:
         self._state = {**self._state, **changes}
         self._desk.put(player=self._state)
+
+
+def _as_it_was(name: str) -> type[MidairError]:
+    """The kind of an error that was told by its name: who waits for it may have to go on by what it was."""
+    kind = getattr(errors, name, InputError)
+    return kind if isinstance(kind, type) and issubclass(kind, MidairError) else InputError

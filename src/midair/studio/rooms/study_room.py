@@ -1,10 +1,8 @@
 """Room Study: a participant's session, with a page for the experimenter and one for the participant."""
 
 import asyncio
-import threading
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +12,18 @@ from midair.errors import DeviceStateError, InputError, MidairError, StoppedErro
 from midair.studio.desk import Desk, Nothing, Page
 from midair.studio.folders import OneFolder
 from midair.studio.jobs import Jobs, StudioJob
+from midair.studio.rooms.page_presenter import PagePresenter
 from midair.studio.rooms.playing_room import PlayingRoom
 from midair.studio.work import StudyWish, draw_study
-from midair.study import Reply, Session, Stimulus, StudyFolder, Template
+from midair.study import (
+    Plan,
+    Reply,
+    Session,
+    StudyFolder,
+    Template,
+    check_digests,
+    check_not_withdrawn,
+)
 
 
 class NewStudy(BaseModel):
@@ -35,13 +42,15 @@ class BeginSession(BaseModel):
     study: str = Field(min_length=1, max_length=200)
     participant: int = Field(ge=1, le=500)
     pilot: bool = False
+    noise: str = Field(default="default", min_length=1, max_length=200)
+    override: str = Field(default="", max_length=200)
 
 
 class AnswerGiven(BaseModel):
     """What the participant said."""
 
     model_config = ConfigDict(extra="forbid")
-    code: str = Field(max_length=100)
+    turn: int
     text: str = Field(max_length=1000)
     reaction_s: float | None = Field(default=None, ge=0, le=86400)
 
@@ -51,47 +60,6 @@ class Reason(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     reason: str = Field(max_length=200)
-
-
-@dataclass(slots=True, kw_only=True, eq=False)
-class PagePresenter:
-    """Presents what a session asks for: drives by the player, objects by the experimenter, who is told on his page.
-
-    Attributes
-    ----------
-    play : callable
-        Plays the drive of a path at a share of its pressure; returns when it is over.
-    stop : callable
-        STOP, from any thread.
-    tell : callable
-        Shows the experimenter what to do.
-    folder : Path
-        Of the study, in which its drives are.
-    """
-
-    play: Callable[[Path, float], None]
-    stop: Callable[[], None]
-    tell: Callable[[str], None]
-    folder: Path
-    done: threading.Event = field(default_factory=threading.Event)
-    ended: threading.Event = field(default_factory=threading.Event)
-
-    def present(self, stimulus: Stimulus) -> None:
-        """Present it; return when it is over."""
-        if stimulus.kind == "drive":
-            self.play(self.folder / stimulus.source, stimulus.share)
-            return
-        self.done.clear()
-        self.tell("present nothing, and wait" if stimulus.kind == "silence" else f"present: {stimulus.source}")
-        while not self.done.wait(0.1):
-            if self.ended.is_set():
-                return
-        self.tell("")
-
-    def silence(self) -> None:
-        """End it at once."""
-        self.ended.set()
-        self.stop()
 
 
 class StudyRoom:
@@ -119,6 +87,7 @@ class StudyRoom:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="session")
         self._loop: asyncio.AbstractEventLoop | None = None
         self._about: dict[str, Any] = {}
+        self._turn, self._shown_step, self._masked = 0, object(), False
         desk.offer("study", "list", self.list, Nothing, watchers=True)
         desk.offer("study", "new", self.new, NewStudy)
         desk.offer("study", "begin", self.begin, BeginSession)
@@ -157,13 +126,20 @@ class StudyRoom:
         plan = await asyncio.to_thread(study.plan)
         if order.participant > plan.design.participants:
             raise InputError(f"participant: expected 1 to {plan.design.participants}, got {order.participant}")
+        await asyncio.to_thread(check_not_withdrawn, study, order.participant)
         self._loop = asyncio.get_running_loop()
+        quiet = await self._get_ready(study, plan, order)
         log = study.log(order.participant)
         if order.pilot:
             # A file of its own, in a folder that no analysis reads: a pilot cannot be taken for data.
             log = study.path / "pilot" / log.name
         self._presenter = PagePresenter(
-            play=self._play, stop=self._playing.permit.stop, tell=self._tell, folder=study.path
+            play=self._play,
+            wait=self._wait,
+            quiet_s=quiet,
+            stop=self._playing.permit.stop,
+            tell=self._tell,
+            folder=study.path,
         )
         drives = any(stimulus.kind == "drive" for stimulus in plan.design.stimuli)
         session = Session(
@@ -172,7 +148,11 @@ class StudyRoom:
             log,
             self._presenter,
             simulated=drives and bool(self._desk.state["player"]["simulated"]),
-            about={"pilot": order.pilot, "array": self._desk.state["player"]["device"]},
+            about={
+                "pilot": order.pilot,
+                "array": self._desk.state["player"]["device"] if drives else None,
+                "noise_dbfs": plan.design.noise.level_dbfs if self._masked and plan.design.noise else None,
+            },
         )
         await self._do(session.__enter__)
         self._session = session
@@ -182,12 +162,31 @@ class StudyRoom:
             "participant": order.participant,
             "pilot": order.pilot,
             "due": "",
+            "cue": "",
+            "consent": plan.design.consent,
             "busy": False,
             "log": [],
             "error": "",
         }
         self._show()
         return True
+
+    async def _get_ready(self, study: StudyFolder, plan: Plan, order: BeginSession) -> float:
+        """What has to be known of drives and headphones before somebody sits down; how long the longest drive is, in s.
+
+        Every drive is the one of the plan, and keeps the exposure profile.
+        """
+        drives = dict.fromkeys((one.source, one.share) for one in plan.design.stimuli if one.kind == "drive")
+        self._masked = False
+        if not drives:
+            return 0.0
+        await asyncio.to_thread(check_digests, study.path, plan.drives, plan.design.stimuli)
+        noise = plan.design.noise if order.noise != "none" else None
+        await self._playing.mask(noise, order.noise)
+        by = order.override.strip()
+        found = [await self._playing.admit_trial(study.path / source, share, override=by) for source, share in drives]
+        self._masked = noise is not None
+        return max(each["duration_s"] for each in found)
 
     async def acknowledge(self, _: Page, __: Nothing) -> bool:
         """The text was read, or the break is over."""
@@ -203,20 +202,20 @@ class StudyRoom:
         number = session.step.number
         self._show(busy=True, error="")
         try:
-            await self._do(session.present)
+            await self._do(lambda: session.present(self._cue))
             self._note(f"trial {number} presented")
         except MidairError as wrong:
             self._show(error=str(wrong))
             raise
         finally:
             if self._session is session:
-                self._show(busy=False, due="")
+                self._show(busy=False, due="", cue="")
         return True
 
     async def answer(self, _: Page, order: AnswerGiven) -> bool:
         """Store an answer; when this is answered it is on disk."""
         session = self._open()
-        if session.step.code != order.code:
+        if order.turn != self._turn:
             raise DeviceStateError("study: expected an answer to the question that is due; it has moved on")
         await self._do(lambda: session.answer(Reply(text=order.text, reaction_s=order.reaction_s)))
         self._note(f"trial {session.step.number or '–'}: answered")
@@ -247,6 +246,8 @@ class StudyRoom:
         await self._do(lambda: session.__exit__(None, None, None))
         self._session = self._presenter = None
         self._desk.put(session=None)
+        if self._masked:
+            await self._playing.mask(None, "")
         return await self.list(page, Nothing())
 
     def close(self) -> None:
@@ -266,14 +267,17 @@ class StudyRoom:
             try:
                 plan, begun = study.plan(), {s.trials[0].participant: s for s in study.sessions() if s.trials}
             except (MidairError, OSError) as wrong:
-                rows.append({"name": path.name, "title": str(wrong), "participants": []})
+                rows.append({"name": path.name, "title": str(wrong), "participants": [], "noise": "", "drives": 0})
                 continue
             trials = {n: sum(t.participant == n for t in plan.trials) for n in range(1, plan.design.participants + 1)}
             people = [
                 {"number": n, "done": begun[n].next_trial if n in begun else 0, "total": total}
                 for n, total in trials.items()
             ]
-            rows.append({"name": path.name, "title": plan.design.title or plan.design.name, "participants": people})
+            noise = "" if plan.design.noise is None else plan.design.noise.said
+            title = plan.design.title or plan.design.name
+            row = {"name": path.name, "title": title, "participants": people, "noise": noise}
+            rows.append({**row, "drives": sum(one.kind == "drive" for one in plan.design.stimuli)})
         return rows
 
     async def _do(self, act: Callable[[], Any]) -> Any:
@@ -287,9 +291,20 @@ class StudyRoom:
 
     def _play(self, path: Path, share: float) -> None:
         """In the session's thread: have the player play, and wait."""
+        self._present(lambda: self._playing.present(path, share, masked=self._masked))
+
+    def _wait(self, seconds: float) -> None:
+        """In the session's thread: have the player present silence."""
+        self._present(lambda: self._playing.quiet(seconds, masked=self._masked))
+
+    def _present(self, begin: Callable[[], Coroutine[Any, Any, Any]]) -> None:
         if self._loop is None:
             raise StoppedError("study: the studio ends")
-        asyncio.run_coroutine_threadsafe(self._playing.present(path, share), self._loop).result()
+        asyncio.run_coroutine_threadsafe(begin(), self._loop).result()
+
+    def _cue(self, text: str) -> None:
+        """What the participant is told as a stimulus begins."""
+        self._later(lambda: self._show(cue=text))
 
     def _tell(self, said: str) -> None:
         self._later(lambda: self._show(due=said) if self._session is not None else None)
@@ -304,11 +319,16 @@ class StudyRoom:
         self._about = {**self._about, **changes}
         step = session.step
         question = step.question
+        if step is not self._shown_step:
+            # Two questions of a form have nothing else by which an answer that was given twice could be told.
+            self._turn, self._shown_step = self._turn + 1, step
         self._desk.put(
             session={
-                **self._about,
+                **{name: value for name, value in self._about.items() if name != "consent"},
                 "step": {
                     "kind": step.kind,
+                    "turn": self._turn,
+                    "consent": bool(step.text) and step.text == self._about["consent"],
                     "text": step.text,
                     "code": step.code,
                     "number": step.number,
@@ -322,6 +342,8 @@ class StudyRoom:
                         "answers": list(question.answers),
                         "low_label": question.low_label,
                         "high_label": question.high_label,
+                        "low": question.low,
+                        "high": question.high,
                     },
                 },
             }

@@ -59,25 +59,35 @@ export class Study {
     const right = make("div.column");
     if (session) right.append(panel("Log", "newest last; no condition is shown", make("ol.events", {}, ...session.log.map((said) => make("li", {}, said)))));
     else if (study) {
-      const pilot = make("input", { type: "checkbox", id: "pilot" });
+      const pilot = make("input", { type: "checkbox", id: "pilot" }), noise = choice([["default", "this computer's sound output"], ["none", "none: the array may be heard"]], "default"), answers = make("input", { type: "text", maxLength: 200, autocomplete: "off", placeholder: "nobody" });
       right.append(panel(study.title, study.name, make("p.quiet", {}, "Pilot runs have a coloured frame and are stored apart, where no analysis reads them."), make("div", {}, pilot, " ", make("label", { htmlFor: "pilot" }, "as a pilot")),
+        ...(this.said ? [make(`p${this.wrong ? ".bad" : ".quiet"}`, { id: "begins", role: "status" }, this.said)] : []),
+        ...(study.drives ? [field("Above the exposure profile: who answers for it", answers)] : []),
+        ...(study.noise ? [field("Noise in the headphones", noise), make("p.quiet", {}, `While the array presents: ${study.noise}.`)] : []),
         make("div.card", {}, make("table", {}, make("thead", {}, make("tr", {}, ...["participant", "trials", ""].map((words) => make("th", { scope: "col" }, words)))),
           make("tbody", {}, ...study.participants.map((each) => make("tr", {}, make("td", {}, String(each.number)), make("td", {}, `${each.done} of ${each.total}`),
-            make("td", {}, make("button", { type: "button", disabled: !controls, "data-participant": each.number, onclick: () => tried(this.link.order("study", "begin", { study: study.name, participant: each.number, pilot: pilot.checked })) }, each.done === 0 ? "Begin" : each.done < each.total ? "Go on" : "Open")))))))));
+            make("td", {}, make("button", { type: "button", disabled: !controls, "data-participant": each.number, onclick: () => this._begin({ study: study.name, participant: each.number, pilot: pilot.checked, noise: noise.value, override: answers.value.trim() }) }, each.done === 0 ? "Begin" : each.done < each.total ? "Go on" : "Open")))))))));
     } else right.append(panel("No study", null, make("p.quiet", {}, "Draw a plan at the left: trials, their order and what is asked come from it.")));
     this.studio.main.replaceChildren(make("div.study", {}, left, right));
   }
 
+  /** Drives are checked before, which takes a moment; what was in the way stays to be read. */
+  async _begin(order) {
+    Object.assign(this, { said: "drives and headphones are checked …", wrong: false, shown: "" });
+    this._show();
+    try { await this.link.order("study", "begin", order); this.said = ""; } catch (wrong) { Object.assign(this, { said: wrong.message, wrong: true, shown: "" }); this._show(); }
+  }
+
   _forParticipant() {
-    const { session } = this, step = session?.step, key = JSON.stringify([step, session?.busy]);
+    const { session } = this, step = session?.step, key = JSON.stringify([step, session?.busy, session?.cue]);
     if (key === this.shown) return;
     this.shown = key;
     this.answers = [];
     const main = make("div.participant", { lang: "en" }), next = (words, act) => make("button.main", { type: "button", id: "next", onclick: act }, words);
     const stop = make("button.stop", { type: "button", id: "want-stop", onclick: () => this._stop() }, "I want to stop ", make("kbd", {}, "Esc"));
     if (!session) main.append(make("p", {}, "Please wait."), make("a", { href: "#study" }, "experimenter's page"));
-    else if (step.kind === "show") main.append(...step.text.split("\n").map((line) => make("p", {}, line)), next("Next", () => tried(this.link.order("study", "acknowledge"))));
-    else if (step.kind === "present") main.append(make("p", {}, session.busy ? "Feel it now." : step.text || "Put your hand where it belongs."), ...(session.busy ? [] : [next("I am ready", () => tried(this.link.order("study", "present")))]));
+    else if (step.kind === "show") main.append(...step.text.split("\n").map((line) => make("p", {}, line)), next(step.consent ? "I have read this, and take part" : "Next", () => tried(this.link.order("study", "acknowledge"))));
+    else if (step.kind === "present") main.append(make("p", {}, session.busy ? session.cue || "Feel it now." : step.text || "Put your hand where it belongs."), ...(session.busy ? [] : [next("I am ready", () => tried(this.link.order("study", "present")))]));
     else if (step.kind === "rest") {
       const go = next(`A break of ${Math.ceil(step.rest_s)} s`, () => tried(this.link.order("study", "acknowledge")));
       go.disabled = true;
@@ -93,10 +103,15 @@ export class Study {
     (main.querySelector("button") ?? this.studio.main).focus();
     this.asked = performance.now();
   }
-  _question({ question, code }) {
-    const answer = (text) => tried(this.link.order("study", "answer", { code, text, reaction_s: (performance.now() - this.asked) / 1000 }));
+  _question({ question, turn }) {
+    const answer = (text) => tried(this.link.order("study", "answer", { turn, text, reaction_s: (performance.now() - this.asked) / 1000 }));
     const ends = question.low_label ? make("span.quiet", {}, ` ${question.answers[0]} ${question.low_label}, ${question.answers.at(-1)} ${question.high_label}`) : "";
     const title = make("h2", { id: "question" }, question.text);
+    if (question.kind === "slider") {
+      const given = make("input", { type: "range", min: question.low, max: question.high, step: (question.high - question.low) / 100, value: String((question.low + question.high) / 2), "aria-labelledby": "question", oninput: () => { next.disabled = false; } });
+      const next = make("button.main", { type: "button", id: "next", disabled: true, onclick: () => answer(given.value) }, "Next");
+      return [title, make("div.row", {}, make("span", {}, question.low_label || String(question.low)), given, make("span", {}, question.high_label || String(question.high))), next];
+    }
     if (!question.answers.length) {
       const given = make("input", question.kind === "text" ? { type: "text", maxLength: 1000, "aria-labelledby": "question" } : { type: "number", min: 0, step: "any", "aria-labelledby": "question" });
       return [title, given, make("button.main", { type: "button", id: "next", onclick: () => answer(given.value) }, "Next")];
