@@ -183,6 +183,7 @@ def main() -> None:
     ask.add_argument(
         "--iterations", type=int, default=1000, help="of the floor at most, for each weight (default 1000)"
     )
+    ask.add_argument("--bounded", action="store_true", help="the floor of amplitudes up to full drive")
     said = ask.parse_args()
     plan = FidelityPlan(strength=said.strength, duration=said.duration, rig=VirtualRig(acoustics=ROOM))
     ways = MODES | {f"quiet palm {weight:g}": quiet_alone(weight) for weight in said.weights}
@@ -197,7 +198,14 @@ def main() -> None:
         elif part == "ears":
             ears(said.things, ways, plan)
         else:
-            floor(said.units, said.strengths, starts_at_random=said.starts, frames=said.frames, most=said.iterations)
+            floor(
+                said.units,
+                said.strengths,
+                starts_at_random=said.starts,
+                frames=said.frames,
+                most=said.iterations,
+                bounded=said.bounded,
+            )
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,11 @@ class Piece:
     def swing(self) -> Array:
         """What is wanted in the band, shape (frame, listener)."""
         return self.in_band(np.pad(self.wanted, ((0, 0), (0, len(self.G) - self.wanted.shape[1]))))
+
+    @property
+    def bounded(self) -> Piece:
+        """The same for two halves of each transducer, which together have any amplitude up to its own."""
+        return replace(self, G=np.concatenate([self.G, self.G], axis=1) / 2)
 
     def in_band(self, pressure: Array) -> Array:
         """Without what is steady, and without the fastest change that frames can hold."""
@@ -126,9 +131,16 @@ def starts(piece: Piece, array: TransducerArray, count: int) -> Iterator[tuple[s
         yield "at random, still" if still else "at random", np.tile(theta, (len(piece.wanted) if still else 1, 1))
 
 
-def floor(units: Sequence[int], strengths: Sequence[float], *, starts_at_random: int, frames: int, most: int) -> None:
-    """Print what each start comes to, and then the least of all."""
-    options = {"maxiter": most, "ftol": 1e-6, "gtol": 0.0, "maxcor": 20}
+def floor(
+    units: Sequence[int],
+    strengths: Sequence[float],
+    *,
+    starts_at_random: int,
+    frames: int,
+    most: int,
+    bounded: bool = False,
+) -> None:
+    """Print what each start comes to."""
     print(f"{frames} frames at 1 kHz, {most} iterations; outside, in the square, over the palm")
     print("| units | strength | start | as solved | lambda 1 | lambda 10 | CPU s |\n" + "| --- " * 7 + "|")
     for count in units:
@@ -137,13 +149,23 @@ def floor(units: Sequence[int], strengths: Sequence[float], *, starts_at_random:
             piece = Piece.of(array, strength, frames)
             for name, theta in starts(piece, array, starts_at_random):
                 began = time.process_time()
-                said = [_said(piece.figures(theta))]
-                for weight in (1.0, 10.0):
-                    found = minimize(piece.cost(weight), theta.ravel(), jac=True, method="L-BFGS-B", options=options)
-                    theta = found.x.reshape(theta.shape)
-                    said.append(_said(piece.figures(theta)))
-                spent = time.process_time() - began
-                print(f"| {count} | {strength:g} | {name} | {' | '.join(said)} | {spent:.0f} |", flush=True)
+                said = " | ".join(descended(*((piece.bounded, halved(theta)) if bounded else (piece, theta)), most))
+                print(f"| {count} | {strength:g} | {name} | {said} | {time.process_time() - began:.0f} |", flush=True)
+
+
+def halved(theta: Array) -> Array:
+    """Phases of two halves of each transducer, a little apart: alike, they would stay so."""
+    return np.concatenate([theta - 0.3, theta + 0.3], axis=1)
+
+
+def descended(piece: Piece, theta: Array, most: int) -> Iterator[str]:
+    """Figures of a start, and of what two weights make of it one after the other."""
+    options = {"maxiter": most, "ftol": 1e-6, "gtol": 0.0, "maxcor": 20}
+    yield _said(piece.figures(theta))
+    for weight in (1.0, 10.0):
+        found = minimize(piece.cost(weight), theta.ravel(), jac=True, method="L-BFGS-B", options=options)
+        theta = found.x.reshape(theta.shape)
+        yield _said(piece.figures(theta))
 
 
 def _said(figures: tuple[float, float, float]) -> str:

@@ -1,0 +1,121 @@
+"""Pictures of docs/palm.md, and their film: `python -m benchmarks.palm_pictures docs/images`.
+
+A towel in three modes, the paper's solved by glide, as `midair demo` does: pressure in the band on a palm of 85 mm,
+how four model skins move under it, and a film of the pressure. Simulated; colours by roots, so that what is wanted is
+seen beside what leaks.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from matplotlib.colors import PowerNorm
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+from benchmarks.palm import MODES, ROOM, original
+from midair.evaluate import PalmFrames
+from midair.figures.style import Style, new_figure, png
+from midair.flow import lead_of, reproduce
+from midair.model import Palm
+from midair.paper.modes_compared import FidelityPlan, at_strength
+from midair.physics import SKINS
+from midair.rig import VirtualRig, palm_frames_of_drive, played_chain
+from midair.targets import led_in
+from midair.view import PalmMaps, film_of_palm, write_gif
+
+Array = NDArray[np.float64]
+
+
+def main() -> None:
+    ask = argparse.ArgumentParser(prog="python -m benchmarks.palm_pictures", description=__doc__.splitlines()[0])
+    ask.add_argument("folder", type=Path, help="where to write palm-pressure.png, palm-skins.png and palm-film.gif")
+    ask.add_argument("--duration", type=float, default=0.12, help="of the stroke, in s (default 0.12)")
+    ask.add_argument("--pitch", type=float, default=2.5e-3, help="of the palm's points, in m (default 0.0025)")
+    said = ask.parse_args()
+    palm = Palm.disc(pitch=said.pitch)
+    shown = {mode: frames_of(mode, said.duration, palm) for mode in MODES}
+    said.folder.mkdir(parents=True, exist_ok=True)
+    any_skin = {mode: skins["soft, deep"] for mode, skins in shown.items()}
+    rows = {"pressure (Pa, rms)": {"wanted": any_skin["best"].wanted} | _each(any_skin, "delivered", 1)}
+    keep(said.folder / "palm-pressure.png", drawn(rows, any_skin["best"]))
+    rows = {
+        f"{skin} (µm, rms)": {"wanted": 1e6 * shown["best"][skin].wanted_motion}
+        | _each({mode: skins[skin] for mode, skins in shown.items()}, "motion", 1e6)
+        for skin in SKINS
+    }
+    keep(said.folder / "palm-skins.png", drawn(rows, any_skin["best"]))
+    film(said.folder / "palm-film.gif", any_skin)
+
+
+def frames_of(mode: str, duration: float, palm: Palm) -> Mapping[str, PalmFrames]:
+    """What a palm gets of a towel in a mode, for each skin."""
+    plan = FidelityPlan(duration=duration, rig=VirtualRig(acoustics=ROOM))
+    settings = MODES[mode] if mode != "paper" else MODES[mode].but(method="glide")
+    asked = original("towel", plan, settings)
+    settings = at_strength(asked, settings, plan)
+    led = led_in(asked, lead_of(settings))
+    drive = reproduce(led, plan.rig.array, settings).solution.drive
+    judged = (lead_of(settings), asked.frames / asked.rate)
+    chain = played_chain(drive, plan.rig)
+    return {
+        skin: palm_frames_of_drive(led, drive, palm, chain=chain, rig=plan.rig, judged=judged, skin=skin)
+        for skin in SKINS
+    }
+
+
+def _each(shown: Mapping[str, PalmFrames], field: str, scale: float) -> dict[str, Array]:
+    return {mode: scale * getattr(frames, field) for mode, frames in shown.items()}
+
+
+def drawn(rows: Mapping[str, Mapping[str, Array]], frames: PalmFrames) -> bytes:
+    """A row of maps for each quantity, of root mean squares over time."""
+    style = Style()
+    figure = new_figure(9.6, 2.3 * len(rows) + 0.4, simulated=True, style=style)
+    grid = figure.subplots(len(rows), len(next(iter(rows.values()))), sharex=True, sharey=True, squeeze=False)
+    for number, (quantity, maps) in enumerate(rows.items()):
+        line = grid[number]
+        means = {name: np.sqrt((each**2).mean(axis=0)) for name, each in maps.items()}
+        roots = PowerNorm(0.5, vmin=0, vmax=max(float(np.nanmax(each)) for each in means.values()))
+        for axis, (name, each) in zip(line, means.items(), strict=True):
+            y, x = (500 * frames.pitch * count for count in each.shape)
+            image = axis.imshow(each, cmap=style.quantity, norm=roots, extent=(-x, x, y, -y))
+            half_x, half_y = (1e3 * half for half in frames.square)
+            corner, size = (-half_x, -half_y), (2 * half_x, 2 * half_y)
+            axis.add_patch(Rectangle(corner, *size, fill=False, edgecolor="white", linestyle="--", linewidth=0.8))
+            axis.tick_params(labelsize=8)
+            if number == 0:
+                axis.set_title(name, fontsize=9, loc="left", color=style.ink)
+            if number == len(rows) - 1:
+                axis.set_xlabel("x (mm)", fontsize=9)
+        line[0].set_ylabel("y (mm)", fontsize=9)
+        bar = figure.colorbar(image, ax=list(line), shrink=0.85, pad=0.02)
+        bar.set_label(quantity, fontsize=8)
+        bar.ax.tick_params(labelsize=8)
+    return png(figure)
+
+
+def film(path: Path, shown: Mapping[str, PalmFrames], *, frames: int = 30) -> None:
+    """Pressure in all modes beside what is wanted, the thirty strongest milliseconds of it."""
+    best = shown["best"]
+    power = np.nansum(best.wanted**2, axis=(1, 2))
+    over = np.convolve(power, np.ones(min(frames, len(power))), mode="valid")
+    part = slice(int(over.argmax()), int(over.argmax()) + frames)
+    maps = {"wanted": best.wanted[part]} | {mode: each.delivered[part] for mode, each in shown.items()}
+    made = film_of_palm(
+        [PalmMaps(maps=maps, unit="Pa", pitch=best.pitch, square=best.square)], rate=best.rate, side=175
+    )
+    write_gif(made, path)
+    print(f"{path}: {len(made)} pictures, {made.slower:g} times slower, {path.stat().st_size / 1e3:.0f} kB")
+
+
+def keep(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+    print(f"{path}: {len(data) / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()
