@@ -96,8 +96,16 @@ def test_a_drive_of_another_recording_and_a_palm_without_a_drive_are_refused(cap
 def test_a_drive_s_palm_can_be_filmed(capsys):
     assert run(["solve", "take.h5", "--mode", "paper", *COARSE, "--start-at", "0.5s", "--duration", "0.01s", "-f"]) == 0
     Path("coarse.toml").write_text("disc_mm = 85\npitch_mm = 5")
-    assert run(["compare", "take.h5", "take.drive.h5", "--palm", "coarse.toml", "--film", "palm.gif"]) == 0
+    assert (
+        run(
+            ["compare", "take.h5", "take.drive.h5", "--palm", "coarse.toml", "--film", "palm.gif", "--report", "p.html"]
+        )
+        == 0
+    )
     assert "film palm.gif" in capsys.readouterr().out
+    page = Path("p.html").read_text(encoding="utf-8")
+    assert "What a whole palm gets, coarse" in page
+    assert "displacement, worst skin" in page
     with Image.open("palm.gif") as film:
         assert film.n_frames == 10
     assert run(["compare", "take.h5", "take.drive.h5", "--film", "palm.gif"]) == 1

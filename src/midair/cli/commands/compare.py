@@ -99,7 +99,7 @@ def compare_command(
         before, after = (stack.enter_context(kept_aside(each)) for each in both)
         comparison, card = compare(before, after), card_of(before, after)
         if report is not None:
-            _write_report(report, before, after, comparison, card)
+            _write_report(report, before, after, comparison, card, told)
     if json:
         skin = {"perception": card and card.plain()["figures"], "verdict": card and card.verdict()}
         return print_json(plain(comparison) | skin | {"palm": told and told.plain()})
@@ -117,7 +117,12 @@ def compare_command(
 
 
 def _write_report(
-    path: Path, before: PressureFrames, after: PressureFrames, comparison: Comparison, card: PerceptualCard | None
+    path: Path,
+    before: PressureFrames,
+    after: PressureFrames,
+    comparison: Comparison,
+    card: PerceptualCard | None,
+    palm: PalmFidelity | None,
 ) -> None:
     """Figures, and both recordings to be watched and heard."""
     shown = show_comparison(before, after)
@@ -125,6 +130,9 @@ def _write_report(
     figures = [(name, f"{value:.3g}", unit) for name, (value, unit) in comparison.figures().items()]
     felt = [] if card is None else [(one.name, f"{one.overall:.3g}", one.unit, one.meaning) for one in card.figures]
     tables = [("Figures", figures), *([] if card is None else [(f"What skin makes of it: {card.verdict()}", felt)])]
+    if palm is not None:
+        rows = [(name.removeprefix("palm: "), f"{value:.3g}", unit) for name, (value, unit) in palm.figures().items()]
+        tables.append((f"What a whole palm gets, {palm.palm}", rows))
     page = show_page(shown, tables=tables, commands=(talk().line,))
     with whole_file(path) as partial:
         partial.write_text(page, encoding="utf-8")
