@@ -8,6 +8,7 @@ have become.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_args
@@ -15,23 +16,25 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.calibration import CausalInverse
 from midair.datasets import Object, stroke
 from midair.devices import admit
+from midair.dsp import resample
 from midair.errors import InputError, MissingExtraError
 from midair.evaluate import THIRD_OCTAVES, third_octaves
 from midair.figures import Mistaken, mistaken_figure, png
 from midair.files import contents, open_take
 from midair.flow import at_strength, felt, lead_of, reproduce
-from midair.model import PressureFrames
-from midair.paper.modes_compared import strongest_part
+from midair.model import Calibration, PressureFrames, Recording
+from midair.paper.modes_compared import strongest_begins
 from midair.paper.result import PaperResult, Row
 from midair.rig import Stage, VirtualRig, capture_recording, quiet, rerecord, usual_exposure
 from midair.settings import Mode, Settings, beside_paper, paper_mode
 from midair.targets import led_in
 
 Array = NDArray[np.float64]
-Original = Callable[[Settings], PressureFrames]
-"""What was felt of a stroke, in the band and at the rate of settings."""
+LIVE = "live"
+"""The mode that undoes the sensor while it is felt, as `midair live` does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,13 +47,35 @@ class Stroke:
         What is to be told apart.
     name : str
         Of the stroke.
-    original : callable
-        Gives what was felt of it, in the band and at the rate of settings.
+    take : callable
+        Gives what a sensor said of it, and the sensor's calibration.
+    begins : callable
+        Where in what was felt the part lies that is taken, in s.
     """
 
     material: str
     name: str
-    original: Original
+    take: Callable[[], tuple[Recording, Calibration | None]]
+    begins: Callable[[PressureFrames], float]
+
+    def original(self, settings: Settings, duration: float) -> PressureFrames:
+        """What was felt of its part, in the band and at the rate of settings."""
+        whole = felt(*self.take(), settings)
+        return whole.cut(self.begins(whole), min(duration, whole.frames / whole.rate))
+
+    def live(self, settings: Settings, duration: float) -> PressureFrames:
+        """The same part as the causal inverse of `midair live` gives it, frame by frame; its delay taken out."""
+        recording, calibration = self.take()
+        rate, band = settings.target.rate, settings.calibration.band
+        whole = felt(recording, calibration, settings)
+        samples = recording.samples
+        if not np.isclose(recording.rate, rate, rtol=1e-9):
+            samples = resample(samples, recording.rate, rate)
+        known = calibration or Calibration.flat(recording.sensor, sensitivity=1.0, unit=recording.unit)
+        inverse = CausalInverse(known, rate, band=band)
+        late = replace(whole, pressure=inverse.push(np.asarray(samples, float))[: whole.frames])
+        length = whole.frames / whole.rate
+        return late.cut(min(self.begins(whole) + inverse.delay, length - duration), min(duration, length))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,9 +116,8 @@ class MaterialsPlan:
 
     @property
     def modes(self) -> Mapping[str, Settings]:
-        """The modes by name. The live one maps and solves frame by frame, without the delay that its inverse needs."""
-        live = self.paper.but(method="live")
-        return {**beside_paper(self.mode, self.paper), "live": live}
+        """The modes by name. The live one undoes the sensor, maps and solves frame by frame."""
+        return {**beside_paper(self.mode, self.paper), LIVE: self.paper.but(method="live")}
 
 
 def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = quiet) -> PaperResult:
@@ -122,10 +146,10 @@ def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = quiet) 
     for mode, settings in plan.modes.items():
         progress = stage(f"{len(strokes)} strokes, {mode} mode")
         for number, one in enumerate(strokes):
-            original = one.original(settings)
+            wanted = (one.live if mode == LIVE else one.original)(settings, plan.duration)
             if mode == next(iter(plan.modes)):
-                heard["original"].append(third_octaves(original))
-            heard.setdefault(mode, []).append(third_octaves(through(original, settings, plan)))
+                heard["original"].append(third_octaves(wanted))
+            heard.setdefault(mode, []).append(third_octaves(through(wanted, settings, plan)))
             if progress is not None:
                 progress(number + 1, len(strokes))
     known = np.array(heard["original"])
@@ -176,19 +200,17 @@ def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = quiet) 
 def synthetic(plan: MaterialsPlan) -> list[Stroke]:
     """The middles of seeded strokes of the three objects, as the virtual sensor feels them."""
 
-    def one(name: Object, seed: int) -> Original:
-        def original(settings: Settings) -> PressureFrames:
-            skin = plan.rig.skin()
-            touch = stroke(name, seed=seed, rate=skin.rate, sensor=skin.model.grid)
-            long = touch.frames / touch.rate
-            with plan.rig.sensor(skin, touch=touch, name=f"virtual:{name}") as sensor:
-                pressure = felt(capture_recording(sensor, long), sensor.calibration, settings)
-            return pressure.cut((long - plan.duration) / 2, plan.duration)
+    def take(name: Object, seed: int) -> tuple[Recording, Calibration | None]:
+        skin = plan.rig.skin()
+        touch = stroke(name, seed=seed, rate=skin.rate, sensor=skin.model.grid)
+        with plan.rig.sensor(skin, touch=touch, name=f"virtual:{name}") as sensor:
+            return capture_recording(sensor, touch.frames / touch.rate), sensor.calibration
 
-        return original
+    def middle(whole: PressureFrames) -> float:
+        return (whole.frames / whole.rate - plan.duration) / 2
 
     return [
-        Stroke(material=name, name=f"{name} {seed}", original=one(name, seed))
+        Stroke(material=name, name=f"{name} {seed}", take=partial(take, name, seed), begins=middle)
         for name in get_args(Object)
         for seed in range(plan.strokes)
     ]
@@ -203,15 +225,16 @@ def recorded(folder: Path, duration: float) -> list[Stroke]:
         If there are fewer than two materials, or fewer than three strokes of one.
     """
 
-    def one(path: Path) -> Original:
-        def original(settings: Settings) -> PressureFrames:
-            take = open_take(path)
-            return strongest_part(felt(take.recording, take.calibration, settings), duration)
-
-        return original
+    def take(path: Path) -> tuple[Recording, Calibration | None]:
+        opened = open_take(path)
+        return opened.recording, opened.calibration
 
     paths = [path for path in sorted(folder.rglob("*.h5")) if contents(path).kind == "recording"]
-    strokes = [Stroke(material=material_of(path, folder), name=path.stem, original=one(path)) for path in paths]
+    begins = partial(strongest_begins, duration=duration)
+    strokes = [
+        Stroke(material=material_of(path, folder), name=path.stem, take=partial(take, path), begins=begins)
+        for path in paths
+    ]
     count = {name: sum(one.material == name for one in strokes) for name in dict.fromkeys(s.material for s in strokes)}
     if len(count) < 2 or min(count.values()) < 3:
         found = ", ".join(f"{number} of {name}" for name, number in count.items()) or "no recording"

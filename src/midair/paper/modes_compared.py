@@ -147,13 +147,19 @@ def original_of(thing: str, plan: FidelityPlan, settings: Settings) -> PressureF
 
 def strongest_part(pressure: PressureFrames, duration: float) -> PressureFrames:
     """The part of so many seconds that has most power in 20 to 470 Hz; all of what is no longer."""
+    if pressure.frames <= round(duration * pressure.rate):
+        return pressure
+    return pressure.cut(strongest_begins(pressure, duration), duration)
+
+
+def strongest_begins(pressure: PressureFrames, duration: float) -> float:
+    """When the part begins that `strongest_part` takes, in s."""
     frames = round(duration * pressure.rate)
     if pressure.frames <= frames:
-        return pressure
+        return 0.0
     power = (in_band(pressure.pressure, pressure.rate, (20.0, 470.0)) ** 2).sum(axis=(1, 2))
     so_far = np.concatenate([[0.0], power.cumsum()])
-    first = int(np.argmax(so_far[frames:] - so_far[:-frames]))
-    return pressure.cut(first / pressure.rate, duration)
+    return int(np.argmax(so_far[frames:] - so_far[:-frames])) / pressure.rate
 
 
 def at_strength(original: PressureFrames, settings: Settings, plan: FidelityPlan) -> Settings:
