@@ -10,19 +10,21 @@ import json
 import multiprocessing
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 
+import midair
 from benchmarks.clock import load
-from benchmarks.live_outside import Running, SerialSkin, loud, plain, seconds_to_silence, watch_in_time
+from benchmarks.live_outside import Running, SerialSkin, UnitsApart, loud, plain, seconds_to_silence, watch_in_time
+from benchmarks.standstill import Standstills, beside
 from midair.calibration import CausalInverse, calibrate, causal_error, causal_fir
-from midair.devices import stop_playing
+from midair.devices import ExposureChoices, stop_playing
 from midair.dsp import welch
+from midair.errors import MidairError
+from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import ControlGrid, Drive, TransducerArray
 from midair.physics import (
     PlaybackChain,
@@ -33,6 +35,7 @@ from midair.physics import (
     simulate,
     transfer_matrix,
 )
+from midair.rig.live_touch.touch_ring import LATE
 from midair.testing.udp_tap import UdpTap
 
 PARTS = ("run", "latency", "bands", "spectra", "deaths", "network")
@@ -47,6 +50,8 @@ def main() -> None:
     ask.add_argument("--frames", type=int, default=60_000, help="of a run (default 60000; 600000 are ten minutes)")
     ask.add_argument("--busy", type=int, default=0, help="processes that are busy beside a run (default 0)")
     ask.add_argument("--priority", type=int, nargs="*", default=[20, 0], help="real-time priorities (default 20 0)")
+    ask.add_argument("--hold", type=float, default=6.0, help="of a run, in ms (default 6)")
+    ask.add_argument("--apart", action="store_true", help="units of a run in a process of their own, as real ones are")
     ask.add_argument("--sensor", default="virtual:towel", help="of a run (default virtual:towel)")
     ask.add_argument("--seconds", type=float, default=12.0, help="of latency and of each network (default 12)")
     said = ask.parse_args()
@@ -67,34 +72,74 @@ def main() -> None:
     plain()
     if "run" in said.part:
         for priority in said.priority:
-            run(said.frames, said.busy, priority, said.sensor)
+            run(said.frames, said.busy, priority, said.sensor, hold=said.hold / 1000, apart=said.apart)
 
 
-def run(frames: int, busy: int, priority: int, sensor: str) -> None:
-    """A long run to four emulated units: lost, late, and how long after it was taken a frame has left."""
+def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apart: bool) -> None:
+    """A long run to four emulated units: lost, late, how long after it was taken a frame has left, and who was late.
+
+    A frame is late by the loop's own doing, or since the computer itself stood still while it was to be formed and
+    sent: a thread that comes before all others saw it. Frames up to 50 ms behind a standstill count for it: they are
+    what it left to be done.
+    """
     spinning = [multiprocessing.Process(target=_spin, daemon=True) for _ in range(busy)]
     for each in spinning:
         each.start()
+    units = UnitsApart(4) if apart else None
+    where = "in a process of their own" if units else "in the loop's process"
+    print(
+        f"\n{frames} frames, hold {1e3 * hold:g} ms, priority {priority}, units {where}, {busy} busy processes beside"
+    )
+    stills, before, late = Standstills(), load(), []
     try:
-        line = [sys.executable, "-m", "midair", "live", "--json", "--device", "autd3:emulator", "--sensor", sensor]
-        line += ["--duration", f"{frames / 1000:g}s", "--priority", str(priority), "--override-exposure", "a benchmark"]
-        before = load()
         with tempfile.TemporaryDirectory() as folder:
-            keep = ["--keep", str(Path(folder) / "run.h5")] if frames <= 120_000 else []
-            done = subprocess.run([*line, *keep], capture_output=True, text=True, check=False, preexec_fn=plain)
-        print(f"\n{frames} frames, priority {priority}, {busy} busy processes beside; {before} before, {load()} after")
-        if done.returncode:
-            print(f"  ended early: {done.stderr.splitlines()[-1]}")
-            return
-        told = json.loads(done.stdout)
-        print(f"  computer: {told['computer']}")
-        names = ("frames", "played", "lost", "late", "hurried", "unanswered", "gaps")
-        print("  " + ", ".join(f"{name} {told[name]}" for name in names))
-        for name in ("left_ms", "work_ms"):
-            print(f"  {name}: " + ", ".join(f"{share} {each}" for share, each in told[name].items()))
+            session = midair.live(
+                sensor,
+                f"autd3:{units.address}" if units else "autd3:emulator",
+                hold=hold,
+                duration=frames / 1000,
+                keep=Path(folder) / "run.h5",
+                exposure=ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a benchmark"),
+                priority=priority,
+            )
+            seen, goes = 0, True
+            with session:
+                while goes:
+                    goes = session.wait(0.5)
+                    slots, seen, _ = session.since(seen)
+                    late.append(slots["taken"][(slots["flags"] & LATE) > 0])
+                told = session.statistics.plain() | {"computer": session.opened.granted.words()}
+    except MidairError as wrong:
+        print(f"  ended early: {wrong}")
+        return
     finally:
+        still = stills.end(longer=hold / 3)
+        if units:
+            units.close()
         for each in spinning:
             each.kill()
+    print(f"  {before} before, {load()} after; computer: {told['computer']}")
+    names = ("frames", "played", "lost", "late", "hurried", "unanswered", "gaps")
+    print("  " + ", ".join(f"{name} {told[name]}" for name in names))
+    for name in ("left_ms", "work_ms"):
+        print(f"  {name}: " + ", ".join(f"{share} {each}" for share, each in told[name].items()))
+    if not stills.granted:
+        print("  whether the computer stood still nobody could see: no real-time priority")
+        return
+    taken = np.concatenate(late)
+    every = taken[:1] + np.arange(0.0, frames / 1000, 1e-3)
+    innocent, share = (beside(each, still, before=hold, after=0.05) for each in (taken, every))
+    lengths = np.concatenate([each[:, 1] - each[:, 0] for each in still])
+    print(
+        f"  the computer stood still {len(lengths)} times for more than {1e3 * hold / 3:.1f} ms, {lengths.sum():.2f} s "
+        f"on all cores together, {1e3 * lengths.max(initial=0.0):.0f} ms at most"
+    )
+    print(
+        f"  of {len(taken)} late frames {innocent.sum()} were taken beside such a moment, "
+        f"{len(taken) - innocent.sum()} were not; of all time "
+        f"{100 * share.mean() if len(share) else 0:.1f} % is beside one",
+        flush=True,
+    )
 
 
 def _spin() -> None:

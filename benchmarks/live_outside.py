@@ -85,6 +85,38 @@ def plain() -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
+UNITS = """
+import sys
+from autd3 import UdpEmulator
+units = UdpEmulator(int(sys.argv[1]))
+print(units.option().iface, flush=True)
+sys.stdin.read()
+"""
+"""A program that emulates units until its input ends, and first prints their address."""
+
+
+class UnitsApart:
+    """Emulated units in a process of their own, as real ones are no part of the computer that sends to them.
+
+    With real-time priority where it is granted: a real unit does not wait for anybody.
+    """
+
+    def __init__(self, units: int) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", UNITS, str(units)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            preexec_fn=watch_in_time,
+        )
+        assert self._process.stdout is not None
+        said = self._process.stdout.readline()
+        self.address = "[::1]:" + "".join(filter(str.isdigit, said.rsplit(":", 1)[1]))
+
+    def close(self) -> None:
+        self._process.communicate("")
+
+
 class Running:
     """`midair live` in a process of its own, whose loop's process is its only child.
 
