@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from midair.cli import run
+from midair.cli.commands.paper import _print
+from midair.paper import PaperResult
 
 
 @pytest.fixture(autouse=True)
@@ -54,3 +56,13 @@ def test_what_makes_no_sense_is_refused(wrong, status, words, capsys):
     assert run(["paper", "made", *wrong]) == status
     assert words in capsys.readouterr().err
     assert not Path("made").exists()
+
+
+def test_a_table_of_few_rows_and_many_columns_fits_into_a_terminal(capsys):
+    row = {f"{one}_as_{other}": 12 for one in ("brush", "sponge", "towel") for other in ("brush", "sponge", "towel")}
+    about: dict[str, object] = {"strokes": [f"brush {number}" for number in range(36)], "duration_s": 0.3}
+    _print(PaperResult(name="materials", title="Apart?", rows=(row, row), pictures={}, about=about), [Path("it.csv")])
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines())) <= 80
+    assert "sponge_as_towel  12  12" in said
+    assert "36: brush 0 ... brush 35" in said

@@ -1,7 +1,7 @@
 """The command `paper`: its figures and numbers made again, in its own mode and in the best one."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 from cyclopts import Parameter
 
@@ -166,10 +166,22 @@ def _print(result: PaperResult, written: list[Path]) -> None:
     out().print(f"\n{result.title}", style="bold")
     names = list(result.rows[0])
     lines = [names, *([_word(row[name]) for name in names] for row in result.rows)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(names))]
+    if len(names) > len(lines):
+        # So that it fits into a terminal: what has few rows and many columns lies on its side.
+        lines = [list(line) for line in zip(*lines, strict=True)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
     for line in lines:
         out().print("  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)))
-    print_rows([("about", str(dict(result.about))), ("files", ", ".join(str(path) for path in written))])
+    about = [(name.replace("_", " "), _words(value)) for name, value in result.about.items()]
+    print_rows([*about, ("files", ", ".join(str(path) for path in written))])
+
+
+def _words(value: object) -> str:
+    """Of what a result was made with: long lists by their ends."""
+    if not isinstance(value, list):
+        return _word(value)
+    each = [_word(one) for one in cast("list[object]", value)]
+    return ", ".join(each) if len(each) <= 6 else f"{len(each)}: {each[0]} ... {each[-1]}"
 
 
 def _word(value: object) -> str:
