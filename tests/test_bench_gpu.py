@@ -40,6 +40,7 @@ def test_a_small_run_on_the_cpu(name, needed, patterns):
     assert float(difference.split(":")[1].split()[0]) < 2e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["torch:cuda", "cupy", "jax"])
 def test_a_gpu_that_is_not_here_is_one_line_and_no_traceback(name):
     torch = pytest.importorskip("torch") if name == "torch:cuda" else None

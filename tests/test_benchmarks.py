@@ -21,6 +21,7 @@ NO_PROGRAMS = {
     "limits",
     "sequence",
     "static",
+    "standstill",
 }
 """What the others are made of."""
 PROGRAMS = sorted(

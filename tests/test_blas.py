@@ -42,6 +42,7 @@ def test_what_a_person_has_set_stays(tmp_path):
     assert not take_wide_kernel({}, tmp_path / "no such file")
 
 
+@pytest.mark.long
 def test_the_command_line_asks_before_numpy_is_loaded():
     code = (
         "import sys, midair.__main__ as start; "

@@ -17,6 +17,7 @@ def test_it_says_its_version():
     assert (done.stdout.strip(), done.stderr, done.returncode) == (__version__, "", 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("arguments", "status"), [(["no-such-command"], 2), (["info", "no-such-file.h5"], 1)])
 def test_its_exit_status_is_the_command_s(arguments, status):
     done = called(*arguments)

@@ -58,6 +58,7 @@ def test_a_name_that_is_no_text_is_said(tmp_path):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.long
 def test_a_name_that_the_terminal_cannot_spell_is_printed_all_the_same(tmp_path):
     take = tmp_path / "tüß☃.h5"
     save(Recording(samples=np.zeros((30, 4, 4)), rate=1000.0), take)

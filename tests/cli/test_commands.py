@@ -48,6 +48,7 @@ def one_line_of(capsys):
     return lines[0]
 
 
+@pytest.mark.long
 def test_from_a_virtual_stroke_to_a_comparison(take, capsys):
     assert run(["solve", "take.h5", *QUICK, "--start-at", "0.1s", "--duration", "0.1s"]) == 0
     assert run(["play", "take.drive.h5", "--device", "virtual"]) == 0
@@ -60,6 +61,7 @@ def test_from_a_virtual_stroke_to_a_comparison(take, capsys):
     assert load_solution("take.drive.h5").drive.frames == 220
 
 
+@pytest.mark.long
 def test_the_air_of_the_room_is_checked_at_play(take, capsys):
     """The re-recording is of the stated air, and without a word of the drive's own."""
     here = ["--temperature", "26C", "--start-at", "0.1s", "--duration", "0.05s"]
@@ -85,6 +87,7 @@ def test_loop_writes_a_report(take, capsys):
     assert "SIMULATED" in Path(answer["report"]).read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_real_data_from_csv_to_comparison(capsys):
     """A fabric recorded by a real finger: slow, in counts, with its own band."""
     assert run(["import", "sample:denim", "denim.h5", "--peak", "30Pa"]) == 0
@@ -152,6 +155,7 @@ def test_doctor(capsys):
     assert {"subject", "state", "found", "advice"} <= set(json.loads(capsys.readouterr().out)[0])
 
 
+@pytest.mark.long
 def test_demo_leaves_a_report_and_what_it_shows(capsys):
     assert run(["demo", "out", "--duration", "0.05s", *QUICK]) == 0
     assert {path.name for path in Path("out").iterdir()} == {
@@ -305,6 +309,7 @@ def test_every_command_explains_itself(command, capsys):
     assert len(page) > 300
 
 
+@pytest.mark.long
 def test_the_installed_command_leaves_with_its_status():
     command = [sys.executable, "-c", "from midair.cli import main; main()"]
     good = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)

@@ -147,6 +147,7 @@ def test_an_example_does_what_it_says(folder, line):
     assert run(words) == 0
 
 
+@pytest.mark.long
 def test_completion_of_a_shell_knows_commands_and_options(capsys):
     for shell in ("bash", "zsh", "fish"):
         assert run(["completion", shell]) == 0

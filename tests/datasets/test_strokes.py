@@ -36,6 +36,7 @@ def energies(waves, band):
     return np.array([band_energy(wave, 1000.0, band).mean() for wave in waves])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("groove", [False, True])
 def test_above_300_hz_towel_over_sponge_over_brush(heard, groove):
     brush, sponge, towel = (energies(heard[name, groove], (300.0, 470.0)) for name in OBJECTS)

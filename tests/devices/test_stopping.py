@@ -128,6 +128,7 @@ def stop_often(times):
     assert kinds >= {("stopped", False), ("stopped", True), ("played", True)}
 
 
+@pytest.mark.long
 def test_nothing_sounds_after_a_stop_at_random_moments():
     stop_often(12)
 
@@ -174,6 +175,7 @@ def check_by_command(tap, folder, times, longest):
     return endings
 
 
+@pytest.mark.long
 def test_nothing_sounds_after_a_stop_of_a_command(tap, tmp_path):
     pytest.importorskip("autd3")
     check_by_command(tap, tmp_path, 2, 2.0)

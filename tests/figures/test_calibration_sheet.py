@@ -39,6 +39,7 @@ def calibration(request):
     return CALIBRATIONS[request.param]()
 
 
+@pytest.mark.long
 def test_is_drawn_without_a_warning_and_says_what_it_is(calibration):
     figure = calibration_figure(calibration)
     image = np.asarray(Image.open(io.BytesIO(png(figure, dpi=40))).convert("L"))

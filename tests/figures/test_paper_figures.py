@@ -35,6 +35,7 @@ def test_stimuli_show_where_and_how(tones, check_figure, simulated):
     assert np.ptp(quiet.get_ydata()) == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("simulated", [True, False])
 def test_objects_have_spectra_at_each_channel(tones, check_figure, simulated):
     objects = {"towel": tones(simulated=simulated), "brush": tones(0.5, simulated=simulated)}

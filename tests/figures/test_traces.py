@@ -6,6 +6,7 @@ import pytest
 from midair.figures import beam_figure, spectra_figure, traces_figure
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("simulated", [True, False])
 def test_traces_have_a_panel_a_channel_on_one_scale(tones, check_figure, simulated):
     figure = traces_figure(tones(simulated=simulated), tones(0.5, simulated=False))

@@ -8,6 +8,7 @@ from midair.figures import budget_figure
 LEAK = Leak(peak=0.5, typical=0.2, place=(0.0, 0.0), wanted=1.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("simulated", [True, False])
 def test_a_row_of_panels_for_each_budget(tones, check_figure, simulated):
     def made(factor):

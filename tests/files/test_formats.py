@@ -66,6 +66,7 @@ def recordings(draw: st.DrawFn) -> Recording:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", [ending for ending in BOTH if ending != ".hdf5"])  # which is .h5
 @settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(recording=recordings())

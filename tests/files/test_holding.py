@@ -117,6 +117,7 @@ main(sys.argv[1:])
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     sys.platform != "linux" or platform.machine() != "x86_64", reason="refuses system calls of 64-bit Linux by number"
 )

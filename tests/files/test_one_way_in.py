@@ -41,6 +41,7 @@ def test_every_ending_in_any_case_gives_all_that_its_file_holds(take, ending, ca
         np.testing.assert_array_equal(opened.calibration.response, calibration.response)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["take.h5", "TAKE.H5", "take.hdf5", "take.nc", "Take.NC"])
 def test_no_command_loses_a_calibration_by_the_files_name(take, name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

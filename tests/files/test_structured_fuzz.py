@@ -22,6 +22,7 @@ def check(count, seed, folder):
     assert found.read > found.count / 20, "some is not, and read for what it says"
 
 
+@pytest.mark.long
 def test_survives_damage_that_knows_the_structure(tmp_path):
     check(2 * len(TARGETS), 1, tmp_path)
 

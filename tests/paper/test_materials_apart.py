@@ -21,6 +21,7 @@ from midair.settings import Settings
 COARSE = Settings().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), method="glide")
 
 
+@pytest.mark.long
 def test_a_classifier_names_what_is_apart_and_guesses_what_is_not():
     rng = np.random.default_rng(0)
     truth = np.repeat([0, 1, 2], 30)

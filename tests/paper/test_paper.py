@@ -47,6 +47,7 @@ def test_figure_4_finds_place_and_frequency_of_each_stimulus():
     assert best["waveform_error"] < paper["waveform_error"]
 
 
+@pytest.mark.long
 def test_figure_9_has_the_order_that_the_paper_reports():
     """Above 300 Hz towel over sponge over brush on both surfaces; grooves raise low more than high ones."""
     result = figure_9(takes=1)

@@ -87,6 +87,7 @@ def test_lines_agree_with_an_integral_of_the_interpolated_pressure():
     assert weights.sum(axis=0) @ pressure == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("per_metre", [0.0, 40.0, 110.0, 160.0])
 def test_waves_are_exact_below_half_the_points(per_metre):
     """A cosine comes out as the window's own spectrum says: sinc(f a) exp(-2 (pi f s)^2)."""

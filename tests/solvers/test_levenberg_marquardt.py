@@ -83,6 +83,7 @@ def errors_from_zero(transfer, points):
     return error_of(problem, LevenbergMarquardt(start="zero").solve(problem).phase)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pattern", [0x0001, 0x1248])
 def test_a_pattern_no_worse_than_the_plain_form(pattern, transfer, patterns_to_points):
     assert errors_from_zero(transfer, patterns_to_points([pattern]))[0] <= PLAIN[pattern] + 0.0005

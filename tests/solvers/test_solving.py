@@ -152,6 +152,7 @@ def over_the_range(solution, wanted):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", [method for method, taken in TAKES.items() if "robust" in taken])
 @pytest.mark.parametrize("amplitudes", ["equal", "bounded"])
 def test_robust_phases_hold_over_the_range(method, amplitudes):

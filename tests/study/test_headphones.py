@@ -94,6 +94,7 @@ def test_jack_hears_white_noise_at_the_stated_level_while_it_is_on_and_nothing_e
         assert np.ptp(bands) < 1.0  # white
 
 
+@pytest.mark.long
 def test_a_session_has_noise_while_the_array_presents_and_none_while_it_asks(tmp_path, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     array = TransducerArray.autd3()

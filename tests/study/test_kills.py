@@ -129,6 +129,7 @@ def test_a_report_is_whole(killer, finished, kills):
     assert not [name for name in os.listdir(finished) if name.endswith(".html") and name != "report.html"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kills", KILLS)
 @pytest.mark.parametrize("kind", ["bids", "csv"])
 def test_an_export_is_whole_or_not_there(killer, finished, tmp_path, kind, kills):

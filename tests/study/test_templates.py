@@ -31,6 +31,7 @@ def done(request, tmp_path_factory):
     return request.param, plan, folder.sessions()
 
 
+@pytest.mark.long
 def test_every_template_goes_from_plan_to_report(done):
     _, plan, sessions = done
     assert left_out(plan, sessions).empty

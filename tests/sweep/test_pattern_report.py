@@ -46,6 +46,7 @@ def test_rows_by_channels_add_up_to_the_whole():
     assert [row["channels"] for row in rows] == sorted(set(loud))
 
 
+@pytest.mark.long
 def test_examples_are_the_patterns_that_were_stored(results):
     """Solved again, they have the very error that the store says, from the best pattern to the worst."""
     examples = examples_of(results, 0, quantiles=(0, 1))
@@ -57,6 +58,7 @@ def test_examples_are_the_patterns_that_were_stored(results):
     assert examples[0].name == f"{results.patterns[stored.argmin()]:#06x}"
 
 
+@pytest.mark.long
 def test_writes_tables_and_figures(results, tmp_path):
     files = write_sweep_report(results, tmp_path / "report")
     assert {file.name for file in files} == {
@@ -78,6 +80,7 @@ def test_writes_tables_and_figures(results, tmp_path):
     assert sum(counts) == 24
 
 
+@pytest.mark.long
 def test_a_sweep_without_curves_has_no_figures_of_them(tmp_path):
     sweep = PatternSweep(count=8, curve_count=0, chunk=8, method="naive", strengths=(0.1,))
     path = tmp_path / "s.zarr"

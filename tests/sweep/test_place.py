@@ -24,6 +24,7 @@ def bucket():
     fsspec.filesystem("memory").rm("/bucket", recursive=True)
 
 
+@pytest.mark.long
 def test_an_object_store_holds_what_a_folder_holds(bucket, tmp_path, finished, threads):
     """Bit by bit, written by a worker, and gone on with."""
 

@@ -44,6 +44,7 @@ def expected(sweep):
     return error
 
 
+@pytest.mark.long
 def test_a_cluster_finds_what_one_process_finds(tmp_path, scheduler):
     reports = []
     solved = run_sweep(SWEEP, tmp_path / "s.zarr", scheduler=scheduler, progress=lambda *said: reports.append(said))
@@ -60,6 +61,7 @@ def test_a_finished_sweep_asks_for_no_cluster(tmp_path, scheduler):
     assert run_sweep(SWEEP, tmp_path / "s.zarr", scheduler="tcp://127.0.0.1:1") == 0
 
 
+@pytest.mark.long
 def test_stopped_and_started_again_it_does_only_what_is_missing(tmp_path, scheduler):
     def stop(done, _):
         if done:
@@ -76,6 +78,7 @@ def test_stopped_and_started_again_it_does_only_what_is_missing(tmp_path, schedu
     np.testing.assert_allclose(load_sweep(tmp_path / "s.zarr").error, expected(SWEEP), rtol=1e-9)
 
 
+@pytest.mark.long
 def test_a_task_that_fails_is_told_in_one_line_and_costs_nothing_else(tmp_path, scheduler, monkeypatch):
     do = module.do
     monkeypatch.setattr(module, "do", lambda job, task: 1 / 0 if task.first == 8 else do(job, task))
@@ -86,6 +89,7 @@ def test_a_task_that_fails_is_told_in_one_line_and_costs_nothing_else(tmp_path, 
     np.testing.assert_allclose(load_sweep(tmp_path / "s.zarr").error, expected(SWEEP), rtol=1e-9)
 
 
+@pytest.mark.long
 def test_workers_write_their_results_themselves(tmp_path, scheduler, monkeypatch):
     monkeypatch.setattr(SweepStore, "write", lambda store, result: written.append(result.found))
     written = []
@@ -94,6 +98,7 @@ def test_workers_write_their_results_themselves(tmp_path, scheduler, monkeypatch
     np.testing.assert_allclose(load_sweep(tmp_path / "s.zarr").error, expected(SWEEP), rtol=1e-9)
 
 
+@pytest.mark.long
 def test_a_store_that_workers_do_not_see_is_written_by_the_command(tmp_path, scheduler, monkeypatch):
     """As on machines without a common disk: there the folder has the same name, and is another or none."""
     place = SweepStore.address.fget

@@ -39,6 +39,7 @@ def test_settings_of_objects_at_hand():
 LEAVES = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text() | st.complex_numbers()
 
 
+@pytest.mark.long
 @given(st.recursive(LEAVES, lambda few: st.lists(few) | st.tuples(few, few) | st.dictionaries(st.integers(), few)))
 def test_they_are_what_json_would_give_back(thing):
     plain = settings_of(thing)

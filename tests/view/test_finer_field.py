@@ -20,6 +20,7 @@ def miss(found, true):
     return np.linalg.norm(found - true) / np.linalg.norm(true)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place", [(0, 0), (-6e-3, 6e-3), (20e-3, -20e-3)])
 def test_a_focus_is_within_two_per_cent_of_its_field(made, place):
     phase = focus_phase(ARRAY, np.array([*place, GRID.height]))[None]
@@ -36,6 +37,7 @@ def test_any_phases_are_within_one_per_cent_and_magnitudes_alone_are_not(made):
     assert miss(np.abs(made(np.abs(coarse))), np.abs(true)) > 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("bits", "error"), [("<i2", 0.005), ("i1", 0.03)])
 def test_counts_of_eight_bits_are_enough(made, bits, error):
     """Without noise in the fit, a focus in eight bits was off by 2.4 times its norm."""

@@ -83,6 +83,7 @@ def test_a_tone_comes_back_in_size_and_time(method, frequency):
     assert np.abs(np.delete(heard.reshape(2000, 16), 9, axis=1)).max() < 1e-6
 
 
+@pytest.mark.long
 @settings(deadline=None, max_examples=10)
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 100), st.sampled_from(["fft", "fir"]))
 def test_is_linear(seed, factor, method):
@@ -245,6 +246,7 @@ def test_other_settings_are_checked():
         calibrate(of(noise(0)), edges=(50.0, 10.0))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("method", "tolerance"), [("fft", 2e-5), ("fir", 1e-9)])
 def test_a_recording_on_disk_is_calibrated_as_one_in_memory(method, tolerance, monkeypatch):
     """To what the FFT's answer has left after a reach, four periods of the narrowest edge; the FIR to rounding."""
@@ -260,6 +262,7 @@ def test_a_recording_on_disk_is_calibrated_as_one_in_memory(method, tolerance, m
     np.testing.assert_array_equal(made.pressure.read(2_345, 6_456), pressure[2_345:6_456])
 
 
+@pytest.mark.long
 def test_a_recording_on_disk_with_nothing_in_the_band_is_refused_as_one_in_memory():
     slow = np.sin(2 * np.pi * 2 * np.arange(40_000) / RATE)[:, None, None] * np.ones((4, 4))
     for samples in (slow, Reel(lambda first, last: slow[first:last], slow.shape)):

@@ -84,6 +84,7 @@ def scores(found, known):
     }
 
 
+@pytest.mark.long
 def test_most_of_what_a_few_transducers_differ_by_is_found():
     known = secret(40, seed=2)
     found = measured(known, ArrayPlan(duration=0.5, group=20), seed=2, noise=1e-7)

@@ -44,6 +44,7 @@ def perfect(drive_file):
     save(again, "again.h5", calibration=take.calibration)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mode", [["--mode", "paper"], ["--mode", "best", "--rate", "2kHz"]], ids=["paper", "best"])
 def test_a_perfect_chain_scores_above_60_db(mode, capsys):
     assert run(["solve", "take.h5", *mode, *COARSE, "--start-at", "0.55s", "--duration", "0.1s", "--force"]) == 0
@@ -61,6 +62,7 @@ def test_what_was_never_played_is_compared_as_it_is(capsys):
     assert json.loads(capsys.readouterr().out)["figures"]["signal to distortion"]["value"] > 150
 
 
+@pytest.mark.long
 def test_a_drive_is_played_to_a_virtual_sensor_and_a_whole_palm(capsys):
     assert run(["solve", "take.h5", "--mode", "paper", *COARSE, "--start-at", "0.55s", "--duration", "0.1s", "-f"]) == 0
     capsys.readouterr()
@@ -76,6 +78,7 @@ def test_a_drive_is_played_to_a_virtual_sensor_and_a_whole_palm(capsys):
     assert "hand.toml" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_drive_of_another_recording_and_a_palm_without_a_drive_are_refused(capsys):
     assert run(["solve", "take.h5", "--mode", "paper", *COARSE, "--duration", "0.02s", "-f"]) == 0
     assert run(["record", "virtual:towel", "short.h5", "--duration", "0.1s"]) == 0

@@ -41,6 +41,7 @@ def one_line_of(capsys):
     return lines[0]
 
 
+@pytest.mark.long
 def test_an_iterative_loop_tells_its_passes_and_what_skin_makes_of_it(capsys, monkeypatch):
     told = []
     monkeypatch.setattr("midair.cli.commands.loop.say_how_long_to_come", lambda frames, *_: told.append(frames))
@@ -59,6 +60,7 @@ def test_an_iterative_loop_tells_its_passes_and_what_skin_makes_of_it(capsys, mo
         assert words in page
 
 
+@pytest.mark.long
 def test_budget_as_json_and_as_a_figure(capsys):
     assert run(["budget", "take.h5", "budget.png", *QUICK, "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)

@@ -139,6 +139,7 @@ def test_exposure_prints_and_draws(capsys):
     assert "--force" in said(capsys)[0]
 
 
+@pytest.mark.long
 def test_exposure_in_the_air_of_the_room(capsys):
     """Cold dry air takes less from the sound, so that it is louder than in the paper's; warm damp air never quieter."""
     make("a.drive.h5", level=0.003)
@@ -168,6 +169,7 @@ def test_stop_when_nothing_plays(capsys):
     assert "nothing plays" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_stop_from_another_terminal(capsys):
     make("a.drive.h5")
     command = [sys.executable, "-c", "from midair.cli import main; main()", "play", "a.drive.h5", *EMULATOR]
@@ -205,6 +207,7 @@ def test_stop_says_plainly_what_it_could_not_stop(capsys):
     assert run(["stop"]) == 0
 
 
+@pytest.mark.long
 def test_a_second_play_on_the_same_array_names_the_first(capsys, request):
     tap = UdpTap(1)
     request.addfinalizer(tap.close)
@@ -231,6 +234,7 @@ def test_what_cannot_be_stopped_does_not_play(capsys):
     assert "set MIDAIR_STATE" in line
 
 
+@pytest.mark.long
 def test_a_computer_that_stands_still_for_a_second_ends_the_play_with_status_1_and_the_silent_frames(tap):
     make("three.drive.h5", level=0.005, frames=3000)
     command = [sys.executable, "-c", "from midair.cli import main; main()", "play", "three.drive.h5"]

@@ -72,6 +72,7 @@ def errors(drive, target, q):
     return np.linalg.norm(np.abs(q @ matrix.T) - wanted, axis=1) / np.linalg.norm(wanted, axis=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "words"),
     # Strong targets: what seven bits of phase leave over is then small beside them.
@@ -133,6 +134,7 @@ def test_stop_silences_a_board_that_something_left_sounding(board, capsys):
     assert "opened and silenced" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_stop_in_another_terminal_is_true_when_it_answers(board, capsys):
     solved("x.drive.h5", "--array", "openmpd", *FEW)
     words = ["play", "x.drive.h5", "--device", f"openmpd:{board.port}?board=none", "--repeats", "2000"]

@@ -79,6 +79,7 @@ class Terminal:
             wait = 0
 
 
+@pytest.mark.long
 def test_keys_start_and_stop_takes_and_meters_move():
     terminal = Terminal("record", "replay:source.h5", "--repeats", "3", "--object", "towel", "--pre-roll", "0s")
     terminal.until(r"○ waiting .*towel-01\.h5, take 1 of 3")
@@ -101,6 +102,7 @@ def test_keys_start_and_stop_takes_and_meters_move():
         assert re.search(rf"{channel:2d} .{{0,12}}[█|·]", terminal.seen), "every channel has a meter"
 
 
+@pytest.mark.long
 def test_ctrl_c_on_a_terminal_keeps_what_there_was():
     save(Recording(samples=np.tile(SOURCE.samples, (50, 1, 1)), rate=1000.0), "long.h5")
     stated = ("--object", "towel", "--surface", "flat", "--speed", "50mm/s", "--operator", "me")

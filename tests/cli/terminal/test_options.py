@@ -87,6 +87,7 @@ def test_mode_and_file_together_are_refused(tmp_path):
         SolveOptions(mode="best", settings_file=tmp_path / "take.toml").settings()
 
 
+@pytest.mark.long
 def test_a_drive_is_made_again_from_its_own_settings(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run(["record", "virtual:am-i", "am.h5", "--duration", "0.1s"]) == 0
@@ -109,6 +110,7 @@ def test_the_help_of_a_command_fits_a_hundred_lines(command, capsys, monkeypatch
         assert len(said.splitlines()) <= 100
 
 
+@pytest.mark.long
 def test_the_air_reaches_the_drive_that_is_written_and_the_screen(stroke, tmp_path, capsys):
     small = "--points 6 --pitch 11mm --method fast --iterations 2 2 --start-at 20ms --duration 10ms --lead 0s"
     drive = tmp_path / "am.drive.h5"

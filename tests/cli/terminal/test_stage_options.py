@@ -107,6 +107,7 @@ def test_an_alarm_in_the_middle_leaves_what_came_before(machine, capsys):
     assert load("out-01.h5").frames > 500
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("near")
 def test_control_c_holds_the_stage_and_ends_with_130(machine):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

@@ -54,6 +54,7 @@ def assert_exact(drive, report, out, units, repeats=1):
     assert out.pulse_width[first + 40 * frames :].max() == 0
 
 
+@pytest.mark.long
 def test_frames_that_are_read_while_they_play_are_the_drive_s():
     """No more than one of the pieces that are admitted, 512 frames, is asked for at once."""
     drive, asked = noise(600), []
@@ -68,6 +69,7 @@ def test_frames_that_are_read_while_they_play_are_the_drive_s():
     assert 0 < max(asked) <= 512
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("frames", [1, 2, 250, 251, 600])
 def test_every_tick_of_every_frame_is_the_drive_s(frames):
     drive = noise(frames)
@@ -158,6 +160,7 @@ def test_silence_also_cancels_the_switch_that_is_to_come(moment, active):
     assert out.pulse_width[out.row(silent) + 1 :].max() == 0
 
 
+@pytest.mark.long
 def test_a_computer_that_hangs_leaves_silence_and_is_told_so():
     """When the next block does not come in time, the silent pattern at the end of the last one is reached and held."""
     drive = noise(600)

@@ -232,6 +232,7 @@ def test_silence_from_another_thread_ends_playing(tap):
         assert_last_word_is_silence(tap)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_signals_silence_on_the_way_out(tap, number):
     with playing(tap) as process:
@@ -252,10 +253,12 @@ def kill_and_look(tap, after):
     assert [state & FAILSAFE for state in tap.states()] == [FAILSAFE]
 
 
+@pytest.mark.long
 def test_the_failsafe_silences_after_a_kill(tap):
     kill_and_look(tap, 0.1)
 
 
+@pytest.mark.long
 def test_the_failsafe_silences_when_the_process_stands_still(tap):
     """SIGSTOP: as a computer that sleeps, or a machine that is paused."""
     with playing(tap) as process:
@@ -288,6 +291,7 @@ with autd3_array(sys.argv[1], placement) as device:
 """
 
 
+@pytest.mark.long
 def test_a_hang_that_trips_the_failsafe_ends_the_play_with_the_silent_frames_and_the_next_play_sounds(tap):
     command = [sys.executable, "-c", PLAYS_AGAIN, tap.address]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:

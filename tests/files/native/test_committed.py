@@ -125,6 +125,7 @@ def test_a_disk_that_is_too_small_gets_no_file(size, tiny_disk):
     assert list(folder.iterdir()) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [4, 128, 512, *slow(16, 32, 64, 256, 2048)])
 def test_what_fits_on_a_disk_without_a_reserve_is_kept(size, tiny_disk):
     folder = tiny_disk(size)
@@ -136,6 +137,7 @@ def test_what_fits_on_a_disk_without_a_reserve_is_kept(size, tiny_disk):
         assert open_take(folder / "live.h5").recording.frames >= frames
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("limit", [0, 64, 512, *slow(4, 16, 4096)])
 def test_a_limit_of_the_size_of_files_leaves_what_is_safe(limit, tmp_path):
     """As of a shell's ulimit -f, or of 4 GB on FAT32."""

@@ -21,6 +21,7 @@ def path(recording, tmp_path):
     return tmp_path / "a.h5"
 
 
+@pytest.mark.long
 def test_a_file_that_ends_the_inspector_does_not_end_us(path, recording, alike, monkeypatch):
     """HDF5 dies of some files; here of one that has the inspector killed while it looks."""
     alike(load(path), recording)

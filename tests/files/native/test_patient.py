@@ -26,6 +26,7 @@ except FileError as wrong:
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("most", [100, 5_000, 3_000_000, 20_000_000])
 def test_a_file_that_may_not_grow_is_refused_in_one_line_and_the_old_one_stays(tmp_path, most):
     path = tmp_path / "long.h5"

@@ -71,6 +71,7 @@ def somewhere(place, count, rng, surface=False):
     return np.array(place.position) + place.reach * share
 
 
+@pytest.mark.long
 def test_random_drives_on_a_grid_of_a_tenth_of_a_wavelength():
     place, rng = small(), np.random.default_rng(1)
     told = drive(rng.uniform(0, 2 * np.pi, (40, ARRAY.count)), rng.random((40, ARRAY.count)))
@@ -197,6 +198,7 @@ def test_places_that_only_advise_are_looked_at_in_27_points():
     np.testing.assert_allclose(exposure(told, alone(place)).level[:, 0], true, atol=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("array", "acoustics"),
     [

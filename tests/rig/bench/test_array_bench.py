@@ -20,6 +20,7 @@ def opened(seed):
     return array, rig.sensor(skin)
 
 
+@pytest.mark.long
 def test_measures_the_virtual_array_as_its_seed_made_it():
     array, sensor = opened(4)
     with array, sensor:

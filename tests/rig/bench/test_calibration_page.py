@@ -37,6 +37,7 @@ def test_a_stated_calibration_says_that_nobody_knows():
     assert "reference" not in rows
 
 
+@pytest.mark.long
 def test_the_page_holds_every_channel_with_uncertainties(measured, tmp_path):
     write_calibration_page(measured, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")

@@ -52,6 +52,7 @@ def best():
 STAGES = ["mapping", "interpolation", "solver", "quantisation", "frame hold", "transducers", "silencer", "sensor"]
 
 
+@pytest.mark.long
 def test_every_stage_has_its_line(paper, best):
     assert [stage.name for stage in paper.stages] == STAGES
     assert [stage.name for stage in best.stages] == ["beforehand", *STAGES]
@@ -103,6 +104,7 @@ def test_how_much_of_a_recording_lies_in_the_band():
     assert kept_in_band(silent, (20.0, 470.0)) is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("rows", "columns", "pitch", "band"), [(3, 2, 11e-3, (20.0, 470.0)), (2, 2, 6e-3, (20.0, 1e3))]
 )

@@ -83,6 +83,7 @@ class Perfect(VirtualSensor):
         return np.fft.irfft(spectrum * response / times, length, axis=0)[:frames]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mapping", ["half-wave", "slow-bias"])
 def test_a_perfect_chain_scores_above_60_db(mapping):
     """A piece that is cut in a touch, and comes back as it was asked for: nothing is lost, and nothing to correct."""
@@ -104,6 +105,7 @@ def test_a_perfect_chain_scores_above_60_db(mapping):
     assert compare(piece, done.passes[0].felt).distortion_ratio < 30
 
 
+@pytest.mark.long
 def test_the_beam_s_gain_is_straight_and_repeats():
     skin = RIG.skin()
     with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
@@ -117,6 +119,7 @@ def test_the_beam_s_gain_is_straight_and_repeats():
     assert tests[0].line.gain == pytest.approx(tests[1].line.gain, rel=0.02)
 
 
+@pytest.mark.long
 def test_the_steps_of_a_rerecording_tell_its_life():
     done = loop("am-i", COARSE, 0.12)
     stages = [step.stage for step in done.passes[-1].felt.provenance.steps]

@@ -23,6 +23,7 @@ def made():
     return rig, original, asked, reproduce(asked, rig.array, SMALL).solution.drive
 
 
+@pytest.mark.long
 def test_the_sensor_says_what_it_says_of_a_play(made):
     rig, original, asked, drive = made
     heard = hear_drive(drive, original, asked, rig, palm=SPOT)
@@ -34,6 +35,7 @@ def test_the_sensor_says_what_it_says_of_a_play(made):
     assert heard.calibration is not None
 
 
+@pytest.mark.long
 def test_another_seed_is_another_array(made):
     _, original, asked, drive = made
     first, second = (hear_drive(drive, original, asked, VirtualRig(seed=seed), palm=SPOT) for seed in (3, 4))

@@ -41,6 +41,7 @@ def corrected():
     return loop(COARSE, 6)
 
 
+@pytest.mark.long
 def test_each_of_more_than_five_passes_is_better_than_the_one_before(corrected):
     errors = [one.comparison.waveform_error for one in corrected.passes[1:]]
     assert len(errors) == 7
@@ -123,6 +124,7 @@ def test_numbers_below_zero_are_refused():
         Rig(array=RIG.array_device(), sensor=RIG.sensor(RIG.skin()), lead=-1.0)
 
 
+@pytest.mark.long
 def test_where_all_cells_sound_the_drive_itself_is_corrected():
     """The second pass is the last that is solved: those after it play its drive, a little turned."""
     grid = ControlGrid(rows=12, columns=12, pitch=5e-3)

@@ -17,6 +17,7 @@ def page(loop, tmp_path_factory):
     return path.read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_needs_nothing_from_outside(page):
     assert not re.search(r"(src|href)=\"(?!data:)", page)
     assert not re.search(r"https?:", page)

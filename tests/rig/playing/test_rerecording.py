@@ -89,6 +89,7 @@ def test_what_is_attenuated_says_so(drive):
     assert "attenuate" in [step.stage for step in heard.provenance.steps]
 
 
+@pytest.mark.long
 def test_the_drive_is_found_in_what_a_real_sensor_heard(drive):
     array, sensor = real(latency=0.07)
     with array, sensor:

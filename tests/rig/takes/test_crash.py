@@ -197,6 +197,7 @@ def test_a_request_to_end_closes_the_file_in_order(tmp_path):
     assert load(path).frames > 0
 
 
+@pytest.mark.long
 def test_what_would_replace_a_recording_that_runs_is_refused_and_nothing_is_lost(tmp_path, monkeypatch, capsys):
     path = tmp_path / "n.h5"
     monkeypatch.chdir(tmp_path)
@@ -228,6 +229,7 @@ def read_frames(path):
         return 0
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="Windows limits the size of no file")
 def test_a_limit_of_the_size_of_files_ends_a_recording_in_one_line_that_is_true(tmp_path):
     """As of a shell's `ulimit -f 512`; it was exit status 139 and a file that nothing opened."""

@@ -30,6 +30,7 @@ def batch(spot):
     return Fast().solve(spot)
 
 
+@pytest.mark.long
 def test_a_moving_spot_is_as_true_as_by_the_batch_solver_and_keeps_still(spot, glided, batch):
     ours, theirs = error_of(spot, glided.phase), error_of(spot, batch.phase)
     assert ours.mean() <= theirs.mean()
@@ -40,6 +41,7 @@ def test_it_takes_far_fewer_iterations_than_the_batch_solver(glided, batch):
     assert glided.iterations.sum() < batch.iterations.sum() / 2
 
 
+@pytest.mark.long
 def test_a_towel_is_as_true_as_by_the_batch_solver(problem_of, towel):
     problem = problem_of(towel(150))
     ours, theirs = Glide().solve(problem), Fast().solve(problem)
@@ -87,6 +89,7 @@ def test_silence_is_left_out_and_held(spot):
     assert np.array_equal(answer.phase[20:30], np.repeat(answer.phase[19:20], 10, axis=0))
 
 
+@pytest.mark.long
 def test_a_guard_keeps_its_ring_quiet(spot, array):
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     ring = np.stack([0.055 * np.cos(angle), 0.055 * np.sin(angle), np.full(24, 0.2)], axis=1)

@@ -52,6 +52,7 @@ def test_says_what_is_wrong():
         power_paired_t(1, d_z=1)
 
 
+@pytest.mark.long
 def test_power_is_that_of_the_tests_that_the_report_makes():
     # With two further factors the report corrects for seven effects: a factor that is found in .85 of studies of 20
     # people by itself is found in some .57 of them.

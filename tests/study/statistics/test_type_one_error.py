@@ -143,6 +143,7 @@ def test_sphericity_matters():
     assert found(lambda rng: anova(rng, "p", "object", UNEVEN), 2000) > high
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [*EXACT, *SHY])
 def test_a_few_null_studies(name):
     low, high = interval(60)

@@ -76,6 +76,7 @@ def test_from_takes_to_a_calibration_with_its_page(bench, capsys):
     assert "noise-equivalent pressure" in said
 
 
+@pytest.mark.long
 def test_each_cell_alone_gives_the_crosstalk(bench):
     takes = ["cell-0.h5", "cell-1.h5", "--reference", "cell-0-ref.h5", "cell-1-ref.h5"]
     assert run(["calibrate", "measure", *takes, *MEASURE, "--output", "a.calibration.h5"]) == 0

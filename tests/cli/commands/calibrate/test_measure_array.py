@@ -38,6 +38,7 @@ def take():
     save(recording, "take.h5", calibration=Calibration.flat(recording.sensor, sensitivity=0.02))
 
 
+@pytest.mark.long
 def test_a_drive_is_solved_for_the_array_as_it_was_measured(take, capsys):
     calibration = known(TransducerArray.autd3())
     save_array_calibration(calibration, "mine.array.h5")
@@ -82,6 +83,7 @@ def test_the_virtual_array_is_measured_from_the_command_line(capsys):
     assert np.median(found.resonance_uncertainty) < 15
 
 
+@pytest.mark.long
 def test_the_virtual_array_plays_on_what_was_measured(capsys):
     """A measured array that is half as strong presses a quarter; a quarter of a turn on all of them is not heard."""
     assert run(["record", "virtual:towel", "take.h5", "--duration", "0.2s"]) == 0

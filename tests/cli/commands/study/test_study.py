@@ -58,6 +58,7 @@ def test_json_is_for_programs(done, capsys):
     assert {"effect", "F", "p_GG", "ges"} <= set(anova["table"][0])
 
 
+@pytest.mark.long
 def test_people_in_groups_from_the_form_of_a_plan_to_report_and_from_an_old_table(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = (
@@ -89,6 +90,7 @@ def test_people_in_groups_from_the_form_of_a_plan_to_report_and_from_an_old_tabl
     assert findings["Ratings: analysis of variance"]["table"] == mine
 
 
+@pytest.mark.long
 def test_export_and_old_data_give_the_same_figures(done, tmp_path, capsys):
     study("export", done, tmp_path / "bids")
     study("export", done, tmp_path / "answers.csv", "--format", "csv")
@@ -220,6 +222,7 @@ def played(folder):
     return [json.loads(line) for line in (folder / "played.jsonl").read_text().splitlines()]
 
 
+@pytest.mark.long
 def test_the_air_of_the_room_is_told_and_stored(tmp_path, monkeypatch, capsys):
     folder = study_of_drives(tmp_path, level=0.001)
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
@@ -233,6 +236,7 @@ def test_the_air_of_the_room_is_told_and_stored(tmp_path, monkeypatch, capsys):
     assert [entry["room"] for entry in played(tmp_path) if entry["event"] == "play"] == [first["room"]] * 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("array", ["virtual", "pyautd3:audit"])
 def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     folder = study_of_drives(tmp_path, level=0.001)
@@ -351,6 +355,7 @@ def test_the_commands_hang_on_the_main_one(capsys):
     assert "34 pairs" in capsys.readouterr().out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("test", ["paired", "identification", "rating"])
 def test_power(test, capsys):
     study("power", test, "--effect", 0.8, "--runs", 20)

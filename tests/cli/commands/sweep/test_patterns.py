@@ -30,6 +30,7 @@ def one_line_of(capsys):
     return lines[0]
 
 
+@pytest.mark.long
 def test_from_patterns_to_a_report(capsys):
     ask = ["sweep", "patterns", "s.zarr", "--strength", "0.1", "0.2", "--height", "180mm", "20cm", *SMALL]
     assert run(ask) == 0
@@ -127,6 +128,7 @@ def take():
     return "take.h5"
 
 
+@pytest.mark.long
 def test_recordings_under_settings(take, capsys):
     ask = ["sweep", "recordings", "r.zarr", take, "--vary", "method=naive,gs", "height=150mm,200mm"]
     ask += ["--duration", "20ms", *COARSE]
