@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
+from midair.files import whole_file
+
 KEPT = Path(__file__).parent / "first-stroke.xz"
 
 FIRST = "towel"
@@ -48,7 +50,8 @@ class FirstStroke:
         """Keep it."""
         sizes = [[stream, second, len(data)] for (stream, second), data in self.streams.items()]
         head = json.dumps({"facts": self.facts, "streams": sizes}).encode()
-        path.write_bytes(lzma.compress(b"\n".join([head, b"".join(self.streams.values())]), preset=9))
+        with whole_file(path) as partial:
+            partial.write_bytes(lzma.compress(b"\n".join([head, b"".join(self.streams.values())]), preset=9))
 
 
 def first_stroke() -> FirstStroke:
