@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 NO_PROGRAMS = {
     "clock",
+    "empty_studies",
     "live_outside",
     "palm_floor",
     "studio_deaths",
