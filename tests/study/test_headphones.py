@@ -3,9 +3,12 @@
 import contextlib
 import importlib
 import io
+import os
 import re
+import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -112,6 +115,58 @@ def test_a_session_has_noise_while_the_array_presents_and_none_while_it_asks(tmp
     assert len(edges) == 4, "one burst for the drive and one for the silence"
     assert StudyFolder(tmp_path / "s").sessions()[0].next_trial == 2
     assert read_events(tmp_path / "s" / "sessions" / "sub-01.jsonl")[0]["noise_dbfs"] == -30
+
+
+PLAYS = """
+import time
+from midair.study.design.study_design import MaskingNoise
+from midair.study.headphones import Headphones
+with Headphones(MaskingNoise(level_dbfs=-20, ramp_s=0.05), seed=1) as phones:
+    phones.on(); time.sleep(0.6); phones.off(); time.sleep(0.3)
+"""
+
+
+@contextlib.contextmanager
+def pulse(folder, rate):
+    """PulseAudio with one output that nobody hears; gives the environment in which programs find it."""
+    _imported("sounddevice", "libportaudio2")
+    if not list(Path("/usr/lib").glob("*/alsa-lib/libasound_module_pcm_pulse.so")):
+        pytest.skip("ALSA has no way to PulseAudio: apt-get install libasound2-plugins")
+    where = f"unix:{folder / 'socket'}"
+    runs = os.environ | {"HOME": str(folder), "XDG_RUNTIME_DIR": str(folder), "PULSE_SERVER": where}
+    (folder / ".asoundrc").write_text("pcm.!default { type pulse }\nctl.!default { type pulse }\n")
+    sink = f"module-null-sink sink_name=ears rate={rate} format=float32le"
+    door = f"module-native-protocol-unix socket={folder / 'socket'} auth-anonymous=1"
+    words = ["-n", "--daemonize=no", "--exit-idle-time=-1", "--use-pid-file=no", "--disable-shm=yes", "-L", sink]
+    with subprocess.Popen(["pulseaudio", *words, "-L", door], env=runs, stderr=subprocess.DEVNULL) as server:
+        try:
+            until = time.monotonic() + 10
+            while subprocess.run(["pactl", "info"], env=runs, capture_output=True, check=False).returncode:
+                assert time.monotonic() < until, "PulseAudio does not answer"
+                time.sleep(0.1)
+            yield runs
+        finally:
+            server.terminate()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("pulseaudio") is None, reason="needs PulseAudio: apt-get install pulseaudio")
+@pytest.mark.parametrize(("rate", "level"), [(44100, -20.0), (48000, -20.8)])
+def test_pulseaudio_plays_it_and_takes_a_decibel_where_it_resamples(tmp_path, rate, level):
+    with pulse(tmp_path, rate) as runs, open(tmp_path / "heard.raw", "wb") as file:
+        words = ["parec", "-d", "ears.monitor", "--format=float32le", f"--rate={rate}", "--channels=2"]
+        with subprocess.Popen(words, env=runs, stdout=file) as ears:
+            subprocess.run([sys.executable, "-c", PLAYS], env=runs, check=True, timeout=60)
+            time.sleep(1)
+            ears.terminate()
+    heard = np.fromfile(tmp_path / "heard.raw", np.float32).reshape(-1, 2)
+    np.testing.assert_array_equal(heard[:, 0], heard[:, 1])
+    parts = heard[: len(heard) // 441 * 441, 0].reshape(-1, 441)
+    # A busy computer may leave holes; the middle of what is whole is the noise at its level.
+    whole = parts[(parts != 0).all(axis=1)]
+    assert len(whole) > 20
+    assert np.median([decibels(part) for part in whole]) == pytest.approx(level, abs=0.3)
+    assert (heard[: rate // 10] == 0).all(), "silence before"
 
 
 def test_levels_that_would_be_clipped_are_refused():

@@ -73,6 +73,12 @@ def test_a_slider_moves_by_arrows_and_has_no_mark_before(terminal):
     assert "0: smooth, 100: rough" in shown
 
 
+def test_keys_that_come_at_once_all_count(terminal):
+    slide = Question(name="s", kind="slider", text="How rough?", low=0, high=100)
+    reply, _ = asked(terminal, slide, (0.2, b"\x1b[A\x1b[C\x1bOC\xc3\xa4x\r"))
+    assert reply.text == "62"
+
+
 @pytest.mark.parametrize(("typed", "said", "late"), [(b"12\n", "12", False), (b"12", "", True)])
 def test_a_line_has_its_time_too(terminal, monkeypatch, typed, said, late):
     number = Question(name="m", kind="magnitude", text="How strong?", timeout_s=0.5)

@@ -53,11 +53,19 @@ class Keyboard:
         """
         if not select.select([self.file], [], [], None if until is None else max(0.0, until - monotonic()))[0]:
             return ""
-        typed = os.read(self.file, 16)
-        if not typed:
-            raise EOFError
+        typed = self._one()
         arrow = ARROWS.get(typed.replace(b"\x1bO", b"\x1b["))
         return arrow or ("enter" if typed[:1] in b"\r\n" else typed.decode(errors="replace")[:1])
+
+    def _one(self) -> bytes:
+        """The bytes of one key; of keys that come at once, each is one."""
+        typed = os.read(self.file, 1)
+        if not typed:
+            raise EOFError
+        more = 2 if typed == b"\x1b" else sum(typed[0] >= least for least in (0xC0, 0xE0, 0xF0))
+        while more and select.select([self.file], [], [], 0.02)[0]:
+            typed, more = typed + os.read(self.file, 1), more - 1
+        return typed
 
     def line_in(self, seconds: float) -> bool:
         """Whether somebody presses Enter within so many seconds; what was typed without is forgotten."""

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from midair.study.design import right_of
 from midair.study.folder import StudyFolder
 
 ROOT = Path(__file__).parents[4]
@@ -49,8 +50,11 @@ class Terminal:
         page = subprocess.run([*self._tmux, "capture-pane", "-p", "-J"], capture_output=True, text=True, check=True)
         return page.stdout
 
-    def run(self, command, limit):
-        """Type a command and answer until it is over; gives its status and how often each prompt was answered."""
+    def run(self, command, limit, prompts=PROMPTS):
+        """Type a command and answer until it is over; gives its status and how often each prompt was answered.
+
+        Of a prompt without keys, the text of the page is asked for them.
+        """
         self._commands += 1
         told = f"status{self._commands}="
         self.type(f"clear; {command}; echo {told}$?", "Enter")
@@ -62,7 +66,7 @@ class Terminal:
             # A line that begins with > and goes on is an answer that was given.
             asked = [
                 (text, keys)
-                for text, keys in PROMPTS
+                for text, keys in prompts
                 if last.strip() == text or (text != ">" and last.startswith(text))
             ]
             keys = next(iter(asked), None)
@@ -70,7 +74,7 @@ class Terminal:
                 answered[keys[0]] += 1
                 # What is answered within 0.2 s was not read: the plan leaves it out.
                 time.sleep(0.3 * keys[0].startswith("Press"))
-                self.type(*keys[1])
+                self.type(*(keys[1](page) if callable(keys[1]) else keys[1]))
                 before = page
                 if "Please rest" in page:
                     time.sleep(1)
@@ -87,11 +91,31 @@ def terminal(tmp_path):
     made.close()
 
 
-def printed():
-    """The commands of the first walk through a session that the page on studies prints."""
+def printed(after="One session on a virtual array"):
+    """The commands of a walk through a session that the page on studies prints after some words."""
     page = (ROOT / "docs" / "study.md").read_text(encoding="utf-8")
-    block = page.partition("One session on a virtual array")[2].partition("```console\n")[2].partition("```")[0]
+    block = page.partition(after)[2].partition("```console\n")[2].partition("```")[0]
     return [line.removeprefix("$ ").split("#")[0].strip() for line in block.splitlines()]
+
+
+class Observer:
+    """Somebody who feels what is strong enough: answers by what the log says was chosen, and the plan."""
+
+    def __init__(self, folder, least):
+        self._folder, self._least = StudyFolder(folder), least
+
+    def __call__(self, page):
+        """The key for the question at the end of a page."""
+        plan, session = self._folder.plan(), self._folder.sessions()[0]
+        trial = plan.of(1)[int(re.findall(r"(\d+) of \d+ ", page)[-1]) - 1]
+        name = trial.questions[0]
+        stimulus = plan.design.stimulus(trial.stimulus or session.chosen[trial.code])
+        faint = float(stimulus.levels.get("percent", self._least)) < self._least
+        options = plan.design.question(name).keys
+        right = "no" if faint and "no" in options.values() else right_of(plan, trial, session.chosen, name)
+        # Who feels no difference says the first.
+        right = next(iter(options.values())) if faint and right != "no" else right
+        return [next((key for key, answer in options.items() if answer == right), next(iter(options)))]
 
 
 @pytest.mark.slow
@@ -114,3 +138,44 @@ def test_a_session_of_the_paper_by_keys_from_plan_to_report(terminal, tmp_path):
     played = [json.loads(line) for line in (tmp_path / "state" / "played.jsonl").read_text().splitlines()]
     assert sum(entry["event"] == "play" for entry in played) == 30
     assert "SIMULATED" in (tmp_path / "touch" / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("template", "least", "questions"),
+    [
+        ("detection", 10.0, ["felt"]),
+        ("intervals", 20.0, ["stronger"]),
+        ("paired", 0.0, ["closer", "how_close", "words"]),
+    ],
+)
+def test_a_session_of_every_other_template_by_keys_from_plan_to_report(terminal, tmp_path, template, least, questions):
+    commands = [line.replace("detection", template) for line in printed("The other three run alike")]
+    assert [shlex.split(line)[2] for line in commands] == ["new", "run", "analyse"]
+    prompts = [
+        ("Enter to go on", ["Enter"]),
+        ("Press 1, 2, 3", ["2"]),
+        ("Press 1, 2", Observer(tmp_path / "weak", least)),
+        ("Arrow keys", ["Up", "Right", "Right", "Enter"]),
+        (">", ["AB12", "Enter"]),
+    ]
+    for line in commands:
+        status, answered = terminal.run(line, limit=900, prompts=prompts)
+        assert status == 0, terminal.shown()
+        if " run " in line:
+            assert answered["Press 1, 2, 3"] == 1
+    folder = StudyFolder(tmp_path / "weak")
+    (session,) = folder.sessions()
+    assert session.next_trial == len(session.trials)
+    assert {name for _, name in session.answers} == set(questions)
+    assert {given.by for (_, name), given in session.answers.items() if name != "words"} == {"key"}
+    page = (tmp_path / "weak" / "report.html").read_text(encoding="utf-8")
+    assert "SIMULATED" in page
+    assert "Not computed" not in page
+    if template == "paired":
+        assert {given.answer for (_, name), given in session.answers.items() if name == "how_close"} == {"62"}
+        assert "24 answers are right" in page
+        return
+    assert not session.untrained, "whoever feels what is strong has learned it"
+    found = float(re.search(r"Geometric mean of 1 thresholds: ([\d.]+)", page)[1])
+    assert least / 2 < found < least * 2
