@@ -66,3 +66,19 @@ def test_the_command_writes_it_with_its_digest(tmp_path, monkeypatch, capsys):
     assert sha256((tmp_path / "d" / "plan.html").read_bytes()).hexdigest() in said.replace(" ", "")
     assert midair(["study", "plan", "d", "--runs", "5"]) == 1
     assert "--force" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("width", "media"), [(1200, "screen"), (390, "screen"), (718, "print")])
+@pytest.mark.parametrize("template", ["paper", "intervals"])
+def test_nothing_lies_beyond_the_edge(chromium, width, media, template):
+    page = chromium.new_page(viewport={"width": width, "height": 900})
+    page.emulate_media(media=media)
+    page.set_content(plan_page(draw_plan(read_design(template_text(template)), drives={"a.h5": "ab" * 32}), runs=2))
+    beyond = page.evaluate(
+        """() => [...document.querySelectorAll("body *")].filter(one =>
+            one.getBoundingClientRect().right > document.documentElement.clientWidth + 1
+            || (one.classList.contains("wide") && one.scrollWidth > one.clientWidth + 1)).map(one => one.outerHTML)"""
+    )
+    page.close()
+    assert beyond == []

@@ -126,7 +126,7 @@ def analysis_in_words(analysis: Analysis) -> tuple[str, ...]:
         f"Answers to “{analysis.choice}”: confusion matrix, F-measures, macro F against shuffled answers."
         if analysis.choice
         else "",
-        f"{analysis.condition} compared: macro F over people (paired t, turned signs), equivalence within "
+        f"Levels of {analysis.condition} compared: macro F over people (paired t, turned signs), equivalence within "
         f"{analysis.margin:g}, a Bayes factor, and a logistic mixed model of right answers."
         if analysis.choice and analysis.condition
         else "",
@@ -200,11 +200,11 @@ def _experiment(power: PlannedPower, design: Design) -> tuple[Experiment, str]:
         what = f"{power.objects} objects told apart at d' = {effect:g}, {power.trials} trials each"
         return IdentificationExperiment(objects=power.objects, trials=power.trials, d_prime=effect), what
     if power.test == "equivalence":
-        what = f"no difference, shown within {effect:g} times the standard deviation of people's differences"
+        what = f"No difference, shown within {effect:g} times the standard deviation of people's differences"
         return EquivalenceExperiment(margin=effect), what
     others, groups = _other_levels(design)
     effects = 2 ** (1 + len(others)) - 1 if not groups else 2 ** len(groups) * 2 ** (1 + len(others)) - 1
-    what = f"a difference of {effect:g} steps of a rating among {effects} effects that Holm's correction is for"
+    what = f"A difference of {effect:g} steps of a rating among {effects} effects that Holm's correction is for"
     return RatingExperiment(means=(0.0, effect), others=others, groups=groups), what
 
 

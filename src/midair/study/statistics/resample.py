@@ -171,6 +171,8 @@ def limits_over_people(
     # At a bound, and where leaving people out changes nothing but rounding, there is no error to go by.
     known = (error > 1e-12) & (_open(value, scale, reach=np.inf) == _open(value, scale))
     low, high = (np.where(known, _close(middle + side * half, scale), np.nan) for side in (-1, 1))
+    # Drawn in, the middle is another than the figure, which its limits hold all the same.
+    low, high = np.minimum(low, value), np.maximum(high, value)
     return Interval(value=value, low=low, high=high, level=level, people=people)
 
 
