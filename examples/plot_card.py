@@ -35,3 +35,9 @@ for name, card in cards.items():
 # Cell by cell, after half-wave rectification: one cell was touched.
 
 figure = card_figure(cards["half-wave"])
+
+# %%
+# Run as a script, it leaves the picture in the folder that it is run from.
+
+figure.savefig("plot_card.png", dpi=130)
+print("plot_card.png")

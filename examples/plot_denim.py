@@ -32,3 +32,9 @@ part = at_rate(pressure, 200.0).cut(3.0, 0.1)
 target = midair.prepare(part, grid=ControlGrid(rows=11, columns=11, pitch=5.5e-3))
 solution = midair.solve(target, TransducerArray.autd3(), iterations=(30, 5))
 print(f"E = {100 * np.mean(solution.error):.1f} % on average over {target.frames} frames")
+
+# %%
+# Run as a script, it leaves the picture in the folder that it is run from.
+
+figure.savefig("plot_denim.png", dpi=130)
+print("plot_denim.png")

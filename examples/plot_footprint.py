@@ -40,3 +40,9 @@ share_figure = maps_figure(shown, field.sensor, quantity="share of the cell that
 # Its places were never measured, so all that is made of it says so.
 
 figure = traces_figure(midair.calibrate(field, band=(0.8, 15.0)))
+
+# %%
+# Run as a script, it leaves the picture in the folder that it is run from.
+
+figure.savefig("plot_footprint.png", dpi=130)
+print("plot_footprint.png")

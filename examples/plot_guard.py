@@ -48,3 +48,9 @@ for title, solution in solutions.items():
 # One colour scale; the circles are the cells of the sensor.
 
 figure = maps_figure(maps, wide, quantity="sound pressure (Pa, peak)", simulated=True, sensor=SensorGrid())
+
+# %%
+# Run as a script, it leaves the picture in the folder that it is run from.
+
+figure.savefig("plot_guard.png", dpi=130)
+print("plot_guard.png")

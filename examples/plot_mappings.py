@@ -71,3 +71,9 @@ for axes, mapping in zip(figure.subplots(3, 1, sharex=True, sharey=True), MAPPIN
     axes.set_ylabel("pressure (Pa)", fontsize=8)
 axes.set_xlabel("time (ms)", fontsize=8)
 figure.axes[0].legend(fontsize=8, frameon=False, loc="upper right")
+
+# %%
+# Run as a script, it leaves the picture in the folder that it is run from.
+
+figure.savefig("plot_mappings.png", dpi=130)
+print("plot_mappings.png")

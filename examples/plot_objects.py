@@ -22,3 +22,9 @@ for name in ("brush", "towel", "sponge"):
 # The four channels that the objects pass over.
 
 figure = spectra_figure(felt, channels=(2, 6, 10, 14))
+
+# %%
+# Run as a script, it leaves the picture in the folder that it is run from.
+
+figure.savefig("plot_objects.png", dpi=130)
+print("plot_objects.png")

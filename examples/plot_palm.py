@@ -73,3 +73,9 @@ for way in ("as in the paper", "quiet palm"):
         moved = 1e6 * motion.displacement(pressed[way])
         maps.append((f"{name}: {way}", np.sqrt((moved**2).mean(axis=0))))
     figure = maps_figure(maps, grid, quantity="displacement (µm, rms)", simulated=True, sensor=SensorGrid())
+
+# %%
+# Run as a script, it leaves the picture in the folder that it is run from.
+
+figure.savefig("plot_palm.png", dpi=130)
+print("plot_palm.png")

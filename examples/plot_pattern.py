@@ -37,3 +37,9 @@ figure = maps_figure(
     simulated=True,
     sensor=SensorGrid(),
 )
+
+# %%
+# Run as a script, it leaves the picture in the folder that it is run from.
+
+figure.savefig("plot_pattern.png", dpi=130)
+print("plot_pattern.png")

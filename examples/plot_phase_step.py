@@ -51,3 +51,9 @@ for axes, ramp in zip(figure.subplots(1, 2, sharey=True), (0.0, 0.25e-3), strict
     axes.set_ylim(0, 1.05)
 figure.axes[0].set_ylabel("amplitude over full drive", fontsize=8)
 figure.axes[0].legend(title="phase step", fontsize=8, title_fontsize=8, frameon=False, loc="lower right")
+
+# %%
+# Run as a script, it leaves the picture in the folder that it is run from.
+
+figure.savefig("plot_phase_step.png", dpi=130)
+print("plot_phase_step.png")

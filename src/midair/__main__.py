@@ -1,6 +1,7 @@
 """The command line, as ``midair`` and as ``python -m midair`` where the script is not on the path."""
 
 import gc
+import sys
 
 from midair.blas import take_wide_kernel
 from midair.ram import give_back_large
@@ -12,9 +13,12 @@ def main() -> None:
     give_back_large()
     # What is loaded stays: looking through it for garbage at every step takes a twelfth of the time.
     gc.disable()
-    # Only now: it loads NumPy, and NumPy's OpenBLAS chooses its kernel when it is loaded.
-    from midair.cli import main as command_line
-
+    try:
+        # Only now: it loads NumPy, and NumPy's OpenBLAS chooses its kernel when it is loaded.
+        from midair.cli import main as command_line
+    except KeyboardInterrupt:
+        sys.stderr.write("midair: stopped; nothing was written\n")
+        sys.exit(130)
     gc.freeze()
     gc.enable()
     command_line()

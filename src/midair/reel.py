@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
+from midair.progress import passing
 
 Array = NDArray[np.float64]
 Stored = Literal["f4", "f8"]
@@ -111,7 +112,8 @@ class Reel:
 
     def blocks(self, size: int | None = None) -> Iterator[Array]:
         """The frames in order, `size` at a time; about two megabytes if None."""
-        yield from (self._read(first, last) for first, last in stretches(self.shape, size))
+        parts = (self._read(first, last) for first, last in stretches(self.shape, size))
+        yield from passing(parts, len(self), weight=len)
 
     def mapped(self, function: Callable[[Array], Any], *, stored: Stored = "f8") -> "Reel":
         """What `function` makes of every frame; it takes (frame, ...) and gives as many frames."""
@@ -223,7 +225,7 @@ def blocks(x: "NDArray[Any] | Reel", size: int | None = None) -> Iterator[NDArra
     """The frames of an array or a reel in order, `size` at a time; about two megabytes if None."""
     if isinstance(x, Reel):
         return x.blocks(size)
-    return (x[first:last] for first, last in stretches(x.shape, size))
+    return passing((x[first:last] for first, last in stretches(x.shape, size)), len(x), weight=len)
 
 
 def taken(x: "NDArray[Any] | Reel", first: int, last: int) -> NDArray[Any]:

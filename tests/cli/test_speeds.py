@@ -41,7 +41,7 @@ def test_the_pace_is_kept_between_programs_and_a_broken_file_is_no_matter(monkey
 
 
 def test_a_stage_teaches_how_fast_it_went_and_the_next_time_it_is_told(monkeypatch, capsys):
-    monkeypatch.setattr(console, "_MEASURED", 0.0)
+    monkeypatch.setattr(console, "MEASURED", 0.0)
     with stages([work_of("solve", "exact", 3000)]) as stage:
         stage("solve, pass 1", "exact")(3000, 3000)
     assert "not known here yet" in capsys.readouterr().err
@@ -52,7 +52,7 @@ def test_a_stage_teaches_how_fast_it_went_and_the_next_time_it_is_told(monkeypat
 
 
 def test_work_that_was_stopped_teaches_nothing(monkeypatch):
-    monkeypatch.setattr(console, "_MEASURED", 0.0)
+    monkeypatch.setattr(console, "MEASURED", 0.0)
     with pytest.raises(KeyboardInterrupt), stages() as stage:
         stage("solve", "exact")(10, 3000)
         raise KeyboardInterrupt

@@ -4,6 +4,7 @@ import time
 from rich.console import Console
 
 from midair.cli.waiting import Waiting, waiting
+from midair.progress import passing
 
 
 def screen(*, terminal):
@@ -41,3 +42,19 @@ def test_nothing_is_shown_where_nobody_looks():
     assert not line.seen
     line.end()
     assert console.file.getvalue().strip() == ""
+
+
+def test_time_left_is_of_all_passes_and_the_end_moves_on_where_there_are_more():
+    line = Waiting("cut", screen(terminal=False), passes=4)
+    assert line.share is None
+    shares = []
+    for done in (5, 10, 10, 10, 10, 10):
+        line.report(done, 10)
+        shares.append(line.share)
+    assert shares == [1 / 8, 1 / 4, 2 / 4, 3 / 4, 1, 1]
+
+
+def test_what_goes_on_inside_is_watched():
+    with waiting("cut", screen(terminal=False), passes=2) as line:
+        assert list(passing("abcd", 4)) == list("abcd")
+        assert line.share == 0.5

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-from midair.cli.commands import COMMANDS, FOLDERS, SILENT
+from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of
 from midair.cli.terminal import GROUPS, err, flags_of, offer, seen_waiting, talk, talking
 from midair.devices import ordered_at, process_began
 from midair.errors import MidairError, UnknownDeviceError
@@ -100,7 +100,8 @@ def _status(tokens: Sequence[str]) -> int:
 
 def _status_of(tokens: Sequence[str], files: Sequence[Path]) -> int:
     try:
-        with seen_waiting(tokens[0]) if tokens and tokens[0] in SILENT else nullcontext():
+        name = command_of(tokens)
+        with seen_waiting(name, PASSES[name]) if name else nullcontext():
             status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as wrong:
         return _say(f"{str(wrong).strip()} (see midair --help)", 2)

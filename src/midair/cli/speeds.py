@@ -16,6 +16,9 @@ from midair.settings import Settings
 LONG = 10.0
 """Work of fewer seconds than these is not told beforehand."""
 
+MEASURED = 0.5
+"""Work of fewer seconds than these says little of how fast the next one goes."""
+
 _FILE = "speeds.toml"
 
 

@@ -14,6 +14,7 @@ from midair.flow import solved
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, Provenance, SensorGrid, TransducerArray
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude, propagate
+from midair.progress import passing
 from midair.settings import MODES, Mode, Settings, beside_paper, paper_mode
 from midair.targets import interpolation_matrix
 
@@ -54,7 +55,7 @@ def figure_3(
     modes = beside_paper(mode, cold, still)
     rows: list[Row] = []
     shown: list[FieldRow] = []
-    for name_of_mode, settings in modes.items():
+    for name_of_mode, settings in passing(modes.items(), len(modes)):
         grid = settings.target.grid
         focus = focus_amplitude(grid, array, acoustics=acoustics)
         cells = channel_amplitudes(np.array(list(PATTERNS.values())), sensor)

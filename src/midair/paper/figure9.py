@@ -14,6 +14,7 @@ from midair.figures import objects_figure, png
 from midair.flow import felt
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
+from midair.progress import passing
 from midair.rig import VirtualRig, capture_recording
 from midair.settings import Mode, Settings, beside_paper, paper_mode
 from midair.targets import MAPPINGS
@@ -42,7 +43,8 @@ def figure_9(
     modes = beside_paper(mode, paper or paper_mode(), best)
     rows: list[Row] = []
     shown: dict[str, dict[str, PressureFrames]] = {}
-    for surface, name in product(("plain", "groove"), get_args(Object)):
+    every = list(product(("plain", "groove"), get_args(Object)))
+    for surface, name in passing(every, len(every)):
         strokes = [_stroke(name, surface, modes["paper"], seed) for seed in range(takes)]
         for which, settings in modes.items():
             pushed = [_pushed(stroke, settings.target.mapping) for stroke in strokes]

@@ -18,6 +18,7 @@ from midair.physics.cubes import Searches, Workspace, cube_search, point_search,
 from midair.physics.exposure_places import ExposureProfile, Place
 from midair.physics.propagation import transfer_matrix
 from midair.physics.radiation import radiation_pressure
+from midair.progress import passing
 from midair.validation import frozen_array
 
 Array = NDArray[np.float64]
@@ -25,6 +26,9 @@ Single = NDArray[np.float32]
 
 BLOCK = 256
 """Frames that are worked out at once."""
+
+_SHARE = 16
+"""Blocks that one thread goes through before it says so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,8 +172,10 @@ def exposure(
     # NumPy lets go of the interpreter, so that threads use all cores; BLAS threads beside them would only wait.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor() as threads:
         searches = searches_of(profile.places, drive.array, acoustics)
-        shares = np.array_split(np.arange(0, drive.frames, BLOCK), os.cpu_count() or 1)
-        list(threads.map(partial(_fill, level, drive, searches), shares))
+        parts = np.arange(0, drive.frames, BLOCK)
+        # Each share has arrays of its own; more shares than cores, so that whoever watches sees how far it is.
+        shares = np.array_split(parts, max(os.cpu_count() or 1, len(parts) // _SHARE))
+        list(passing(threads.map(partial(_fill, level, drive, searches), shares), len(shares)))
     return Exposure(
         profile=profile,
         level=level,

@@ -1,6 +1,7 @@
 """Rigs: devices, flow and files put together into what a person does: record, play, loop."""
 
 from midair.rig.bench import (
+    PRACTICE,
     Identity,
     ReferenceChoice,
     TapTest,
@@ -165,6 +166,7 @@ __all__ = [
     "uncertainty_of",
     "usual_exposure",
     "write_calibration_page",
+    "PRACTICE",
     "write_practice",
     "watched",
     "write_report",

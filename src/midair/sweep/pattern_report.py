@@ -12,6 +12,7 @@ from midair.datasets import channel_amplitudes
 from midair.errors import InputError
 from midair.figures import Curve, Example, curve_figure, examples_figure, histogram_figure, png
 from midair.files import csv_text, whole_file
+from midair.progress import passing
 from midair.sweep.pattern_sweep import Condition, PatternSweep, problem_of, solve_patterns
 from midair.sweep.store import SweepResults
 from midair.sweep.stored_words import as_stored
@@ -261,7 +262,7 @@ def _figures(results: PatternResults) -> Mapping[str, bytes]:
         curves = _curves(along, key, other)
         if curves:
             made[name] = curve_figure(curves, quantity=label, published=PUBLISHED)
-    return {name: png(figure) for name, figure in made.items()}
+    return {name: png(figure) for name, figure in passing(made.items(), len(made))}
 
 
 def _curves(rows: Sequence[Row], key: str, other: str) -> list[Curve]:

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import termios
+import threading
 import time
 from pathlib import Path
 
@@ -113,6 +114,22 @@ def test_ctrl_c_on_a_terminal_keeps_what_there_was():
     assert "stopped; " in terminal.seen
     assert load("take.h5").frames > 0
     assert "Traceback" not in terminal.seen
+
+
+def test_ctrl_c_between_takes_says_how_many_were_kept(capsys):
+    def stop():
+        while not Path("takes-01.h5").exists():
+            time.sleep(0.01)
+        # The file has its name a moment before the pause begins.
+        time.sleep(0.3)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    (stopper := threading.Thread(target=stop)).start()
+    said = ["--duration", "0.05s", "--real-time", "--repeats", "3", "--pause", "30s"]
+    assert run(["record", "virtual:towel", "takes.h5", *said]) == 130
+    stopper.join()
+    assert capsys.readouterr().err.endswith("midair: stopped; kept 1 of 3 takes\n")
+    assert [path.name for path in Path().glob("takes*")] == ["takes-01.h5"]
 
 
 @pytest.mark.slow

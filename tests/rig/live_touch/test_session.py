@@ -104,17 +104,21 @@ def test_a_process_that_is_killed_is_said():
 
 
 @pytest.mark.slow
-def test_the_command_prints_numbers_for_a_program_and_ends_by_ctrl_c(tmp_path):
-    line = [sys.executable, "-m", "midair", "live", "--json", "--keep", "felt.h5"]
-    running = subprocess.Popen(line, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+@pytest.mark.parametrize(
+    ("stated", "status", "words"), [((), 0, ""), (("--duration", "60s"), 130, "midair: stopped; kept felt.h5\n")]
+)
+def test_the_command_prints_numbers_for_a_program_and_ends_by_ctrl_c(tmp_path, stated, status, words):
+    line = [sys.executable, "-m", "midair", "live", "--json", "--keep", "felt.h5", *stated]
+    running = subprocess.Popen(line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + 60
     while not (tmp_path / "felt.h5").exists() and time.monotonic() < until:
         time.sleep(0.1)
     time.sleep(1.0)
     running.send_signal(signal.SIGINT)
-    said, _ = running.communicate(timeout=30)
+    said, beside = running.communicate(timeout=30)
     told = json.loads(said)
-    assert running.returncode == 0
+    assert running.returncode == status
+    assert beside.endswith(words)
     assert all(np.isfinite(told[name]) for name in ("frames", "lost", "late", "latency"))
     assert told["latency"] == pytest.approx(13.0, abs=0.1)
     assert open_take(tmp_path / "felt.h5").recording.frames == told["frames"] > 500

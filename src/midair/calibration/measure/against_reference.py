@@ -10,6 +10,7 @@ from midair.calibration.measure.linearity import distinct
 from midair.calibration.measure.referenced_take import ReferencedTake, check_alike
 from midair.errors import MismatchError
 from midair.model import Calibration, PressureFrames, Provenance, Recording, Setting
+from midair.progress import passing
 
 Array = NDArray[np.float64]
 
@@ -103,7 +104,8 @@ def measure_calibration(
     first = takes[0].recording
     _check_quiet(quiet, first)
     parts = tuple(
-        sums_of(take.reference.pressure[:, None], _flat(take.recording), first.rate, settings) for take in takes
+        sums_of(take.reference.pressure[:, None], _flat(take.recording), first.rate, settings)
+        for take in passing(takes, len(takes))
     )
     alone = _pressed_alone(takes)
     own = tuple(

@@ -1,6 +1,6 @@
 """The commands, a file each; none imports another. `COMMANDS` has them by the names that people type."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from cyclopts import App
@@ -70,9 +70,38 @@ FOLDERS: Mapping[str, tuple[str, App]] = {
 }
 """Commands that have commands below them."""
 
-SILENT = frozenset(
-    ("import", "mend", "repair", "info", "cut", "trim", "join", "gain", "mask", "resample", "export")
-) | {"exposure", "compare", "doctor"}
-"""Commands without bars, meters and questions of their own: a moving line says so when they take long."""
+PASSES: Mapping[str, int] = {
+    "import": 4,
+    "mend": 4,
+    "repair": 6,
+    "info": 2,
+    "show": 3,
+    "cut": 5,
+    "trim": 8,
+    "join": 7,
+    "gain": 5,
+    "mask": 5,
+    "resample": 5,
+    "export": 2,
+    "exposure": 3,
+    "compare": 10,
+    "doctor": 1,
+    "calibrate": 8,
+    "calibrate measure": 1,
+    "calibrate tone": 1,
+    "study plan": 1,
+    "study power": 1,
+    "study paper": 1,
+    "study analyse": 1,
+    "sweep report": 1,
+}
+"""Commands without bars, meters and questions of their own, and how often each goes through what it works on: a bar
+with the time left shows when they take long."""
 
-__all__ = ["COMMANDS", "FOLDERS", "SILENT"]
+
+def command_of(tokens: Sequence[str]) -> str:
+    """The command of a line, with the folder that it is in: "cut", "calibrate", "calibrate measure"."""
+    return next((name for name in (" ".join(tokens[:2]), *tokens[:1]) if name in PASSES), "")
+
+
+__all__ = ["COMMANDS", "FOLDERS", "PASSES", "command_of"]

@@ -1,6 +1,7 @@
 """The command `compare`: a re-recording against its original."""
 
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 from midair.cli.terminal import (
@@ -21,12 +22,15 @@ from midair.cli.terminal import (
     print_json,
     print_palm,
     say,
+    stages,
     talk,
+    work_of,
+    workload_of,
 )
 from midair.errors import InputError
 from midair.evaluate import Comparison, PalmFidelity, PalmFrames, PerceptualCard, compare
 from midair.files import DRIVE_SUFFIX, OpenedTake, load_palm, load_solution, open_take, whole_file
-from midair.model import Palm, PressureFrames
+from midair.model import Palm, PressureFrames, Progress
 from midair.rig import VirtualRig, hear_drive, palm_frames_of_drive, played_chain
 from midair.settings import Settings
 from midair.view import PalmMaps, check_size, ffmpeg, film_of_palm, show_comparison, show_page, write_gif, write_mp4
@@ -138,7 +142,7 @@ def _write_report(
         partial.write_text(page, encoding="utf-8")
 
 
-def _write_film(path: Path, frames: PalmFrames) -> None:
+def _write_film(path: Path, frames: PalmFrames, progress: Progress) -> None:
     """Pressure and displacement, wanted beside played."""
     pressure = {"Pressure, wanted": frames.wanted, "played": frames.delivered}
     motion = {f"{frames.skin} skin, wanted": 1e6 * frames.wanted_motion, "played": 1e6 * frames.motion}
@@ -148,7 +152,7 @@ def _write_film(path: Path, frames: PalmFrames) -> None:
     ]
     made = film_of_palm(groups, rate=frames.rate)
     with whole_file(path) as partial:
-        (write_mp4 if path.suffix.lower() == ".mp4" else write_gif)(made, partial)
+        (write_mp4 if path.suffix.lower() == ".mp4" else write_gif)(made, partial, progress=progress)
 
 
 def _played(
@@ -172,9 +176,14 @@ def _played(
     band = settings.calibration.band
     rig = VirtualRig(cells=felt.sensor, seed=seed, height=settings.target.grid.height).hearing(band)
     outline = Palm.disc() if palm is None else load_palm(palm)
-    if film is not None:
-        lead = (asked.frames - piece.frames) // 2 / piece.rate
-        judged, chain = (lead, piece.frames / piece.rate), played_chain(drive, rig)
-        _write_film(film, palm_frames_of_drive(asked, drive, outline, chain=chain, rig=rig, judged=judged, band=band))
-    heard = hear_drive(drive, piece, asked, rig, palm=outline, band=band)
+    workload = workload_of(settings, drive.array.count)
+    works = [work_of(name, workload, drive.frames) for name in ("play and re-record", "palm")]
+    with stages(works) as stage:
+        if film is not None:
+            lead = (asked.frames - piece.frames) // 2 / piece.rate
+            judged, chain = (lead, piece.frames / piece.rate), played_chain(drive, rig)
+            frames = palm_frames_of_drive(asked, drive, outline, chain=chain, rig=rig, judged=judged, band=band)
+            _write_film(film, frames, stage("film"))
+        paced = partial(stage, workload=workload)
+        heard = hear_drive(drive, piece, asked, rig, palm=outline, band=band, stage=paced)
     return settings, OpenedTake(recording=heard.recording, calibration=heard.calibration), heard.palm

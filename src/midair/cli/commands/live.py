@@ -158,7 +158,7 @@ def live_command(
     duration: Annotated[float | None, quantity("s")] = None,
     keep: Path | None = None,
     json: Json = False,
-) -> None:
+) -> int:
     """Play what a sensor feels while it feels it: touch here, felt there, 13 ms later.
 
     For stroking; a tap is noticed late. Exposure is checked before anything sounds, for the worst that the level can
@@ -190,9 +190,11 @@ def live_command(
     options, network = options or LiveOptions(), network or NetworkOptions()
     if network.new_key is not None:
         make_key(network.new_key)
-        return print_rows([("key", f"{network.new_key}; give the other side a copy, and nobody else")])
+        print_rows([("key", f"{network.new_key}; give the other side a copy, and nobody else")])
+        return 0
     if network.to is not None:
-        return _speak(options, network, duration, json=json)
+        _speak(options, network, duration, json=json)
+        return 0
     if keep is not None:
         if keep.exists():
             raise InputError(f"{keep}: is there already; give another name")
@@ -203,6 +205,15 @@ def live_command(
             print_rows(_found(session))
         _watch(session, signals, quiet=json)
         ended = session
+    _tell(ended, keep, json=json)
+    # Without a duration Ctrl-C is the way to end it.
+    if not signals.came or duration is None:
+        return 0
+    err().print(f"midair: stopped; {'nothing was written' if keep is None else f'kept {keep}'}")
+    return 130
+
+
+def _tell(ended: LiveSession, keep: Path | None, *, json: bool) -> None:
     told = ended.statistics
     if json:
         opened = ended.opened

@@ -161,7 +161,7 @@ def loop_command(
     with stages(works) as stage, opened:
         paced = partial(stage, workload=workload)
         loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=paced)
-    write_report(loop, target, commands=(talk().line,))
+        write_report(loop, target, commands=(talk().line,), progress=stage("draw"))
     _print(loop, target, json)
 
 

@@ -30,6 +30,7 @@ from midair.paper import (
     figure_9,
     materials_table,
 )
+from midair.progress import watched
 from midair.rig import VirtualRig
 from midair.settings import Mode, paper_mode
 
@@ -112,10 +113,12 @@ def paper_command(
     with stages() as stage:
         if 3 in chosen:
             _check(folder, "figure3", force)
-            results.append(figure_3(strength=strength, mode=mode))
+            with watched(stage("figure 3")):
+                results.append(figure_3(strength=strength, mode=mode))
         if 9 in chosen:
             _check(folder, "figure9", force)
-            results.append(figure_9(mode=mode))
+            with watched(stage("figure 9")):
+                results.append(figure_9(mode=mode))
         if 4 in chosen:
             _check(folder, "figure4", force)
             results.append(

@@ -186,6 +186,10 @@ def record_command(
         finally:
             if json:
                 print_json([plain_take(take, device) for take in takes if take.frames])
+        # In a pause between takes the last one is whole, and those to come are missing.
+        if signals.came and takes[-1].end != "kill" and len(takes) < options.repeats:
+            err().print(f"midair: stopped; kept {len(takes)} of {options.repeats} takes")
+            return 130
         return _status(takes, device)
 
 

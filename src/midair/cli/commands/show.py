@@ -24,6 +24,7 @@ from midair.cli.terminal import (
     print_rows,
     quantity,
     stages,
+    work_of,
 )
 from midair.errors import InputError
 from midair.files import contents, load_solution, load_target, open_take, whole_file
@@ -142,8 +143,9 @@ def _film(write: Callable[..., None]) -> Callable[[Showing, Path], list[tuple[st
     def write_film(shown: Showing, path: Path) -> list[tuple[str, str]]:
         film = Film(shown)
         out().print(f"film of {len(film)} pictures, {film.seconds:.3g} s, {film.slower:.4g} times slower")
-        with stages() as stage, whole_file(path) as partial:
-            write(film, partial, progress=stage("film"))
+        kind = path.suffix.lower()
+        with stages([work_of("film", kind, len(film))]) as stage, whole_file(path) as partial:
+            write(film, partial, progress=stage("film", kind))
         return []
 
     return write_film

@@ -216,10 +216,11 @@ def play_command(
     say_room(drive, source, room, simulated=True)
     array = rig.array_device(skin)
     array.silencer = options.silencer
-    with stages() as stage, array, rig.sensor(skin) as sensor:
+    name, workload = "play and re-record", workload_of(known, drive.array.count)
+    with stages([work_of(name, workload, drive.frames)]) as stage, array, rig.sensor(skin) as sensor:
         sensor.streamed = True
         admission = options.admit(drive, array)
-        recording = rerecord(admission, array, sensor, source=source, progress=stage("play and re-record"))
+        recording = rerecord(admission, array, sensor, source=source, progress=stage(name, workload))
     save(recording, target, calibration=sensor.calibration)
     print_rows(
         [

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Table
 from rich.text import Text
 
-from midair.cli.speeds import Speeds, Work, told
+from midair.cli.speeds import MEASURED, Speeds, Work, told
 from midair.cli.waiting import Waiting, waiting
 from midair.files import for_json, printable
 from midair.model import Progress as Report
@@ -114,12 +114,12 @@ _waiting: ContextVar[Waiting | None] = ContextVar("waiting", default=None)
 
 
 @contextmanager
-def seen_waiting(words: str) -> Generator[None]:
-    """A moving line after two seconds inside, until results come; nothing with -q."""
+def seen_waiting(words: str, passes: int) -> Generator[None]:
+    """A bar after two seconds inside, until results come; nothing with -q."""
     if talk().quiet:
         yield
         return
-    with waiting(words, PlainConsole(stderr=True)) as line:
+    with waiting(words, PlainConsole(stderr=True), passes=passes) as line:
         before = _waiting.set(line)
         try:
             yield
@@ -128,7 +128,7 @@ def seen_waiting(words: str) -> Generator[None]:
 
 
 def _no_longer_waiting() -> None:
-    """Results come, or a bar: the moving line makes room."""
+    """Results come, or other bars: this one makes room."""
     line = _waiting.get()
     if line is not None:
         line.end()
@@ -193,14 +193,10 @@ def stages(works: Sequence[Work] = ()) -> Generator[Stages]:
                 shown.remove_task(task.id)
     for stage in running:
         took = (stage.ended or time.monotonic()) - stage.began
-        if stage.done and took >= _MEASURED:
+        if stage.done and took >= MEASURED:
             speeds = speeds.learnt(work_of(stage.name, stage.workload, stage.done), took)
     if running:
         speeds.keep()
-
-
-_MEASURED = 0.5
-"""A stage of fewer seconds than these says little of how fast the next one goes."""
 
 
 @dataclass(slots=True, kw_only=True)

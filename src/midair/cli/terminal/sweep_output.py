@@ -1,14 +1,17 @@
 """What commands of sweeps show: a bar while one runs, a table of what came out."""
 
+import os
+import time
 from collections.abc import Generator
 from contextlib import contextmanager
 
 from rich.table import Table as Shown
 
-from midair.cli.terminal.console import banner, bars, err, out
+from midair.cli.speeds import MEASURED, Speeds, Work, told
+from midair.cli.terminal.console import banner, bars, err, out, talk
 from midair.errors import InputError
 from midair.model import Progress as Advance
-from midair.sweep import PatternReport, Sweep, TrialReport, run_sweep
+from midair.sweep import PatternReport, PatternSweep, Sweep, TrialReport, run_sweep
 
 
 def swept(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | None) -> int:
@@ -16,7 +19,7 @@ def swept(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | Non
     if not where.rstrip("/").endswith(".zarr"):
         raise InputError(f"{where}: expected a name that ends in .zarr for a sweep")
     try:
-        with sweep_bar("patterns" if sweep.kind == "patterns" else "frames") as progress:
+        with sweep_bar("patterns" if sweep.kind == "patterns" else "frames", _workload(sweep)) as progress:
             run_sweep(sweep, where, scheduler=scheduler, workers=workers, progress=progress)
     except KeyboardInterrupt:
         _say("stopped; what was solved is stored, and the same command goes on")
@@ -24,19 +27,38 @@ def swept(sweep: Sweep, where: str, *, scheduler: str | None, workers: int | Non
     return 0
 
 
+def _workload(sweep: Sweep) -> str:
+    """What decides how fast a sweep goes."""
+    method = f" {sweep.method}" if isinstance(sweep, PatternSweep) else ""
+    return f"{sweep.kind}{method} {os.cpu_count()} cores"
+
+
 @contextmanager
-def sweep_bar(items: str) -> Generator[Advance]:
-    """A progress bar on the error stream: patterns or frames, how many per second, time left."""
+def sweep_bar(items: str, workload: str) -> Generator[Advance]:
+    """A progress bar on the error stream: patterns or frames, how many per second, time left.
+
+    Before it, how long it will take as fast as the last time; after it, what was learnt.
+    """
+    speeds, kind, begun, last = Speeds.known(), f"sweep {workload}", (0, 0.0), (0, 0.0)
     with bars(items, width=24, name="", digits=1, period=120) as shown:
         task = shown.add_task("sweep", total=None, start=False)
 
         def report(done: int, total: int) -> None:
+            nonlocal begun, last
+            last = (done, time.monotonic())
             if shown.tasks[0].total is None:
+                begun = last
+                line = told(speeds, [Work(kind=kind, frames=total - done)])
+                if line and total > done and not talk().quiet:
+                    shown.console.print(line, style="dim")
                 shown.reset(task, total=total, completed=done)
             else:
                 shown.update(task, completed=done)
 
         yield report
+    count, took = last[0] - begun[0], last[1] - begun[1]
+    if count and took >= MEASURED:
+        speeds.learnt(Work(kind=kind, frames=count), took).keep()
 
 
 def _say(words: str) -> None:

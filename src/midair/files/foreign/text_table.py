@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, NonFiniteError
+from midair.progress import passing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,7 +61,7 @@ def _rows(text: str, path: Path) -> Iterator[_Row]:
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     # What is there most often; where nothing is, the comma, as it comes first.
-    reader = csv.reader(lines, delimiter=max(",;\t", key=first.count), skipinitialspace=True)
+    reader = csv.reader(passing(lines, len(lines)), delimiter=max(",;\t", key=first.count), skipinitialspace=True)
     try:
         for fields in reader:
             if any(field.strip() for field in fields) and not fields[0].startswith("#"):
@@ -93,12 +94,18 @@ def _fit(row: _Row, width: int, path: Path) -> None:
         )
 
 
+_SOME = 4096
+"""Rows whose numbers are read at once."""
+
+
 def _numbers(rows: list[_Row], names: tuple[str, ...], path: Path, *, gaps: bool) -> NDArray[np.float64]:
     if gaps:
         for row in rows:
             row.fields[:] = [field if field.strip() else "nan" for field in row.fields]
     try:
-        values = np.array([row.fields for row in rows], np.float64)
+        some = [rows[first : first + _SOME] for first in range(0, len(rows), _SOME)]
+        parts = [np.array([row.fields for row in part], np.float64) for part in passing(some, len(rows), weight=len)]
+        values = np.concatenate(parts)
     except ValueError:
         # One by one, to say where the field is that is no number.
         values = np.array([[_number(row, i, names, path) for i in range(len(row.fields))] for row in rows])

@@ -103,6 +103,10 @@ def practice_bench(seed: int = 0) -> CalibrationBench:
     )
 
 
+PRACTICE = 22
+"""Recordings: all cells at five levels, each of the sixteen alone, and a quiet one."""
+
+
 def write_practice(
     folder: Path,
     *,
@@ -151,10 +155,10 @@ def write_practice(
         save(recording, folder / f"{name}.h5")
         save(reference, folder / f"{name}-reference.h5")
         if progress:
-            progress(number + 1, len(plan) + 1)
+            progress(number + 1, PRACTICE)
     save(bench.quiet(duration), folder / "quiet.h5")
     if progress:
-        progress(len(plan) + 1, len(plan) + 1)
+        progress(PRACTICE, PRACTICE)
     return (
         f"midair calibrate measure {folder}/all-*Pa.h5 {folder}/cell-??.h5 "
         f"--reference {folder}/all-*-reference.h5 {folder}/cell-*-reference.h5 --reference-sensitivity 50mV/Pa "

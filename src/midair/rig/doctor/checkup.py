@@ -6,6 +6,7 @@ import os
 import platform
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from midair.blas import VARIABLE, WIDE, misses_wide_kernel
 from midair.files import open_take, save
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, Recording, TransducerArray
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
+from midair.progress import passing
 from midair.rig.doctor.array_checkup import array_findings
 from midair.rig.doctor.check import Check
 from midair.rig.doctor.machine_checkup import machine_findings
@@ -30,20 +32,18 @@ def check_up(device: str | None = None) -> list[Check]:
         An array as in `array_named`: it is opened, asked, and closed, and stays silent. Or a live sensor as in
         `sensor_named`: it is listened to for half a second.
     """
-    return [
-        _python(),
-        *(_library(name) for name in ("numpy", "scipy", "h5py", "soundfile", "matplotlib")),
-        *(_extra(name, extra, use) for name, extra, use in (("xarray", "analysis", "opens recordings for analysis"),)),
-        _folder(),
-        _field(),
-        _solver(),
-        _threads(),
-        _kernel(),
-        *machine_findings(),
-        *sensor_findings(),
-        *(live_sensor_findings(device) if device is not None and is_live_sensor(device) else []),
-        *array_findings(None if device is not None and is_live_sensor(device) else device),
+    live = device is not None and is_live_sensor(device)
+    looks: list[Callable[[], Sequence[Check]]] = [
+        lambda: [_python()],
+        lambda: [_library(name) for name in ("numpy", "scipy", "h5py", "soundfile", "matplotlib")],
+        lambda: [_extra("xarray", "analysis", "opens recordings for analysis")],
+        *((lambda look=look: [look()]) for look in (_folder, _field, _solver, _threads, _kernel)),
+        machine_findings,
+        sensor_findings,
+        lambda: live_sensor_findings(device) if device is not None and live else [],
+        lambda: array_findings(None if live else device),
     ]
+    return [found for look in passing(looks, len(looks)) for found in look()]
 
 
 def _python() -> Check:

@@ -6,6 +6,7 @@ from midair.devices import admit
 from midair.evaluate import PalmFidelity
 from midair.model import Calibration, Drive, Palm, PressureFrames, Recording
 from midair.rig.looping.palm_simulation import palm_of_drive, played_chain
+from midair.rig.looping.passes import Stage, quiet
 from midair.rig.names import VirtualRig
 from midair.rig.playing import rerecord, usual_exposure
 
@@ -37,6 +38,7 @@ def hear_drive(
     *,
     palm: Palm | None = None,
     band: tuple[float, float] = (20.0, 470.0),
+    stage: Stage = quiet,
 ) -> DriveHeard:
     """Play a drive on the virtual rig to its sensor, and to a whole palm.
 
@@ -52,13 +54,18 @@ def hear_drive(
         A disc of 85 mm if None.
     band : tuple of float
         (low, high) that counts, in Hz.
+    stage : callable, optional
+        Told the name of each stage as it begins; gives what to call with its progress.
     """
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        recording = rerecord(admit(drive, array, usual_exposure()), array, sensor)
+        admission = admit(drive, array, usual_exposure())
+        recording = rerecord(admission, array, sensor, progress=stage("play and re-record"))
         calibration = sensor.calibration
     chain = played_chain(drive, rig)
     lead = (asked.frames - original.frames) // 2 / original.rate
     judged = (lead, original.frames / original.rate)
-    of_palm = palm_of_drive(asked, drive, palm or Palm.disc(), chain=chain, rig=rig, judged=judged, band=band)
+    of_palm = palm_of_drive(
+        asked, drive, palm or Palm.disc(), chain=chain, rig=rig, judged=judged, band=band, progress=stage("palm")
+    )
     return DriveHeard(recording=recording, calibration=calibration, palm=of_palm)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from midair.progress import passing
 from midair.study.findings.choice_findings import choice_findings, compared, confusions, mixed
 from midair.study.findings.finding import Choices, Finding, attempt
 from midair.study.findings.rating_findings import anova, other_questions, ranks, rating_means
@@ -57,21 +59,26 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     rng = np.random.default_rng(seed)
     choices, failed = confusions(data)
     findings = [_people(data), *failed]
-    for one in choices:
-        findings += attempt(f"Which object: {one.name}", lambda one=one: choice_findings(one, rng=rng, draws=draws))
+    jobs: list[Callable[[], Sequence[Finding]]] = [
+        lambda one=one: attempt(f"Which object: {one.name}", lambda: choice_findings(one, rng=rng, draws=draws))
+        for one in choices
+    ]
     conditions = [] if data.choices is None else data.choices["condition"].map(str).tolist()
     pair = tuple(one for one in choices if one.name in conditions)
     if len(pair) == 2:
-        findings += compared(pair, data, rng=rng)
+        jobs.append(lambda: compared(pair, data, rng=rng))
     if data.choices is not None:
-        findings += attempt("Mixed model of right answers", lambda: mixed(data))
+        jobs.append(lambda: attempt("Mixed model of right answers", lambda: mixed(data)))
     if data.ratings is not None:
-        findings += attempt("Ratings: analysis of variance", lambda: anova(data))
-        findings += attempt("Ratings: check on ranks", lambda: ranks(data, rng=rng))
-    if data.others is not None:
-        findings += other_questions(data.others)
-    findings += attempt("Psychometric function", lambda: psychometric(data, rng=rng))
-    findings += attempt("Thresholds of adaptive blocks", lambda: adaptive(data))
+        jobs.append(lambda: attempt("Ratings: analysis of variance", lambda: anova(data)))
+        jobs.append(lambda: attempt("Ratings: check on ranks", lambda: ranks(data, rng=rng)))
+    if (others := data.others) is not None:
+        jobs.append(lambda: other_questions(others))
+    jobs.append(lambda: attempt("Psychometric function", lambda: psychometric(data, rng=rng)))
+    jobs.append(lambda: attempt("Thresholds of adaptive blocks", lambda: adaptive(data)))
+    # In this order: they draw from one generator.
+    for job in passing(jobs, len(jobs)):
+        findings += job()
     return Report(
         findings=tuple(findings), choices=choices, ratings=rating_means(data), simulated=data.simulated, seed=seed
     )

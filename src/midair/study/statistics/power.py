@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
+from midair.progress import passing
 from midair.study.statistics.confusion import Confusion, chance_macro_f, wilson
 from midair.study.statistics.detection import proportion_correct
 from midair.study.statistics.paired import equivalence, holm
@@ -91,7 +92,7 @@ def simulated_power(
     """Share of simulated studies whose planned test comes out below alpha."""
     if runs < 1:
         raise InputError(f"runs: expected 1 or more, got {runs}")
-    found = sum(experiment(participants, rng) < alpha for _ in range(runs))
+    found = sum(experiment(participants, rng) < alpha for _ in passing(range(runs), runs))
     low, high = wilson(found, runs)
     return Power(power=found / runs, low=float(low), high=float(high), participants=participants, runs=runs)
 
@@ -102,7 +103,9 @@ def power_curve(
     """Power for several numbers of people: columns participants, power, low, high."""
     from pandas import DataFrame
 
-    found = [simulated_power(experiment, n, rng=rng, runs=runs, alpha=alpha) for n in candidates]
+    # A study of more people takes longer to simulate.
+    each = passing(candidates, sum(candidates), weight=lambda n: n)
+    found = [simulated_power(experiment, n, rng=rng, runs=runs, alpha=alpha) for n in each]
     return DataFrame(map(asdict, found), columns=["participants", "power", "low", "high"])
 
 

@@ -21,11 +21,13 @@ from midair.cli.terminal import (
     say_air,
     stages,
     stated_sensitivity,
+    work_of,
 )
 from midair.errors import InputError
 from midair.files import open_take
 from midair.model import Acoustics, Medium
 from midair.rig import (
+    PRACTICE,
     ReferenceChoice,
     VirtualRig,
     array_named,
@@ -261,8 +263,10 @@ def bench_command(
     --------
     $ midair calibrate bench bench --kind sweep
     """
-    with stages() as stage:
-        command = write_practice(folder, kind=kind, duration=duration, seed=seed, progress=stage("simulate"))
+    workload = f"{kind} of {duration:g} s"
+    with stages([work_of("simulate", workload, PRACTICE)]) as stage:
+        progress = stage("simulate", workload)
+        command = write_practice(folder, kind=kind, duration=duration, seed=seed, progress=progress)
     out().print("now measure:", command, sep="\n")
 
 

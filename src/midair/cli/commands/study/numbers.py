@@ -10,6 +10,7 @@ from midair.cli.terminal import say
 from midair.errors import InputError
 from midair.figures import png
 from midair.files import whole_file
+from midair.progress import passing
 from midair.study import (
     EquivalenceExperiment,
     Experiment,
@@ -114,7 +115,7 @@ def paper_command(output: Path | None = None, /, *, seed: int = 0) -> None:
     power = {d_z: [power_paired_t(n, d_z=d_z) for n in pairs] for d_z in (0.3, 0.5, 0.8)}
     curves = [(f"d_z = {d_z:g}", DataFrame({"participants": pairs, "power": p})) for d_z, p in power.items()]
     drawn = {"paper-chance.png": chance_figure(chance, simulated=True), "paper-power.png": power_figure(curves)}
-    for name, figure in drawn.items():
+    for name, figure in passing(drawn.items(), len(drawn)):
         with whole_file(output / name) as partial:
             partial.write_bytes(png(figure))
     say(f"{output}: paper-chance.png, paper-power.png")

@@ -1,0 +1,217 @@
+"""Every command that may work longer than two seconds: a bar that knows its end, and Ctrl-C that says what was kept."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from rich.progress import Progress
+
+from midair.cli import run
+from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of
+from midair.cli.waiting import Waiting
+from midair.files import save
+from midair.model import Calibration, Recording, SensorGrid
+
+QUICK = "--mode paper --method naive --points 6 --pitch 11mm --lead 0s --duration 0.03s"
+NOTHING = "nothing was written"
+
+LINES = {
+    "import song.wav song.h5 --unit V --layout 4x4:11mm": NOTHING,
+    "import song.csv song.h5 --unit V": NOTHING,
+    "mend song.wav song.h5 --unit V --layout 4x4:11mm": NOTHING,
+    "repair take.h5": NOTHING,
+    "info take.h5": NOTHING,
+    "info take.drive.h5": NOTHING,
+    "show take.h5 --save take.html --no-browser": NOTHING,
+    "show take.h5 --save take.gif --duration 0.02s": NOTHING,
+    "cut take.h5 part.h5 --start 0.1s": NOTHING,
+    "trim take.h5 part.h5": NOTHING,
+    "join take.h5 take.h5 both.h5": NOTHING,
+    "gain take.h5 loud.h5 --by 2": NOTHING,
+    "mask take.h5 masked.h5 --channels 3": NOTHING,
+    "resample take.h5 slow.h5 --rate 500Hz": NOTHING,
+    "export take.h5 take.csv": NOTHING,
+    "export take.h5 take.wav": NOTHING,
+    "export take.h5 take.mat": NOTHING,
+    "calibrate take.h5 --sensitivity 20mV/Pa": NOTHING,
+    "calibrate measure long.h5 --reference-channel 0 --reference-sensitivity 50mV/Pa": NOTHING,
+    "calibrate beam": NOTHING,
+    "calibrate array --duration 4s": NOTHING,
+    "calibrate bench bench --duration 1s": NOTHING,
+    f"solve take.h5 x.drive.h5 {QUICK}": NOTHING,
+    "exposure take.drive.h5": NOTHING,
+    "play take.drive.h5": NOTHING,
+    f"loop take.h5 loop.html {QUICK}": NOTHING,
+    "compare take.h5 take.h5": NOTHING,
+    "compare take.h5 take.drive.h5": NOTHING,
+    f"budget take.h5 budget.png {QUICK}": NOTHING,
+    f"demo out {QUICK.replace('--lead 0s ', '')}": "kept out/stroke.h5",
+    "paper figures --figure 3": NOTHING,
+    "paper figures --figure 9": NOTHING,
+    "paper figures --figure 4": NOTHING,
+    "paper figures --fidelity": NOTHING,
+    "paper figures --materials": NOTHING,
+    "doctor": NOTHING,
+    "sweep patterns s.zarr --count 4 --curves 0 --workers 1": "what was solved is stored, and the same command goes on",
+    f"sweep recordings r.zarr take.h5 --workers 1 {QUICK.replace('--lead 0s ', '')}": (
+        "what was solved is stored, and the same command goes on"
+    ),
+    "sweep report done.zarr": NOTHING,
+    "study plan touch": NOTHING,
+    "study power rating --effect 0.5 --runs 2": NOTHING,
+    "study paper figures": "kept figures/paper-chance.png",
+    "study analyse touch --draws 50": NOTHING,
+}
+"""What is typed, and what is said when Ctrl-C comes as soon as a bar is there."""
+
+SLOW = (
+    "paper",
+    "compare take.h5 take.drive.h5",
+    "calibrate beam",
+    "calibrate array",
+    "sweep",
+    "loop",
+    "demo",
+    "budget",
+)
+"""Beginnings of those whose whole run takes longer than a fast test may."""
+
+NO_BAR = {
+    "studio": "runs until Ctrl-C",
+    "record": "has meters, with the seconds of how many; Ctrl-C keeps the take (tests/cli/commands/test_record.py)",
+    "live": "has a line of its own until Ctrl-C",
+    "identify": "asks for each tap, with its number of how many",
+    "stop": "has the array's answer at once",
+    "completion": "prints a text",
+    "calibrate show": "draws one page",
+    "calibrate tone": "looks at one tone",
+    "study new": "solves with bars, of which `solve` is here; draws the plan at once",
+    "study run": "asks a person, or says a line for each simulated one",
+    "study export": "writes a table",
+    "study withdraw": "deletes files",
+}
+
+
+def offered():
+    """Every command, with the folder that it is in."""
+    below = {f"{name} {sub}" for name, (_, folder) in FOLDERS.items() for sub in folder if not sub.startswith("-")}
+    return {*COMMANDS, *below, "completion", "calibrate"}
+
+
+def name_of(line):
+    words = line.split()
+    return " ".join(words[:2]) if " ".join(words[:2]) in offered() else words[0]
+
+
+def test_every_command_has_a_bar_or_a_reason_for_none():
+    with_bars = {name_of(line) for line in LINES}
+    assert with_bars | set(NO_BAR) == offered()
+    assert with_bars & set(NO_BAR) == set()
+    assert set(PASSES) - {"calibrate tone"} <= with_bars
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    """Recordings, a drive, sounds, a study that was answered, a sweep."""
+    folder = tmp_path_factory.mktemp("long")
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        grid, rng = SensorGrid(), np.random.default_rng(0)
+        noise = 0.05 * rng.standard_normal((300, *grid.shape))
+        take = Recording(samples=noise, rate=1000.0, unit="V", sensor=grid)
+        save(take, "take.h5", calibration=Calibration.flat(grid, sensitivity=0.02))
+        soundfile.write("song.wav", noise.reshape(300, -1), 1000, subtype="FLOAT")
+        pair = SensorGrid(rows=1, columns=2)
+        same = np.repeat(0.05 * rng.standard_normal((12_000, 1, 1)), 2, axis=2)
+        save(Recording(samples=same + 1e-4 * rng.standard_normal(same.shape), rate=1000.0, sensor=pair), "long.h5")
+        table = np.column_stack([np.arange(300) / 1000, noise.reshape(300, -1)])
+        names = ",".join(["time [s]", *(f"c{number}" for number in range(16))])
+        np.savetxt("song.csv", table, delimiter=",", header=names, comments="")
+        assert run(["solve", "take.h5", *QUICK.split()]) == 0
+        assert run(["study", "new", "touch", "--drives", "none", "--participants", "2"]) == 0
+        assert run(["study", "run", "touch", "--simulate"]) == 0
+    finally:
+        os.chdir(before)
+    return folder
+
+
+@pytest.fixture
+def folder(desk, tmp_path, monkeypatch):
+    shutil.copytree(desk, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def made_now(line):
+    """What only one of the lines needs."""
+    if line.startswith("sweep report"):
+        done = ["sweep", "patterns", "done.zarr", "--count", "4", "--curves", "0", "--workers", "1"]
+        assert run([*done, "--strength", "0.1"]) == 0
+
+
+def files_here():
+    return {path: path.stat().st_mtime_ns for path in Path().rglob("*") if path.is_file()}
+
+
+def lines(*slow):
+    """Those that begin so are slow."""
+    return [pytest.param(each, marks=pytest.mark.slow if each.startswith(slow) else ()) for each in LINES]
+
+
+@pytest.mark.parametrize("line", lines("sweep"))
+def test_ctrl_c_at_the_first_step_of_a_bar_says_what_was_kept(line, folder, capsys, monkeypatch):
+    made_now(line)
+    begin, begun = Progress.add_task, []
+
+    def add_task(self, description, **more):
+        # What is recorded is kept; the bar of waiting is there before the work.
+        if description not in ("record", command_of(line.split())):
+            begun.append(description)
+            raise KeyboardInterrupt
+        return begin(self, description, **more)
+
+    def report(self, done, total):
+        begun.append(total)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Progress, "add_task", add_task)
+    monkeypatch.setattr(Waiting, "report", report)
+    before = files_here()
+    capsys.readouterr()
+    assert run(line.split()) == 130
+    assert begun
+    said = [each for each in capsys.readouterr().err.splitlines() if each.startswith("midair: ")]
+    assert said == [f"midair: stopped; {LINES[line]}"]
+    kept = {Path(name) for name in LINES[line].partition("kept ")[2].split(", ") if name}
+    # Of a sweep what was solved is stored; the state folder knows how fast work goes.
+    ours = {path for path in files_here() if not {".zarr", ".report"} & {each.suffix for each in path.parents}}
+    assert ours - set(before) == kept
+    assert {path: when for path, when in files_here().items() if path in before} == before
+
+
+@pytest.mark.parametrize("line", lines(*SLOW))
+def test_a_bar_has_an_end(line, folder, capsys, monkeypatch):
+    """So that it tells the time left: every task of every bar is told how much there is in all."""
+    made_now(line)
+    waited, ends, count, finish = [], [], Waiting.report, Progress.stop
+
+    def reported(self, done, total):
+        waited.append(self)
+        count(self, done, total)
+
+    def stop(self):
+        ends.extend((task.description, task.total) for task in self.tasks)
+        finish(self)
+
+    monkeypatch.setattr(Progress, "stop", stop)
+    monkeypatch.setattr(Waiting, "report", reported)
+    assert run(line.split()) == 0, capsys.readouterr().err
+    if command_of(line.split()) and not ends:
+        assert 0.3 < waited[-1].share <= 1
+    else:
+        assert ends
+        assert [name for name, total in ends if total is None] == []

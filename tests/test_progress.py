@@ -1,0 +1,37 @@
+import numpy as np
+import pytest
+
+from midair.progress import passing, watched
+from midair.reel import Reel, blocks
+
+
+def test_only_the_outermost_loop_is_told_and_the_next_one_after_it():
+    told = []
+    with watched(lambda done, total: told.append((done, total))):
+        for _ in passing("ab", 2):
+            assert list(passing(range(5), 5)) == list(range(5))
+        assert list(passing([3, 4], 7, weight=lambda each: each)) == [3, 4]
+    assert told == [(1, 2), (2, 2), (3, 7), (7, 7)]
+    assert list(passing("xy", 2)) == ["x", "y"]
+    assert len(told) == 4
+
+
+def test_a_loop_that_is_left_makes_room_for_the_next():
+    told = []
+    with watched(lambda done, total: told.append((done, total))):
+        for _ in passing(range(9), 9):
+            break
+        with pytest.raises(ZeroDivisionError):
+            for each in passing([0], 1):
+                1 / each
+        assert list(passing("a", 1)) == ["a"]
+    assert told == [(1, 1)]
+
+
+@pytest.mark.parametrize("reel", [False, True])
+def test_going_through_frames_is_told_in_frames(reel):
+    x, told = np.arange(20.0).reshape(10, 2), []
+    with watched(lambda done, total: told.append((done, total))):
+        parts = list(blocks(Reel(lambda a, b: x[a:b], x.shape) if reel else x, 4))
+    assert told == [(4, 10), (8, 10), (10, 10)]
+    assert np.array_equal(np.concatenate(parts), x)
