@@ -1,0 +1,236 @@
+"""Every block of code of README and docs is run by a test, or named here with what it needs."""
+
+import glob
+import re
+import shlex
+import tomllib
+from itertools import chain
+from pathlib import Path
+from shutil import copyfile
+
+import numpy as np
+import pytest
+
+from midair.cli import run
+from midair.files import load_palm, load_placement, open_take, save, save_calibration
+from midair.files.toml.sensors import load_sensor
+from midair.model import Recording
+from midair.recordings import cut
+from midair.settings import Settings
+
+ROOT = Path(__file__).parents[1]
+PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").glob("*.md")))]
+
+HERE = ("docs/live.md", "docs/show.md", "docs/start.md", "docs/study.md", "docs/tutorial.md")
+"""Pages whose commands tests/test_docs.py runs in their order."""
+
+NEEDS = {
+    "make demo": "an environment of its own: .ci/run, and every fresh machine",
+    "make test": "an environment of its own: .ci/run",
+    "py -3 -m venv": "Windows",
+    ".venv\\Scripts\\": "Windows",
+    "source .venv/bin/activate": "an environment of its own",
+    "python -m venv .venv": "an environment of its own",
+    "python -m pip install": "an environment of its own",
+    "pip install": "an environment of its own",
+    'eval "$(midair completion bash)"': "a shell: tests/cli/test_help.py",
+    "midair record lsl:Skin": "a sensor over LSL",
+    "midair identify lsl:Skin": "a sensor over LSL",
+    "midair calibrate beam lsl:Skin": "a sensor over LSL and an array",
+    "midair calibrate array lsl:Skin": "a sensor over LSL and an array",
+    "midair studio": "a browser: tests/studio",
+    "midair study new touch": "minutes: tests/study/test_drives.py makes smaller ones",
+    "midair study run touch": "a person: tests/cli/commands/study/test_running.py",
+    "midair study analyse touch": "the session before it",
+    "midair sweep patterns all.zarr": "hours: tests/sweep run smaller ones",
+    "midair sweep report all.zarr": "the sweep before it",
+    "midair sweep patterns all.zarr --scheduler": "a cluster",
+    "openssl": "a cluster",
+    "T=": "a cluster",
+    "dask": "a cluster",
+    "export DASK": "a cluster",
+}
+"""Beginnings of lines that no test types, and what they need."""
+
+SHORTER = {"--duration 1s": "--duration 20ms", "calibrate bench lab": "calibrate bench lab --duration 6s"}
+"""What is typed in place of what is printed, since it takes minutes."""
+
+
+def fenced(page):
+    """Language and text of each block of a page, in order."""
+    found, language, lines = [], None, []
+    for line in (ROOT / page).read_text(encoding="utf-8").splitlines():
+        if language is None and line.startswith("```"):
+            language, lines = line[3:].strip() or "plain", []
+        elif line.startswith("```") and language is not None:
+            found.append((language, "\n".join(lines)))
+            language = None
+        elif language is not None:
+            lines.append(line)
+    return [(name, text) for name, text in found if not name.startswith("{")]
+
+
+def typed(page):
+    """Every line that a page's consoles show to be typed; what a program answers is left out."""
+    for language, text in fenced(page):
+        if language not in ("console", "plain"):
+            continue
+        lines = text.replace("\\\n", " ").splitlines()
+        prompts = any(line.startswith("$ ") for line in lines)
+        for line in lines:
+            if line.startswith("$ ") or (language == "console" and not prompts):
+                yield " ".join(re.sub(r"\s#\s.*", "", line.removeprefix("$ ")).split())
+
+
+def needed(line):
+    return max((name for name in NEEDS if line.startswith(name)), key=len, default=None)
+
+
+RUN = [page for page in PAGES if page not in HERE and any(not needed(line) for line in typed(page))]
+"""Pages whose commands are run below."""
+
+
+def test_no_line_is_neither_run_nor_named():
+    lines = [line for page in PAGES for line in typed(page)]
+    assert [line for line in lines if not needed(line) and not line.startswith("midair ")] == []
+    assert {needed(line) for line in lines} - {None} == set(NEEDS)
+    assert set(RUN) == set(PREPARED)
+
+
+def test_every_language_of_a_block_is_known():
+    found = {language for page in PAGES for language, _ in fenced(page)}
+    assert found <= {"console", "plain", "python", "toml", "text", "bibtex"}
+
+
+def palm(path):
+    assert load_palm(path).name == "left hand"
+
+
+def placement(path):
+    assert len(load_placement(path).array().position) == 2 * 249
+
+
+def sensor(path):
+    assert load_sensor(path).grid.shape == (4, 4)
+
+
+def settings(path):
+    assert Settings.load(path).target.grid.height == 0.18
+
+
+TOMLS = {
+    "docs/build-a-sensor.md": [sensor],
+    "docs/palm.md": [palm],
+    "docs/play-on-your-array.md": [placement],
+    "docs/settings.md": [settings],
+    "docs/study.md": [None, None],
+}
+"""Who reads each block of TOML; those of studies are drawn in tests/test_docs.py."""
+
+
+def test_every_toml_is_what_its_page_says(tmp_path):
+    found = {page: [text for name, text in fenced(page) if name == "toml"] for page in PAGES}
+    assert {page: len(texts) for page, texts in found.items() if texts} == {
+        page: len(readers) for page, readers in TOMLS.items()
+    }
+    for page, readers in TOMLS.items():
+        for read, text in zip(readers, found[page], strict=True):
+            assert tomllib.loads(text)
+            if read is not None:
+                (tmp_path / "a.toml").write_text(text, encoding="utf-8")
+                read(tmp_path / "a.toml")
+
+
+def take(name="take.h5"):
+    """A tenth of a second of a towel on the virtual sensor."""
+    assert run(["record", "virtual:towel", "whole.h5", "--duration", "0.6s"]) == 0
+    whole = open_take("whole.h5")
+    save(cut(whole.recording, 0.5, 0.6), name, calibration=whole.calibration)
+
+
+def a_fabric():
+    time = np.arange(200) / 100
+    rows = np.column_stack([time, np.sin(2 * np.pi * 30 * time)])
+    np.savetxt("fabric.csv", rows, delimiter=",", header="time,accel_x", comments="")
+    gaps = np.random.default_rng(0).normal(size=(1000, 4, 4))
+    gaps[500:504, 1, 1] = np.nan
+    np.save("sensor.npy", gaps)
+
+
+def a_bench():
+    """Takes as the page names them, of the bench that it begins with; a tone; what a beam and codes have measured."""
+    take()
+    whole = open_take("whole.h5")
+    for name in ("palm-3-2026-11-21.calibration.h5",):
+        save_calibration(whole.calibration, name)
+    assert run(["calibrate", "beam", "--output", "beam.calibration.h5"]) == 0
+    grid = open_take("whole.h5").recording.sensor
+    tone = 0.02 * 10 * np.sqrt(2) * np.sin(2 * np.pi * 250 * np.arange(4000) / 1000)
+    noise = 1e-4 * np.random.default_rng(0).normal(size=(4000, *grid.shape))
+    save(Recording(samples=tone[:, None, None] + noise, rate=1000.0, sensor=grid), "tone.h5")
+    assert run(["calibrate", "array", "virtual", "mine.array.h5"]) == 0
+
+
+def of_the_lab():
+    """What the bench wrote, under the names of the next command."""
+    for path in Path("lab").glob("*.h5"):
+        stem = path.stem
+        name = f"ref-{stem.removesuffix('-reference')}.h5" if stem.endswith("-reference") else f"{stem}.h5"
+        copyfile(path, name)
+
+
+def strokes():
+    for name in ("towel", "brush"):
+        take(f"{name}.h5")
+
+
+def with_settings():
+    take()
+    Settings().save("take.toml")
+
+
+PREPARED = {
+    "docs/air.md": take,
+    "docs/bring-your-own.md": a_fabric,
+    "docs/calibrate.md": a_bench,
+    "docs/fidelity.md": take,
+    "docs/install.md": None,
+    "docs/palm.md": take,
+    "docs/settings.md": with_settings,
+    "docs/sweep.md": strokes,
+}
+"""What a reader has before the page begins."""
+
+AFTERWARDS = {"midair calibrate bench lab": of_the_lab}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", RUN)
+def test_every_command_of_a_page_runs_in_its_order(page, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    if PREPARED[page] is not None:
+        PREPARED[page]()
+    for line in typed(page):
+        if needed(line):
+            continue
+        short = line
+        for long, instead in SHORTER.items():
+            short = short.replace(long, instead)
+        words = chain.from_iterable(sorted(glob.glob(word)) or [word] for word in shlex.split(short)[1:])
+        status = run(list(words))
+        assert status == 0, (line, capsys.readouterr().err)
+        AFTERWARDS.get(line, lambda: None)()
+
+
+def test_the_count_of_blocks(capsys):
+    """Printed with -s: how many blocks there are, and how many lines no test types."""
+    blocks = [name for page in PAGES for name, _ in fenced(page)]
+    lines = [line for page in PAGES for line in typed(page)]
+    named = [line for line in lines if needed(line)]
+    with capsys.disabled():
+        print(
+            f"\n{len(blocks)} blocks in README and docs, of them {blocks.count('python')} of Python and "
+            f"{blocks.count('toml')} of TOML; {len(lines)} lines to type, {len(lines) - len(named)} run, "
+            f"{len(named)} need what is named"
+        )
+    assert len(lines) > 60
