@@ -1,4 +1,7 @@
-"""Ctrl-C in the middle of any command: one line that says what was kept, status 130, nothing half-written."""
+"""Ctrl-C at the last moment of a command that writes: one line, status 130, nothing half-written.
+
+At the first step of a bar it is in test_long_work.py.
+"""
 
 import os
 import shutil
@@ -6,23 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.progress import Progress
 
 from midair.cli import run
 from midair.files import atomic, save
 from midair.model import Calibration, Recording, SensorGrid
 
 QUICK = "--mode paper --points 6 --pitch 11mm --iterations 2 1 --duration 0.03s"
-
-AT_A_BAR = {
-    f"solve take.h5 {QUICK}": "nothing was written",
-    f"loop take.h5 {QUICK}": "nothing was written",
-    f"budget take.h5 there.png {QUICK}": "nothing was written",
-    f"demo out {QUICK}": "kept out/stroke.h5",
-    "play take.drive.h5": "nothing was written",
-    "paper figures --figure 4": "nothing was written",
-}
-"""Commands that have bars, by what is said when the work begins that the first is of."""
 
 AT_THE_END = {
     "import song.wav song.h5": "nothing was written",
@@ -81,21 +73,6 @@ def stopped(line, capsys):
     new = {path for path in set(Path().rglob("*")) - before if path.is_file()}
     assert new == {Path(name) for name in said.partition("kept ")[2].split(", ") if name}
     return said.removeprefix("midair: stopped; ")
-
-
-@pytest.mark.parametrize("line", AT_A_BAR)
-def test_stopped_at_work(line, folder, capsys, monkeypatch):
-    begin, begun = Progress.add_task, []
-
-    def stop(self, description, **more):
-        begun.append(description)
-        if description != "record":
-            raise KeyboardInterrupt
-        return begin(self, description, **more)
-
-    monkeypatch.setattr(Progress, "add_task", stop)
-    assert stopped(line, capsys) == AT_A_BAR[line]
-    assert begun
 
 
 @pytest.mark.parametrize("line", AT_THE_END)
