@@ -105,6 +105,8 @@ def attack(
         seen, there = q @ back, (q * wanted).sum(axis=1, keepdims=True)
         power = np.abs(seen) ** 2
         weight = (power / power.max(axis=1, keepdims=True)) ** (4 + 28 * min(1.0, step / (0.7 * steps)))
+        # Numbers too small to count would be too small for single precision, and slow.
+        weight[weight < 1e-9] = 0
         weight /= weight.sum(axis=1, keepdims=True)
         uphill = wanted / there - (weight / power * seen.conj()) @ looked_at
         slope = -(uphill * q).imag

@@ -55,6 +55,8 @@ def commands(seconds: float) -> Iterator[tuple[str, list[str]]]:
     yield "gain", ["gain", "long.h5", "gained.h5", "--by", "0.3"]
     yield "import", ["import", "brought.wav", "brought.h5", "--unit", "V", "--layout", "4x4:11mm"]
     yield "import, peak", ["import", "brought.wav", "brought.h5", "--unit", "V", "--peak", "30Pa", "--force"]
+    footprint = ["--channels", "0", "--footprint", "circle:20mm", "--turn", "again"]
+    yield "import, footprint", ["import", "brought.wav", "field.h5", "--unit", "V", *footprint]
     for ending in ("wav", "npz", "mat", "ahap"):
         yield f"export, {ending}", ["export", "long.h5", f"long.{ending}"]
     yield "calibrate", ["calibrate", "long.h5", "--sensitivity", "20mV/Pa"]

@@ -1,5 +1,7 @@
 """A footprint over the sensor: hand-checked areas, and laws."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from midair.errors import InputError, ShapeError
 from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings.footprint import Footprint, covered, disc_in_rectangle, footprint_field
+from midair.reel import Reel
 
 SENSOR = SensorGrid()
 CELL = SENSOR.pitch**2
@@ -178,3 +181,20 @@ def test_refuses_what_makes_no_sense():
     for says in ({"shape": "star"}, {"path": "z"}, {"turn": "left"}, {"size": 0.0}, {"speed": np.nan}):
         with pytest.raises(InputError, match="footprint"):
             Footprint(**says)
+
+
+def test_the_field_of_a_waveform_on_the_disk_is_made_where_it_is_asked_for():
+    waveform, asked = np.random.default_rng(0).normal(size=(5000, 1, 1)), []
+
+    def read(first, last):
+        asked.append((first, last))
+        return waveform[first:last]
+
+    footprint = Footprint(speed=0.02, turn="back")
+    whole = footprint_field(mono(waveform), footprint)
+    asked.clear()
+    field = footprint_field(replace(mono(waveform), samples=Reel(read, waveform.shape)), footprint)
+    asked.clear()
+    np.testing.assert_array_equal(field.samples[1200:1300], whole.samples[1200:1300])
+    assert asked == [(1200, 1300)]
+    np.testing.assert_array_equal(np.concatenate(list(field.samples.blocks(700))), whole.samples)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
 from midair.model import Recording, SensorGrid, Setting
+from midair.reel import Reel
 from midair.validation import positive
 
 Array = NDArray[np.float64]
@@ -109,7 +110,7 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
     Parameters
     ----------
     recording : Recording
-        A recording of one channel.
+        A recording of one channel; of a reel the field is one, too.
     footprint : Footprint
         What touches, and how it moves; at time 0 it is about to touch the first side.
     sensor : SensorGrid, optional
@@ -130,7 +131,11 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
         raise ShapeError(
             f"footprint: expected a recording of one channel, got {recording.sensor.count}; choose one (channels=)"
         )
-    share = covered(footprint, sensor, recording.time)
+
+    def field(first: int, last: int) -> Array:
+        share = covered(footprint, sensor, np.arange(first, last) / recording.rate)
+        return np.asarray(recording.samples[first:last]) * share
+
     settings: dict[str, Setting] = {
         "field": "synthetic: one waveform times the share of each cell that the footprint covers",
         "shape": footprint.shape,
@@ -143,7 +148,10 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
         "pitch_m": sensor.pitch,
     }
     provenance = recording.provenance.then("footprint", settings, simulated=True)
-    return replace(recording, samples=recording.samples * share, sensor=sensor, provenance=provenance)
+    samples = Reel(field, (recording.frames, *sensor.shape))
+    if not isinstance(recording.samples, Reel):
+        samples = np.asarray(samples)
+    return replace(recording, samples=samples, sensor=sensor, provenance=provenance)
 
 
 def covered(footprint: Footprint, sensor: SensorGrid, time: Array) -> Array:

@@ -3,9 +3,18 @@
 import numpy as np
 import pytest
 
-from midair.devices.arrays.openmpd_frames import drive_frames, off_frame, off_frames, pulse_lengths, rate_divider
+from midair.devices.arrays.openmpd_frames import (
+    AHEAD,
+    FramesAhead,
+    drive_frames,
+    off_frame,
+    off_frames,
+    pulse_lengths,
+    rate_divider,
+)
 from midair.errors import RateError
 from midair.model import Board, Drive, array_of_boards
+from midair.reel import Reel
 from midair.testing import measured_board
 from midair.testing.openmpd_stand_in import CommandReader
 
@@ -108,3 +117,27 @@ def test_rates_are_whole_parts_of_the_carrier(rate, divider):
 def test_other_rates_are_refused_with_the_nearest(rate, said):
     with pytest.raises(RateError, match=said):
         rate_divider(rate)
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_frames_of_a_file_are_made_a_block_at_a_time_and_are_those_of_the_drive(repeats):
+    boards = [measured_board(1), measured_board(2)]
+    whole, asked = some_drive(boards, frames=AHEAD + 100), []
+
+    def read(first, last):
+        asked.append(last - first)
+        return whole.phase[first:last]
+
+    reel = Drive(phase=Reel(read, whole.phase.shape), level=whole.level, rate=1000.0, array=whole.array)
+    total, taken, rng = repeats * whole.frames, [], np.random.default_rng(0)
+    asked.clear()
+    with FramesAhead(reel, boards, total) as frames:
+        first = 0
+        while first < total:
+            count = min(int(rng.integers(1, 60)), total - first)
+            taken.append(frames.take(first, count))
+            first += count
+    for board, text in enumerate(drive_frames(whole, 0, total, boards)):
+        assert b"".join(each[board] for each in taken) == text
+    assert max(asked) <= AHEAD
+    assert sum(asked) == total

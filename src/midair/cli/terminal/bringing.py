@@ -143,7 +143,7 @@ def as_typed(message: str) -> str:
 def bring(file: File, options: FileOptions, *, streamed: bool = False, mending: Mending | None = None) -> OpenedTake:
     """The recording in a file, as the options make it, and what was assumed on the way.
 
-    With `streamed` its samples may be a reel, as in `open_take`; what is mended or has a footprint is not.
+    With `streamed` its samples may be a reel, as in `open_take`; what is mended is not.
     """
     try:
         return _brought(file, options, streamed=streamed, mending=mending)
@@ -162,7 +162,7 @@ def _brought(file: File, options: FileOptions, *, streamed: bool, mending: Mendi
         stream=options.stream,
         packed=options.packed,
         mending=mending,
-        streamed=streamed and options.footprint is None,
+        streamed=streamed,
     )
     recording, report = taken.recording, taken.report
     if isinstance(recording.samples, Reel):

@@ -22,7 +22,7 @@ from typing import Any, Protocol
 from midair.devices.arrays.openmpd_frames import (
     PERIOD,
     STEPS,
-    drive_frames,
+    FramesAhead,
     off_frame,
     off_frames,
     rate_divider,
@@ -87,6 +87,8 @@ class OpenMpdArray(ArrayDevice):
     silencer : {"auto", "off"}
         Nothing to choose: the firmware steps at once.
     """
+
+    streams = True
 
     def __init__(
         self,
@@ -159,18 +161,19 @@ class OpenMpdArray(ArrayDevice):
         self._send([off_frames() + off_frame(divider)] * len(self._ports), ordered)
         self._wait(FEW, ordered)
         self._holds = (ahead + 4) * period
-        begin, sent, held = time.monotonic(), 0, 0
-        while sent < total:
-            now = time.monotonic()
-            if sent and now > begin + sent * period:
-                held, begin = held + 1, now - sent * period
-            count = min(int((now - begin) / period) + ahead, total) - sent
-            if count > 0:
-                self._send(drive_frames(drive, sent, count, self._boards), ordered, sounds=True)
-                sent += count
-                if progress:
-                    progress(max(0, sent - ahead), total)
-            self._wait(min(LEAD / 4, period), ordered)
+        with FramesAhead(drive, self._boards, total) as frames:
+            begin, sent, held = time.monotonic(), 0, 0
+            while sent < total:
+                now = time.monotonic()
+                if sent and now > begin + sent * period:
+                    held, begin = held + 1, now - sent * period
+                count = min(int((now - begin) / period) + ahead, total) - sent
+                if count > 0:
+                    self._send(frames.take(sent, count), ordered, sounds=True)
+                    sent += count
+                    if progress:
+                        progress(max(0, sent - ahead), total)
+                self._wait(min(LEAD / 4, period), ordered)
         self._send([off_frames()] * len(self._ports), ordered)
         self._wait(begin + total * period - time.monotonic(), ordered)
         if progress:

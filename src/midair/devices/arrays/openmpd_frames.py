@@ -12,6 +12,8 @@ From the firmware (RMResearch/OpenMPD_Hardware, FPGA_3.4.2/src, with the file of
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +33,8 @@ PERIOD = 25e-6
 """Of the ultrasound, in s: 50 MHz x 512 / 625 / 1024 (Masterclock.vhd, Counter.vhd) is 40 kHz."""
 START = 0x80
 """The eighth bit."""
+AHEAD = 512
+"""Frames that are made at once, before they are due."""
 
 
 def drive_frames(drive: Drive, first: int, count: int, boards: Sequence[Board]) -> list[bytes]:
@@ -40,18 +44,64 @@ def drive_frames(drive: Drive, first: int, count: int, boards: Sequence[Board]) 
     of a pulse stays where it is, whatever its length.
     """
     which = np.arange(first, first + count) % drive.frames
-    level = drive.level[which] if drive.level.ndim == 2 else np.repeat(drive.level[which, None], drive.array.count, 1)
+    # Some frames first: of a reel that is all that is read.
+    phase, level = np.asarray(drive.phase[which]), np.asarray(drive.level[which])
+    level = level if level.ndim == 2 else np.repeat(level[:, None], drive.array.count, 1)
     texts: list[bytes] = []
     for number, board in enumerate(boards):
         own = slice(number * len(board.pin), (number + 1) * len(board.pin))
         length = pulse_lengths(level[:, own] * board.strength)
-        turns = (drive.phase[which, own] - board.offset) / (2 * np.pi)
+        turns = (phase[:, own] - board.offset) / (2 * np.pi)
         frames = np.empty((count, 2, len(board.pin)), np.uint8)
         frames[:, 0, board.pin] = np.mod(np.rint(turns * STEPS + (FULL - length) / 2), STEPS)
         frames[:, 1, board.pin] = length
         frames[:, 0, 0] |= START
         texts.append(frames.tobytes())
     return texts
+
+
+class FramesAhead:
+    """The frames of a drive as bytes for each board, made a block before they are due: a file takes its time.
+
+    Parameters
+    ----------
+    drive : Drive
+        In memory or on the disk.
+    boards : sequence of Board
+        That are to play it.
+    total : int
+        How many frames are to come, repeats included.
+    """
+
+    def __init__(self, drive: Drive, boards: Sequence[Board], total: int) -> None:
+        self._drive, self._boards, self._total = drive, tuple(boards), total
+        self._begin, self._now = 0, self._make(0)
+        self._pool = ThreadPoolExecutor(max_workers=1)
+        self._next = self._pool.submit(self._make, AHEAD) if total > AHEAD else None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def _make(self, first: int) -> list[bytes]:
+        return drive_frames(self._drive, first, min(AHEAD, self._total - first), self._boards)
+
+    def take(self, first: int, count: int) -> list[bytes]:
+        """`count` frames from `first` on, which is never before what was taken last."""
+        parts: list[list[bytes]] = [[] for _ in self._now]
+        while count > 0:
+            while first >= self._begin + AHEAD and self._next is not None:
+                self._begin, self._now = self._begin + AHEAD, self._next.result()
+                after = self._begin + AHEAD
+                self._next = self._pool.submit(self._make, after) if after < self._total else None
+            at = first - self._begin
+            some = min(count, AHEAD - at)
+            for part, text in zip(parts, self._now, strict=True):
+                part.append(text[FRAME * at : FRAME * (at + some)])
+            first, count = first + some, count - some
+        return [b"".join(part) for part in parts]
 
 
 def pulse_lengths(level: NDArray[np.float64]) -> Bytes:
