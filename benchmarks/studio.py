@@ -5,18 +5,19 @@ a GPU, both on this machine. Every figure stands beside what the same browser di
 """
 
 import argparse
+import contextlib
 import json
 import os
+import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from pathlib import Path
 
 import psutil
 
-PARTS = ("rooms", "deaths")
+PARTS = ("start", "reproduce", "record", "delays", "live", "deaths", "memory")
 
 TICKS = """void (studio.ticks ?? (studio.ticks = 0,
     (function tick() { studio.ticks++; requestAnimationFrame(tick); })()))"""
@@ -53,73 +54,158 @@ def measured(page, server, seconds, drawn):
     }
 
 
+@contextlib.contextmanager
+def opened():
+    """A studio and a page: the page, the server's process, and how long all of it took."""
+    from playwright.sync_api import sync_playwright
+
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
+        # The browser is there before, as a person's is.
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1440, "height": 900})
+        page.goto("about:blank")
+        received = {}
+        page.on("requestfinished", lambda asked: received.__setitem__(asked.url, asked))
+        began = time.monotonic()
+        words = [sys.executable, "-m", "midair", "studio", folder, "--no-browser"]
+        studio = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        try:
+            link = studio.stdout.readline().strip()
+            took = {"command_to_link_s": round(time.monotonic() - began, 2)}
+            at = time.monotonic()
+            page.goto(link, wait_until="commit")
+            until(page, "globalThis.studio?.link?.page > 0")
+            took["page_answers_s"] = round(time.monotonic() - at, 2)
+            until(page, "(globalThis.studio?.drawn ?? 0) > 0")
+            took["first_picture_s"] = round(time.monotonic() - at, 2)
+            until(page, "!!studio.room.played && studio.room.take.played.last > 0")
+            took["played_beside_it_s"] = round(time.monotonic() - at, 2)
+            took["web_received_kb"] = round(_bytes_of(received) / 1000, 1)
+            yield page, psutil.Process(studio.pid), took
+            browser.close()
+        finally:
+            studio.terminate()
+            studio.wait(15)
+
+
+def _bytes_of(received):
+    """What came of pages, scripts and styles, as it went over the wire."""
+    ours = [one for url, one in list(received.items()) if "/web/" in url or url.endswith("/")]
+    return sum(one.sizes()["responseBodySize"] for one in ours)
+
+
 def main():
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studio", description=__doc__)
     parser.add_argument("--seconds", type=float, default=10.0, help="for how long each room is watched")
-    parser.add_argument(
-        "--part", nargs="+", choices=("rooms", "deaths"), default=("rooms", "deaths"), help="only these"
-    )
+    parser.add_argument("--part", nargs="+", choices=PARTS, default=PARTS[:-1], help="only these")
+    parser.add_argument("--minutes", type=float, default=10.0, help="of the part memory")
     given = parser.parse_args()
-    if "rooms" in given.part:
-        rooms(given.seconds)
+    figures = {"load": [round(each, 1) for each in os.getloadavg()]}
+    if set(given.part) - {"deaths"}:
+        with opened() as (page, server, took):
+            figures |= took
+            for part, measure in ROOMS.items():
+                if part in given.part:
+                    figures[part] = measure(page, server, given.seconds)
+                    print(f"{part}: {figures[part]}", file=sys.stderr)
+            if "memory" in given.part:
+                figures["memory"] = memory(page, server, given.minutes)
+            figures["server_memory_mb"] = round(server.memory_info().rss / 2**20)
+    print(json.dumps(figures, indent=1))
     if "deaths" in given.part:
         from benchmarks.studio_deaths import deaths
 
         deaths()
 
 
-def rooms(seconds):
-    from playwright.sync_api import sync_playwright
+def reproduce(page, server, seconds):
+    """Wanted beside played, every picture; then the playhead is dragged."""
+    from benchmarks.studio_delays import scrubbed
 
-    figures: dict = {"load": [round(each, 1) for each in os.getloadavg()]}
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
-        began = time.monotonic()
-        words = [sys.executable, "-m", "midair", "studio", folder, "--no-browser"]
-        studio = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
-        try:
-            link = studio.stdout.readline().strip()
-            figures["command_to_link_s"] = round(time.monotonic() - began, 2)
-            server = psutil.Process(studio.pid)
-            browser = driver.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
-            page = browser.new_page(viewport={"width": 1440, "height": 900})
-            opened = time.monotonic()
-            page.goto(link)
-            until(page, "globalThis.studio?.link?.page > 0")
-            figures["page_answers_s"] = round(time.monotonic() - opened, 2)
-            until(page, "(globalThis.studio?.drawn ?? 0) > 0")
-            figures["first_picture_s"] = round(time.monotonic() - opened, 2)
-            until(page, "!!studio.room.played && studio.room.take.played.last > 0")
-            figures["played_beside_it_s"] = round(time.monotonic() - opened, 2)
-            figures["reproduce"] = measured(page, server, seconds, "studio.drawn")
-            draws = []
-            for _ in range(50):
-                draws.append(page.evaluate("studio.drawing"))
-                time.sleep(0.02)
-            figures["a_picture_ms"] = round(statistics.median(draws), 1)
-            page.evaluate("location.hash = '#record'")
-            until(page, "studio.room?.newest > 500 && studio.link.state.record.state === 'listening'")
-            first = page.evaluate("[studio.room.track.lost, studio.room.newest]")
-            figures["record"] = measured(page, server, seconds, "studio.room.drawn")
-            last = page.evaluate("[studio.room.track.lost, studio.room.newest]")
-            delays = sorted(page.evaluate("studio.room.delays"))
-            figures["record"] |= {
-                "frames": last[1] - first[1],
-                "frames_missing": last[0] - first[0],
-                "arrived_to_drawn_half_ms": round(statistics.median(delays), 1),
-                "arrived_to_drawn_99_percent_ms": round(delays[int(0.99 * (len(delays) - 1))], 1),
-            }
-            figures["server_memory_mb"] = round(server.memory_info().rss / 2**20)
-            browser.close()
-        finally:
-            studio.terminate()
-            studio.wait(15)
-    from midair.studio.application import OWN
-    from midair.view import WEB
+    found = measured(page, server, seconds, "studio.drawn")
+    draws = []
+    for _ in range(50):
+        draws.append(page.evaluate("studio.drawing"))
+        time.sleep(0.02)
+    return found | {"a_picture_ms": round(statistics.median(draws), 1)} | scrubbed(page)
 
-    size = sum(path.stat().st_size for place in (OWN, WEB) for path in Path(place).iterdir())
-    figures["web_kb"] = round(size / 1000)
-    print(json.dumps(figures, indent=1))
 
+def record(page, server, seconds):
+    """Frames as they come, on the virtual sensor."""
+    page.evaluate("location.hash = '#record'")
+    until(page, "studio.room?.newest > 500 && studio.link.state.record.state === 'listening'")
+    first = page.evaluate("[studio.room.track.lost, studio.room.newest]")
+    found = measured(page, server, seconds, "studio.room.drawn")
+    last = page.evaluate("[studio.room.track.lost, studio.room.newest]")
+    return found | {"frames": last[1] - first[1], "frames_missing": last[0] - first[0]}
+
+
+def from_sample(page, _, seconds):
+    """From the sensor's line to the screen."""
+    from benchmarks.studio_delays import delays
+
+    return delays(page, seconds, until)
+
+
+def live(page, server, seconds):
+    """Touch beside sound, while it is felt."""
+    until(page, "studio.link.state.player?.state === 'ready'")
+    page.evaluate("studio.link.order('record', 'listen', {sensor: 'virtual:towel'}); location.hash = '#live'")
+    until(page, "studio.name === 'live' && !document.querySelector('#live-check').disabled")
+    page.locator("#live-check").click()
+    until(page, "!document.querySelector('#hold').disabled")
+    page.locator("#hold").click(delay=900)
+    until(page, "studio.link.state.live.state === 'plays' && studio.room.drawn > 10")
+    first = page.evaluate("[studio.room.track.lost + studio.room.sound.lost, studio.room.track.last]")
+    found = measured(page, server, seconds, "studio.room.drawn")
+    last = page.evaluate("[studio.room.track.lost + studio.room.sound.lost, studio.room.track.last]")
+    state, goes = page.evaluate("[studio.link.state.live, studio.link.state.live_goes]")
+    found |= {
+        "frames": last[1] - first[1],
+        "frames_missing": last[0] - first[0],
+        "plays_still": state["state"] == "plays",
+    }
+    found |= {name: goes[name] for name in ("late", "lost", "hurried") if name in goes}
+    page.keyboard.press("Escape")
+    return found
+
+
+def memory(page, server, minutes):
+    """Of the page and of the server's processes, once a minute, while a take plays and the sensor is listened to."""
+    told = page.context.new_cdp_session(page)
+    told.send("Performance.enable")
+
+    def now():
+        told.send("HeapProfiler.collectGarbage")
+        found = {one["name"]: one["value"] for one in told.send("Performance.getMetrics")["metrics"]}
+        all_of_it = [server, *server.children(recursive=True)]
+        return {
+            "page_mb": round(found["JSHeapUsedSize"] / 2**20, 1),
+            "server_mb": round(server.memory_info().rss / 2**20, 1),
+            "processes_mb": round(sum(each.memory_info().rss for each in all_of_it) / 2**20),
+        }
+
+    page.evaluate("location.hash = '#record'")
+    until(page, "studio.room?.newest > 500 && studio.link.state.record.state === 'listening'")
+    rows, lost = [now()], page.evaluate("studio.room.track.lost")
+    first = page.evaluate("studio.room.newest")
+    end = time.monotonic() + 60 * minutes / 2
+    while time.monotonic() < end:
+        time.sleep(min(60.0, max(0.0, end - time.monotonic())))
+        rows.append(now())
+    frames, missing = page.evaluate("studio.room.newest") - first, page.evaluate("studio.room.track.lost") - lost
+    page.evaluate("location.hash = '#reproduce/sample:towel'")
+    until(page, "!!studio.room.played && studio.room.take?.played.last > 0")
+    page.evaluate("studio.room.transport.play()")
+    plays = [now()]
+    end = time.monotonic() + 60 * minutes / 2
+    while time.monotonic() < end:
+        time.sleep(min(60.0, max(0.0, end - time.monotonic())))
+        plays.append(now())
+    return {"minutes": minutes, "record": rows, "frames": frames, "frames_missing": missing, "reproduce": plays}
+
+
+ROOMS = {"reproduce": reproduce, "record": record, "delays": from_sample, "live": live}
 
 if __name__ == "__main__":
     main()

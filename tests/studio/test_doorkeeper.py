@@ -156,3 +156,15 @@ def test_what_answers_may_narrow_the_policy_of_its_page(keys):
     asyncio.run(Doorkeeper(report, keys)(scope, None, send))
     policies = [value for name, value in sent[0]["headers"] if name == b"content-security-policy"]
     assert policies == [b"sandbox"]
+
+
+def test_a_used_link_leads_who_is_known_back_in_and_nobody_else(keys):
+    key = keys.link().partition("?")[2]
+    assert asked(keys, path="/enter", query=key)[0] == 200
+    status, headers, body = asked(keys, path="/enter", query=key, cookie=cookie(keys))
+    assert status == 200
+    assert b"url=/" in body
+    assert b"set-cookie" not in headers
+    assert asked(keys, path="/enter", query=key)[0] == 403
+    assert asked(keys, path="/enter", query=key, cookie=f"{keys.cookie}=guessed")[0] == 403
+    assert asked(keys, path="/enter", query=key, cookie=cookie(keys), origin="http://evil.example")[0] == 403

@@ -133,6 +133,11 @@ class Doorkeeper:
     async def _enter(self, scope: Scope, send: Send) -> None:
         """Change a link for the cookie."""
         given = parse_qs(scope["query_string"].decode("latin-1")).get("key", [""])
+        if self._keys.known(_Headers(scope["headers"]).one("cookie")) and scope["method"] == "GET":
+            # Who came in by it before finds the link in the terminal again, and is known: no reason to turn them away.
+            await send({"type": "http.response.start", "status": 200, "headers": [*self._headers(), _HTML]})
+            await send({"type": "http.response.body", "body": _ONWARDS})
+            return
         if scope["method"] != "GET" or len(given) != 1 or not self._keys.take(given[0]):
             why = "this link was used, or is older than five minutes: start midair studio again for a new one"
             await _refuse(scope, send, why, self._headers())

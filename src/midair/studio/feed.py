@@ -1,4 +1,4 @@
-"""Frames on their way to the pages: 120 times a second, and never more under way than a page draws.
+"""Frames on their way to the pages: as they come, and never more under way than a page draws.
 
 A page gives back the number of messages that it drew; where it falls behind, its frames wait and are joined, so that a
 slow page is late and never ever later.
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from midair.studio.desk import Page
 from midair.view import Kind, counted, pack
 
-EVERY = 1 / 120
-"""Seconds between two messages: at 60 a second the page's own 60 would beat against it."""
+LOOK = 0.05
+"""Seconds after which is looked whether a page that was behind has room again, where nothing comes any more."""
 
 KEPT = 60.0
 """Seconds of frames that wait for a page that is behind; the oldest are left out then, which it sees as a gap."""
@@ -39,6 +39,7 @@ class Feed:
         self._sent: dict[int, int] = {}
         self._numbers: dict[int, int] = {}
         self._task: asyncio.Task[None] | None = None
+        self._fresh = asyncio.Event()
         self._end = 0
         self._run = 0
 
@@ -58,6 +59,7 @@ class Feed:
             self._sent.clear()
         self._blocks.append((first, rows))
         self._end = first + len(rows)
+        self._fresh.set()
         while self._blocks and self._blocks[0][0] < self._end - KEPT * self._rate:
             self._blocks.popleft()
 
@@ -73,11 +75,12 @@ class Feed:
             self._task = None
 
     async def _go(self) -> None:
-        loop = asyncio.get_running_loop()
-        due = loop.time()
+        # The sensor's process gives 120 blocks a second. A clock of our own would beat against them, and against the
+        # page's pictures.
         while True:
-            due = max(due + EVERY, loop.time() - EVERY)
-            await asyncio.sleep(max(0.0, due - loop.time()))
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._fresh.wait(), LOOK)
+            self._fresh.clear()
             for page in self._pages():
                 with suppress(Exception):
                     await self._send(page)

@@ -1,0 +1,152 @@
+"""From a sample to the screen: when it was sent, when a picture with it was drawn, when that picture was composed.
+
+The sensor is ours, behind a serial line: it notes when it sends each frame, and presses one cell at frames that are
+known, so that numbers on both sides can be brought together. Composed pictures come by the browser's screencast; each
+one carries the number of its newest frame as squares.
+"""
+
+import base64
+import contextlib
+import io
+import itertools
+import statistics
+import time
+
+import numpy as np
+
+from benchmarks.live_outside import SerialSkin
+
+EVERY = 4096
+"""Frames between two presses of the marked cell."""
+
+SQUARES, SIDE = 20, 8
+"""Bits of a number, and pixels of the square that shows one."""
+
+LOGGED = f"""void (() => {{
+    const room = studio.room, draw = room._draw, pen = document.createElement('canvas');
+    pen.width = {SQUARES * SIDE}; pen.height = {SIDE};
+    Object.assign(pen.style, {{ position: 'fixed', left: 0, top: 0, zIndex: 99 }});
+    document.body.append(pen);
+    const ink = pen.getContext('2d');
+    studio.log = [];
+    room._draw = function () {{
+        const before = room.drawn;
+        draw.call(room);
+        if (room.drawn === before) return;
+        studio.log.push([performance.timeOrigin + performance.now(), room.newest]);
+        for (let bit = 0; bit < {SQUARES}; bit++) {{
+            ink.fillStyle = (room.newest >> bit) & 1 ? '#fff' : '#000';
+            ink.fillRect(bit * {SIDE}, 0, {SIDE}, {SIDE});
+        }}
+    }};
+}})()"""
+
+MARKED = f"""(() => {{
+    const {{ track }} = studio.room, rows = track.width, found = [];
+    for (let frame = Math.max(0, track.last - 3 * {EVERY}); frame < track.last; frame++)
+        found.push(track.values[(frame % track.capacity) * rows]);
+    const most = found.indexOf(Math.max(...found));
+    return Math.max(0, track.last - 3 * {EVERY}) + most;
+}})()"""
+
+
+def pressure(number):
+    """A little noise of the frame's own, and a press at the beginning of every `EVERY` frames."""
+    felt = 5.0 * np.sin(np.arange(16) + 0.1 * number)
+    felt[0] = 90.0 if number % EVERY == 0 else 0.0
+    return felt
+
+
+def delays(page, seconds, until):
+    """In ms: sent to drawn, and sent to composed, by half and by 95 and 99 of 100."""
+    skin = SerialSkin(pressure)
+    try:
+        page.evaluate("location.hash = '#record'")
+        until(page, "studio.name === 'record' && studio.link.state.record.state === 'listening'")
+        page.evaluate(f"studio.link.order('record', 'listen', {{sensor: {skin.name!r}}})")
+        until(page, "studio.link.state.record.about?.sensor.startsWith('serial:') && studio.room.newest < 3000")
+        until(page, f"studio.link.state.record.state === 'listening' && studio.room.newest > {EVERY} + 500")
+        offset = _offset(page, skin)
+        page.evaluate(LOGGED)
+        clock = time.time_ns() / 1e6 - 1e3 * time.monotonic()  # noqa: TID251  # the browser's pictures have wall time
+        time.sleep(seconds)
+        drawn = [at - clock - 1e3 * skin.pushed[newest + offset] for at, newest in page.evaluate("studio.log")[5:]]
+        composed = _composed(page, skin, offset, clock, seconds)
+    finally:
+        skin.close()
+    return {"sample_to_drawn_ms": _said(drawn), "sample_to_composed_ms": _said(composed)}
+
+
+def _offset(page, skin):
+    """What a frame's number in the page lacks to the sender's: it began to count when it was listened to."""
+    marked = page.evaluate(MARKED)
+    behind = max(skin.pushed) - page.evaluate("studio.room.newest")
+    # The sender is ahead by what went by before, and by the delay: the nearest press decides.
+    return round((marked + behind) / EVERY) * EVERY - marked
+
+
+def _composed(page, skin, offset, clock, seconds):
+    from PIL import Image
+
+    told = page.context.new_cdp_session(page)
+    kept = []
+
+    def take(frame):
+        kept.append((1e3 * frame["metadata"]["timestamp"], frame["data"]))
+        # One that comes while the page is closed is answered by nobody.
+        with contextlib.suppress(Exception):
+            told.send("Page.screencastFrameAck", {"sessionId": frame["sessionId"]})
+
+    told.on("Page.screencastFrame", take)
+    told.send("Page.startScreencast", {"format": "jpeg", "quality": 90, "everyNthFrame": 1})
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        page.wait_for_timeout(50)
+    told.send("Page.stopScreencast")
+    told.detach()
+    found = []
+    for at, data in kept[5:]:
+        picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("L"))
+        squares = picture[SIDE // 2, SIDE // 2 : SQUARES * SIDE : SIDE] > 127
+        sent = skin.pushed.get(int(squares @ (1 << np.arange(SQUARES))) + offset)
+        if sent is not None:
+            found.append(at - clock - 1e3 * sent)
+    return found
+
+
+def _said(found):
+    if len(found) < 20:
+        return None
+    ordered = sorted(found)
+    parts = {"half": 0.5, "95_percent": 0.95, "99_percent": 0.99}
+    return {"pictures": len(ordered)} | {
+        name: round(ordered[int(part * (len(ordered) - 1))], 1) for name, part in parts.items()
+    }
+
+
+SCRUBBED = """void (() => {
+    const room = studio.room, draw = room._draw;
+    studio.scrubbed = [];
+    let since = 0;
+    addEventListener('pointermove', (event) => { if (event.buttons) since ||= event.timeStamp; }, true);
+    room._draw = function (state) {
+        draw.call(room, state);
+        if (since) { studio.scrubbed.push(performance.now() - since); since = 0; }
+    };
+})()"""
+
+
+def scrubbed(page, moves=60):
+    """In ms: from the mouse that moves over the whole take to the drawn frame."""
+    page.evaluate("studio.room.transport.pause()")
+    page.evaluate(SCRUBBED)
+    box = page.locator("#box-overview canvas, footer canvas").first.bounding_box()
+    page.mouse.move(box["x"] + 5, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    for number in itertools.islice(itertools.count(1), moves):
+        page.mouse.move(box["x"] + 5 + number * (box["width"] - 10) / moves, box["y"] + box["height"] / 2)
+        time.sleep(0.03)
+    page.mouse.up()
+    found = sorted(page.evaluate("studio.scrubbed"))
+    half, most = statistics.median(found), found[int(0.95 * (len(found) - 1))]
+    return {"scrub_to_drawn_half_ms": round(half, 1), "scrub_to_drawn_95_percent_ms": round(most, 1)}
