@@ -130,6 +130,9 @@ def only_choices(source):
 def test_refusals_are_one_clear_line(tmp_path):
     with pytest.raises(MissingFileError, match="midair study new"):
         study("run", tmp_path, "--simulate")
+    with pytest.raises(InputError, match="--participants: expected 1 or more, got 0"):
+        study("new", tmp_path / "s", "--participants", 0)
+    assert not (tmp_path / "s").exists()
     study("new", tmp_path / "s", "--participants", 2, "--drives", "none")
     with pytest.raises(InputError, match="--participant N"):
         study("run", tmp_path / "s")
