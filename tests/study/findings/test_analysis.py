@@ -210,3 +210,20 @@ def test_nothing_to_analyse():
         data_of_answers(pd.DataFrame({"scored": np.zeros(2, bool)}), Analysis())
     with pytest.raises(InputError, match="expected ratings"):
         data_of_columns(choices(), participant="participant", rating="answer", within=["surface"])
+
+
+def test_limits_that_hold_less_often_say_so():
+    who, thing, _ = np.indices((6, 3, 4)).reshape(3, -1)
+    presented = np.array(["a", "b", "c"])[thing]
+    answered = presented.copy()
+    for wrong, warned in ((5, True), (6, False)):
+        answered[::12][:wrong] = "c"
+        data = data_of_columns(
+            {"participant": who, "presented": presented, "answered": answered},
+            participant="participant",
+            presented="presented",
+            answered="answered",
+        )
+        words = next(one.words for one in analyse(data, draws=20).findings if one.title.startswith("Which object"))
+        assert f"{100 * (72 - wrong) / 72:.1f} % of 72" in words
+        assert ("Fewer answers are wrong than people took part" in words) == warned

@@ -93,10 +93,16 @@ def _share_words(one: Choices) -> list[str]:
         f" ones (share {confusion.accuracy:.3f}, {limits})."
     ]
     if confusion.foils:
-        wrong = int(counts[:, len(confusion.labels) :].sum())
+        named = int(counts[:, len(confusion.labels) :].sum())
         words.append(
-            f"{wrong} answers name what was never presented ({', '.join(map(str, confusion.foils))}); they count as"
+            f"{named} answers name what was never presented ({', '.join(map(str, confusion.foils))}); they count as"
             " wrong."
+        )
+    wrong = int(counts.sum() - np.trace(counts))
+    if 0 < wrong < len(confusion.participants) >= 5:
+        words.append(
+            "Fewer answers are wrong than people took part: limits over people hold the truth in some .92 of such"
+            " studies, not in .95."
         )
     if one.left_out:
         words.append(f"{one.left_out} answers that name what was never presented are left out, as the plan says.")
