@@ -10,6 +10,7 @@ from shutil import copyfile
 
 import numpy as np
 import pytest
+import soundfile
 
 from midair.cli import run
 from midair.files import load_palm, load_placement, open_take, save, save_calibration
@@ -220,6 +221,37 @@ def test_every_command_of_a_page_runs_in_its_order(page, tmp_path, monkeypatch, 
         status = run(list(words))
         assert status == 0, (line, capsys.readouterr().err)
         AFTERWARDS.get(line, lambda: None)()
+
+
+ROWS = re.findall(r"^\| .* \| `(midair [^`]+)` \|$", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+"""What README's table says to type."""
+
+OF_HARDWARE = {
+    'midair record "lsl:Skin?unit=V" --object towel --repeats 5': "a sensor over LSL",
+    "midair play take.drive.h5 --device autd3": "an array",
+}
+
+
+def test_the_rows_of_the_readme_that_need_hardware_are_named_and_their_extras_are_there():
+    assert len(ROWS) == 11
+    assert set(OF_HARDWARE) < set(ROWS)
+    said = re.search(r'--editable "\.\[([a-z0-9,]+)\]"`\.', (ROOT / "README.md").read_text(encoding="utf-8"))
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    assert set(said[1].split(",")) <= set(extras)
+
+
+@pytest.mark.slow
+def test_every_row_of_the_readme_does_what_it_says(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    take()
+    soundfile.write("towel.wav", np.random.default_rng(0).uniform(-1, 1, 2000), 1000)
+    for line in ROWS:
+        if line in OF_HARDWARE:
+            continue
+        # Published iterations of Levenberg-Marquardt take minutes.
+        words = shlex.split(line.replace("--method lm", "--method lm --iterations 2 1"))[1:]
+        assert run(words) == 0, (line, capsys.readouterr().err)
+    assert Path("again.drive.h5").exists()
 
 
 def test_the_count_of_blocks(capsys):

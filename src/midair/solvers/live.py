@@ -106,7 +106,7 @@ class Follower:
         try:
             from midair.solvers import live_kernel
         except ImportError as missing:
-            raise MissingExtraError("the live solver needs numba: pip install midair[live]") from missing
+            raise MissingExtraError('the live solver needs numba: pip install "midair[live]"') from missing
         self.iterations = 0
         self._kernel: Any = live_kernel
         self._settings = settings
