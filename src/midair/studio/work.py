@@ -12,7 +12,17 @@ from midair.files import load_solution, open_take, save_solutions
 from midair.flow import felt, lead_of, reproduce_parts
 from midair.headroom import level_of
 from midair.model import Palm, PressureFrames, Progress, Provenance
-from midair.rig import VirtualRig, array_of_kind, loop, palm_of_drive, played_chain, record, write_report
+from midair.rig import (
+    BudgetPlan,
+    VirtualRig,
+    array_of_kind,
+    error_budget,
+    loop,
+    palm_of_drive,
+    played_chain,
+    record,
+    write_report,
+)
 from midair.settings import CHOICES, MODES, Mode, Settings, spelt
 from midair.studio.jobs import Progressed
 from midair.study import StudyFolder, Template, gather, read_design, template_text
@@ -159,6 +169,29 @@ def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]
     rows = [[name.removeprefix("palm: "), _figure(value, unit)] for name, (value, unit) in found.figures().items()]
     return {"stamp": stamp, "palm": found.palm, "seconds": judged, "rows": rows}
 
+
+def budget_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]:
+    """Where the error of a take's drive comes from, stage by stage, on the virtual rig: of its first second."""
+    take, file = order
+    stamp = f"{Path(file).stat().st_mtime_ns:x}"
+    drive = load_solution(file, streamed=True).drive
+    settings = Settings.of(drive.provenance) or Settings()
+    before, _ = _asked_of(take, drive.provenance, settings)
+    judged = min(before.frames / before.rate, _BUDGET_SECONDS)
+    band = settings.calibration.band
+    height = settings.target.grid.height
+    rig = VirtualRig(array=drive.array.nominal, cells=before.sensor, height=height).hearing(band)
+    plan = BudgetPlan(settings=settings, rig=rig, lead=lead_of(settings))
+    made = error_budget(before.cut(0.0, judged), plan, stage=lambda name: _stage(name, progress))
+    rows = [
+        [each.name, _figure(each.alone.distortion_ratio, "dB"), _figure(each.so_far.distortion_ratio, "dB"), each.what]
+        for each in made.stages
+    ]
+    return {"stamp": stamp, "seconds": judged, "band": list(band), "rows": rows}
+
+
+_BUDGET_SECONDS = 1.0
+"""Of a take, which is solved and played anew for it."""
 
 _PALM_SECONDS = 2.0
 """Of a drive: a palm has a thousand points."""

@@ -1,13 +1,14 @@
 """Room Compare: the original over what came back, figures of it, and a correction that can be applied."""
 
+from collections.abc import Callable
 from typing import Any
 
 from midair.errors import InputError
 from midair.studio.desk import Desk, Page
-from midair.studio.jobs import Jobs, StudioJob
+from midair.studio.jobs import Jobs, StudioJob, Work
 from midair.studio.rooms.reproduce_room import TakeNamed
 from midair.studio.takes_list import TakesList
-from midair.studio.work import compare_takes, palm_of_take
+from midair.studio.work import budget_of_take, compare_takes, palm_of_take
 
 
 class CompareRoom:
@@ -31,10 +32,12 @@ class CompareRoom:
         self._desk, self._takes, self._jobs, self._later = desk, takes, jobs, later
         self._found: dict[str, Any] = {}
         self._palms: dict[str, Any] = {}
+        self._budgets: dict[str, Any] = {}
         desk.offer("compare", "compare", self.compare, TakeNamed)
         desk.offer("compare", "palm", self.palm, TakeNamed)
+        desk.offer("compare", "budget", self.budget, TakeNamed)
         played.played.append(self._played)
-        desk.put(comparisons={}, palms={})
+        desk.put(comparisons={}, palms={}, budgets={})
 
     def compare(self, _: Page, order: TakeNamed) -> dict[str, int]:
         """Compare a take with what was re-recorded of it."""
@@ -45,17 +48,24 @@ class CompareRoom:
 
     def palm(self, _: Page, order: TakeNamed) -> dict[str, int]:
         """Simulate what a whole palm gets of a take's drive."""
-        drive = self._takes.beside(order.take, ".drive.h5")
+        return self._simulate(order.take, f"the palm under {order.take}", palm_of_take, self._pressed)
+
+    def budget(self, _: Page, order: TakeNamed) -> dict[str, int]:
+        """Find out where the error of a take's drive comes from."""
+        return self._simulate(order.take, f"where the error of {order.take} comes from", budget_of_take, self._told)
+
+    def _simulate(self, take: str, title: str, work: Work, told: Callable[[str, StudioJob], None]) -> dict[str, int]:
+        drive = self._takes.beside(take, ".drive.h5")
         if not drive.exists():
-            raise InputError(f"{order.take}: expected a take that was solved; solve it first")
-        job = self._jobs.add(
-            f"the palm under {order.take}",
-            palm_of_take,
-            (str(self._takes.path(order.take)), str(drive)),
-            room="compare",
-            ended=lambda job: self._later(self._pressed, order.take, job),
-        )
+            raise InputError(f"{take}: expected a take that was solved; solve it first")
+        order = (str(self._takes.path(take)), str(drive))
+        job = self._jobs.add(title, work, order, room="compare", ended=lambda job: self._later(told, take, job))
         return {"job": job.number}
+
+    def _told(self, take: str, job: StudioJob) -> None:
+        if job.state == "done":
+            self._budgets = {**self._budgets, take: job.result}
+            self._desk.put(budgets=self._budgets)
 
     def _pressed(self, take: str, job: StudioJob) -> None:
         if job.state == "done":

@@ -11,7 +11,7 @@ export class Compare {
     this.link = studio.link;
     this.name = studio.address.take;
     this._build();
-    this._offs = [this.link.on("takes", () => this._takes()), this.link.on("comparisons", () => this._takes()), this.link.on("palms", () => this.control()), this.link.on("jobs", () => this.control())];
+    this._offs = [this.link.on("takes", () => this._takes()), this.link.on("comparisons", () => this._takes()), this.link.on("palms", () => this.control()), this.link.on("budgets", () => this.control()), this.link.on("jobs", () => this.control())];
   }
   leave() { this.left = true; for (const off of this._offs) off(); this._close(); }
   moved({ take }) { if (take && take !== this.name) { this.name = take; this.found = null; this._takes(); } }
@@ -20,8 +20,10 @@ export class Compare {
     this.list = make("ul.takes");
     this.compare = make("button", { type: "button", onclick: () => tried(this.link.order("compare", "compare", { take: this.name })) }, "Compare again");
     this.report = make("button", { type: "button", id: "report", title: "the whole loop on the virtual rig, with a correction: solve, play, re-record, correct, compare", onclick: () => tried(this.link.order("compare", "report", { take: this.name, method: "live", level: "auto" })) }, "Make the report");
+    this.budget = make("button", { type: "button", id: "budget", title: "what each stage of the reproduction loses on the virtual rig, of the first second: simulated, in seconds", onclick: () => tried(this.link.order("compare", "budget", { take: this.name })) }, "Where it comes from");
     this.palm = make("button", { type: "button", id: "palm", title: "what a palm of 85 mm gets of the drive beside the cells: simulated, in seconds", onclick: () => tried(this.link.order("compare", "palm", { take: this.name })) }, "The whole palm");
     this.pressed = make("div");
+    this.spent = make("div", { id: "spent" });
     this.apply = make("button.main", { type: "button", onclick: () => this._apply() }, "Apply");
     this.shown = make("a", { target: "_blank", rel: "noopener", hidden: true, id: "to-report" }, "Open the report");
     this.suggested = make("div");
@@ -32,15 +34,15 @@ export class Compare {
     this.spectrumPanel = panel("Spectrum", "", this.spectrum);
     this.studio.main.append(make("div.compare", {},
       make("div.column.left", {}, Object.assign(panel("Takes", null, this.list), { className: "panel grow" }),
-        panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)), panel("Report", null, make("div.buttons", {}, this.compare, this.palm, this.report), this.shown)),
+        panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)), panel("Report", null, make("div.buttons", {}, this.compare, this.budget, this.palm, this.report), this.shown)),
       make("div.middle", {}, this.tracesPanel, this.spectrumPanel),
-      panel("What differs", null, make("div.card", {}, this.pressed, this.card))));
+      panel("What differs", null, make("div.card", {}, this.spent, this.pressed, this.card))));
   }
   control() {
     const row = this.link.state.takes?.find((each) => each.name === this.name), controls = this.link.controls;
     this.compare.disabled = !controls || !row?.played;
     this.report.disabled = !controls || !row;
-    this.palm.disabled = !controls || !row?.solved;
+    this.palm.disabled = this.budget.disabled = !controls || !row?.solved;
     this._pressed(row);
     this.apply.disabled = !controls || !this.found?.suggested_gain;
     this.shown.hidden = !row?.report;
@@ -57,7 +59,11 @@ export class Compare {
     this.control();
   }
   _pressed(row) {
-    const palm = this.link.state.palms?.[this.name];
+    const palm = this.link.state.palms?.[this.name], budget = this.link.state.budgets?.[this.name];
+    this.spent.replaceChildren(...(budget && budget.stamp === row?.stamp.split("-")[1] ? [make("h3", {}, "Where the error comes from ", make("strong.simulated", {}, "SIMULATED")),
+      make("table", {}, make("thead", {}, make("tr", {}, ...["stage", "alone", "so far"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
+        make("tbody", {}, ...budget.rows.map(([name, alone, far, what]) => make("tr", { title: what }, make("td", {}, name), make("td.number", {}, alone), make("td.number", {}, far))))),
+      make("p.quiet", {}, `signal over distortion, ${budget.band[0]} to ${budget.band[1]} Hz, the first ${budget.seconds.toPrecision(2)} s; each stage with all after it perfect`)] : []));
     // Of another drive than the one that is there now, it is told no more.
     this.pressed.replaceChildren(...(palm && palm.stamp === row?.stamp.split("-")[1] ? [make("h3", {}, "What a whole palm gets ", make("strong.simulated", {}, "SIMULATED")), rows(palm.rows),
       make("p.quiet", {}, `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal over distortion of flat model skins, soft and stiff, on bone and deep: no person was asked`)] : []));
