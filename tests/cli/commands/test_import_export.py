@@ -118,3 +118,15 @@ def test_the_level_of_ridges_is_the_choice_of_who_plays_them():
 def test_denim_names_its_licence_too(capsys):
     assert "licence: MIT" in answer(capsys, "import", "sample:denim", "denim.h5")["notes"]
     assert answer(capsys, "info", "denim.h5")["notes"]["licence"] == "MIT"
+
+
+def test_cells_that_a_footprint_passed_by_are_untouched_and_not_dead(capsys):
+    soundfile.write("wave.wav", 0.3 * RNG.normal(size=1300).clip(-3, 3), 1000)
+    said = ["--scale", "30Pa", "--footprint", "circle:20mm", "--speed", "50mm/s"]
+    told = answer(capsys, "import", "wave.wav", *said)
+    assert told["untouched_cells"] == [0, 1, 2, 3, 12, 13, 14, 15]
+    assert told["dead_channels"] == []
+    assert run(["info", "wave.h5"]) == 0
+    words = capsys.readouterr().out
+    assert "untouched cells" in words
+    assert "dead" not in words
