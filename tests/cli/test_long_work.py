@@ -53,7 +53,7 @@ LINES = {
     "paper figures --figure 9": NOTHING,
     "paper figures --figure 4 --mode paper --duration 0.04s": NOTHING,
     "paper figures --fidelity --mode paper --things noise --duration 0.04s --iterate 0": NOTHING,
-    "paper figures --materials --mode paper --strokes 2 --duration 0.06s": NOTHING,
+    "paper figures --materials --mode paper --strokes 3 --duration 0.06s": NOTHING,
     "doctor": NOTHING,
     "sweep patterns s.zarr --count 4 --curves 0 --workers 1": "what was solved is stored, and the same command goes on",
     f"sweep recordings r.zarr take.h5 --workers 1 {QUICK.replace('--lead 0s ', '')}": (
