@@ -60,7 +60,7 @@ class QuietPalm:
         return cls(weight=weight, outline=palm.rows, outline_pitch=palm.pitch)
 
     def rows(self, grid: ControlGrid, array: TransducerArray, acoustics: Acoustics) -> NDArray[np.complex128]:
-        """Rows whose fields' squares add up to the mean of |p|^2 on the palm around a grid, (row, transducer), in Pa.
+        """Rows whose fields' squares add up to the mean of ``|p|^2`` on a palm around a grid, (row, transducer), Pa.
 
         Raises
         ------
