@@ -37,6 +37,7 @@ from midair.study.statistics import (
     kappa_limits,
     macro_f_limits,
     share_limits,
+    two_answers_limits,
 )
 
 FIGURES: dict[str, Callable[[np.ndarray], Interval]] = {
@@ -101,7 +102,7 @@ def over_people(studies: int, seed: int) -> None:
                 f"{name}: {who}", [holds(np.atleast_1d(one.low)[0], value, np.atleast_1d(one.high)[0]) for one in found]
             )
         of_pairs(studies, who, lambda rng=rng, a=(people, trials, d, spread, favour): answers(rng, *a))
-    for people, trials, d in ((n, k, d) for n in (5, 10, 20) for k in (6, 24) for d in (0.5, 1.2, 2.5)):
+    for people, trials, d in ((n, k, d) for n in (5, 10, 20) for k in (12, 48) for d in (0.5, 1.2, 2.5)):
         of_two_answers(np.random.default_rng([seed, people, trials, int(10 * d)]), studies, people, trials, d)
 
 
@@ -135,7 +136,11 @@ def of_two_answers(rng: np.random.Generator, studies: int, people: int, trials: 
             rates = chances(rng.normal(d, 0.3, people), rng.normal(0, 0.3, people))
             hits, alarms = (rng.binomial(trials, rate) for rate in rates)
             table = np.stack([hits, np.full(people, trials), alarms, np.full(people, trials)], axis=1)
-            found = limits_over_people(lambda p, m=measure: m(*p.sum(axis=0).tolist()).d_prime, table)
+            try:
+                found = two_answers_limits(measure, table)
+            except InputError:
+                inside.append(None)
+                continue
             inside.append(holds(float(found.low), true, float(found.high)))
         say(f"d' of {name} over people: {people} people x {trials} and {trials} trials, {d}", inside)
 

@@ -4,8 +4,15 @@ from scipy.special import expit, logit
 from scipy.stats import t
 
 from midair.errors import InputError
-from midair.study import d_prime_choice, f_measure, proportion_correct
-from midair.study.statistics import d_prime_limits, f_limits, kappa_limits, macro_f_limits, share_limits
+from midair.study import d_prime_choice, d_prime_same_different, d_prime_yes_no, f_measure, proportion_correct
+from midair.study.statistics import (
+    d_prime_limits,
+    f_limits,
+    kappa_limits,
+    macro_f_limits,
+    share_limits,
+    two_answers_limits,
+)
 
 FIGURES = {"share": share_limits, "F": f_limits, "macro F": macro_f_limits, "d'": d_prime_limits, "kappa": kappa_limits}
 
@@ -63,6 +70,18 @@ def test_four_people_and_people_who_are_always_right_have_none(counts, name):
         FIGURES[name](counts[:4])
     perfect = np.stack([4 * np.eye(3, dtype=int)] * 6)
     assert np.isnan(FIGURES[name](perfect).low).all()
+
+
+@pytest.mark.parametrize(("measure", "least"), [(d_prime_yes_no, 60), (d_prime_same_different, 240)])
+def test_two_answers_need_many_of_either(measure, least):
+    enough = np.array([[k, 12, 3, 12] for k in (8, 9, 10, 7, 11)]) * (least // 60)
+    found = two_answers_limits(measure, enough)
+    assert found.low < found.value < found.high
+    assert float(found.value) == measure(*enough.sum(axis=0).tolist()).d_prime
+    with pytest.raises(
+        InputError, match=f"expected {least} signals and {least} blanks or more in all, got {least - 1}"
+    ):
+        two_answers_limits(measure, enough - np.array([[0, 0, 0, 1]] + [[0, 0, 0, 0]] * 4))
 
 
 @pytest.mark.slow

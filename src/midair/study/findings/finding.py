@@ -96,8 +96,10 @@ def interval_words(limits: Callable[[NDArray[Any]], Interval], by_person: NDArra
     """The same for a figure whose limits have a function of their own."""
     try:
         found = limits(by_person)
-    except InputError:
-        return f"no limits with {len(by_person)} people, who are fewer than five"
+    except InputError as wrong:
+        if len(by_person) < 5:
+            return f"no limits with {len(by_person)} people, who are fewer than five"
+        return f"no {wrong}"
     if not np.isfinite(found.low):
         return "no limits, since nothing shows how people differ"
     return f"95 % over people {float(found.low):{form}} to {float(found.high):{form}}"

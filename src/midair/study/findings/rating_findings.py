@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.findings.finding import Finding, attempt, limits_words, p_words
+from midair.study.findings.finding import Finding, attempt, interval_words, p_words
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
     cell_means,
@@ -17,6 +17,7 @@ from midair.study.statistics import (
     levels,
     ordinal_check,
     rm_anova,
+    two_answers_limits,
 )
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def _detected(name: str, rows: DataFrame) -> Finding:
     ).astype(int)
     hits, signals, alarms, blanks = by_person.sum(axis=0).tolist()
     sense = measure(hits, signals, alarms, blanks)
-    limits = limits_words(lambda p: measure(*p.sum(axis=0).tolist()).d_prime, by_person, "plain")
+    limits = interval_words(lambda people: two_answers_limits(measure, people), by_person)
     words = (
         f"{hits} of {signals} answered {signal!r} when it was right, {alarms} of {blanks} when it was wrong:"
         f" d' = {sense.d_prime:.2f} ({limits}), criterion {sense.criterion:.2f}, over all people together."

@@ -8,6 +8,7 @@ from midair.study.statistics.choice_limits import (
     kappa_limits,
     macro_f_limits,
     share_limits,
+    two_answers_limits,
 )
 from midair.study.statistics.columns import column, frame_of, levels
 from midair.study.statistics.confusion import (
@@ -104,5 +105,6 @@ __all__ = [
     "sign_flip",
     "simulated_power",
     "steepness",
+    "two_answers_limits",
     "wilson",
 ]

@@ -1,15 +1,21 @@
-"""Limits over people of the figures of choices: share of right answers, F, d', kappa."""
+"""Limits over people of the figures of choices: share of right answers, F, d', kappa; and d' of two answers."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.errors import InputError
 from midair.study.statistics.confusion import cohen_kappa, f_measure
-from midair.study.statistics.detection import d_prime_of_share
+from midair.study.statistics.detection import d_prime_of_share, d_prime_yes_no
 from midair.study.statistics.resample import Interval, limits_over_people
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from midair.study.statistics.detection import Sensitivity
 
 Array = NDArray[np.float64]
 Counts = NDArray[Any]
@@ -73,6 +79,31 @@ def kappa_limits(by_person: Counts) -> Interval:
         scale="correlation",
         answers=lambda counts: often * counts.sum(),
     )
+
+
+def two_answers_limits(measure: Callable[[int, int, int, int], Sensitivity], by_person: Counts) -> Interval:
+    """Limits of d' from yes and no, or from same and different.
+
+    Parameters
+    ----------
+    measure : callable
+        `d_prime_yes_no` or `d_prime_same_different`.
+    by_person : ndarray of int, shape (participant, 4)
+        Hits, signals, false alarms, blanks.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than five people, or too few signals or blanks of all of them together: 60 of yes and no, 240
+        of same and different, where the limits hold a true d' of .5 in .89 of studies with 60 and .92 with 120.
+    """
+    fewest, needed = int(by_person[:, [1, 3]].sum(axis=0).min()), 60 if measure is d_prime_yes_no else 240
+    if len(by_person) >= 5 and fewest < needed:
+        raise InputError(
+            f"limits over people: expected {needed} signals and {needed} blanks or more in all, got {fewest} of one;"
+            " with fewer, limits do not cover what they promise"
+        )
+    return limits_over_people(lambda people: measure(*people.sum(axis=0).tolist()).d_prime, by_person)
 
 
 def _share(counts: Counts) -> float:

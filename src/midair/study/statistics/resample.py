@@ -119,7 +119,7 @@ def limits_over_people(
     what is positive, Fisher's z of a correlation) its standard error is sqrt((n - 1) / n sum (without_i - mean)^2), and
     the limits are t on n - 1 degrees of freedom away. A share is drawn towards one half first, as by one wrong and one
     right answer more; without that, its limits cover up to .98 where nearly all are right. A bootstrap of people (BCa)
-    covers .83 to .86 for a 95 % interval of F with five people; this .93 to .97 (docs/decisions/0034-analysis.md).
+    covers .83 to .86 for a 95 % interval of F with five people; this .92 to .97 (docs/decisions/0034-analysis.md).
 
     Parameters
     ----------
