@@ -186,3 +186,4 @@ def test_memory_of_parts_is_that_of_whole_blocks_of_every_job():
     assert two - one == pytest.approx(1024 * 249 * 80)
     assert one > memory_of(long, UNIT, method="exact", parts=True)
     assert memory_of(long, UNIT, method="glide", jobs=2) > two
+    assert memory_of(long, UNIT, method="glide", parts=True, quiet_palm=0.1) > one

@@ -133,6 +133,7 @@ def memory_of(
     amplitudes: Amplitudes = "equal",
     guard: float | Guard | None = None,
     robust: float = 0.0,
+    quiet_palm: float | QuietPalm = 0.0,
     backend: str | None = None,
     jobs: int | None = None,
     parts: bool = False,
@@ -142,18 +143,21 @@ def memory_of(
 
     Parameters
     ----------
-    target, array, method, acoustics, amplitudes, guard, robust, backend, jobs
+    target, array, method, acoustics, amplitudes, guard, robust, quiet_palm, backend, jobs
         As in `solve`; its other settings do not count.
     parts : bool
         Whether no more than a part is in memory.
     """
     ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
+    palm = quiet_palm if isinstance(quiet_palm, QuietPalm) else QuietPalm() if quiet_palm > 0 else None
+    quiet = [] if ring is None else [ring.ring(target.grid)]
+    quiet += [] if palm is None else [palm.points(target.grid)]
     whole = together(solver_of(method, backend=backend, jobs=jobs)) if parts else target.frames
     return memory_needed(
         target.grid.count,
         array.count * (2 if amplitudes == "bounded" else 1),
         min(target.frames, whole),
         method=name_of(method),
-        guard=0 if ring is None else len(ring.ring(target.grid)),
+        guard=sum(len(each) for each in quiet),
         airs=len(airs_around(acoustics or Acoustics(), robust)),
     )

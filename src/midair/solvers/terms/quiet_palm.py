@@ -67,17 +67,27 @@ class QuietPalm:
         InputError
             If the grid covers the palm.
         """
-        points = self._skin(grid)
-        half = np.array([grid.columns, grid.rows]) * grid.pitch / 2
+        points = self.points(grid)
+        return transfer_matrix(points, array, acoustics=acoustics) / np.sqrt(len(points))
+
+    def points(self, grid: ControlGrid) -> NDArray[np.float64]:
+        """Where on the palm it is to be quiet, shape (row, 3), in m.
+
+        Raises
+        ------
+        InputError
+            If the grid covers the palm.
+        """
+        skin, half = self._skin(grid), np.array([grid.columns, grid.rows]) * grid.pitch / 2
         # A nanometre more: points on the edge itself must not depend on rounding.
-        points = points[(np.abs(points[:, :2] - np.asarray(grid.centre)) > half + 1e-9).any(axis=1)]
-        if not len(points):
+        beyond = skin[(np.abs(skin[:, :2] - np.asarray(grid.centre)) > half + 1e-9).any(axis=1)]
+        if not len(beyond):
             said = "an outline" if self.outline else f"a disc of {1e3 * self.diameter:g} mm"
             raise InputError(
                 f"quiet palm: expected one larger than the control points, got {said} "
                 f"around {1e3 * grid.columns * grid.pitch:g} x {1e3 * grid.rows * grid.pitch:g} mm"
             )
-        return transfer_matrix(points, array, acoustics=acoustics) / np.sqrt(len(points))
+        return beyond
 
     def _skin(self, grid: ControlGrid) -> NDArray[np.float64]:
         """All points of the palm, shape (point, 3), in m."""
