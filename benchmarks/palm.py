@@ -58,8 +58,6 @@ def fast_ways() -> dict[str, Settings]:
         "fast, quiet palm .1": fast.but(guard=None, quiet_palm=0.1),
         "the same, modes .2 %": fast.but(guard=None, quiet_palm=0.1, method=fine),
         "quiet palm, guard": fast.but(quiet_palm=0.1),
-        "best": best_mode(),
-        "finest": finest_mode(),
     }
 
 
@@ -172,7 +170,7 @@ def main() -> None:
     ask = argparse.ArgumentParser(prog="python -m benchmarks.palm", description=__doc__.splitlines()[0])
     ask.add_argument("--part", choices=PARTS, nargs="+", default=["table"], help="(default table)")
     ask.add_argument("--things", nargs="+", default=list(THINGS), help="(default all)")
-    ask.add_argument("--ways", nargs="+", help="some of paper, best, finest, quiet palm 0.1 (default the three modes)")
+    ask.add_argument("--ways", nargs="+", help="some of a part's (default all)")
     ask.add_argument("--weights", type=float, nargs="*", default=[], help="of a quiet palm in place of the guard")
     ask.add_argument("--strengths", type=float, nargs="+", default=[0.05, 0.1, 0.15, 0.2, 0.3, 0.5])
     ask.add_argument("--strength", type=float, default=0.15, help="of all parts but strengths and floor (default 0.15)")
@@ -187,14 +185,16 @@ def main() -> None:
     said = ask.parse_args()
     plan = FidelityPlan(strength=said.strength, duration=said.duration, rig=VirtualRig(acoustics=ROOM))
     ways = MODES | {f"quiet palm {weight:g}": quiet_alone(weight) for weight in said.weights}
-    ways = {name: ways[name] for name in said.ways or ways}
+    fast = fast_ways()
+    if said.ways:
+        ways, fast = ({name: each[name] for name in said.ways if name in each} for each in (ways, fast))
     for part in said.part:
         if part == "table":
             table(said.things, ways, plan)
         elif part == "strengths":
             strengths(said.things, said.strengths, plan)
         elif part == "fast":
-            table(said.things, fast_ways(), plan)
+            table(said.things, fast, plan)
         elif part == "ears":
             ears(said.things, ways, plan)
         else:

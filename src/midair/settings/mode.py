@@ -45,7 +45,7 @@ def quick_mode() -> Settings:
 
 
 def finest_mode() -> Settings:
-    """The best mode with the whole palm quiet: 3 to 5 dB more displacement of skin for about a quarter more time.
+    """The best mode with the whole palm quiet: 2 to 8 dB more displacement of the worst skin for a third more time.
 
     The guard stays, since a mean square on the palm does not mind a single spot beside the square.
     """
