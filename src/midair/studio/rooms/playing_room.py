@@ -10,11 +10,14 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from midair import errors
-from midair.errors import DeviceStateError, ExposureError, InputError, MidairError, SilentFramesError
+from midair.errors import DeviceStateError, ExposureError, InputError, LinkLostError, MidairError, SilentFramesError
 from midair.rig import Leave, Permit
 from midair.studio.desk import Desk, Nothing, Page
 from midair.studio.player import PlayerPlan, PlayerProcess
 from midair.studio.takes_list import TakesList
+
+ATTEMPTS = 3
+"""How often an array that does not answer is opened."""
 
 ALIVE = 0.5
 """How long the permit lasts after the controlling page was heard, in s."""
@@ -330,10 +333,20 @@ class PlayingRoom:
                 self._show(state="starts", emitting=False, said="the player ended, and is started again")
 
     async def _open(self) -> None:
-        try:
-            found = await self._ask(do="open")
-        except MidairError as wrong:
-            self._show(state="failed", said=str(wrong))
+        for left in reversed(range(ATTEMPTS)):
+            try:
+                found = await self._ask(do="open")
+                break
+            except LinkLostError as wrong:
+                # Units, and emulated ones above all, may answer late while the computer is busy with our own start.
+                if not left:
+                    self._show(state="failed", said=str(wrong))
+                    return
+                await asyncio.sleep(1.0)
+            except MidairError as wrong:
+                self._show(state="failed", said=str(wrong))
+                return
+        else:
             return
         self._show(state="ready", units=found["units"], count=found["count"], simulated=found["simulated"], said="")
 
