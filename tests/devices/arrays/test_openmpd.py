@@ -49,7 +49,7 @@ def test_every_frame_of_a_drive_sounds_once_in_its_order(stand_ins, count):
     drive = some_drive(boards, frames=120)
     device = array_at(ports, boards)
     with device:
-        for _ in range(3):
+        for _ in range(8):
             report = device.play(overridden(drive, device, repeats=2))
             # On a busy computer a frame stands on for one that came too late, and the report says so.
             if report.late == 0:
