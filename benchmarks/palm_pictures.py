@@ -74,7 +74,7 @@ def _each(shown: Mapping[str, PalmFrames], field: str, scale: float) -> dict[str
 def drawn(rows: Mapping[str, Mapping[str, Array]], frames: PalmFrames) -> bytes:
     """A row of maps for each quantity, of root mean squares over time."""
     style = Style()
-    figure = new_figure(9.6, 2.3 * len(rows) + 0.4, simulated=True, style=style)
+    figure = new_figure(9.6, 2.3 * len(rows) + 0.8, simulated=True, style=style)
     grid = figure.subplots(len(rows), len(next(iter(rows.values()))), sharex=True, sharey=True, squeeze=False)
     for number, (quantity, maps) in enumerate(rows.items()):
         line = grid[number]

@@ -39,7 +39,7 @@ def mistaken_figure(matrices: Sequence[Mistaken], *, simulated: bool, style: Sty
     style = style or Style()
     count = len(matrices[0].names)
     side = 0.9 + 0.42 * max(count, 3)
-    figure = new_figure(0.4 + side * len(matrices), side + 0.9, simulated=simulated, style=style)
+    figure = new_figure(0.4 + side * len(matrices), side + 1.1, simulated=simulated, style=style)
     axes = figure.subplots(1, len(matrices), squeeze=False)[0]
     for axis, matrix in zip(axes, matrices, strict=True):
         share = matrix.counts / np.maximum(matrix.counts.sum(axis=1, keepdims=True), 1)
