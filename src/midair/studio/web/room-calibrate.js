@@ -32,7 +32,9 @@ export class Calibrate {
     const takes = this.link.state.takes ?? [];
     this.name ||= takes[0]?.name ?? "";
     this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#calibrate/${encodeURI(row.name)}`, "aria-current": row.name === this.name ? "true" : null }, row.name.replace(/^sample:/, "").replace(/\.h5$/, ""), make("small", {}, row.sample ? "sample" : "")))));
-    if (this.name && this.looked !== this.name) { this.looked = this.name; this._look(); }
+    // A sample is named before its file is there; a take that was recorded anew is another.
+    const stamp = takes.find((row) => row.name === this.name)?.stamp.split("-")[0], looked = `${this.name} ${stamp}`;
+    if (this.name && stamp !== "first" && this.looked !== looked) { this.looked = looked; this._look(); }
   }
   async _look() {
     const found = await tried(this.link.order("calibrate", "look", { take: this.name }));
