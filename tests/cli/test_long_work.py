@@ -51,7 +51,7 @@ LINES = {
     f"demo out {QUICK.replace('--lead 0s ', '')}": "kept out/stroke.h5",
     "paper figures --figure 3": NOTHING,
     "paper figures --figure 9": NOTHING,
-    "paper figures --figure 4 --mode paper --duration 0.04s": NOTHING,
+    "paper figures --figure 4 --mode paper --duration 0.08s": NOTHING,
     "paper figures --fidelity --mode paper --things noise --duration 0.04s --iterate 0": NOTHING,
     "paper figures --materials --mode paper --strokes 3 --duration 0.06s": NOTHING,
     "doctor": NOTHING,

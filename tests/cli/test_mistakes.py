@@ -191,6 +191,11 @@ MISTAKES = (
     ("demo x --object-name cat", 2, "cat"),
     ("demo x --duration 0s", 1, "--duration"),
     ("paper --figure 5", 2, 'Invalid value "5" for --figure.'),
+    (
+        "paper --figure 4 --duration 50ms",
+        1,
+        "duration: expected a multiple of 40 ms, 80 ms or more, for figure 4, got 50 ms",
+    ),
     ("paper --mode loud", 2, 'Invalid value "loud" for --mode.'),
     ("paper --things cat --fidelity", 1, "cat"),
     ("identify", 2, 'Command "identify" parameter'),

@@ -4,6 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+import numpy as np
+
+from midair.errors import InputError
 from midair.evaluate import perceptual_card
 from midair.figures import png, stimuli_figure
 from midair.flow import felt, lead_of
@@ -29,7 +32,7 @@ class StimuliPlan:
     mode : {"paper", "best", "quick", "finest"}
         What is put beside the paper's.
     duration : float
-        Of each stimulus, in s; a multiple of 40 ms.
+        Of each stimulus, in s; a multiple of 40 ms, 80 ms or more: what a spectrum needs.
     corrections : int
         Of the amplitude, in both modes; the paper has one.
     iterate : int
@@ -45,6 +48,13 @@ class StimuliPlan:
     corrections: int = 1
     iterate: int = 1
     rig: VirtualRig = field(default_factory=VirtualRig)
+
+    def __post_init__(self) -> None:
+        periods = self.duration / 0.04
+        if periods < 2 or not np.isclose(periods, round(periods)):
+            raise InputError(
+                f"duration: expected a multiple of 40 ms, 80 ms or more, for figure 4, got {1e3 * self.duration:g} ms"
+            )
 
 
 def figure_4(plan: StimuliPlan | None = None, *, stage: Stage = quiet) -> PaperResult:

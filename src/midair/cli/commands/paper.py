@@ -86,8 +86,8 @@ def paper_command(
     strength
         Of the targets of figure 3 and of the fidelity: their peak over a single focus of the whole array.
     duration
-        Of each signal of figure 4, where it is to be a multiple of 40 ms, and of the fidelity; of strokes for
-        the materials it is .3 s.
+        Of each signal of figure 4, where it is to be a multiple of 40 ms from 80 ms on, and of the fidelity; of
+        strokes for the materials it is .3 s.
     iterate
         Passes at most of the iterative correction in the fidelity; the best mode of figure 4 makes one, if any.
     air
@@ -110,6 +110,10 @@ def paper_command(
     if everything or fidelity or materials or 4 in chosen:
         say_air(paper.acoustics.medium, stated=medium is not None)
     results: list[PaperResult] = []
+    stimuli = None
+    if 4 in chosen:
+        # Before anything is worked on: it refuses what has no whole periods.
+        stimuli = StimuliPlan(duration=duration, iterate=min(iterate, 1), rig=rig, mode=mode, paper=paper)
     with stages() as stage:
         if 3 in chosen:
             _check(folder, "figure3", force)
@@ -119,14 +123,9 @@ def paper_command(
             _check(folder, "figure9", force)
             with watched(stage("figure 9")):
                 results.append(figure_9(mode=mode))
-        if 4 in chosen:
+        if stimuli is not None:
             _check(folder, "figure4", force)
-            results.append(
-                figure_4(
-                    StimuliPlan(duration=duration, iterate=min(iterate, 1), rig=rig, mode=mode, paper=paper),
-                    stage=stage,
-                )
-            )
+            results.append(figure_4(stimuli, stage=stage))
         if fidelity or everything:
             _check(folder, "fidelity", force)
             plan = FidelityPlan(
