@@ -134,7 +134,6 @@ UNTESTED_BY_NAME = {
     "studio/rooms/playing_room.py": "studio/test_application.py",
     "studio/rooms/record_room.py": "studio/test_application.py",
     "studio/rooms/reproduce_room.py": "studio/test_application.py",
-    "studio/server.py": "studio/test_browser.py",
     "studio/takes_list.py": "studio/test_application.py",
     "study/terminal_screen.py": "cli/commands/study/test_study.py",
 }

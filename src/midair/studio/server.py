@@ -26,7 +26,9 @@ def listen(port: int) -> socket.socket:
     """
     if not 0 <= port < 65536:
         raise InputError(f"--port: expected 0 (any that is free) to 65535, got {port}")
-    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    # With its protocol named: asyncio sends small messages at once only where it can read that it is TCP. Otherwise
+    # each waits until the page has answered the one before, which it does when it draws.
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     if sys.platform != "win32":
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

@@ -1,0 +1,27 @@
+"""The socket on which the studio listens."""
+
+import asyncio
+import socket
+
+from midair.studio.server import listen
+
+
+def test_what_is_sent_to_a_page_goes_at_once():
+    """No message waits for the page's answer to the one before, which would hold samples until the next picture."""
+
+    async def connected():
+        took = asyncio.get_running_loop().create_future()
+
+        class Studio(asyncio.Protocol):
+            def connection_made(self, transport):
+                took.set_result(transport.get_extra_info("socket").getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+
+        with listen(0) as listening:
+            server = await asyncio.get_running_loop().create_server(Studio, sock=listening)
+            page = socket.create_connection(listening.getsockname())
+            at_once = await took
+            page.close()
+            server.close()
+            return at_once
+
+    assert asyncio.run(connected())
