@@ -6,9 +6,10 @@ import subprocess
 import numpy as np
 import pytest
 from PIL import Image
-from tests.view.shown import focus, focus_drive, focus_target, pressure, recording
+from tests.view.shown import GRID, focus, focus_drive, focus_target, pressure, recording
 
 from midair.errors import InputError, MissingExtraError
+from midair.model import Recording, SensorGrid
 from midair.view import (
     Film,
     colour_table,
@@ -105,3 +106,34 @@ def test_an_ffmpeg_that_fails_says_so(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
     with pytest.raises(InputError, match="no such codec"):
         write_mp4(Film(show_recording(recording(3))), tmp_path / "film.mp4")
+
+
+def lines(picture, top):
+    """Length in pixels of the white line below the map, whose side is `top` - 30."""
+    row = np.asarray(picture)[top + 12, 14 : 14 + top - 30]
+    return int((row == 255).all(axis=1).argmin())
+
+
+def test_a_line_below_each_map_is_as_long_as_it_says():
+    """10 mm of the sensor's 44; of the field's 16 points 3.67 mm apart, 10 of 58.7."""
+    assert lines(Film(show_recording(recording()), side=256).picture(0), 286) == pytest.approx(256 * 10 / 44, abs=2)
+    assert lines(Film(focus(), side=256).picture(0), 286) == pytest.approx(256 * 10 / (1e3 * 16 * GRID.pitch), abs=2)
+
+
+def test_played_sound_covers_what_wanted_sound_covers():
+    """Points between the control points lie from the first to the last, half a point inside of the squares' edge."""
+    picture = np.asarray(Film(focus(), side=256).picture(2))
+    wanted, played = picture[30:286, 14:270], picture[30:286, 284:540]
+    ground = (played == (13, 17, 23)).all(axis=2)
+    assert 4 <= ground[:, 128].argmin() <= 12
+    assert 4 <= ground[128].argmin() <= 12
+    assert not (wanted == (13, 17, 23)).all(axis=2).any()
+
+
+def test_a_long_sensor_is_long():
+    values = np.ones((4, 2, 8))
+    taken = Recording(samples=values, rate=1000.0, sensor=SensorGrid(rows=2, columns=8, name="strip"))
+    picture = np.asarray(Film(show_recording(taken), side=64).picture(0))[30:94, 14:78]
+    bright = (picture == colour_of(1)).all(axis=2)
+    assert bright.sum() == 64 * 16
+    assert bright[24:40].all()

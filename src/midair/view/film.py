@@ -44,7 +44,7 @@ class Tile:
     unit : str
         Of the values.
     width : float
-        Of the map, in m.
+        Of the map's longer side, in m.
     share : float
         Of the map's side that the values cover, around its middle.
     low : float
@@ -118,8 +118,9 @@ class Film:
             part = np.nan_to_num((values - tile.low) * (255 / high if high > 0 else 0))
             colours = self.table[np.clip(np.rint(part), 0, 255).astype(np.intp)]
             colours[np.isnan(values)] = _GROUND
-            pixels = Image.fromarray(colours)
-            picture.paste(pixels.resize((self._side, self._side), Image.Resampling.NEAREST), (left, top))
+            size = [round(self._side * tile.share * each / max(values.shape)) for each in reversed(values.shape)]
+            corner = (left + (self._side - size[0]) // 2, top + (self._side - size[1]) // 2)
+            picture.paste(Image.fromarray(colours).resize((size[0], size[1]), Image.Resampling.NEAREST), corner)
             if tile.square is not None:
                 half, middle = [each * self._side / tile.width for each in tile.square], self._side / 2
                 corners = [(left + middle + sign * half[0], top + middle + sign * half[1]) for sign in (-1, 1)]
@@ -132,7 +133,7 @@ class Film:
     def _size(self) -> tuple[int, int]:
         tiles = sum(len(group) for group in self._groups)
         width = _EDGE + tiles * (self._side + _EDGE) + len(self._groups) * (_BAR + _EDGE)
-        height = self._side + 72
+        height = self._side + 90
         # Video is stored in squares of 2 x 2.
         return width + width % 2, height + height % 2
 
@@ -163,6 +164,7 @@ class Film:
         for group in self._groups:
             for tile in group:
                 draw.text((left, 8), tile.title, fill="white", font=self._font)
+                self._length(draw, left, tile.width)
                 left += self._side + _EDGE
             bar = Image.fromarray(self.table[::-1, None]).resize((18, self._side), Image.Resampling.NEAREST)
             picture.paste(bar, (left, 30))
@@ -173,6 +175,13 @@ class Film:
         self._words(draw)
         return picture
 
+    def _length(self, draw: Any, left: int, width: float) -> None:
+        """A round length of up to a third of the map, below it."""
+        length = max(each for each in _LENGTHS if each <= width / 3 or each == _LENGTHS[0])
+        end, level = left + round(self._side * length / width), 42 + self._side
+        draw.line([(left, level - 4), (left, level), (end, level), (end, level - 4)], fill="white")
+        draw.text((end + 6, level - 10), f"{_short(1e3 * length)} mm", fill="white", font=self._font)
+
     def _words(self, draw: Any) -> None:
         width, height = self._size
         draw.text((_EDGE + 190, height - 30), f"{self.slower:.4g} times slower", fill="#a9b4c0", font=self._font)
@@ -181,6 +190,9 @@ class Film:
 
 
 _EDGE, _BAR = 14, 74
+
+_LENGTHS = [figure * 10.0**power for power in range(-4, 1) for figure in (1, 2, 5)]
+"""Lengths that may stand below a map, in m."""
 
 _GROUND, _LINE = (13, 17, 23), (110, 115, 120)
 
@@ -281,7 +293,7 @@ def _groups(showing: Showing) -> Iterator[Sequence[Tile]]:
 
 
 def _fields(sound: Sound) -> Iterator[Tile]:
-    shape, top, width = sound.grid.shape, sound.top, sound.grid.columns * sound.grid.pitch
+    shape, top, width = sound.grid.shape, sound.top, max(sound.grid.shape) * sound.grid.pitch
     if (wanted := sound.wanted) is not None:
 
         def asked(frame: int) -> Array:
@@ -309,7 +321,7 @@ def _cells(channels: Channels, sensor: SensorGrid, top: float) -> Tile:
     def felt(frame: int) -> Array:
         return np.abs(channels.values[frame]).reshape(sensor.shape)
 
-    width = sensor.columns * sensor.pitch
+    width = max(sensor.shape) * sensor.pitch
     return Tile(title=channels.label.capitalize(), values=felt, top=top, unit=channels.unit, width=width)
 
 
