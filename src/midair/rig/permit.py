@@ -246,7 +246,8 @@ _PLACES = {
 
 _SAID: dict[Refusal, str] = {
     "stopped": "somebody asked for silence; start again when it is safe",
-    "expired": "silenced, for nobody looked on: the page was closed, hidden or hung; start again with it in sight",
+    "expired": "silenced, for nobody looked on in time: the page or program was closed, hidden, hung or kept waiting by"
+    " others on this computer; start again",
     "disarmed": "expected an armed permit; it was taken back",
 }
 

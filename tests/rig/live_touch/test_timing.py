@@ -50,3 +50,9 @@ def test_asks_for_time_or_says_why_not_and_keeps_no_garbage_collector():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "True"]
+
+
+def test_who_asks_for_no_priority_is_not_told_that_it_was_refused():
+    code = "from midair.rig.live_touch.timing import ask_for_time; print(ask_for_time(0).words())"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert said.startswith("no real-time priority (none was asked for)")

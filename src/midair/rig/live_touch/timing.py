@@ -78,7 +78,7 @@ def ask_for_time(priority: int = 20) -> Granted:
     Parameters
     ----------
     priority : int
-        1 to 99; below what the system's own threads have.
+        1 to 99; below what the system's own threads have. 0 asks for none.
     """
     gc.collect()
     gc.disable()
@@ -88,6 +88,8 @@ def ask_for_time(priority: int = 20) -> Granted:
 
 
 def _take_priority(priority: int) -> str:
+    if not priority:
+        return "none was asked for"
     if not hasattr(os, "sched_setscheduler"):
         return "not known on this system"
     try:
