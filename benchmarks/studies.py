@@ -255,7 +255,8 @@ def _different(d: np.ndarray, criterion: np.ndarray) -> tuple[np.ndarray, np.nda
     """Chances of "different" to two that are and to two that are not: the difference of two values is large."""
     from scipy.stats import norm
 
-    k = 1.5 + criterion
+    # Nobody's criterion lies below no difference at all.
+    k = np.maximum(1.5 + criterion, 0.0)
     return norm.sf((k - d) / 2**0.5) + norm.cdf((-k - d) / 2**0.5), 2 * norm.sf(k / 2**0.5)
 
 

@@ -101,8 +101,8 @@ def _share_words(one: Choices) -> list[str]:
     wrong = int(counts.sum() - np.trace(counts))
     if 0 < wrong < len(confusion.participants) >= 5:
         words.append(
-            "Fewer answers are wrong than people took part: limits over people hold the truth in some .92 of such"
-            " studies, not in .95."
+            "Fewer answers are wrong than people took part, so that nobody sees how people differ: limits are at least"
+            " those of independent answers."
         )
     if one.left_out:
         words.append(f"{one.left_out} answers that name what was never presented are left out, as the plan says.")

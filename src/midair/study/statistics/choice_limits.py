@@ -41,11 +41,17 @@ def f_limits(by_person: Counts) -> Interval:
     """Limits of F of each object, shape (object,).
 
     F is the share 2 hits / (presented + answered). It rests on fewer wrong answers than the share of right ones, and
-    less is added to it: half an answer to the middle, .8 to the width. So, and with one answer for the other figures,
-    the limits cover best in simulated studies.
+    less is added to it: half an answer to the middle, .85 to the width. So, and with one answer for the other figures,
+    the limits cover best in simulated studies. Presented and answered are not independent of each other.
     """
+    added = (0.5, 0.85)
     return limits_over_people(
-        lambda counts: f_measure(counts.sum(axis=0)), by_person, scale="share", answers=_named, added=(0.5, 0.8)
+        lambda counts: f_measure(counts.sum(axis=0)),
+        by_person,
+        scale="share",
+        answers=_named,
+        added=added,
+        independent=False,
     )
 
 

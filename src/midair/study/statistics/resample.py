@@ -112,14 +112,17 @@ def limits_over_people(
     level: float = 0.95,
     answers: Callable[[NDArray[Any]], Any] | None = None,
     added: tuple[float, float] = (1.0, 1.0),
+    independent: bool = True,
 ) -> Interval:
     """Limits of a figure for people like these: the jackknife with Student's t (Efron and Stein, 1981).
 
     The figure is made again without each person. On a scale without bounds (the logit of a share, the logarithm of
     what is positive, Fisher's z of a correlation) its standard error is sqrt((n - 1) / n sum (without_i - mean)^2), and
     the limits are t on n - 1 degrees of freedom away. A share is drawn towards one half first, as by one wrong and one
-    right answer more; without that, its limits cover up to .98 where nearly all are right. A bootstrap of people (BCa)
-    covers .83 to .86 for a 95 % interval of F with five people; this .92 to .97 (docs/decisions/0034-analysis.md).
+    right answer more; without that, its limits cover up to .98 where nearly all are right. Where fewer answers are
+    wrong (or right) than people took part, how people differ cannot be seen, and limits are at least as wide as those
+    of independent answers; without that, they cover .92. A bootstrap of people (BCa) covers .83 to .86 for a 95 %
+    interval of F with five people; this .94 to .97 (docs/decisions/0034-analysis.md).
 
     Parameters
     ----------
@@ -135,6 +138,8 @@ def limits_over_people(
         Takes what the statistic takes and gives the number of answers that a "share" or "correlation" is a share of.
     added : tuple of float
         Answers of each kind that are added for the middle of the limits, and for their width.
+    independent : bool
+        Whether one of the answers says nothing of another, so that few wrong ones vary as a binomial number does.
 
     Returns
     -------
@@ -168,12 +173,28 @@ def limits_over_people(
         middle, moved = _open(value, scale), _open(without, scale)
     error = np.sqrt((people - 1) / people * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
     half = error * float(t_distribution.ppf((1 + level) / 2, people - 1))
+    if answers is not None and independent and scale in ("share", "correlation"):
+        half = np.maximum(half, _binomial(value, np.asarray(answers(by_person), float), people, scale, level))
     # At a bound, and where leaving people out changes nothing but rounding, there is no error to go by.
     known = (error > 1e-12) & (_open(value, scale, reach=np.inf) == _open(value, scale))
     low, high = (np.where(known, _close(middle + side * half, scale), np.nan) for side in (-1, 1))
     # Drawn in, the middle is another than the figure, which its limits hold all the same.
     low, high = np.minimum(low, value), np.maximum(high, value)
     return Interval(value=value, low=low, high=high, level=level, people=people)
+
+
+def _binomial(value: Array, total: Array, people: int, scale: Scale, level: float) -> Array:
+    """Half the limits of answers that are independent, on the open scale; 0 unless fewer are of one kind than people.
+
+    The logit of a share p of n answers has the variance 1 / (n p (1 - p)); Fisher's z of 2 p - 1 is half that logit.
+    """
+    from scipy.stats import norm
+
+    share = value if scale == "share" else (1 + value) / 2
+    few = total * np.minimum(share, 1 - share) < people
+    drawn = (share * total + 1) / (total + 2)
+    error = 1 / np.sqrt((total + 2) * drawn * (1 - drawn)) / (1 if scale == "share" else 2)
+    return np.where(few, float(norm.ppf((1 + level) / 2)) * error, 0.0)
 
 
 def _drawn_in(value: Array, total: Array, added: float, scale: Scale) -> Array:
