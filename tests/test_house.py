@@ -104,7 +104,6 @@ UNTESTED_BY_NAME = {
     "cli/commands/live.py": "rig/live_touch/test_session.py",
     "rig/live_touch/live_order.py": "rig/live_touch/test_session.py",
     "rig/live_touch/playing_live.py": "rig/live_touch/test_session.py",
-    "rig/live_touch/process.py": "rig/live_touch/test_session.py",
     "rig/live_touch/speaking.py": "rig/live_touch/test_listening.py",
     "rig/looping/passes.py": "rig/looping/test_iteration.py",
     "rig/names/virtual_rig.py": "rig/names/test_source_names.py",

@@ -78,6 +78,9 @@ class LslSource:
         )
         try:
             info = self._inlet.info(timeout=5.0)
+            # Takes up to a second, which whoever starts it live does not have: an array waits by then.
+            self._inlet.open_stream(timeout=5.0)
+            self._correction = self._inlet.time_correction(timeout=5.0)
         except (LostError, TimeoutError) as wrong:
             raise self._lost() from wrong
         return self._understood(info)

@@ -1,0 +1,62 @@
+"""Live touch from another program's stream over LSL, on loopback, to emulated units."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import midair
+from midair.devices import ExposureChoices
+from midair.errors import DeviceError
+from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
+
+pytestmark = pytest.mark.slow
+
+HERE = Path(__file__).parent
+ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a test")
+
+
+@pytest.fixture
+def skin(monkeypatch):
+    """A sender's name as a sensor, and its process."""
+    pytest.importorskip("pylsl")
+    monkeypatch.setenv("LSLAPICFG", str(HERE.parents[1] / "devices" / "sensors" / "lsl_api.cfg"))
+    name = f"midair live {os.getpid()} {time.monotonic_ns()}"
+    command = [sys.executable, str(HERE / "touch_sender.py"), name]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+        try:
+            assert running.stdout.readline().strip() == "ready"
+            yield f"lsl:{name}?counter=16&timeout=20", running
+        finally:
+            running.kill()
+
+
+def test_every_frame_of_another_program_is_felt_and_what_it_left_out_is_told(skin, tmp_path):
+    path = tmp_path / "felt.h5"
+    with midair.live(skin[0], "autd3:emulator", exposure=ANSWERED, duration=5.0, keep=path) as session:
+        session.wait()
+    told, felt, played = session.statistics, open_take(path).recording.samples[:, 1, 1], load_played(path)
+    assert told.frames == len(felt) == played.frames
+    assert told.lost == pytest.approx(100, abs=20)
+    # In step with the tone from the first frame to the last but for the frames left out, whose place holds.
+    sent = 20.0 * np.sin(0.2 * np.pi * (np.arange(len(felt)) + np.arange(10)[:, None]))
+    held = (np.abs(felt - sent) > 1e-3).sum(axis=1).min()
+    assert held <= told.lost
+    assert ((played.state & 1) > 0).sum() > 1000
+
+
+def test_a_program_that_ends_is_a_sensor_that_is_lost(skin):
+    sensor, running = skin
+    with (
+        pytest.raises(DeviceError, match="lsl"),
+        midair.live(sensor, "autd3:emulator", exposure=ANSWERED) as session,
+    ):
+        session.wait(1.0)
+        running.kill()
+        end = time.monotonic() + 10
+        while session.wait(0.1):
+            assert time.monotonic() < end

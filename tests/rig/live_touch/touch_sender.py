@@ -1,0 +1,27 @@
+"""A skin over LSL: 16 channels in Pa and a counter. Run by tests; the argument is its name.
+
+Channel 5 feels 100 Hz of 20 Pa, the others nothing. Of every 1000 frames the last 20 are left out.
+"""
+
+import sys
+import time
+
+import numpy as np
+import pylsl
+
+info = pylsl.StreamInfo(sys.argv[1], "tactile", 17, 1000, pylsl.cf_float32, f"midair test {sys.argv[1]}")
+info.set_channel_units(["Pa"] * 17)
+outlet = pylsl.StreamOutlet(info)
+print("ready", flush=True)
+begin, sent = time.monotonic(), 0
+while True:
+    due = int((time.monotonic() - begin) * 1000)
+    frames = np.arange(sent, due)
+    sent = due
+    frames = frames[frames % 1000 < 980]
+    if len(frames):
+        values = np.zeros((len(frames), 17))
+        values[:, 5] = 20.0 * np.sin(2 * np.pi * 0.1 * frames)
+        values[:, 16] = frames
+        outlet.push_chunk(np.ascontiguousarray(values, np.float32))
+    time.sleep(0.001)
