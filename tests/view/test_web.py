@@ -281,3 +281,36 @@ def test_everything_can_be_reached_by_tab(all_of_it):
     fields = {"Wanted", "Played, simulated", "Phase of the field", "Array"}
     felt = {"original", "re-recorded", "Every channel, Pa", "Spectrogram", "The whole"}
     assert fields | felt | {"play (Space)", "Loop", "1×", "1/10", "1/100"} <= names
+
+
+RUNNING = """frames => { const {transport, pictures} = document.querySelector('.midair-view').midair;
+    transport.pause();
+    const p = pictures.find(each => each.label.startsWith('Every channel')), {width, height} = p.canvas;
+    const pixels = () => Array.from(new Uint32Array(p.context.getImageData(0, 0, width, height).data.buffer));
+    const state = frame => ({frame, span: 0.1, channel: 2});
+    p.head = false;
+    pixels(); // from here on the canvas paints words as it does after it was read
+    p.draw(state(frames[0]));
+    p.context.fillStyle = '#f0f';
+    p.context.fillRect(p.lanes.left + 200, 30, 1, 1);
+    const marked = pixels().indexOf(0xffff00ff) % width;
+    for (const frame of frames) p.draw(state(frame));
+    const ran = pixels(), mark = ran.indexOf(0xffff00ff);
+    p._how = null;
+    p.draw(state(frames.at(-1)));
+    const anew = pixels(), step = p.lanes.w / p.lanes.span, edge = frame => Math.ceil((frame - 50) * step);
+    const bytes = [ran, anew].map(each => new Uint8Array(Uint32Array.from(each).buffer));
+    let most = 0;
+    bytes[0].forEach((each, i) => { if (i >> 2 !== mark) most = Math.max(most, Math.abs(each - bytes[1][i])); });
+    return {moved: marked - mark % width, should: edge(frames.at(-1)) - edge(frames[0]),
+        most, colours: new Set(anew).size}; }"""
+
+
+@pytest.mark.parametrize("frames", [[100, 103, 104, 104, 111], [100, 117, 134]], ids=["few at once", "17 at once"])
+def test_traces_that_run_on_are_moved_and_are_the_same_as_drawn_anew(opened, frames):
+    page = opened(show_recording(recording(400)), reduced_motion="reduce")
+    found = page.evaluate(RUNNING, frames)
+    assert found["moved"] == found["should"] > 0
+    assert found["colours"] > 20
+    assert found["most"] <= 4, "of 255: edges of lines are rounded anew"
+    page.wrong = [said for said in page.wrong if "willReadFrequently" not in said]

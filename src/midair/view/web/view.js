@@ -195,7 +195,12 @@ export class Picture {
   /** What stands at a place of the canvas, in CSS pixels. */
   valueAt() { return ""; }
   /** CSS pixel in the device's. */
-  get ratio() { return this.canvas.width / (this.canvas.clientWidth || this.canvas.width) || 1; }
+  get ratio() {
+    // Asked for by every word of a picture; how wide the canvas is has the whole page laid out.
+    const key = `${this.canvas.width} ${devicePixelRatio}`;
+    if (this._ratioOf !== key) Object.assign(this, { _ratioOf: key, _ratio: this.canvas.width / (this.canvas.clientWidth || this.canvas.width) || 1 });
+    return this._ratio;
+  }
   get colour() {
     if (!this._ink) {
       const style = getComputedStyle(this.box);
@@ -470,30 +475,62 @@ export class TracesPicture extends Picture {
   }
   _channelName(channel) { return this.names?.[channel] ?? `channel ${channel}`; }
   paint(context, width, height, state) {
-    const { ratio, colour, track } = this, left = 34 * ratio, bottom = 18 * ratio, span = (state.span ?? 1) * track.rate;
-    const begin = state.frame - span / 2, w = width - left - 4 * ratio, lane = (height - bottom) / (track.width || 1);
+    const { ratio, colour, track } = this, left = Math.round(34 * ratio), base = height - Math.round(18 * ratio), span = (state.span ?? 1) * track.rate;
+    const w = width - left - Math.round(4 * ratio), step = w / span, lane = base / (track.width || 1), all = Math.max(track.top, this.over?.top ?? 0);
+    // What runs on runs by whole pixels, so that it can be moved; and its scale does not change with every picture.
+    const top = this.head ? all : this._steady(all), begin = this.head ? state.frame - span / 2 : Math.ceil((state.frame - span / 2) * step) / step;
     this.lanes = { left, w, lane, begin, span };
-    this.clear(width, height);
-    this._axis(context, left, w, height - bottom, begin, span);
-    const top = Math.max(track.top, this.over?.top ?? 0), scale = top > 0 ? (0.48 * lane * Math.min(4, Math.max(1, track.width / 4))) / top : 0;
+    const scale = top > 0 ? (0.48 * lane * Math.min(4, Math.max(1, track.width / 4))) / top : 0;
+    const from = this._moved(context, base, Math.round(begin * step), [track, this.over, this.head, width, height, scale, step, state.channel, colour]);
     context.save();
     context.beginPath();
-    context.rect(left, 0, w, height - bottom);
+    if (from > left) context.rect(from, 0, left + w - from, base); else context.rect(0, 0, width, height);
     context.clip();
-    this._lines(context, track, colour.trace, scale, ratio);
-    if (this.over) this._lines(context, this.over, colour.second, scale, ratio);
+    this.clear(width, height);
+    context.beginPath();
+    context.rect(left, 0, w, base);
+    context.clip();
+    const ticks = this._axis(context, base);
+    this._lines(context, track, colour.trace, scale, from);
+    if (this.over) this._lines(context, this.over, colour.second, scale, from);
     context.fillStyle = colour.ink;
-    if (this.head) context.fillRect(left + w / 2 - ratio / 2, 0, ratio, height - bottom);
+    if (this.head) context.fillRect(left + w / 2 - ratio / 2, 0, ratio, base);
     context.restore();
-    for (let c = 0; c < track.width; c++)
-      this.text(this.names?.[c] ?? String(c), left - 6 * ratio, (c + 0.5) * lane, c === state.channel ? { align: "right", weight: "700", colour: colour.ink } : { align: "right" });
+    context.fillStyle = colour.ground;
+    context.fillRect(0, base, width, height - base);
+    ticks.forEach(([x, time], i) => this.text(said(time, 4) + (i === ticks.length - 1 ? " s" : ""), x, base + 10 * ratio, { align: "center" }));
+    if (from === left)
+      for (let c = 0; c < track.width; c++)
+        this.text(this.names?.[c] ?? String(c), left - 6 * ratio, (c + 0.5) * lane, c === state.channel ? { align: "right", weight: "700", colour: colour.ink } : { align: "right" });
     this._bar(context, width, top, scale, ratio);
   }
-  _lines(context, track, colour, scale, ratio) {
-    const { left, w, lane, begin, span } = this.lanes, step = w / span, per = Math.max(1, Math.floor(span / w / 2));
+  /** The largest value, or what was taken for it while that still fits. */
+  _steady(top) {
+    if (!(top <= this._top && top > this._top / 1.5)) this._top = 1.1 * top;
+    return this._top;
+  }
+  /** Move what was painted before to where it belongs now; gives the x from which on it has to be painted. */
+  _moved(context, base, at, how) {
+    const { left, w } = this.lanes, gone = at - this._edge, same = this._how?.every((each, i) => each === how[i]);
+    this._edge = at;
+    this._how = how;
+    if (this.head || !same || !(gone >= 0 && gone < w / 2)) return left;
+    context.save();
+    context.beginPath();
+    context.rect(left, 0, w, base);
+    context.clip();
+    context.globalCompositeOperation = "copy";
+    context.drawImage(this.canvas, left + gone, 0, w - gone, base, left, 0, w - gone, base);
+    context.restore();
+    // The bar does not run on with what lies below it.
+    return Math.max(left + 1, left + w - gone - Math.ceil(this._barWidth ?? 0));
+  }
+  _lines(context, track, colour, scale, from) {
+    const { left, w, lane, begin, span } = this.lanes, { ratio } = this, step = w / span, per = Math.max(1, Math.floor(span / w / 2));
     context.strokeStyle = colour;
     context.lineJoin = "round";
-    const first = Math.max(track.first, Math.floor(begin)), last = Math.min(track.last - 1, Math.ceil(begin + span));
+    // From a frame that the same piece began with the last time.
+    const first = Math.max(track.first, per * Math.floor((begin + (from - left) / step) / per - 2)), last = Math.min(track.last - 1, Math.ceil(begin + span));
     for (let c = 0; c < track.width; c++) {
       context.lineWidth = (c === this.state.channel ? 1.6 : 1) * ratio;
       context.beginPath();
@@ -510,13 +547,13 @@ export class TracesPicture extends Picture {
       context.stroke();
     }
   }
-  _axis(context, left, w, base, begin, span) {
-    const { rate } = this.track, { ratio, colour } = this, step = nice((span / rate / w) * 90 * ratio);
+  /** Lines of whole times; gives where they are. */
+  _axis(context, base) {
+    const { rate } = this.track, { ratio, colour } = this, { left, w, begin, span } = this.lanes, step = nice((span / rate / w) * 90 * ratio), ticks = [];
     context.strokeStyle = colour.line;
     context.lineWidth = Math.max(1, ratio / 2);
     context.globalAlpha = 0.35;
     context.beginPath();
-    const ticks = [];
     for (let k = Math.max(0, Math.ceil(begin / rate / step - 1e-9)); k * step <= (begin + span) / rate; k++) {
       const x = left + ((k * step * rate - begin) * w) / span;
       context.moveTo(x, 0);
@@ -525,7 +562,7 @@ export class TracesPicture extends Picture {
     }
     context.stroke();
     context.globalAlpha = 1;
-    ticks.forEach(([x, time], i) => this.text(said(time, 4) + (i === ticks.length - 1 ? " s" : ""), x, base + 10 * ratio, { align: "center" }));
+    return ticks;
   }
   /** A bar that tells the scale. */
   _bar(context, width, top, scale, ratio) {
@@ -534,7 +571,9 @@ export class TracesPicture extends Picture {
     this.barOf = value;
     context.fillStyle = this.colour.ink;
     context.fillRect(x, 6 * ratio, 2 * ratio, h);
-    this.text(`${said(value)} ${this.track.unit}`, x - 4 * ratio, 6 * ratio + h / 2, { align: "right", colour: this.colour.ink });
+    const words = `${said(value)} ${this.track.unit}`;
+    this.text(words, x - 4 * ratio, 6 * ratio + h / 2, { align: "right", colour: this.colour.ink });
+    this._barWidth = context.measureText(words).width + 14 * ratio;
   }
   _at(x, y) {
     const { left, w, lane, begin, span } = this.lanes ?? {}, { ratio } = this;
