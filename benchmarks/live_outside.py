@@ -60,11 +60,11 @@ class SerialSkin:
             for each in range(number, number + self._block):
                 counts = np.rint(self._pressure(each) * 32767 / FULL).astype(int)
                 frames += encode(counts, counter=each, time_us=1000 * each)
+            now = time.monotonic()
             if self.speaks:
                 # Nobody may read yet: a line does not wait.
                 with contextlib.suppress(BlockingIOError):
                     os.write(self._ours, frames)
-            now = time.monotonic()
             for each in range(number, number + self._block):
                 self.pushed[each] = now
             number += self._block

@@ -22,24 +22,41 @@ EVERY = 4096
 SQUARES, SIDE = 20, 8
 """Bits of a number, and pixels of the square that shows one."""
 
-LOGGED = f"""void (() => {{
-    const room = studio.room, draw = room._draw, pen = document.createElement('canvas');
+NUMBERED = f"""const pen = document.createElement('canvas'), now = () => performance.timeOrigin + performance.now();
     pen.width = {SQUARES * SIDE}; pen.height = {SIDE};
     Object.assign(pen.style, {{ position: 'fixed', left: 0, top: 0, zIndex: 99 }});
     document.body.append(pen);
     const ink = pen.getContext('2d');
-    studio.log = [];
-    room._draw = function () {{
-        const before = room.drawn;
-        draw.call(room);
-        if (room.drawn === before) return;
-        studio.log.push([performance.timeOrigin + performance.now(), room.newest]);
+    const show = (number) => {{
         for (let bit = 0; bit < {SQUARES}; bit++) {{
-            ink.fillStyle = (room.newest >> bit) & 1 ? '#fff' : '#000';
+            ink.fillStyle = (number >> bit) & 1 ? '#fff' : '#000';
             ink.fillRect(bit * {SIDE}, 0, {SIDE}, {SIDE});
         }}
+    }};"""
+"""Shows a number as squares."""
+
+LOGGED = f"""void (() => {{
+    {NUMBERED}
+    const room = studio.room, draw = room._draw, frames = studio.link.frames;
+    studio.log = [];
+    let came = 0;
+    studio.link.frames = (bytes) => {{ frames(bytes); came = now(); }};
+    room._draw = function () {{
+        const before = room.drawn, begun = now();
+        draw.call(room);
+        if (room.drawn === before) return;
+        studio.log.push([now(), room.newest, begun, came]);
+        show(room.newest);
     }};
 }})()"""
+"""Notes of each picture when it was drawn, its newest frame, when drawing began and when its last frames came."""
+
+EMPTY = f"""void (() => {{
+    {NUMBERED}
+    globalThis.log = [];
+    (function tick() {{ show(log.length); log.push([now(), log.length]); requestAnimationFrame(tick); }})();
+}})()"""
+"""In a page that does nothing but show, at each tick, how many there were."""
 
 MARKED = f"""(() => {{
     const {{ track }} = studio.room, rows = track.width, found = [];
@@ -58,7 +75,12 @@ def pressure(number):
 
 
 def delays(page, seconds, until):
-    """In ms: sent to drawn, and sent to composed, by half and by 95 and 99 of 100."""
+    """In ms, by half and by 95 and 99 of 100: from when a frame was sent to the drawn and to the composed picture.
+
+    `sample_to_drawn_ms` is of the newest frame of each picture; `any_sample_to_drawn_ms` of every frame, to the first
+    picture that has it, and so longer by half a tick. A picture is drawn when its script has ended. What the browser
+    itself takes from there to the composed picture is told of an empty page as well.
+    """
     skin = SerialSkin(pressure)
     try:
         page.evaluate("location.hash = '#record'")
@@ -70,11 +92,44 @@ def delays(page, seconds, until):
         page.evaluate(LOGGED)
         clock = time.time_ns() / 1e6 - 1e3 * time.monotonic()  # noqa: TID251  # the browser's pictures have wall time
         time.sleep(seconds)
-        drawn = [at - clock - 1e3 * skin.pushed[newest + offset] for at, newest in page.evaluate("studio.log")[5:]]
-        composed = _composed(page, skin, offset, clock, seconds)
+        log = [[at - clock, newest, begun - clock, came - clock] for at, newest, begun, came in _logged(page)]
+        composed = _composed(page, seconds)
+        later = {newest: at for at, newest, *_ in page.evaluate("studio.log")}
     finally:
         skin.close()
-    return {"sample_to_drawn_ms": _said(drawn), "sample_to_composed_ms": _said(composed)}
+    sent = {frame - offset: 1e3 * at for frame, at in skin.pushed.items()}
+    first = np.searchsorted([newest for _, newest, *_ in log], every := range(log[0][1] + 1, log[-1][1]))
+    return {
+        "sample_to_drawn_ms": _said([at - sent[newest] for at, newest, *_ in log]),
+        "any_sample_to_drawn_ms": _said([log[k][0] - sent[n] for k, n in zip(first, every, strict=True)]),
+        "of_it": {
+            "in_the_page_ms": _said([came - sent[newest] for _, newest, _, came in log]),
+            "waits_for_the_tick_ms": _said([begun - came for *_, begun, came in log]),
+            "drawing_ms": _said([at - begun for at, _, begun, _ in log]),
+        },
+        "sample_to_composed_ms": _said([at - clock - sent[shown] for at, shown in composed if shown in sent]),
+        "drawn_to_composed_ms": _said([at - later[shown] for at, shown in composed if shown in later]),
+        "drawn_to_composed_of_an_empty_page_ms": _empty(page, seconds),
+    }
+
+
+def _logged(page):
+    return page.evaluate("studio.log")[5:]
+
+
+def _empty(page, seconds):
+    """What the same browser takes to compose a page of the same size with nothing in it but the number."""
+    page.evaluate("location.hash = '#study'")
+    empty = page.context.browser.new_page(viewport=page.viewport_size)
+    try:
+        empty.bring_to_front()
+        empty.evaluate(EMPTY)
+        composed = _composed(empty, seconds)
+        drawn = {number: at for at, number in empty.evaluate("log")}
+    finally:
+        empty.close()
+        page.bring_to_front()
+    return _said([at - drawn[shown] for at, shown in composed if shown in drawn])
 
 
 def _offset(page, skin):
@@ -85,7 +140,8 @@ def _offset(page, skin):
     return round((marked + behind) / EVERY) * EVERY - marked
 
 
-def _composed(page, skin, offset, clock, seconds):
+def _composed(page, seconds):
+    """(wall time in ms, number that it shows) of every picture that the browser composed."""
     from PIL import Image
 
     told = page.context.new_cdp_session(page)
@@ -108,9 +164,7 @@ def _composed(page, skin, offset, clock, seconds):
     for at, data in kept[5:]:
         picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("L"))
         squares = picture[SIDE // 2, SIDE // 2 : SQUARES * SIDE : SIDE] > 127
-        sent = skin.pushed.get(int(squares @ (1 << np.arange(SQUARES))) + offset)
-        if sent is not None:
-            found.append(at - clock - 1e3 * sent)
+        found.append((at, int(squares @ (1 << np.arange(SQUARES)))))
     return found
 
 
