@@ -95,6 +95,7 @@ UNTESTED_BY_NAME = {
     "devices/interface.py": "devices/test_contract.py",
     "devices/safety/held_files.py": "devices/safety/test_device_locks.py",
     "devices/safety/orders.py": "devices/test_stopping.py",
+    "testing/behind_pty.py": "testing/test_openmpd_stand_in.py",
     "testing/udp_tap.py": "devices/arrays/test_autd3_udp.py",
     "paper/figure3.py": "paper/test_paper.py",
     "paper/figure4.py": "paper/test_paper.py",

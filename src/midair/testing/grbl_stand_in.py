@@ -8,7 +8,6 @@ import contextlib
 import os
 import re
 import select
-import threading
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -16,6 +15,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from midair.testing.behind_pty import BehindPty
 
 Vector = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ class ParserState:
     target: Vector = field(default_factory=lambda: np.zeros(3))
 
 
-class GrblStandIn:
+class GrblStandIn(BehindPty):
     """One machine. `port` is what a driver opens; leave it by `close`.
 
     Parameters
@@ -126,12 +127,7 @@ class GrblStandIn:
     PLANS = 15
 
     def __init__(self, *, homed: bool = True, settings: Mapping[int, float] | None = None, baud: int = 115_200) -> None:
-        import tty  # not on Windows
-
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
-        self.port = os.ttyname(self._slave)
+        super().__init__()
         self.settings = {**USUAL, **(settings or {})}
         self.lines: list[str] = []
         self.moves: list[PlannedMove] = []
@@ -153,9 +149,7 @@ class GrblStandIn:
         self._homing: float | None = None
         self._reports = 0
         self._clock = time.monotonic()
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="Grbl stand-in", daemon=True)
-        self._thread.start()
+        self.switch_on()
 
     @property
     def place(self) -> Vector:
@@ -172,21 +166,6 @@ class GrblStandIn:
         if self._held:
             return "Hold:0" if self._now is None or self._now.over(time.monotonic()) else "Hold:1"
         return "Run" if self._now is not None or self._plan else "Idle"
-
-    def close(self) -> None:
-        """Switch it off."""
-        self._over.set()
-        self._thread.join()
-        for end in (self._master, self._slave):
-            if end >= 0:
-                os.close(end)
-
-    def unplug(self) -> None:
-        """Pull the cable."""
-        self._over.set()
-        self._thread.join()
-        os.close(self._master)
-        self._master = -1
 
     def _run(self) -> None:
         self._greet()

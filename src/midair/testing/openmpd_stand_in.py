@@ -6,7 +6,6 @@ are bytes, what comes out are the pulses of each pin. POSIX only.
 
 import os
 import select
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Board
+from midair.testing.behind_pty import BehindPty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,7 +50,7 @@ class PinFrame:
         return np.asarray(wave @ np.exp(2j * np.pi * count / 128) / full, np.complex128)
 
 
-class OpenMpdStandIn:
+class OpenMpdStandIn(BehindPty):
     """One board. `port` is what a driver opens; leave it by `close`.
 
     Attributes
@@ -66,11 +66,7 @@ class OpenMpdStandIn:
     """
 
     def __init__(self) -> None:
-        import tty  # not on Windows
-
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        self.port = os.ttyname(self._slave)
+        super().__init__()
         silence = PinFrame(start=np.zeros(256, np.uint8), length=np.zeros(256, np.uint8), divider=4)
         self.frames = [silence]
         self.stalled = False
@@ -80,9 +76,7 @@ class OpenMpdStandIn:
         self._due: float | None = None
         self._begin = self.begins[0]
         self._full_since = time.monotonic()
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="OpenMPD stand-in", daemon=True)
-        self._thread.start()
+        self.switch_on()
 
     @property
     def held(self) -> PinFrame:
@@ -107,21 +101,6 @@ class OpenMpdStandIn:
             if idle and len(self._fifo) < 512 and self._due is None:
                 return
         raise TimeoutError("the stand-in still has frames to play")
-
-    def close(self) -> None:
-        """Switch the board off."""
-        self._over.set()
-        self._thread.join()
-        for end in (self._master, self._slave):
-            if end >= 0:
-                os.close(end)
-
-    def unplug(self) -> None:
-        """Pull the cable: writing fails from now on; what stands goes on standing."""
-        self._over.set()
-        self._thread.join()
-        os.close(self._master)
-        self._master = -1
 
     def _run(self) -> None:
         while not self._over.is_set():
