@@ -1,9 +1,11 @@
 """What help shows: every command has an example, each of them does what it says, and no line is cut off."""
 
+import inspect
 import os
 import shlex
 import shutil
 import subprocess
+import sys
 from io import StringIO
 
 import numpy as np
@@ -12,6 +14,7 @@ import soundfile
 from rich.console import Console
 
 from midair.cli import app, run
+from midair.cli.commands import COMMANDS
 from midair.cli.terminal import GROUPS, examples_of
 from midair.files import save
 from midair.model import Recording
@@ -165,3 +168,19 @@ def test_bash_completes_a_command(capsys, tmp_path):
     )
     done = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["solve"]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_line_that_stands_for_a_command_is_the_first_of_its_own_help(name):
+    own = inspect.getdoc(app[name].default_command).split("\n\n")[0]
+    assert " ".join(own.split()) == COMMANDS[name][2]
+
+
+def test_help_and_version_import_no_command_and_nothing_heavy():
+    code = "import sys\nfrom midair.cli import run\nassert run(sys.argv[1:]) == 0\nprint(*sys.modules, file=sys.stderr)"
+    for words in (["--help"], ["--version"], []):
+        done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
+        loaded = set(done.stderr.split())
+        assert "midair.cli.commands" in loaded
+        heavy = {"numpy", "h5py", "pydantic", "midair.files", "midair.devices", "midair.cli.commands.record"}
+        assert heavy.isdisjoint(loaded)

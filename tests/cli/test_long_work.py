@@ -9,7 +9,7 @@ import pytest
 import soundfile
 from rich.progress import Progress
 
-from midair.cli import run
+from midair.cli import app, run
 from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of
 from midair.cli.waiting import Waiting
 from midair.files import save
@@ -97,7 +97,7 @@ NO_BAR = {
 
 def offered():
     """Every command, with the folder that it is in."""
-    below = {f"{name} {sub}" for name, (_, folder) in FOLDERS.items() for sub in folder if not sub.startswith("-")}
+    below = {f"{name} {sub}" for name in FOLDERS for sub in app[name] if not sub.startswith("-")}
     return {*COMMANDS, *below, "completion", "calibrate"}
 
 

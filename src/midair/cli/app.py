@@ -14,9 +14,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of
 from midair.cli.terminal import GROUPS, err, flags_of, offer, seen_waiting, talk, talking
-from midair.devices import ordered_at, process_began
 from midair.errors import MidairError, UnknownDeviceError
-from midair.files import NoLocksWarning, files_noted
 from midair.version import __version__
 
 TRACEBACK = "MIDAIR_TRACEBACK"
@@ -61,11 +59,10 @@ def completion_command(shell: Literal["bash", "zsh", "fish"], /) -> None:
     sys.stdout.write(app.generate_completion(shell=shell))
 
 
-for name, (group, command) in COMMANDS.items():
-    offer(app, command, name, group=group)
-for group, folder in FOLDERS.values():
-    folder.group = (GROUPS[group],)
-    app.command(folder)
+for order, (name, (group, _, said)) in enumerate(COMMANDS.items()):
+    app.command(f"midair.cli.commands:{name}_app", name=name, help=said, group=GROUPS[group], sort_key=order)
+for name, (group, said) in FOLDERS.items():
+    app.command(f"midair.cli.commands.{name}:{name}_app", name=name, help=said, group=GROUPS[group])
 offer(app, completion_command, "completion", group="Help")
 for flag in ("--help", "--version"):
     app[flag].group = (GROUPS["Help"],)
@@ -77,9 +74,14 @@ def main(tokens: Sequence[str] | None = None) -> None:
     # A name that the terminal cannot spell is printed all the same.
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="backslashreplace")
+    tokens = sys.argv[1:] if tokens is None else tokens
+    if not _works(tokens):
+        sys.exit(run(tokens))
+    from midair.devices import ordered_at, process_began
+
     # From here on a stop counts, also one that comes before the command says that it plays.
     with ordered_at(process_began()):
-        sys.exit(run(sys.argv[1:] if tokens is None else tokens))
+        sys.exit(run(tokens))
 
 
 def run(tokens: Sequence[str]) -> int:
@@ -93,7 +95,16 @@ def run(tokens: Sequence[str]) -> int:
         return status
 
 
+def _works(tokens: Sequence[str]) -> bool:
+    """Whether a line names a command, which may have devices and files: help and version need nothing of either."""
+    return any(token in COMMANDS or token in FOLDERS for token in tokens)
+
+
 def _status(tokens: Sequence[str]) -> int:
+    if not _works(tokens):
+        return _status_of(tokens, ())
+    from midair.files import files_noted
+
     with files_noted() as files:
         return _status_of(tokens, files)
 
@@ -142,7 +153,9 @@ def _unforeseen(wrong: Exception) -> int:
 
 def _say_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
     """A warning of midair in its own words, without the line of code that gave it; others as Python shows them."""
-    if issubclass(category, NoLocksWarning):
+    # It may come while files are imported, and from elsewhere before they are.
+    no_locks = getattr(sys.modules.get("midair.files"), "NoLocksWarning", ())
+    if issubclass(category, no_locks):
         _say(str(message), 0)
     else:
         sys.stderr.write(warnings.formatwarning(message, category, *where[:2]))

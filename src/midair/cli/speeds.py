@@ -4,14 +4,14 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-import tomli_w
-
-from midair.devices import state_folder
 from midair.errors import FileError
-from midair.files import whole_file
-from midair.settings import Settings
+
+if TYPE_CHECKING:
+    from midair.settings import Settings
 
 LONG = 10.0
 """Work of fewer seconds than these is not told beforehand."""
@@ -54,7 +54,7 @@ class Speeds:
     def known(cls) -> "Speeds":
         """What the state folder tells; nothing where it cannot be read."""
         with suppress(OSError, ValueError):
-            told = tomllib.loads((state_folder() / _FILE).read_text(encoding="utf-8"))
+            told = tomllib.loads((_folder() / _FILE).read_text(encoding="utf-8"))
             kept = {kind: float(rate) for kind, rate in told.items() if isinstance(rate, int | float) and rate > 0}
             return cls(rates=MappingProxyType(kept))
         return cls()
@@ -73,14 +73,18 @@ class Speeds:
 
     def keep(self) -> None:
         """Write it to the state folder, whole; a folder that refuses costs no more than the next estimate."""
+        import tomli_w
+
+        from midair.files import whole_file
+
         with suppress(OSError, FileError):
-            folder = state_folder()
+            folder = _folder()
             folder.mkdir(parents=True, exist_ok=True)
             with whole_file(folder / _FILE) as partial:
                 partial.write_text(tomli_w.dumps(dict(self.rates)), encoding="utf-8")
 
 
-def workload_of(settings: Settings, transducers: int) -> str:
+def workload_of(settings: "Settings", transducers: int) -> str:
     """What decides how fast a frame is solved: method, iterations, what is met, points, transducers, threads."""
     solver, grid = settings.solver, settings.target.grid
     parts = [solver.name, str(solver.fit), f"{grid.rows}x{grid.columns} points", f"{transducers} transducers"]
@@ -106,3 +110,10 @@ def spoken(seconds: float) -> str:
     if seconds < 5400:
         return f"{seconds / 60:.2g} min"
     return f"{seconds / 3600:.2g} h"
+
+
+def _folder() -> Path:
+    """Where it is kept; devices are imported with it, which help needs no more than files and settings."""
+    from midair.devices import state_folder
+
+    return state_folder()

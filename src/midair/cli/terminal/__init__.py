@@ -1,70 +1,77 @@
-"""What commands share: options, quantities, what is printed, keys and meters."""
+"""What commands share: options, quantities, what is printed, keys and meters.
 
-from midair.cli.speeds import Work, workload_of
-from midair.cli.terminal.air_options import AirOptions, say_air
-from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
-from midair.cli.terminal.calibration_output import (
-    OutputOptions,
-    array_rows,
-    as_measured,
-    given_calibration,
-    prepare_page,
-    tell,
-)
-from midair.cli.terminal.comparisons import card_of, plain, print_card, print_palm, print_side_by_side
-from midair.cli.terminal.console import (
-    PlainConsole,
-    Stages,
-    Talk,
-    banner,
-    err,
-    flags_of,
-    out,
-    print_figures,
-    print_json,
-    print_rows,
-    say,
-    seen_waiting,
-    stages,
-    talk,
-    talking,
-    warn_simulated,
-    work_of,
-)
-from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long, say_how_long_to_come
-from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
-from midair.cli.terminal.keys import Keys, Signals, signals_noted
-from midair.cli.terminal.meter_screen import MeterScreen
-from midair.cli.terminal.nominal import nominal_calibration, scale_by, stated_sensitivity
-from midair.cli.terminal.offering import GROUPS, epilogue, examples_of, offer
-from midair.cli.terminal.options import (
-    BandOptions,
-    Force,
-    Frequency,
-    Json,
-    Length,
-    Quiet,
-    SolveOptions,
-    Time,
-    paper_beside,
-    way_of,
-)
-from midair.cli.terminal.originals import asked_of, brought_together, felt_part, kept_aside, made_with
-from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
-from midair.cli.terminal.quantities import parse_quantity, quantity, spell
-from midair.cli.terminal.rows import (
-    calibrated_by,
-    calibration_figures,
-    level_of_file,
-    level_rows,
-    met_of,
-    recording_figures,
-    recording_rows,
-    warn_level,
-)
-from midair.cli.terminal.stage_options import Drawing, StageOptions, stroke_rows, strokes_of
-from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
-from midair.cli.terminal.take_output import plain_take, take_rows
+Each is imported when it is first asked for: help needs next to nothing of it, and no command all of it.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from midair.cli.speeds import Work, workload_of
+    from midair.cli.terminal.air_options import AirOptions, say_air
+    from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
+    from midair.cli.terminal.calibration_output import (
+        OutputOptions,
+        array_rows,
+        as_measured,
+        given_calibration,
+        prepare_page,
+        tell,
+    )
+    from midair.cli.terminal.comparisons import card_of, plain, print_card, print_palm, print_side_by_side
+    from midair.cli.terminal.console import (
+        PlainConsole,
+        Stages,
+        Talk,
+        banner,
+        err,
+        flags_of,
+        out,
+        print_figures,
+        print_json,
+        print_rows,
+        say,
+        seen_waiting,
+        stages,
+        talk,
+        talking,
+        warn_simulated,
+        work_of,
+    )
+    from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long, say_how_long_to_come
+    from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
+    from midair.cli.terminal.keys import Keys, Signals, signals_noted
+    from midair.cli.terminal.meter_screen import MeterScreen
+    from midair.cli.terminal.nominal import nominal_calibration, scale_by, stated_sensitivity
+    from midair.cli.terminal.offering import GROUPS, epilogue, examples_of, imported, offer
+    from midair.cli.terminal.options import (
+        BandOptions,
+        Force,
+        Frequency,
+        Json,
+        Length,
+        Quiet,
+        SolveOptions,
+        Time,
+        paper_beside,
+        way_of,
+    )
+    from midair.cli.terminal.originals import asked_of, brought_together, felt_part, kept_aside, made_with
+    from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
+    from midair.cli.terminal.quantities import parse_quantity, quantity, spell
+    from midair.cli.terminal.rows import (
+        calibrated_by,
+        calibration_figures,
+        level_of_file,
+        level_rows,
+        met_of,
+        recording_figures,
+        recording_rows,
+        warn_level,
+    )
+    from midair.cli.terminal.stage_options import Drawing, StageOptions, stroke_rows, strokes_of
+    from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
+    from midair.cli.terminal.take_output import plain_take, take_rows
 
 __all__ = [
     "array_rows",
@@ -107,6 +114,7 @@ __all__ = [
     "flags_of",
     "kept_aside",
     "given_calibration",
+    "imported",
     "keep",
     "made_with",
     "level_of_file",
@@ -160,3 +168,46 @@ __all__ = [
     "workload_of",
     "warn_simulated",
 ]
+
+_FROM = {
+    "midair.cli.speeds": "Work workload_of",
+    "midair.cli.terminal.air_options": "AirOptions say_air",
+    "midair.cli.terminal.bringing": "FileOptions bring parse_names parsed",
+    "midair.cli.terminal.calibration_output": (
+        "OutputOptions array_rows as_measured given_calibration prepare_page tell"
+    ),
+    "midair.cli.terminal.comparisons": "card_of plain print_card print_palm print_side_by_side",
+    "midair.cli.terminal.console": (
+        "PlainConsole Stages Talk banner err flags_of out print_figures print_json print_rows say seen_waiting "
+        "stages talk talking warn_simulated work_of"
+    ),
+    "midair.cli.terminal.exposure_options": "ExposureOptions say_how_long say_how_long_to_come",
+    "midair.cli.terminal.keeping": "as_recording keep may_write say_kept",
+    "midair.cli.terminal.keys": "Keys Signals signals_noted",
+    "midair.cli.terminal.meter_screen": "MeterScreen",
+    "midair.cli.terminal.nominal": "nominal_calibration scale_by stated_sensitivity",
+    "midair.cli.terminal.offering": "GROUPS epilogue examples_of imported offer",
+    "midair.cli.terminal.options": (
+        "BandOptions Force Frequency Json Length Quiet SolveOptions Time paper_beside way_of"
+    ),
+    "midair.cli.terminal.originals": "asked_of brought_together felt_part kept_aside made_with",
+    "midair.cli.terminal.play_options": "PlayOptions play_on_array say_room",
+    "midair.cli.terminal.quantities": "parse_quantity quantity spell",
+    "midair.cli.terminal.rows": (
+        "calibrated_by calibration_figures level_of_file level_rows met_of recording_figures recording_rows warn_level"
+    ),
+    "midair.cli.terminal.stage_options": "Drawing StageOptions stroke_rows strokes_of",
+    "midair.cli.terminal.sweep_output": "show_patterns show_trials swept",
+    "midair.cli.terminal.take_output": "plain_take take_rows",
+}
+"""Names of this face, by the modules that they are from."""
+
+_ELSEWHERE = {name: module for module, names in _FROM.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ELSEWHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    # Kept, so that it is looked for once.
+    value = globals()[name] = getattr(import_module(_ELSEWHERE[name]), name)
+    return value

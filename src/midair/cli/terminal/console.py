@@ -7,7 +7,7 @@ from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
@@ -16,8 +16,9 @@ from rich.text import Text
 
 from midair.cli.speeds import MEASURED, Speeds, Work, told
 from midair.cli.waiting import Waiting, waiting
-from midair.files import for_json, printable
-from midair.model import Progress as Report
+
+if TYPE_CHECKING:
+    from midair.model import Progress as Report
 
 _FLAGS = {"-q": "quiet", "-v": "verbose", "--verbose": "verbose"}
 
@@ -80,7 +81,7 @@ class PlainConsole(Console):
 
     def render_str(self, text: str, **how: Any) -> Text:
         """Every text that is printed, also in tables, comes through here."""
-        return super().render_str(printable(text), **how)
+        return super().render_str(_printable(text), **how)
 
 
 class PerSecond(ProgressColumn):
@@ -154,7 +155,7 @@ def say(line: str) -> None:
 class Stages(Protocol):
     """Told the name of each stage as it begins, and what it works on; gives the progress to report to."""
 
-    def __call__(self, name: str, /, workload: str = "") -> Report:
+    def __call__(self, name: str, /, workload: str = "") -> "Report":
         """The progress of this stage."""
         ...
 
@@ -175,8 +176,8 @@ def stages(works: Sequence[Work] = ()) -> Generator[Stages]:
         err().print(line, style="dim")
     with bars() as shown:
 
-        def begin(name: str, /, workload: str = "") -> Report:
-            task = shown.add_task(printable(name), total=None)
+        def begin(name: str, /, workload: str = "") -> "Report":
+            task = shown.add_task(_printable(name), total=None)
             if running:
                 running[-1].ended = time.monotonic()
             running.append(stage := _Running(name=name, workload=workload))
@@ -235,8 +236,17 @@ def print_rows(rows: Iterable[tuple[str, str]]) -> None:
 
 def print_json(value: object) -> None:
     """One JSON document on the output; NaN and infinity, which JSON lacks, become null."""
+    from midair.files import for_json
+
     _no_longer_waiting()
     print(json.dumps(for_json(value), indent=2, default=str))  # noqa: T201
+
+
+def _printable(text: str) -> str:
+    """As `midair.files` has it, which takes NumPy and HDF5 with it: help prints without."""
+    from midair.files import printable
+
+    return printable(text)
 
 
 def banner(simulated: bool) -> None:

@@ -37,6 +37,25 @@ def offer(app: App, command: Callable[..., Any], name: str, *, group: str | None
     app.command(command, name=name, sort_key=order, help_epilogue=epilogue(examples_of(command)), **placed)
 
 
+class _Imported(App):
+    """A command with its own help, whatever line stood for it before it was imported."""
+
+    @property
+    def help(self) -> str:
+        return super().help
+
+    @help.setter
+    def help(self, value: str) -> None:
+        del value
+
+
+def imported(command: Callable[..., Any], name: str) -> App:
+    """A command as `offer` puts it into an app, for one that is put there by its path."""
+    made = _Imported(name=name, help_epilogue=epilogue(examples_of(command)))
+    made.default(command)
+    return made
+
+
 def examples_of(command: Callable[..., Any]) -> tuple[str, ...]:
     """What the docstring of a command gives as examples, without the prompt."""
     found = _EXAMPLES.search("\n" + cleandoc(command.__doc__ or ""))

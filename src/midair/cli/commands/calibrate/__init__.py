@@ -9,8 +9,6 @@ from midair.cli.terminal import epilogue, examples_of, offer
 
 calibrate_app = App(
     name="calibrate",
-    help="Turn a recording into pressure: midair calibrate RECORDING. What a calibration is measured with: against a "
-    "reference (measure), by a tone of known level (tone), by a beam (beam). And an array's transducers (array).",
     help_epilogue=epilogue(examples_of(apply_command)),
 )
 calibrate_app.default(apply_command)

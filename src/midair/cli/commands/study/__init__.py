@@ -10,7 +10,6 @@ from midair.cli.terminal import epilogue, offer
 
 study_app = App(
     name="study",
-    help="Plan a study on people, run it one participant at a time, and analyse it.",
     help_epilogue=epilogue(("midair study new touch --participants 3",)),
 )
 offer(study_app, new_command, "new")

@@ -9,8 +9,6 @@ from midair.cli.terminal import epilogue, offer
 
 sweep_app = App(
     name="sweep",
-    help="Solve many targets on many processes, and report E: all binary patterns of the paper's simulation (5.1) over "
-    "strengths and heights, or recordings under many settings.",
     help_epilogue=epilogue(("midair sweep patterns patterns.zarr --count 1000 --strength 0.1",)),
 )
 offer(sweep_app, patterns_command, "patterns")
