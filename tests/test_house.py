@@ -63,6 +63,7 @@ WHOLE_SUITES = {
     "test_house.py": "this file",
     "test_main.py": "`python -m midair`",
     "test_midair.py": "the face of the package",
+    "test_wheel.py": "the package as it is installed",
 }
 """Tests of more than one file of src, and of what."""
 
