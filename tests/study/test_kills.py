@@ -115,6 +115,7 @@ def test_no_answer_is_lost(killer, plan, tmp_path, kills):
         return ("study", "run", folder, "--simulate", "--participant", 1)
 
     killed(killer, kills, words, look)
+    assert any(known.values())
 
 
 @pytest.mark.parametrize("kills", KILLS)

@@ -4,6 +4,8 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -43,11 +45,16 @@ def test_no_new_sign_is_the_end(silent):
         watch.look()
 
 
-def test_an_answer_counts_as_a_sign():
-    watch = WorkersWatch(Told([5.0], [], []), patience=60.0)
+@pytest.mark.parametrize("answered", [True, False])
+def test_an_answer_counts_as_a_sign(answered, monkeypatch):
+    clock = iter([0.0, 0.0, *([50.0] if answered else []), 70.0]).__next__
+    monkeypatch.setattr("midair.sweep.watch.time", SimpleNamespace(monotonic=clock))
+    watch = WorkersWatch(Told([5.0], []), patience=60.0)
     watch.look()
-    watch.heard()
-    watch.look()
+    if answered:
+        watch.heard()
+    with nullcontext() if answered else pytest.raises(ClusterError, match="no sign of life"):
+        watch.look()
 
 
 @pytest.mark.slow
