@@ -60,7 +60,7 @@ LINES = {
         "what was solved is stored, and the same command goes on"
     ),
     "sweep report done.zarr": NOTHING,
-    "study plan touch": NOTHING,
+    "study plan touch --runs 20": NOTHING,
     "study power rating --effect 0.5 --runs 2": NOTHING,
     "study paper figures": "kept figures/paper-chance.png",
     "study analyse touch --draws 50": NOTHING,

@@ -28,13 +28,13 @@ CALIBRATION_BINS = ("coherence", "magnitude_uncertainty", "phase_uncertainty", "
 CALIBRATION_LINE = [f"{name}{end}" for name in ("gain", "intercept", "curvature") for end in ("", "_uncertainty")]
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def provenance() -> Provenance:
     life = Provenance(source="virtual:towel é", simulated=True, notes={"object": 'towel, "wet"\n\u2028µ'})
     return life.then("record", {"band": (20.0, 470.0), "n": 3, "on": True, "none": None, "deep": ("a", (1, 2.5))})
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def recording(provenance: Provenance) -> Recording:
     samples = np.random.default_rng(7).normal(size=(40, 3, 5))
     sensor = SensorGrid(rows=3, columns=5, pitch=7e-3, name="palm µ")
@@ -47,7 +47,7 @@ def options(recording: Recording) -> dict[str, Any]:
     return {"rate": recording.rate, "sensor": recording.sensor, "unit": "Pa", "provenance": recording.provenance}
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def calibration(recording: Recording) -> Calibration:
     rng = np.random.default_rng(8)
     shape = recording.sensor.shape
@@ -76,7 +76,7 @@ def calibration(recording: Recording) -> Calibration:
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def solution(provenance: Provenance) -> Solution:
     rng = np.random.default_rng(9)
     array = TransducerArray.autd3(columns=1, rows=1)
@@ -92,14 +92,14 @@ def solution(provenance: Provenance) -> Solution:
     return Solution(drive=drive, error=rng.random(4), iterations=np.array([50, 20, 20, 0]), status=status)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def target(solution: Solution) -> AmplitudeFrames:
     grid = ControlGrid(rows=2, columns=3, pitch=4e-3, height=0.15, centre=(1e-3, -2e-3))
     amplitude = np.random.default_rng(10).random((4, 6)) * 3000
     return AmplitudeFrames(amplitude=amplitude, rate=1000, grid=grid, provenance=Provenance(source="prepare"))
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def alike() -> Callable[[Recording, Recording], None]:
     def check(one: Recording, other: Recording) -> None:
         np.testing.assert_array_equal(one.samples, other.samples)
@@ -113,7 +113,7 @@ def _xdf_chunk(tag: int, content: bytes) -> bytes:
     return b"\x04" + struct.pack("<IH", len(content) + 2, tag) + content
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def xdf() -> Callable[..., bytes]:
     """An XDF as its specification says (sccn/xdf, 1.0): header, stream header, samples, clock offsets, footer."""
 
@@ -148,7 +148,7 @@ def xdf() -> Callable[..., bytes]:
     return build
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def tdms() -> Callable[..., bytes]:
     """A TDMS segment as National Instruments describes it."""
 
@@ -195,7 +195,7 @@ def tdms() -> Callable[..., bytes]:
     return segment
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def mcap() -> Callable[..., bytes]:
     """An MCAP with topics of encoded messages, by the library of its makers."""
     writer = pytest.importorskip("mcap.writer")

@@ -1,8 +1,8 @@
 """A program that writes every file that midair writes, and that the kernel stops in the middle of it. Run by tests.
 
-Arguments: "killed" (by SIGXFSZ) or "refused" (EFBIG); then "quick", to leave out those that work for seconds. Each
-writer runs once whole, to see how large its largest file is, and then in a process of its own whose files may be half
-as large. Prints a line of JSON for each.
+Argument: "quick", to leave out those that work for seconds. Each writer runs once whole, to see how large its largest
+file is, and then twice in a process of its own whose files may be half as large: refused (EFBIG), and killed (by
+SIGXFSZ), which leaves more behind. Prints a line of JSON for each.
 """
 
 import json
@@ -137,8 +137,8 @@ def tried(write, path, limit, how):
     os._exit(status)
 
 
-def main(how, *quick):
-    """Print what is left of each writer."""
+def main(*quick):
+    """Print what is left of each writer, however it was stopped."""
     for name, write in WRITERS.items():
         if quick and name in LONG:
             continue
@@ -152,21 +152,19 @@ def main(how, *quick):
             write(path)
             limit = largest(path) // 2
             before = _contents(path)
-            if name in (*FOLDERS, *NEW_ONLY):
-                _remove(path)
-            ended = tried(write, path, limit, how)
-            print(
-                json.dumps(
-                    {
-                        "name": name,
-                        "ended": ended,
-                        "whole": _whole(name, before, _contents(path)),
-                        "left": [each.name for each in folder.glob(".midair-*")],
-                        "again": name in FOLDERS and tried(write, path, 2**40, how),
-                    }
-                ),
-                flush=True,
-            )
+            for how in ("refused", "killed"):
+                if name in (*FOLDERS, *NEW_ONLY):
+                    _remove(path)
+                ended = tried(write, path, limit, how)
+                told = {
+                    "name": name,
+                    "how": how,
+                    "ended": ended,
+                    "whole": _whole(name, before, _contents(path)),
+                    "left": [each.name for each in folder.glob(".midair-*")],
+                    "again": name in FOLDERS and tried(write, path, 2**40, how),
+                }
+                print(json.dumps(told), flush=True)
 
 
 def _contents(path):
@@ -185,7 +183,7 @@ def _whole(name, before, after):
 def _remove(path):
     for each in sorted(path.rglob("*"), reverse=True) if path.is_dir() else []:
         each.rmdir() if each.is_dir() else each.unlink()
-    path.rmdir() if path.is_dir() else path.unlink()
+    path.rmdir() if path.is_dir() else path.unlink(missing_ok=True)
 
 
 if __name__ == "__main__":

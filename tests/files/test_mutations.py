@@ -46,10 +46,9 @@ def mutant(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(spoilt)
 
 
-@pytest.fixture
-def originals(recording, calibration, solution, target, xdf, tdms, mcap, tmp_path):
-    folder = tmp_path / "originals"
-    folder.mkdir()
+@pytest.fixture(scope="module")
+def originals(recording, calibration, solution, target, xdf, tdms, mcap, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("originals")
     for ending in (".h5", ".csv", ".wav", ".npz", ".mat", ".nc"):
         save(recording, folder / f"a{ending}", calibration=calibration if ending in (".h5", ".nc") else None)
     save_pressure(PressureFrames(pressure=recording.samples, rate=333, sensor=recording.sensor), folder / "a.h5")

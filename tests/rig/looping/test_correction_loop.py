@@ -130,7 +130,7 @@ def test_a_real_sensor_cannot_hear_a_virtual_array():
     from midair.devices import ReplaySensor, admit
 
     skin = RIG.skin()
-    drive = loop("am-i", COARSE, 0.12).passes[0].reproduction.solution.drive
+    drive = loop("am-iii", COARSE, 0.12).passes[0].reproduction.solution.drive
     real = ReplaySensor(Recording(samples=np.ones((9, 4, 4)), rate=1000.0))
     with RIG.array_device(skin) as array, real as sensor, pytest.raises(MismatchError, match="both real or both"):
         rerecord(admit(drive, array, usual_exposure()), array, sensor)

@@ -38,23 +38,28 @@ def loop(settings, iterate, **others):
 
 @pytest.fixture(scope="module")
 def corrected():
-    return loop(COARSE, 6)
+    return loop(COARSE, 2)
 
 
 @pytest.mark.long
-def test_each_of_more_than_five_passes_is_better_than_the_one_before(corrected):
-    errors = [one.comparison.waveform_error for one in corrected.passes[1:]]
+def test_each_of_more_than_five_passes_is_better_than_the_one_before():
+    """Half a wave becomes 6 dB better: on the paper's grid it starts at 6 dB, with six points a side lower."""
+    long = loop(COARSE, 6)
+    errors = [one.comparison.waveform_error for one in long.passes[1:]]
     assert len(errors) == 7
     assert (np.diff(errors) < 0).all()
     assert errors[-1] < 0.5 * errors[0]
-    assert corrected.end == "6 steps were made"
-
-
-def test_half_a_wave_becomes_6_db_better(corrected):
-    """On the paper's grid it starts at 6 dB; six points a side that only push start lower."""
-    before, after = corrected.passes[1].comparison, corrected.passes[-1].comparison
+    assert long.end == "6 steps were made"
+    assert np.ptp([one.comparison.delay for one in long.passes]) < 1e-4
+    before, after = long.passes[1].comparison, long.passes[-1].comparison
     assert before.distortion_ratio < 7
     assert after.distortion_ratio > before.distortion_ratio + 6
+
+
+def test_the_second_step_is_better_than_the_first_and_that_than_none(corrected):
+    errors = [one.comparison.waveform_error for one in corrected.passes[1:]]
+    assert len(errors) == 3
+    assert (np.diff(errors) < 0).all()
 
 
 def test_the_delay_does_not_drift(corrected):
@@ -64,8 +69,8 @@ def test_the_delay_does_not_drift(corrected):
 
 def test_the_life_of_a_corrected_pass_tells_its_steps(corrected):
     stages = [step.stage for step in corrected.passes[-1].asked.provenance.steps]
-    assert stages.count("correct") == 6
-    assert [one.step for one in corrected.passes] == [None, None, *[0.8] * 6]
+    assert stages.count("correct") == 2
+    assert [one.step for one in corrected.passes] == [None, None, 0.8, 0.8]
 
 
 @pytest.mark.slow
