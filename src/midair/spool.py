@@ -1,15 +1,48 @@
 """Frames that wait on the disk, in a file without a name, which is gone with the program."""
 
 import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from types import TracebackType
-from typing import Self
+from typing import IO, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.errors import FileError
 from midair.reel import Reel, blocks
 
 Array = NDArray[np.float64]
+
+
+@contextmanager
+def _on_disk() -> Generator[None]:
+    """What the disk refuses is one line that names the folder: nobody chose this file, and it has no name."""
+    try:
+        yield
+    except OSError as wrong:
+        raise FileError(
+            f"{tempfile.gettempdir()}: expected room for frames that wait there while it works, got: {wrong.strerror}; "
+            "make room, or set TMPDIR to a folder on another disk"
+        ) from wrong
+
+
+def _nameless() -> IO[bytes]:
+    with _on_disk():
+        return tempfile.TemporaryFile(prefix="midair-")
+
+
+def _write(file: IO[bytes], at: int, block: Array) -> None:
+    with _on_disk():
+        file.seek(at)
+        file.write(np.ascontiguousarray(block, np.float64).data)
+        file.flush()
+
+
+def _forget(file: IO[bytes]) -> None:
+    # What could not be written is tried once more by closing, and is wanted no longer.
+    with suppress(OSError):
+        file.close()
 
 
 class Spool:
@@ -25,7 +58,7 @@ class Spool:
         self.shape = shape
         self.frames = 0
         self._bytes = 8 * int(np.prod(shape, dtype=np.int64))
-        self._file = tempfile.TemporaryFile(prefix="midair-")  # noqa: SIM115, closed by close()
+        self._file = _nameless()
 
     def __enter__(self) -> Self:
         return self
@@ -37,16 +70,21 @@ class Spool:
 
     def __del__(self) -> None:
         # A reel may be all that still holds it.
-        self._file.close()
+        self.close()
 
     def close(self) -> None:
         """Forget all frames."""
-        self._file.close()
+        _forget(self._file)
 
     def append(self, block: Array) -> None:
-        """Put frames, shape (frame, ...), behind those that are there."""
-        self._file.seek(self.frames * self._bytes)
-        self._file.write(np.ascontiguousarray(block, np.float64).data)
+        """Put frames, shape (frame, ...), behind those that are there.
+
+        Raises
+        ------
+        FileError
+            If the disk does not take them.
+        """
+        _write(self._file, self.frames * self._bytes, block)
         self.frames += len(block)
 
     def read(self, first: int, last: int) -> Array:
@@ -71,15 +109,20 @@ class Columns:
 
     def __init__(self, frames: int, channels: int) -> None:
         self.frames, self.channels = frames, channels
-        self._file = tempfile.TemporaryFile(prefix="midair-")  # noqa: SIM115, as in `Spool`
+        self._file = _nameless()
 
     def __del__(self) -> None:
-        self._file.close()
+        _forget(self._file)
 
     def put(self, channel: int, first: int, values: Array) -> None:
-        """Numbers of one channel from a frame on."""
-        self._file.seek(8 * (channel * self.frames + first))
-        self._file.write(np.ascontiguousarray(values, np.float64).data)
+        """Numbers of one channel from a frame on.
+
+        Raises
+        ------
+        FileError
+            If the disk does not take them.
+        """
+        _write(self._file, 8 * (channel * self.frames + first), values)
 
     def channel(self, number: int, first: int, last: int) -> Array:
         """Numbers of one channel from `first` up to `last`."""
