@@ -250,6 +250,20 @@ def test_nothing_is_wider_than_the_page(opened, width):
     assert all(wide > 20 and high > 20 and abs(wide - css) <= 1 for wide, high, css in sizes)
 
 
+def test_on_paper_a_bar_stands_beside_its_maps(opened):
+    page = opened(focus(), reduced_motion="reduce")
+    page.set_viewport_size({"width": 688, "height": 900})
+    page.emulate_media(media="print")
+    rows = page.evaluate(
+        """() => [...document.querySelectorAll(".view-group")].map(group =>
+            [...group.querySelectorAll("figure")].map(one => one.getBoundingClientRect()).map(r => [r.top, r.right]))"""
+    )
+    assert [len(row) for row in rows if len(row) > 2]
+    for row in rows:
+        assert len({top for top, _ in row}) == 1
+        assert max(right for _, right in row) <= 688
+
+
 @pytest.fixture
 def all_of_it(opened):
     """A page with every picture."""

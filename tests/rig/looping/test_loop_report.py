@@ -97,3 +97,16 @@ def test_a_failed_write_leaves_the_old_report(loop, tmp_path):
 def test_a_reader_meets_the_verdict_then_pictures_then_tables(page):
     places = [page.index(words) for words in ('class="verdict"', "<img", "Figures of each pass", "The same by hand")]
     assert places == sorted(places)
+
+
+@pytest.mark.browser
+def test_no_table_lies_beyond_the_edge_of_a_telephone(page, chromium):
+    """A picture is moved under the finger; words and numbers are not."""
+    opened = chromium.new_page(viewport={"width": 390, "height": 900})
+    opened.set_content(page)
+    beyond = opened.evaluate(
+        """() => [...document.querySelectorAll(".wide:has(table)")]
+            .filter(one => one.scrollWidth > one.clientWidth + 1).map(one => one.previousElementSibling.innerText)"""
+    )
+    opened.close()
+    assert beyond == []
