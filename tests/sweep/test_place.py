@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import zarr
 
-from midair.errors import InputError, MismatchError, MissingExtraError, MissingFileError
+from midair.errors import FileError, InputError, MismatchError, MissingExtraError, MissingFileError
 from midair.sweep.pattern_sweep import PatternSweep
 from midair.sweep.place import SweepFolder, place_of
 from midair.sweep.run import do, run_sweep
@@ -94,6 +94,20 @@ def test_a_beginning_that_was_interrupted_is_made_whole(bucket, monkeypatch, fin
         pass
     monkeypatch.undo()
     assert finished(bucket, SWEEP).known == sum(task.count for task in SWEEP.tasks())
+
+
+def test_a_disk_that_takes_nothing_is_told_by_the_name_that_was_given(tmp_path):
+    """It was told of a name that begins with .midair and that nobody had typed."""
+    resource = pytest.importorskip("resource")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (16, hard))
+    try:
+        with pytest.raises(FileError) as told, open_sweep(tmp_path / "s.zarr", SWEEP):
+            pass
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert str(told.value) == f"{tmp_path / 's.zarr'}: cannot be written: File too large"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_file_address_is_a_folder(tmp_path, finished):

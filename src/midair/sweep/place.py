@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from midair.errors import BrokenFileError, FileError, InputError, MissingExtraError
+from midair.errors import BrokenFileError, FileError, InputError, MidairError, MissingExtraError
 from midair.files import hold, refusing, writable_path
 
 
@@ -62,13 +62,24 @@ class SweepFolder:
         return self.path.exists()
 
     def create(self, fill: Callable[[Any], None]) -> None:
-        """Make the store beside `path` and rename it when it is whole."""
+        """Make the store beside `path` and rename it when it is whole.
+
+        Raises
+        ------
+        FileError
+            If the disk refuses.
+        """
         path = writable_path(self.path)
         partial = path.with_name(f".midair-{secrets.token_hex(4)}.part")
         try:
             fill(str(partial))
             with suppress(OSError):  # another program was first: its store is checked like any other
                 partial.rename(path)
+        except MidairError:
+            raise
+        except OSError as wrong:
+            # Not by the name that it has until it is whole.
+            raise FileError(f"{self}: cannot be written: {wrong.strerror or wrong}") from wrong
         finally:
             shutil.rmtree(partial, ignore_errors=True)
 
