@@ -4,9 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from midair.cli.terminal import Json, print_json, print_rows
-from midair.devices import Stopped, state_folder
-from midair.files import load_placement
-from midair.rig import array_named, stop_playing
+from midair.devices import Stopped, state_folder, stop_playing
 
 
 def stop_command(*, device: str | None = None, placement: Path | None = None, json: Json = False) -> int:
@@ -56,6 +54,10 @@ def _said(one: Stopped) -> str:
 
 def _silence(device: str, placement: Path | None) -> None:
     """Open a device and silence it, whoever holds it."""
+    # Only now: what they take with them must not keep those waiting that play.
+    from midair.files import load_placement
+    from midair.rig import array_named
+
     array = array_named(device, None if placement is None else load_placement(placement))
     # Not entered, which would wait for nobody and refuse where another program has it.
     try:

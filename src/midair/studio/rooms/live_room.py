@@ -158,6 +158,8 @@ class LiveRoom:
             await self._over(str(wrong))
             raise
         about["wish"] = {name: value for name, value in asdict(wish).items() if name not in ("calibration", "override")}
+        # Pages begin their pictures anew when they are told of it: the same settings again are something new too.
+        about["run"] = next(self._numbers)
         self._desk.put(live_about=about)
         self._show(state="plays")
         return True
