@@ -118,6 +118,7 @@ def test_no_answer_is_lost(killer, plan, tmp_path, kills):
     assert any(known.values())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kills", KILLS)
 def test_a_report_is_whole(killer, finished, kills):
     report = finished / "report.html"
