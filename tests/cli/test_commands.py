@@ -208,8 +208,13 @@ def test_a_demo_shows_the_paper_s_mode_beside_the_best_and_both_again_by_hand(ca
 
 
 @pytest.mark.slow
-def test_the_picture_of_the_readme_is_the_one_that_the_demo_draws():
+def test_the_picture_of_the_readme_is_the_one_that_the_demo_draws_and_the_texture_keeps_its_frequency():
     assert run(["demo", "out"]) == 0
+    page = Path("out/report.html").read_text(encoding="utf-8")
+    heard = re.findall(r"dominant frequency, (?:original|reproduced)</td>((?:<td class=\"n\">[\d.]+</td>)+)", page)
+    before, after = ([float(number) for number in re.findall(r">([\d.]+)<", each)] for each in heard)
+    # Half a second tells 2 Hz apart.
+    assert before == after == [52.0] * 2
     drawn, shown = (
         np.asarray(Image.open(path).convert("L"), float)
         for path in ("out/palm.png", Path(__file__).parents[2] / "docs/images/palm.png")

@@ -1,6 +1,9 @@
 """The commands loop, compare and budget as a person types them."""
 
+import html
 import json
+import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -58,6 +61,28 @@ def test_an_iterative_loop_tells_its_passes_and_what_skin_makes_of_it(capsys, mo
     page = Path(answer["report"]).read_text(encoding="utf-8")
     for words in ("SIMULATED", "What skin makes of it", "pass by pass", "just noticeable"):
         assert words in page
+
+
+def figures_of_passes(page):
+    return re.findall(r"<h2>Figures of each pass</h2>.*?</table>", page.read_text(encoding="utf-8"), re.DOTALL)[0]
+
+
+@pytest.mark.slow
+def test_the_same_by_hand_has_every_option_quotes_names_and_gives_the_same_figures(capsys):
+    Path("a take.h5").write_bytes(Path("take.h5").read_bytes())
+    report, other = Path("mine & yours.html"), Path("equal.html")
+    common = [*QUICK[:6], "--method", "exact", "--start-at", "0.1s", "--duration", "0.05s", "--corrections", "0"]
+    typed = ["loop", "a take.h5", str(report), *common, "--seed", "3", "--amplitudes", "bounded"]
+    assert run(typed) == 0
+    (said,) = re.findall(r"<pre>(.*?)</pre>", report.read_text(encoding="utf-8"), re.DOTALL)
+    (line,) = html.unescape(said).strip().splitlines()
+    assert shlex.split(line) == ["midair", *typed]
+    first = figures_of_passes(report)
+    assert run([*shlex.split(line)[1:], "--force"]) == 0
+    assert figures_of_passes(report) == first
+    # The option did reach it: equally loud transducers have other figures.
+    assert run(["loop", "a take.h5", str(other), *common, "--seed", "3"]) == 0
+    assert figures_of_passes(other) != first
 
 
 @pytest.mark.long
