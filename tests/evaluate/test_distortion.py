@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from midair.errors import MismatchError
-from midair.evaluate import advance, fidelity
+from midair.evaluate import advance, fidelity, in_band
 from midair.evaluate.distortion import decibels, image_level, map_correlation
 from midair.model import PressureFrames, SensorGrid
 
@@ -56,6 +58,32 @@ def test_a_delay_is_found_and_taken_out():
     found = fidelity(x, late)
     assert found.delay == pytest.approx(0.0021, abs=2e-5)
     assert found.distortion_ratio > 35
+
+
+def noisy_piece(late):
+    """A second of noise in the band on every cell, and the same late by a part of a frame."""
+    rng = np.random.default_rng(0)
+    x = frames(dict(enumerate(in_band(rng.normal(size=(4000, 16)), RATE, (20.0, 470.0)).T)))
+    return x, replace(x, pressure=advance(x.pressure, -late, RATE))
+
+
+def test_a_perfect_piece_that_is_late_is_perfect():
+    """As much as the delay is found to, a parabola through three frames; cut out beforehand, it loses its ends."""
+    x, late = noisy_piece(0.11e-3)
+    found = fidelity(x, late, judged=(0.4, 0.12))
+    assert found.delay == pytest.approx(0.11e-3, abs=2e-6)
+    assert found.distortion_ratio > 50
+    assert fidelity(x.cut(0.4, 0.12), late.cut(0.4, 0.12)).distortion_ratio < 40
+
+
+def test_only_what_is_judged_counts():
+    """All but what sharp edges of the band ring on for."""
+    x, late = noisy_piece(0.0)
+    wrong = np.array(late.pressure)
+    wrong[:800] *= -np.hanning(800)[:, None, None]
+    spoilt = replace(late, pressure=wrong)
+    assert fidelity(x, spoilt, judged=(0.8, 0.12)).distortion_ratio > 30
+    assert fidelity(x, spoilt).distortion_ratio < 10
 
 
 def test_images_by_hand():

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from midair.evaluate.distortion import Band, Fidelity, fidelity
 from midair.evaluate.leakage import Leak
@@ -132,6 +133,7 @@ def budget(
     kept: float | None = None,
     band: Band = (20.0, 470.0),
     images: Band = (530.0, 1000.0),
+    judged: tuple[float, float] | None = None,
     palm: PalmFidelity | None = None,
 ) -> Budget:
     """Compare the output of each stage with its input, and with the original.
@@ -146,7 +148,7 @@ def budget(
         Strength of the target.
     kept : float, optional
         Part of the recording's power that lies in the band.
-    band, images : tuple of float
+    band, images, judged : tuple of float
         As in `fidelity`.
     palm : PalmFidelity, optional
         What a whole palm gets.
@@ -154,8 +156,9 @@ def budget(
     lines: list[StageLoss] = []
     before = original
     for output in outputs:
-        so_far = fidelity(output.reference or original, output.pressure, band=band, images=images)
-        alone = so_far if before is original else fidelity(before, output.pressure, band=band, images=images)
+        compared = partial(fidelity, delivered=output.pressure, band=band, images=images, judged=judged)
+        so_far = compared(output.reference or original)
+        alone = so_far if before is original else compared(before)
         if not output.tells_images:
             so_far, alone = replace(so_far, images=None), replace(alone, images=None)
         lines.append(StageLoss(name=output.name, what=output.what, alone=alone, so_far=so_far, leak=output.leak))

@@ -81,24 +81,18 @@ def error_budget(
     asked = led_in(original, plan.lead)
     plan = replace(plan, settings=at_strength(asked, plan.measured or plan.rig.array, plan.settings))
     made = reproduce(asked, plan.measured or plan.rig.array, plan.settings, progress=stage("solve"))
-    outputs = [
-        replace(
-            output,
-            pressure=_judged(output.pressure, original, plan.lead),
-            reference=None if output.reference is None else _judged(output.reference, original, plan.lead),
-        )
-        for output in _outputs(asked, made, plan, stage)
-    ]
+    # Whole, with the lead: what is judged is cut out when it is compared, and no edge is cut before.
+    outputs = list(_outputs(asked, made, plan, stage))
+    part = (round(plan.lead * original.rate) / original.rate, original.frames / original.rate)
     band = plan.settings.calibration.band
     palm = None
     if plan.palm is not None:
         drive = made.solution.drive
         *_, (_, _, chain) = _chains(drive, plan)
-        part = (round(plan.lead * original.rate) / original.rate, original.frames / original.rate)
         palm = palm_of_drive(
             asked, drive, plan.palm, chain=chain, rig=plan.rig, judged=part, band=band, progress=stage("palm")
         )
-    return budget(original, outputs, strength=made.strength(), kept=kept, band=band, palm=palm)
+    return budget(asked, outputs, strength=made.strength(), kept=kept, band=band, judged=part, palm=palm)
 
 
 def kept_in_band(recording: Recording, band: tuple[float, float]) -> float | None:
@@ -145,6 +139,9 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
         pressure = simulate(
             drive, way, chain=chain, rate=skin.rate, acoustics=around, weights=weights, progress=stage(name)
         )
+        if chain.hold == "step":
+            # A moment of what is played is the end of its stretch; the first frame begins in silence.
+            pressure = np.concatenate([np.zeros_like(pressure[:1]), pressure[:-1]])
         cells = pressure.reshape(-1, *asked.sensor.shape)
         played = _simulated(replace(asked, pressure=cells, rate=skin.rate))
         yield StageOutput(name=name, what=what, pressure=played, leak=outside if name == "solver" else None)
@@ -190,12 +187,6 @@ def _heard(cells: Array, asked: PressureFrames, plan: BudgetPlan) -> PressureFra
     volts = sense(model, cells[:whole], rig.rate, rng=np.random.default_rng(rig.seed), oversample=over)
     recording = Recording(samples=volts, rate=rig.rate, sensor=model.grid, provenance=asked.provenance)
     return felt(recording, calibration_of(model), settings, from_rest=True)
-
-
-def _judged(pressure: PressureFrames, original: PressureFrames, lead: float) -> PressureFrames:
-    """The original's part of it, without the lead."""
-    first = round(lead * original.rate) / original.rate
-    return pressure.cut(first, original.frames / original.rate) if first else pressure
 
 
 def _simulated(pressure: PressureFrames) -> PressureFrames:

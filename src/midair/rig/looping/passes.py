@@ -134,7 +134,7 @@ def play_made(
         rerecorded=rerecorded,
         heard=heard,
         felt=again,
-        comparison=compare(original, again),
+        comparison=compare(original, heard, first=first),
     )
 
 
