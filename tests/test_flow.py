@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from midair.errors import InputError, RateError
 from midair.flow import at_rate, felt, reproduce, reproduce_parts, wanted
 from midair.model import ControlGrid, PressureFrames, Provenance, Recording, TransducerArray
-from midair.physics import focus_amplitude
+from midair.physics import Transducers, focus_amplitude
 from midair.settings import Settings
 from midair.targets import Circle
 
@@ -133,3 +135,23 @@ def test_a_strength_that_makes_no_sense_is_refused():
     silent = PressureFrames(pressure=np.zeros((30, 4, 4)), rate=1000.0)
     with pytest.raises(InputError, match="got silence"):
         reproduce(silent, SMALL, Settings().but(strength=0.1))
+
+
+def measured():
+    """A unit whose transducers were measured: each with a pole of its own."""
+    found = Transducers.varied(SMALL.count, seed=5, gain_spread=0.05, resonance_spread=50, quality_spread=0.05)
+    return replace(SMALL, response=found.response, pole=found.pole)
+
+
+@pytest.mark.parametrize(("mapping", "foreseen"), [("slow-bias", 1), ("half-wave", 0)])
+def test_what_a_measured_array_presses_is_foreseen_where_the_mapping_lifts(mapping, foreseen):
+    settings = Settings().but(
+        rate=2000.0, mapping=mapping, method="naive", grid=ControlGrid(rows=6, columns=6, pitch=11e-3)
+    )
+    pressure = at_rate(felt(recording(), None, settings).cut(0.1, 0.02), 2000.0)
+    made = reproduce(pressure, measured(), settings).solution.drive
+    plain = reproduce(pressure, replace(measured(), pole=np.zeros(0)), settings).solution.drive
+    assert [step.stage for step in made.provenance.steps].count("foresee the array") == foreseen
+    assert np.array_equal(made.phase, plain.phase) is not bool(foreseen)
+    _, parts = reproduce_parts(pressure, measured(), settings)
+    np.testing.assert_array_equal(np.concatenate([part.drive.phase for part in parts]), made.phase)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from midair import ram
 from midair.calibration import calibrate
+from midair.correct import Foresight
 from midair.dsp import resample
 from midair.errors import InputError
 from midair.evaluate import resting
@@ -22,10 +23,10 @@ from midair.model import (
     Solution,
     TransducerArray,
 )
-from midair.physics import check_frame_rate, focus_amplitude
+from midair.physics import Transducers, check_frame_rate, focus_amplitude
 from midair.segments import silenced
 from midair.settings import Settings
-from midair.solvers import check_memory, memory_of, solve, solve_parts
+from midair.solvers import Cells, Windows, check_memory, means_of, memory_of, one_blas_thread, solve, solve_parts
 from midair.targets import decouple, precompensate, precompensate_sound, prepare, usual_lead
 
 Array = NDArray[np.float64]
@@ -167,7 +168,35 @@ def solved(
         If it would not fit into memory.
     """
     _fits(target, array, settings, parts=False)
-    return solve(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
+    made = solve(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
+    return Solution.joined(list(foreseen(iter([made]), target, array, settings)))
+
+
+def foreseen(
+    parts: Iterator[Solution], target: AmplitudeFrames, array: TransducerArray, settings: Settings
+) -> Iterator[Solution]:
+    """Solutions for a measured array, mended by what its transducers will press while they follow their drive.
+
+    As they are where nobody measured the transducers, or where the mapping cuts: cells that are silent half of the time
+    have no slope.
+    """
+    if not len(array.pole) or settings.target.mapping == "half-wave":
+        yield from parts
+        return
+    means = means_of(settings.solver.fit) or Windows()
+    foresight = Foresight(
+        transducers=Transducers(pole=array.pole, response=array.response),
+        dynamics=settings.compensation.dynamics,
+        places=means.sensor if isinstance(means, Cells) else means.places(target.grid),
+        linear=settings.compensation.compensate,
+    )
+    blocks = foresight.corrected(parts, target)
+    while True:
+        with one_blas_thread():
+            block = next(blocks, None)
+        if block is None:
+            return
+        yield block
 
 
 def _fits(target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, parts: bool) -> None:
@@ -190,7 +219,7 @@ def reproduce_parts(
     target = wanted(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
     _fits(target, array, settings, parts=True)
     parts = solve_parts(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
-    return target, parts
+    return target, foreseen(parts, target, array, settings)
 
 
 def reproduce(

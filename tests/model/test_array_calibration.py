@@ -33,6 +33,15 @@ def test_an_array_that_was_measured_is_solved_for_as_it_is():
     assert np.abs(focus[0]) == pytest.approx(np.abs(transfer_matrix(np.array([[0, 0, 0.2]]), array)).sum())
 
 
+def test_an_array_that_was_measured_knows_its_poles_and_can_forget_them():
+    known = calibration()
+    applied = known.applied(known.array)
+    np.testing.assert_array_equal(applied.pole, known.pole)
+    assert not applied.alike
+    assert applied.nominal.alike
+    assert len(applied.nominal.pole) == 0
+
+
 def test_resonance_and_quality_are_those_of_the_pole():
     known = calibration(pole=np.full(ARRAY.count, -1 / 188e-6 - 2j * np.pi * 200))
     np.testing.assert_allclose(known.resonance, 39800)

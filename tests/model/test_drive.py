@@ -56,6 +56,18 @@ def test_a_solution_has_one_entry_a_frame():
 ONE_UNIT = TransducerArray.autd3(columns=1, rows=1)
 
 
+def test_a_solution_cut_apart_and_joined_is_the_same():
+    drive = made(phase=np.arange(15.0).reshape(5, 3), level=np.linspace(0, 1, 5))
+    status = ("silent", *("iterations",) * 4)
+    whole = Solution(drive=drive, error=np.arange(5.0), iterations=np.arange(5), status=status)
+    again = Solution.joined([whole.cut(0, 2), whole.cut(2, 3), whole.cut(3, 5)])
+    for one, other in ((again.drive.phase, drive.phase), (again.drive.level, drive.level), (again.error, whole.error)):
+        np.testing.assert_array_equal(one, other)
+    assert again.iterations.tolist() == [0, 1, 2, 3, 4]
+    assert again.status == status
+    assert Solution.joined([whole]) is whole
+
+
 def played_touch(state, **changes):
     frames = len(state)
     steps = np.arange(frames, dtype=np.uint8)[:, None] * np.ones((1, ONE_UNIT.count), np.uint8)

@@ -126,4 +126,4 @@ class ArrayCalibration:
                 f"array calibration: expected {self.array.name} with {self.array.count} transducers where they were "
                 f"measured, got {array.name} with {array.count}; measure this array, or solve for the other"
             )
-        return replace(array, response=self.response)
+        return replace(array, response=self.response, pole=self.pole)

@@ -1,6 +1,7 @@
 """What the array is told, and how well it was solved for; and what it was told of touch while that was felt."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -126,6 +127,30 @@ class Solution:
         object.__setattr__(self, "iterations", frozen_array(self.iterations, "iterations", (frames,), np.int64))
         if len(self.status) != frames:
             raise ShapeError(f"status: expected {frames} entries, one a frame, got {len(self.status)}")
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Solution]") -> "Solution":
+        """Parts of one recording, one after another; what is told of the drive is the first one's."""
+        if len(parts) == 1:
+            return parts[0]
+        drives = [part.drive for part in parts]
+        whole = replace(
+            drives[0],
+            phase=np.concatenate([np.asarray(drive.phase) for drive in drives]),
+            level=np.concatenate([np.asarray(drive.level) for drive in drives]),
+        )
+        return cls(
+            drive=whole,
+            error=np.concatenate([part.error for part in parts]),
+            iterations=np.concatenate([part.iterations for part in parts]),
+            status=tuple(status for part in parts for status in part.status),
+        )
+
+    def cut(self, first: int, last: int) -> "Solution":
+        """Frames from `first` up to `last`."""
+        part = slice(first, last)
+        drive = replace(self.drive, phase=self.drive.phase[part], level=self.drive.level[part])
+        return Solution(drive=drive, error=self.error[part], iterations=self.iterations[part], status=self.status[part])
 
     def __repr__(self) -> str:
         plays, error = self.plays, 100 * self.error[self.plays]

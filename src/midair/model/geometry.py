@@ -15,6 +15,8 @@ from midair.model.reprs import clipped, counted, told
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
+_UNKNOWN = np.zeros(0, np.complex128)
+"""Of transducers that nobody measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,6 +39,8 @@ class TransducerArray:
     response : ndarray of complex, shape (transducer,)
         What each one radiates under full drive, over what `pressure` says, where it was measured
         (`ArrayCalibration`); empty for 1 everywhere.
+    pole : ndarray of complex, shape (transducer,)
+        -1 / time constant + j (resonance less drive) of each, in rad/s, where it was measured; empty elsewhere.
     name : str
         What to call the array in messages and files.
     """
@@ -46,7 +50,8 @@ class TransducerArray:
     unit: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     pressure: float = 275.574246625 * 200e-3 / (4 * np.pi)
     frequency: float = 40e3
-    response: NDArray[np.complex128] = field(default_factory=lambda: np.zeros(0, np.complex128))
+    response: NDArray[np.complex128] = field(default_factory=lambda: _UNKNOWN)
+    pole: NDArray[np.complex128] = field(default_factory=lambda: _UNKNOWN)
     name: str = "array"
 
     def __post_init__(self) -> None:
@@ -61,6 +66,8 @@ class TransducerArray:
         object.__setattr__(self, "unit", frozen_array(unit, "transducer unit", (count,), np.int64))
         response = self.response if len(self.response) else np.ones(count)
         object.__setattr__(self, "response", frozen_array(response, "transducer response", (count,), np.complex128))
+        poles = (count if len(self.pole) else 0,)
+        object.__setattr__(self, "pole", frozen_array(self.pole, "transducer pole", poles, np.complex128))
         positive(self.pressure, "pressure of one transducer", "Pa m")
         positive(self.frequency, "frequency of the ultrasound", "Hz")
 
@@ -110,12 +117,12 @@ class TransducerArray:
     @property
     def alike(self) -> bool:
         """Whether all transducers are taken for what the model says: nobody has measured them."""
-        return bool((self.response == 1).all())
+        return bool((self.response == 1).all()) and not len(self.pole)
 
     @property
     def nominal(self) -> "TransducerArray":
         """The same without what was measured of it."""
-        return self if self.alike else replace(self, response=np.ones(self.count, np.complex128))
+        return self if self.alike else replace(self, response=_UNKNOWN, pole=_UNKNOWN)
 
     def same_as(self, other: "TransducerArray") -> bool:
         """Whether phases made for one are right for the other: same places, normals and frequency, to 1 µm."""

@@ -12,7 +12,7 @@ from midair.solvers.methods import METHODS, TAKES, Method, name_of, solver
 from midair.solvers.ordering import read_as_solved, solve_parts, solve_piece
 from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
 from midair.solvers.solving import memory_of, solve
-from midair.solvers.terms import Cells, Fit, Guard, QuietPalm, Windows
+from midair.solvers.terms import Cells, Fit, Guard, QuietPalm, Windows, means_of
 from midair.solvers.threads import one_blas_thread
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "TAKES",
     "Windows",
     "check_memory",
+    "means_of",
     "memory_needed",
     "memory_of",
     "name_of",

@@ -105,7 +105,7 @@ def _parts(
             part = replace(target, amplitude=np.concatenate([lead, rest[:cut]]))
             told = None if progress is None else _beyond(progress, done - known, target.frames)
             solution, after = order.solve(part, after, told)
-            yield _without(solution, known)
+            yield solution.cut(known, solution.drive.frames) if known else solution
             sounding = np.flatnonzero(rest[:cut].any(axis=1))
             if order.leads and len(sounding):
                 lead = rest[sounding[-1:]]
@@ -124,16 +124,3 @@ def read_as_solved(amplitude: Array, first: int, last: int) -> Array:
 
 def _beyond(progress: Progress, before: int, frames: int) -> Progress:
     return lambda done, _: progress(before + done, frames)
-
-
-def _without(solution: Solution, known: int) -> Solution:
-    """A solution less its first frames."""
-    if not known:
-        return solution
-    drive = replace(solution.drive, phase=solution.drive.phase[known:], level=solution.drive.level[known:])
-    return Solution(
-        drive=drive,
-        error=solution.error[known:],
-        iterations=solution.iterations[known:],
-        status=solution.status[known:],
-    )
