@@ -42,3 +42,10 @@ def test_refuses_headers_of_others(change, error, message, recording, tmp_path):
     header = {**json.loads(header_of(recording)), **change}
     with pytest.raises(error, match=message):
         parse_header(json.dumps(header), tmp_path)
+
+
+def test_refuses_a_sensor_whose_name_is_a_number(recording, tmp_path):
+    header = parse_header(header_of(recording), tmp_path)
+    header["sensor"]["name"] = -(10**30)
+    with pytest.raises(BrokenFileError, match="expected text as the sensor's name"):
+        recording_from(header, recording.samples, tmp_path)

@@ -1,6 +1,7 @@
 """HDF5 of strangers: what is not plain is refused before a number is read, and nothing of it ends the program."""
 
 import shutil
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,7 @@ from midair.errors import BrokenFileError, MidairError
 from midair.files import load, load_calibration, load_pressure, load_solution, open_take, save
 from midair.files.native import inspection
 from midair.files.native.inspector import refusal
-from midair.files.native.unclosed import openable
+from midair.files.native.unclosed import checksum, openable
 
 PLAIN = ("v110", "v110")
 
@@ -184,3 +185,22 @@ def test_drives_are_looked_at_too(tmp_path, solution):
     edited(tmp_path / "a.drive.h5", linked)
     with pytest.raises(BrokenFileError, match="a link to another file, '/phase'"):
         load_solution(tmp_path / "a.drive.h5")
+
+
+def test_names_that_are_looked_up_in_no_tree_do_not_end_us(tmp_path, solution):
+    """A tree of attributes that has none, and 16398 at its root: whatever name is asked for, HDF5 dies of it."""
+    from midair.files import save_solution
+
+    path = tmp_path / "a.drive.h5"
+    save_solution(solution, path)
+    data = bytearray(path.read_bytes())
+    tree = data.index(b"BTHD")
+    # File Format Specification 3.0, III.A.2: bytes of a record; records of the root, and of all.
+    data[tree + 10 : tree + 12] = struct.pack("<H", 0x0911)
+    data[tree + 24 : tree + 34] = struct.pack("<HQ", 0x400E, 0)
+    data[tree + 34 : tree + 38] = struct.pack("<I", checksum(bytes(data[tree : tree + 34])))
+    path.write_bytes(data)
+    code = f"from midair.cli import run; print(run(['info', {str(path)!r}]))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "1\n")
+    assert "damaged" in done.stderr

@@ -74,6 +74,8 @@ def recording_from(header: Mapping[str, Any], samples: NDArray[np.float64], path
         If there are fewer or more samples than the header says: the file was cut or edited.
     """
     part = header["sensor"]
+    if not isinstance(part["name"], str):
+        raise BrokenFileError(f"{path}: expected text as the sensor's name, got {part['name']!r}")
     sensor = SensorGrid(rows=part["rows"], columns=part["columns"], pitch=part["pitch_m"], name=part["name"])
     expected = header["frames"] * sensor.count
     if samples.size != expected or not samples.size:

@@ -110,6 +110,8 @@ def _linked(name: str, group: Any) -> Iterator[tuple[str, Any]]:
 
 def _look_at_attributes(name: str, item: Any) -> None:
     """Read what is text or numbers; lists of references, as of netCDF's axes, are left alone by everybody."""
+    # Names are looked up in a tree of their own, which may end HDF5 where a list of them is short and sound.
+    h5a.exists(item, b"kind")
     room = TEXT
     for number in range(h5a.get_num_attrs(item)):
         attribute = h5a.open(item, index=number)
