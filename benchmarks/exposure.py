@@ -22,7 +22,6 @@ from midair.datasets import stroke
 from midair.files import profile_named
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, TransducerArray
 from midair.physics import (
-    ExposureProfile,
     Place,
     exposure,
     focus_amplitude,
@@ -46,6 +45,7 @@ def main() -> None:
     ask.add_argument("--attacks", type=int, default=96, help="points that the adversary tries at each ear (default 96)")
     ask.add_argument("--steps", type=int, default=200, help="of each attack (default 200)")
     ask.add_argument("--surface", action="store_true", help="attack points on the cube's surface only")
+    ask.add_argument("--levels", action="store_true", help="attacks choose levels as well, one for each transducer")
     ask.add_argument("--frames", type=int, default=5000, help="of the drive that is timed (default 5000)")
     ask.add_argument("--apart", type=float, default=0.1, help="points of the finest grid, in wavelengths (default .1)")
     said = ask.parse_args()
@@ -54,8 +54,8 @@ def main() -> None:
     if "foci" in said.part:
         foci(said.foci, rng)
     if "adversary" in said.part:
-        for place in PROFILE.places[:2]:
-            adversary(place, said.attacks, said.steps, rng, surface=said.surface)
+        for ear in range(2):
+            adversary(ear, said.attacks, said.steps, rng, surface=said.surface, levels=said.levels)
     if "natural" in said.part:
         natural(said.apart)
     if "time" in said.part:
@@ -63,45 +63,62 @@ def main() -> None:
 
 
 def foci(count: int, rng: np.random.Generator) -> None:
-    for place in PROFILE.places[:3]:
+    for number, place in enumerate(PROFILE.places[:3]):
         over = []
         for _ in range(0, count // 3, 512):
             points = somewhere(place, 512, rng)
             drive = told(np.stack([focus_phase(ARRAY, point) for point in points]))
             true = sound_level(np.abs((drive.q * transfer_matrix(points, ARRAY)).sum(axis=1)))
-            over.append(exposure(drive, alone(place)).level[:, 0] - true)
+            over.append(exposure(drive, PROFILE).level[:, number] - true)
         over = np.concatenate(over)
         print(f"{len(over)} foci at the {place.name}: said minus true {over.min():+.2f} to {over.max():+.2f} dB")
 
 
 def adversary(
-    place: Place, attacks: int, steps: int, rng: np.random.Generator, *, surface: bool, batch: int = 24
+    number: int,
+    attacks: int,
+    steps: int,
+    rng: np.random.Generator,
+    *,
+    surface: bool,
+    levels: bool = False,
+    batch: int = 24,
 ) -> None:
-    looked_at = transfer_matrix(searched_points(place, ARRAY, Acoustics()), ARRAY).astype(np.complex64)
+    place = PROFILE.places[number]
+    points = searched_points(place, ARRAY, Acoustics(), among=PROFILE.places)
+    looked_at = transfer_matrix(points, ARRAY).astype(np.complex64)
     missed = []
     for first in range(0, attacks, batch):
         wanted = transfer_matrix(somewhere(place, batch, rng, surface=surface), ARRAY).astype(np.complex64)
         # Half begin as a focus on the point, half anywhere.
         start = -np.angle(wanted) if first // batch % 2 == 0 else rng.uniform(0, 2 * np.pi, wanted.shape)
-        phase = attack(start, wanted, looked_at, steps)
-        drive = told(phase)
+        drive = attack(start, wanted, looked_at, steps, levels=levels)
         true = sound_level(np.abs((drive.q * wanted).sum(axis=1)))
-        missed.append(true - exposure(drive, alone(place)).level[:, 0])
+        missed.append(true - exposure(drive, PROFILE).level[:, number])
     missed = np.concatenate(missed)
     print(
         f"adversary, {len(missed)} attacks at the {place.name}: true minus said, worst {missed.max():+.2f} dB", end=""
     )
-    print(f", mean {missed.mean():+.2f} dB")
+    print(f", mean {missed.mean():+.2f} dB", flush=True)
 
 
 def attack(
-    phase: NDArray[np.float64], wanted: NDArray[np.complex64], looked_at: NDArray[np.complex64], steps: int
-) -> NDArray[np.float64]:
-    """Phases that are loud at the points wanted, one a row, and quiet where the gate looks; by Adam."""
-    pace, size = np.zeros_like(phase), np.zeros_like(phase)
-    back = np.ascontiguousarray(looked_at.T)
+    phase: NDArray[np.float64],
+    wanted: NDArray[np.complex64],
+    looked_at: NDArray[np.complex64],
+    steps: int,
+    *,
+    levels: bool,
+) -> Drive:
+    """A drive that is loud at the points wanted, one a frame, and quiet where the gate looks; by Adam."""
+    # Levels are squares of sines, so that none leaves 0 to 1; at first they are nearly 1.
+    turned = np.concatenate([phase, np.full(phase.shape, 1.3)], axis=1)
+    pace, size, back = np.zeros_like(turned), np.zeros_like(turned), np.ascontiguousarray(looked_at.T)
     for step in range(steps):
-        q = np.exp(1j * phase).astype(np.complex64)
+        phase, angle = np.split(turned, 2, axis=1)
+        level = np.sin(angle) ** 2 if levels else np.ones_like(angle)
+        wave = np.exp(1j * phase).astype(np.complex64)
+        q = (level * wave).astype(np.complex64)
         seen, there = q @ back, (q * wanted).sum(axis=1, keepdims=True)
         power = np.abs(seen) ** 2
         weight = (power / power.max(axis=1, keepdims=True)) ** (4 + 28 * min(1.0, step / (0.7 * steps)))
@@ -109,11 +126,12 @@ def attack(
         weight[weight < 1e-9] = 0
         weight /= weight.sum(axis=1, keepdims=True)
         uphill = wanted / there - (weight / power * seen.conj()) @ looked_at
-        slope = -(uphill * q).imag
+        slope = np.concatenate([-(uphill * q).imag, (uphill * wave).real * np.sin(2 * angle) * levels], axis=1)
         pace, size = 0.9 * pace + 0.1 * slope, 0.99 * size + 0.01 * slope**2
         rate = 0.15 * (1 - 0.9 * step / steps)
-        phase = phase + rate * pace / (1 - 0.9 ** (step + 1)) / (np.sqrt(size / (1 - 0.99 ** (step + 1))) + 1e-8)
-    return np.asarray(phase, np.float64)
+        turned = turned + rate * pace / (1 - 0.9 ** (step + 1)) / (np.sqrt(size / (1 - 0.99 ** (step + 1))) + 1e-8)
+    phase, angle = np.split(turned, 2, axis=1)
+    return told(phase, np.sin(angle) ** 2 if levels else None)
 
 
 def natural(apart: float, *, frames: int = 300, loudest: int = 6) -> None:
@@ -128,8 +146,8 @@ def natural(apart: float, *, frames: int = 300, loudest: int = 6) -> None:
             target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid)
             label = f"{name:6} {1e3 * height:.0f} mm, strength {strength:.2f}"
             drives[label] = solve(target, ARRAY, method="fast", level="auto").drive
-    for place in PROFILE.places[:2]:
-        said = [exposure(drive, alone(place)).level[:, 0] for drive in drives.values()]
+    for number, place in enumerate(PROFILE.places[:2]):
+        said = [exposure(drive, PROFILE).level[:, number] for drive in drives.values()]
         strongest = [drive.q[np.argsort(level)[-loudest:]] for drive, level in zip(drives.values(), said, strict=True)]
         true = finest(np.concatenate(strongest), place, apart).reshape(len(drives), -1).max(axis=1)
         for label, level, most in zip(drives, said, true, strict=True):
@@ -194,12 +212,8 @@ def somewhere(place: Place, count: int, rng: np.random.Generator, *, surface: bo
     return np.array(place.position) + place.reach * share
 
 
-def alone(place: Place) -> ExposureProfile:
-    return ExposureProfile(name="one", title="", source="", evidence="", places=(place,))
-
-
-def told(phase: NDArray[np.float64]) -> Drive:
-    return Drive(phase=phase, level=np.ones(len(phase)), rate=1000.0, array=ARRAY)
+def told(phase: NDArray[np.float64], level: NDArray[np.float64] | None = None) -> Drive:
+    return Drive(phase=phase, level=np.ones(len(phase)) if level is None else level, rate=1000.0, array=ARRAY)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
-from midair.physics.cubes import Searches, Workspace, cube_search, point_search, searches_of
+from midair.physics.cubes import Searches, Workspace, ceiling, drive_parts, point_search, searches_of
 from midair.physics.exposure_places import ExposureProfile, Place
 from midair.physics.propagation import transfer_matrix
 from midair.physics.radiation import radiation_pressure
@@ -209,7 +209,7 @@ def greatest_exposure(
     Exposure
         Of one frame.
     """
-    ceilings = [cube_search(place, array, acoustics).ceiling.sum() for place in profile.places]
+    ceilings = [ceiling(place, array, acoustics).sum() for place in profile.places]
     loudest = sound_level(level * np.array([ceilings]))
     palm = np.array(profile.nearest[1].position)
     phase = -np.angle(transfer_matrix(palm[None], array, acoustics=acoustics))
@@ -274,8 +274,10 @@ def _pressure(drive: Drive, profile: ExposureProfile, acoustics: Acoustics) -> f
     """Highest radiation pressure on the nearest place's level, at points 5 mm apart over 6 cm, in Pa."""
     some = np.unique(np.linspace(0, drive.frames - 1, 256).astype(int))
     space = Workspace()
-    parts, _ = _parts(drive, some, space)
-    loudest = _palm(profile.nearest[1].position, drive.array, acoustics).loudest(parts, space)
+    parts, strength = drive_parts(drive, some, space)
+    loudest = _palm(profile.nearest[1].position, drive.array, acoustics).loudest(parts, space)[:, 0]
+    # A strength of their own is in the parts of transducers already.
+    loudest = loudest * strength[:, 0] if strength.shape[1] == 1 else loudest
     return float(radiation_pressure(loudest.max(initial=0.0), acoustics.medium))
 
 
@@ -291,31 +293,21 @@ def _palm(middle: tuple[float, float, float], array: TransducerArray, acoustics:
 def _fill(level: Array, drive: Drive, searches: Searches, blocks: NDArray[np.intp]) -> None:
     """Level of the frames of some blocks at each place, in dB."""
     space = Workspace()
-    ceiling = np.stack([each.ceiling for each in searches.each], axis=1)
+    alone = np.stack([each.ceiling for each in searches.each], axis=1)
     left_out = np.array([each.left_out for each in searches.each])
     # Small parts stay in the cache, and a whole drive at all points would not fit into memory.
     for first in blocks:
         frames = slice(first, first + BLOCK)
-        parts, strength = _parts(drive, frames, space)
-        most = strength * ceiling.sum(axis=0) if strength.shape[1] == 1 else strength @ ceiling
-        found = searches.loudest(parts, space) + strength.max(axis=1, keepdims=True) * left_out
+        parts, strength = drive_parts(drive, frames, space, searches.order)
+        most = strength * alone.sum(axis=0) if strength.shape[1] == 1 else strength @ alone
+        found = searches.loudest(parts, space)
+        # A strength that all transducers share is put on at the end, where there is one number a frame.
+        found = (
+            strength * (found + left_out)
+            if strength.shape[1] == 1
+            else found + strength.max(axis=1, keepdims=True) * left_out
+        )
         level[frames] = sound_level(np.minimum(found, most))
-
-
-def _parts(drive: Drive, frames: slice | NDArray[np.intp], space: Workspace) -> tuple[Single, Array]:
-    """Some frames as `CubeSearch.loudest` wants them, and their level, shape (frame, any or 1)."""
-    phase = np.asarray(drive.phase[frames])
-    # Single precision has no digits to spare for turns: a file may hold any number of them.
-    if max(phase.max(initial=0.0), -phase.min(initial=0.0)) > 64:
-        phase = np.remainder(phase, 2 * np.pi)
-    level = np.asarray(drive.level[frames]).reshape(len(phase), -1)
-    parts, angle = space.array("parts", 3, *phase.shape), space.array("angle", *phase.shape)
-    angle[:] = phase
-    np.cos(angle, out=parts[0])
-    np.sin(angle, out=parts[1])
-    parts[:2] *= level.astype(np.float32)
-    np.add(parts[0], parts[1], out=parts[2])
-    return parts, level
 
 
 def _drive(drive: Drive, frames: slice) -> NDArray[np.complex128]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from midair.physics.cubes.exposure_products import Product, Workspace, loudest_of
+from midair.physics.cubes.exposure_products import Product, Workspace, power_of
 
 
 def random(*shape):
@@ -26,6 +26,6 @@ def test_an_array_of_a_name_is_the_same_memory_again():
     assert space.array("a", 9, 4).shape == (9, 4)
 
 
-def test_the_loudest_of_some_points():
+def test_the_power_at_some_points():
     there = np.array([[[3, 0, 0], [1, 1, 0]], [[4, 0, 2], [1, 0, -1]]], np.float32)
-    np.testing.assert_allclose(loudest_of(there), [5, np.sqrt(2)])
+    np.testing.assert_allclose(power_of(there), [[25, 0, 4], [2, 1, 1]])

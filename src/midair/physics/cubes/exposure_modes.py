@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.physics.cubes.exposure_grid import Stack, between, lattice
-from midair.physics.cubes.exposure_products import Product, Workspace, loudest_of
+from midair.physics.cubes.exposure_products import Product, Workspace, power_of
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -37,16 +37,18 @@ class Points:
     across: Single
     along: Single | None
 
-    def loudest(self, shaped: Single, space: Workspace) -> Single:
-        """Magnitude at the loudest point, shape (frame,), in Pa, of shapes (parts, frame, plane, shape)."""
+    def power(self, shaped: Single, space: Workspace) -> Single:
+        """Squared magnitude at the loudest point, shape (frame,), in Pa2, of shapes (parts, frame, plane, shape)."""
         kept = shaped[:, :, self.planes]
         two, frames, planes, shapes = kept.shape
         points = self.across.shape[1]
         there = space.array("on the planes", two, frames, planes, points)
-        np.matmul(kept.reshape(-1, shapes), self.across, out=there.reshape(-1, points))
+        # Part by part: the frames of both together would first have to be copied.
+        for told, found in zip(kept, there, strict=True):
+            np.matmul(told.reshape(-1, shapes), self.across, out=found.reshape(-1, points))
         if self.along is not None:
             there = np.matmul(self.along, there, out=space.array("there", two, frames, len(self.along), points))
-        return loudest_of(there.reshape(two, frames, -1))
+        return power_of(there.reshape(two, frames, -1)).max(axis=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,7 +82,8 @@ class FieldByModes:
         self.shapes.into(shaped, modes, space)
         planes = shaped.reshape(2, frames, self.planes, -1)
         few = [planes[:, first : first + FEW] for first in range(0, frames, FEW)]
-        return np.concatenate([np.max([each.loudest(some, space) for each in self.points], axis=0) for some in few])
+        power = [np.max([each.power(some, space) for each in self.points], axis=0) for some in few]
+        return np.sqrt(np.concatenate(power))
 
 
 def heard_by_modes(

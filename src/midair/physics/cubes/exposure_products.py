@@ -73,8 +73,7 @@ class Product:
         np.add(shared, found[1], out=found[1])
 
 
-def loudest_of(there: Single) -> Single:
-    """Magnitude at the loudest point, shape (frame,), of (real and imaginary, frame, point), which is overwritten."""
+def power_of(there: Single) -> Single:
+    """Squared magnitude, shape (frame, point), of (real and imaginary, frame, point), which is overwritten."""
     np.multiply(there, there, out=there)
-    power = np.add(there[0], there[1], out=there[0])
-    return np.sqrt(power.max(axis=1))
+    return np.add(there[0], there[1], out=there[0])

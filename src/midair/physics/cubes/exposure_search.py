@@ -10,7 +10,7 @@ of 996 transducers. The field is worked out in these modes, from there on a few 
 edge of the cube, in single precision. What all that leaves out is measured, and added.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Self
 
@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from midair.model import Acoustics, TransducerArray
 from midair.physics.cubes.exposure_grid import bands, slow_field, stacks
+from midair.physics.cubes.exposure_mirror import Halves, Pair, mirrored, pair_of
 from midair.physics.cubes.exposure_modes import FieldByModes, heard_by_modes
-from midair.physics.cubes.exposure_products import Product, Workspace, loudest_of
+from midair.physics.cubes.exposure_products import Product, Workspace, power_of
 from midair.physics.exposure_places import Place
 from midair.physics.propagation import transfer_matrix
 
@@ -31,7 +32,7 @@ Complex = NDArray[np.complex64]
 ALLOWANCE = 1.15
 """Put on the loudest point of a cube, in dB: between the points it can be this much louder, and a little more."""
 
-INSIDE, FACES = 1.6, 1.0
+INSIDE, FACES = 1.6, 1.2
 """By how much the phase of the quickest wave may change from a point to the next, in rad."""
 
 NODES = 1.9
@@ -63,7 +64,7 @@ class PointSearch:
         """As that of `CubeSearch`, of the points alone."""
         there = space.array("there", 2, *modes.shape[1:])
         there[:] = modes[:2]
-        return loudest_of(there).astype(np.float64)
+        return np.sqrt(power_of(there).max(axis=1)).astype(np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -115,16 +116,36 @@ class Searches:
     each : tuple of CubeSearch or PointSearch
         Of each place.
     modes : Product
-        From the drive to the modes of all of them, one after the other: one large product takes less than many.
+        From the drive to the modes of all places but a pair, one after the other: one large product takes less than
+        many.
+    pair : tuple of two int
+        Numbers of two places that mirror each other; empty where none do.
+    halves : Halves or None
+        From the drive to the modes of these two.
     """
 
     each: tuple[CubeSearch | PointSearch, ...]
     modes: Product
+    pair: tuple[int, ...] = ()
+    halves: Halves | None = None
 
     @classmethod
     def of(cls, *each: CubeSearch | PointSearch) -> Self:
-        """Of one array."""
+        """Of one array, each by itself."""
         return cls(each=each, modes=Product.of(np.concatenate([one.modes for one in each]).T))
+
+    @classmethod
+    def with_pair(cls, each: tuple[CubeSearch | PointSearch, ...], pair: Pair, halves: Halves) -> Self:
+        """Of one array, two of them by its symmetry."""
+        rest = [one.modes for number, one in enumerate(each) if number not in pair.numbers]
+        none = np.empty((0, len(halves.order)), np.complex64)
+        together = np.concatenate([none, *rest])[:, halves.order]
+        return cls(each=each, modes=Product.of(together.T), pair=pair.numbers, halves=halves)
+
+    @property
+    def order(self) -> NDArray[np.intp] | None:
+        """In which the transducers are wanted; None for their own."""
+        return None if self.halves is None else self.halves.order
 
     def loudest(self, parts: Single, space: Workspace) -> Array:
         """Amplitude at each place, shape (frame, place), in Pa, but for what is left out.
@@ -132,15 +153,26 @@ class Searches:
         Parameters
         ----------
         parts : ndarray of float32, shape (3, frame, transducer)
-            Real parts of the drive, its imaginary parts, and the sums of both.
+            Real parts of the drive, its imaginary parts, and the sums of both, in `order`.
         space : Workspace
             Of the thread that asks.
         """
-        modes = space.array("modes", 3, parts.shape[1], self.modes.width)
-        self.modes.into(modes, parts, space)
-        np.add(modes[0], modes[1], out=modes[2])
-        own = np.split(modes, np.cumsum([len(one.modes) for one in self.each])[:-1], axis=2)
-        return np.stack([one.loudest(its, space) for one, its in zip(self.each, own, strict=True)], axis=1)
+        frames, found = parts.shape[1], np.empty((parts.shape[1], len(self.each)))
+        rest = [number for number in range(len(self.each)) if number not in self.pair]
+        if rest:
+            modes = space.array("modes", 3, frames, self.modes.width)
+            self.modes.into(modes, parts, space)
+            np.add(modes[0], modes[1], out=modes[2])
+            own = np.split(modes, np.cumsum([len(self.each[number].modes) for number in rest])[:-1], axis=2)
+            for number, its in zip(rest, own, strict=True):
+                found[:, number] = self.each[number].loudest(its, space)
+        if self.halves is not None:
+            width = self.halves.common.width
+            both = space.array("modes of a pair", 2, 3, frames, width)
+            self.halves.into(both[0], both[1], parts, space)
+            for number, its in zip(self.pair, both, strict=True):
+                found[:, number] = self.each[number].loudest(its, space)
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,7 +209,17 @@ def searches_of(places: tuple[Place, ...], array: TransducerArray, acoustics: Ac
 
 @lru_cache(maxsize=4)
 def _searches_of(places: tuple[Place, ...], alike: _Alike, acoustics: Acoustics) -> Searches:
-    return Searches.of(*(_cube_search(place, alike, acoustics) for place in places))
+    array, pair = alike.array, pair_of(places, alike.array)
+    shared = None if pair is None else _cube_search(pair.box, _Alike(pair.array), acoustics)
+    if pair is None or not isinstance(shared, CubeSearch):
+        return Searches.of(*(_cube_search(place, alike, acoustics) for place in places))
+    each = tuple(
+        replace(shared, ceiling=ceiling(place, array, acoustics))
+        if number in pair.numbers
+        else _cube_search(place, alike, acoustics)
+        for number, place in enumerate(places)
+    )
+    return Searches.with_pair(each, pair, Halves.of(shared.modes, pair.partner, array.count))
 
 
 @lru_cache(maxsize=16)
@@ -186,19 +228,30 @@ def _cube_search(place: Place, alike: _Alike, acoustics: Acoustics) -> CubeSearc
     if not place.enforced or place.reach == 0:
         return point_search(place.points, array, acoustics)
     magnitude = np.abs(transfer_matrix(place.points, array, acoustics=acoustics))
-    ceiling = magnitude.max(axis=0)
+    alone = magnitude.max(axis=0)
     # Far below what counts as silence there are no modes: single precision has no numbers for them.
-    if ceiling.sum() < 1e-9:
+    if alone.sum() < 1e-9:
         return point_search(place.points, array, acoustics)
     wide = bands(place, array, acoustics)
     field = partial(slow_field, place=place, array=array, acoustics=acoustics, magnitude=magnitude)
-    where, step, tried = stacks(wide, inside=INSIDE, faces=FACES), NODES, 160
+    where, step, tried = stacks(wide, inside=INSIDE, faces=FACES), NODES, _expected(wide)
     while True:
+        heard = heard_by_modes(field, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
         # What is left out is 48 dB below all transducers in step.
-        heard = heard_by_modes(field, wide, where, ENOUGH * ceiling.sum(), step=step, tried=tried)
-        if heard.left_out < 4e-3 * ceiling.sum() or step < 0.7 * NODES:
-            return CubeSearch(heard=heard, ceiling=ceiling)
+        if heard.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
+            return CubeSearch(heard=heard, ceiling=alone)
         step, tried = 0.85 * step, 2 * tried
+
+
+def _expected(wide: Array) -> int:
+    """Somewhat more modes than a field of these bands has: it comes from a surface, so that products of two count."""
+    x, y, z = (float(band) for band in wide)
+    return round(24 + 0.7 * (x * y + y * z + z * x))
+
+
+def ceiling(place: Place, array: TransducerArray, acoustics: Acoustics) -> Array:
+    """Most that each transducer alone makes at a place, shape (transducer,), in Pa."""
+    return np.abs(transfer_matrix(place.points, array, acoustics=acoustics)).max(axis=0)
 
 
 def point_search(points: Array, array: TransducerArray, acoustics: Acoustics) -> PointSearch:
@@ -207,8 +260,22 @@ def point_search(points: Array, array: TransducerArray, acoustics: Acoustics) ->
     return PointSearch(modes=field.astype(np.complex64), ceiling=np.abs(field).max(axis=0))
 
 
-def searched_points(place: Place, array: TransducerArray, acoustics: Acoustics) -> Array:
-    """The points of a place's cube at which a drive is looked at, shape (point, 3), in m."""
+def searched_points(
+    place: Place, array: TransducerArray, acoustics: Acoustics, *, among: tuple[Place, ...] = ()
+) -> Array:
+    """The points of a place's cube at which a drive is looked at, shape (point, 3), in m.
+
+    Parameters
+    ----------
+    place, array, acoustics
+        As in `cube_search`.
+    among : tuple of Place
+        All that are looked at in one go, itself among them: one that mirrors another has points of both.
+    """
+    pair = pair_of(among, array)
+    if pair is not None and place in (beside := [among[number] for number in pair.numbers]):
+        points = searched_points(pair.box, pair.array, acoustics)
+        return points if place == beside[0] else mirrored(points, pair.middle)
     if not place.enforced or place.reach == 0:
         return place.points
     wide = bands(place, array, acoustics)
