@@ -1,6 +1,7 @@
 """Only what was checked plays: what `admit` lets through, and what its admissions are good for."""
 
 import re
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -222,6 +223,30 @@ def test_what_is_read_again_is_what_was_measured():
     drive.phase.read(0, 512)
     with pytest.raises(ExposureError, match="512 to 1023 as they were admitted, got others"):
         drive.phase.read(500, 700)
+
+
+def test_what_is_kept_of_a_long_drive_is_its_levels_alone():
+    """Four places a frame, twice while they are copied: 64 bytes a frame, in whatever air the drive was solved for."""
+    array = TransducerArray(position=np.array([[0, 0, 0], [0.01, 0, 0]]), normal=np.array([[0, 0, 1.0]] * 2))
+    points = tuple(replace(place, reach=0.0, limit=170.0) for place in PROFILE.places)
+    choices, frames = ExposureChoices(profile=replace(PROFILE, places=points)), 80_000
+    drive = Drive(
+        phase=Reel(lambda first, last: np.zeros((last - first, 2)), (frames, 2)),
+        level=Reel(lambda first, last: np.ones(last - first), (frames,)),
+        rate=1000.0,
+        array=array,
+        acoustics=Acoustics(medium=Medium.at(temperature=22.0)),
+    )
+    admit(drive, Loud(array), choices)
+    tracemalloc.start()
+    try:
+        admission = admit(drive, Loud(array), choices)
+        kept, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(admission.exposure.level) == frames
+    assert kept < 40 * frames
+    assert most < 80 * frames
 
 
 @pytest.mark.parametrize("choices", [CHOICES, WEAKER], ids=["as it is", "weaker"])

@@ -232,16 +232,8 @@ def measure(drive: Drive, array: TransducerArray, profile: ExposureProfile, *, r
             f"{drive.array.name} ({drive.array.count} transducers); solve the target again for this array"
         )
     own = replace(drive, array=array)
-    found = exposure(own, profile, repeats=repeats, acoustics=Acoustics())
-    if own.acoustics == Acoustics():
-        return found
-    said = exposure(own, profile, repeats=repeats)
-    return replace(
-        found,
-        level=np.maximum(found.level, said.level),
-        nonlinearity=max(found.nonlinearity, said.nonlinearity),
-        pressure=max(found.pressure, said.pressure),
-    )
+    airs = (Acoustics(),) if own.acoustics == Acoustics() else (Acoustics(), own.acoustics)
+    return exposure(own, profile, repeats=repeats, acoustics=airs)
 
 
 def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: int = 1) -> Admission:

@@ -147,7 +147,7 @@ def exposure(
     profile: ExposureProfile,
     *,
     repeats: int = 1,
-    acoustics: Acoustics | None = None,
+    acoustics: Acoustics | tuple[Acoustics, ...] | None = None,
 ) -> Exposure:
     """What a drive exposes people to at the places of a profile.
 
@@ -159,30 +159,32 @@ def exposure(
         Places and limits.
     repeats : int
         How often it is played.
-    acoustics : Acoustics, optional
-        As in `propagate`.
+    acoustics : Acoustics or tuple of Acoustics, optional
+        As in `propagate`; of several airs the highest counts, frame by frame.
 
     Returns
     -------
     Exposure
         Of every frame at every place.
     """
-    acoustics = acoustics or drive.acoustics
-    level = np.empty((drive.frames, len(profile.places)))
+    airs = acoustics if isinstance(acoustics, tuple) else (acoustics or drive.acoustics,)
+    # One for all airs: of a long drive this is all that grows with its length.
+    level = np.full((drive.frames, len(profile.places)), -np.inf)
     # NumPy lets go of the interpreter, so that threads use all cores; BLAS threads beside them would only wait.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor() as threads:
-        searches = searches_of(profile.places, drive.array, acoustics)
         parts = np.arange(0, drive.frames, BLOCK)
         # Each share has arrays of its own; more shares than cores, so that whoever watches sees how far it is.
         shares = np.array_split(parts, max(os.cpu_count() or 1, len(parts) // _SHARE))
-        list(passing(threads.map(partial(_fill, level, drive, searches), shares), len(shares)))
+        for air in airs:
+            searches = searches_of(profile.places, drive.array, air)
+            list(passing(threads.map(partial(_fill, level, drive, searches), shares), len(shares)))
     return Exposure(
         profile=profile,
         level=level,
         rate=drive.rate,
         repeats=repeats,
-        nonlinearity=_nonlinearity(drive, profile, acoustics, level),
-        pressure=_pressure(drive, profile, acoustics),
+        nonlinearity=max(_nonlinearity(drive, profile, air, level) for air in airs),
+        pressure=max(_pressure(drive, profile, air) for air in airs),
     )
 
 
@@ -291,7 +293,7 @@ def _palm(middle: tuple[float, float, float], array: TransducerArray, acoustics:
 
 
 def _fill(level: Array, drive: Drive, searches: Searches, blocks: NDArray[np.intp]) -> None:
-    """Level of the frames of some blocks at each place, in dB."""
+    """Raise the level of the frames of some blocks at each place, in dB, to what it is in one air."""
     space = Workspace()
     alone = np.stack([each.ceiling for each in searches.each], axis=1)
     left_out = np.array([each.left_out for each in searches.each])
@@ -307,7 +309,7 @@ def _fill(level: Array, drive: Drive, searches: Searches, blocks: NDArray[np.int
             if strength.shape[1] == 1
             else found + strength.max(axis=1, keepdims=True) * left_out
         )
-        level[frames] = sound_level(np.minimum(found, most))
+        np.maximum(level[frames], sound_level(np.minimum(found, most)), out=level[frames])
 
 
 def _drive(drive: Drive, frames: slice) -> NDArray[np.complex128]:
