@@ -43,7 +43,7 @@ def recordings_command(
     sources
         Recordings with a calibration.
     vary
-        What to vary, as OPTION=VALUE,VALUE with any option of midair solve: method=fast,exact height=150mm,200mm
+        What to vary, as OPTION=VALUE,VALUE with any option of midair solve: method=fast,glide height=150mm,200mm
         band="20Hz 470Hz,20Hz 200Hz".
     options
         Of every stage, where they are not varied.
