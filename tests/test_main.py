@@ -26,9 +26,10 @@ def test_its_exit_status_is_the_command_s(arguments, status):
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_ctrl_c_while_it_is_loaded_is_no_traceback():
-    interrupted = "import sys\nclass Stop:\n    def find_spec(self, name, *_):\n        if name == 'midair.cli':\n"
+@pytest.mark.parametrize("module", ["midair.cli", "midair.files", "midair.cli.commands.info"])
+def test_ctrl_c_while_it_is_loaded_is_no_traceback(module):
+    interrupted = f"import sys\nclass Stop:\n    def find_spec(self, name, *_):\n        if name == {module!r}:\n"
     interrupted += "            raise KeyboardInterrupt\nsys.meta_path.insert(0, Stop())\n"
     script = interrupted + "from midair.__main__ import main\nmain()"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", script, "info", "take.h5"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (130, "midair: stopped; nothing was written\n")

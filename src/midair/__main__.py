@@ -15,7 +15,10 @@ def main() -> None:
     gc.disable()
     try:
         # Only now: it loads NumPy, and NumPy's OpenBLAS chooses its kernel when it is loaded.
+        from midair.cli import load
         from midair.cli import main as command_line
+
+        load(sys.argv[1:])
     except KeyboardInterrupt:
         sys.stderr.write("midair: stopped; nothing was written\n")
         sys.exit(130)

@@ -6,7 +6,8 @@ import sys
 import time
 import warnings
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
@@ -66,6 +67,17 @@ for name, (group, said) in FOLDERS.items():
 offer(app, completion_command, "completion", group="Help")
 for flag in ("--help", "--version"):
     app[flag].group = (GROUPS["Help"],)
+
+
+def load(tokens: Sequence[str]) -> None:
+    """Import the command that a line names, and what every command takes; nothing for help and version."""
+    name = next((token for token in tokens if token in COMMANDS or token in FOLDERS), None)
+    if name is not None:
+        # What is wrong with it is said when it runs.
+        with suppress(Exception):
+            for room in ("midair.devices", "midair.files"):
+                import_module(room)
+            app[name]
 
 
 def main(tokens: Sequence[str] | None = None) -> None:
