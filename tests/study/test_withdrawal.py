@@ -8,11 +8,11 @@ import sys
 import pytest
 
 from midair.cli import run as midair
-from midair.errors import DeviceStateError, InputError
+from midair.errors import DeviceStateError, FileError, InputError
 from midair.study.folder import StudyFolder, paper_design_text, read_design
 from midair.study.session import NoPresenter, Session, SimulatedParticipant, SimulatedScreen, StillClock, run
 from midair.study.tables import read_bids, read_csv
-from midair.study.withdrawal import withdraw, withdrawn
+from midair.study.withdrawal import MADE, remember_made, withdraw, withdrawn
 
 
 @pytest.fixture(scope="module")
@@ -111,3 +111,21 @@ def test_an_export_that_was_moved_is_named(study, tmp_path):
     (tmp_path / "table.csv").rename(tmp_path / "elsewhere.csv")
     said = withdraw(study, 2)
     assert [line for line in said if "table.csv: not there; delete the person from it by hand" in line]
+
+
+def test_a_disk_that_fills_up_leaves_no_half_a_line(tmp_path):
+    """Half a line was written without a word, and the study could not be analysed again."""
+    resource = pytest.importorskip("resource")
+    folder = StudyFolder(tmp_path)
+    remember_made(folder, tmp_path / "a.html", "report")
+    before = (tmp_path / MADE).read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 10, hard))
+    try:
+        with pytest.raises(FileError, match=r"made\.jsonl: cannot be written: No space left on device; .* taken out"):
+            remember_made(folder, tmp_path / "b.html", "report")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert (tmp_path / MADE).read_bytes() == before
+    remember_made(folder, tmp_path / "b.html", "report")
+    assert len((tmp_path / MADE).read_bytes().splitlines()) == 2

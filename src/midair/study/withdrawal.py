@@ -1,5 +1,6 @@
 """A person who withdraws: deleted everywhere, and whoever asked is told what was deleted."""
 
+import errno
 import json
 import os
 import shutil
@@ -129,9 +130,20 @@ def _entries(path: Path) -> list[dict[str, Any]]:
 
 
 def _append(path: Path, entry: dict[str, Any]) -> None:
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    """A whole line on the disk, or none: half of one would keep the study from being read."""
+    line = (json.dumps(entry) + "\n").encode()
     try:
-        os.write(handle, (json.dumps(entry) + "\n").encode())
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        try:
+            size = os.fstat(handle).st_size
+            if os.write(handle, line) < len(line):
+                os.ftruncate(handle, size)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+    except OSError as wrong:
+        raise FileError(
+            f"{path}: cannot be written: {wrong.strerror or wrong}; a study's folder notes what was made of its "
+            "answers, so that a person can be taken out of it: give it room and the right to write"
+        ) from wrong
