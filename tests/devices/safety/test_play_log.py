@@ -53,6 +53,21 @@ def test_a_log_that_cannot_be_written_is_told(tmp_path, monkeypatch):
         log_end("one", "x.drive.h5", "autd3", "played")
 
 
+def test_a_disk_that_takes_half_a_line_takes_none():
+    """It played, and half of what was to be audited stood in the log, with the next line behind it."""
+    resource = pytest.importorskip("resource")
+    log_end("one", "x.drive.h5", "autd3", "played")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, ((state_folder() / "played.jsonl").stat().st_size + 20, hard))
+    try:
+        with pytest.raises(FileError, match="No space left on device; nothing plays without a log"):
+            log_end("two", "x.drive.h5", "autd3", "played")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    log_end("three", "x.drive.h5", "autd3", "played")
+    assert [entry["order"] for entry in entries()] == ["one", "three"]
+
+
 def test_an_order_says_how_loud_and_who_answers_for_it():
     one = log_order("x.drive.h5", "autd3", admitted(1.0, override=" A Person "))
     two = log_order("y.drive.h5", "autd3", admitted(0.01))

@@ -1,5 +1,6 @@
 """What was played, when, how loud, and who answered for it: one line of JSON a time, never rewritten."""
 
+import errno
 import hashlib
 import json
 import math
@@ -153,12 +154,16 @@ def _number(value: float) -> float | None:
 
 def _append(entry: dict[str, object]) -> None:
     path = make_state_folder() / LOG
-    line = json.dumps({"time": datetime.now(UTC).isoformat(timespec="milliseconds"), **entry}, default=str) + "\n"
+    text = json.dumps({"time": datetime.now(UTC).isoformat(timespec="milliseconds"), **entry}, default=str) + "\n"
+    line = text.encode()
     try:
         # In one piece, so that two programs that write at once do not mix their lines; for this user only.
         handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
         try:
-            os.write(handle, line.encode())
+            if (taken := os.write(handle, line)) < len(line):
+                # A disk that fills up takes a part and raises nothing.
+                os.ftruncate(handle, os.lseek(handle, 0, os.SEEK_CUR) - taken)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(handle)
         finally:
             os.close(handle)
