@@ -65,6 +65,25 @@ def test_attenuation_keeps_the_profile_as_the_firmware_rounds_it():
     assert exposure(heard, PROFILE).excess <= 0
 
 
+@pytest.mark.parametrize("own", [False, True], ids=["a level a frame", "a level each"])
+def test_what_the_firmware_rounds_up_is_measured_as_it_sounds(own):
+    """Half a step of 255 plays as a pulse of one step of 512: 9.9 dB louder than the level says."""
+    level = np.concatenate([[0.51 / 255, 3.51 / 255], np.linspace(0.001, 0.1, 40), [1.0]])
+    phase = np.tile(focus_phase(ARRAY, np.array([0, 0, 0.2])), (len(level), 1))
+    told = np.tile(level[:, None], (1, ARRAY.count)) if own else level
+    drive = Drive(phase=phase, level=told, rate=1000.0, array=ARRAY)
+    steps = intensity_bytes(drive, 4).reshape(len(level), -1)
+    sounds = replace(drive, level=amplitude_of(steps) if own else amplitude_of(steps)[:, 0])
+    found, heard = measure(drive, ARRAY, PROFILE).level, exposure(sounds, PROFILE).level
+    assert (found > heard - 1e-3).all()
+    assert found[0, 0] - exposure(drive, PROFILE).level[0, 0] > 9
+    # What would be let through by its levels, and sounds above the limit.
+    second = replace(drive, phase=phase[1:2], level=told[1:2])
+    assert exposure(second, PROFILE).excess < 0
+    with pytest.raises(ExposureError, match="exceeded"):
+        admit(second, Loud(ARRAY), CHOICES)
+
+
 def test_an_override_needs_a_name():
     admission = admit(focus(), Loud(ARRAY), ExposureChoices(profile=PROFILE, override=" A Person "))
     assert (admission.outcome, admission.by) == ("overridden", "A Person")
@@ -135,7 +154,7 @@ def test_parts_that_are_read_twice_are_admitted_and_no_others():
         rate=1000.0,
         array=ARRAY,
     )
-    np.testing.assert_allclose(admission.exposure.level, exposure(whole, PROFILE).level, atol=1e-3)
+    np.testing.assert_allclose(admission.exposure.level, measure(whole, ARRAY, PROFILE).level, atol=1e-3)
     with device:
         assert sum(device.play(admission.frames(part)).frames for part in parts) == 6
         with pytest.raises(ExposureError, match="got one that was not"):

@@ -45,6 +45,15 @@ def amplitude_of(intensity: Bytes) -> NDArray[np.float64]:
     return np.sin(np.pi * width / 512)
 
 
+def loudest_of(level: Array) -> Array:
+    """Levels as loud as firmware makes them that rounds to bytes and these to pulses; no quieter than they are.
+
+    Half of a step, .002 of full drive, is rounded to a whole one, and that to a pulse of .006: 10 dB louder.
+    """
+    played = amplitude_of(np.arange(256, dtype=np.uint8))
+    return np.asarray(np.maximum(np.abs(level), played[np.rint(level * 255).astype(np.uint8)]), np.float64)
+
+
 def divider(rate: float) -> int:
     """The whole number N of ultrasound periods in a frame: rate = 40 kHz / N.
 

@@ -152,7 +152,7 @@ def test_exposure_in_the_air_of_the_room(capsys):
 
 
 def test_exposure_as_json(capsys):
-    assert run(["exposure", make("a.drive.h5", level=0.003), "--json", "--profile", "public-100"]) == 0
+    assert run(["exposure", make("a.drive.h5", level=0.0015), "--json", "--profile", "public-100"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["kept"] is True
     assert answer["places"]["left ear"]["limit_db"] == 100
