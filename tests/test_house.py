@@ -83,7 +83,6 @@ UNTESTED_BY_NAME = {
     "cli/commands/stop.py": "cli/commands/test_play_arrays.py",
     "cli/commands/sweep/recordings.py": "cli/commands/sweep/test_patterns.py",
     "cli/terminal/calibration_output.py": "cli/commands/calibrate/test_apply.py",
-    "cli/terminal/originals.py": "cli/test_commands.py",
     "cli/terminal/play_options.py": "cli/commands/test_play_arrays.py",
     "cli/terminal/take_output.py": "cli/terminal/test_stage_options.py",
     "cli/terminal/rows.py": "cli/commands/test_info.py",

@@ -18,6 +18,16 @@ def test_finds_a_delay_of_any_part_of_a_frame(delay):
     assert find_delay(burst(0.0), burst(delay), RATE) == pytest.approx(delay, abs=2e-5)
 
 
+@pytest.mark.parametrize("part", [-0.45, -0.2, 0.1, 0.3, 0.5])
+def test_finds_a_part_of_a_frame_in_dense_noise(part):
+    """Noise up to .47 of the rate, whose correlation is as narrow as it can be."""
+    noise = np.fft.rfft(np.random.default_rng(8).normal(size=(2000, 3)), axis=0)
+    noise[np.fft.rfftfreq(2000, 1 / RATE) > 470] = 0
+    x = np.fft.irfft(noise, 2000, axis=0)
+    delay = (3 + part) / RATE
+    assert find_delay(x, advance(x, -delay, RATE), RATE) == pytest.approx(delay, abs=3e-6)
+
+
 @given(st.floats(-0.02, 0.02))
 def test_advance_takes_a_delay_back(delay):
     np.testing.assert_allclose(advance(burst(delay), delay, RATE), burst(0.0), atol=1e-6)

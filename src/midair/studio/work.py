@@ -96,9 +96,10 @@ def compare_takes(order: tuple[str, str, str], progress: Progressed) -> dict[str
     """A re-recording against its original: figures, what skin makes of it, and a gain that would mend the level."""
     original, again, kept = order
     progress("comparing", 0, 3)
-    before, after, settings = brought_together(original, again)
+    before, heard, first, settings = brought_together(original, again)
+    after = replace(heard, pressure=heard.pressure[first : first + before.frames])
     progress("comparing", 1, 3)
-    found = compare(before, after)
+    found = compare(before, heard, first=first)
     try:
         card = perceptual_card(before, after)
         verdict, rows = (
@@ -129,8 +130,8 @@ def compare_takes(order: tuple[str, str, str], progress: Progressed) -> dict[str
     }
 
 
-def brought_together(original: str, again: str) -> tuple[PressureFrames, PressureFrames, Settings]:
-    """The part of an original that was played, and what was felt of it, its lead left out; and how it was made.
+def brought_together(original: str, again: str) -> tuple[PressureFrames, PressureFrames, int, Settings]:
+    """The part of an original that was played, what was felt, its frame at which the part begins; and how it was made.
 
     What was played is compared as a perfect rig would give it back: through the band once more.
     """
@@ -141,7 +142,7 @@ def brought_together(original: str, again: str) -> tuple[PressureFrames, Pressur
     heard = felt(take.recording, take.calibration, settings, from_rest=virtual)
     first = (asked.frames - before.frames) // 2
     reference = without_lead(heard_perfectly(asked), before.frames)
-    return reference, replace(heard, pressure=heard.pressure[first : first + before.frames]), settings
+    return reference, heard, first, settings
 
 
 def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]:

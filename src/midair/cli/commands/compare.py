@@ -1,6 +1,7 @@
 """The command `compare`: a re-recording against its original."""
 
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -99,9 +100,10 @@ def compare_command(
         take = open_take(reproduced, streamed=True)
         settings = made_with(take.recording.provenance, (options or BandOptions()).settings())
     with ExitStack() as stack:
-        both = brought_together(felt_part(original, settings, streamed=True), take, settings)
-        before, after = (stack.enter_context(kept_aside(each)) for each in both)
-        comparison, card = compare(before, after), card_of(before, after)
+        pair = brought_together(felt_part(original, settings, streamed=True), take, settings)
+        before, heard = (stack.enter_context(kept_aside(each)) for each in (pair.original, pair.heard))
+        comparison, after = compare(before, heard, first=pair.first), replace(pair, heard=heard).piece
+        card = card_of(before, after)
         if report is not None:
             _write_report(report, before, after, comparison, card, told)
     if json:

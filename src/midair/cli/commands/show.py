@@ -120,7 +120,8 @@ def _shown(source: Path, again: Path | None, part: Part, *, target: bool, option
     if again is not None:
         take = open_take(again)
         settings = made_with(take.recording.provenance, options.settings())
-        return show_comparison(*brought_together(felt_part(source, settings), take, settings), part=part)
+        pair = brought_together(felt_part(source, settings), take, settings)
+        return show_comparison(pair.original, pair.piece, part=part)
     if source.name.lower().endswith((".h5", ".hdf5", ".nc")) and contents(source).kind == "drive":
         return show_drive(load_solution(source, streamed=True), target=load_target(source, streamed=True), part=part)
     settings = options.settings()

@@ -2,7 +2,7 @@
 
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -47,24 +47,44 @@ def made_with(provenance: Provenance, settings: Settings) -> Settings:
     return settings.but(rate=float(rate)) if isinstance(rate, int | float) else settings
 
 
-def brought_together(
-    original: PressureFrames, take: OpenedTake, settings: Settings
-) -> tuple[PressureFrames, PressureFrames]:
-    """The part of an original that a re-recording says it is of, and the re-recording, its lead left out; of reels.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlayedPair:
+    """An original, and what was heard of it.
+
+    Attributes
+    ----------
+    original, heard : PressureFrames
+        What was heard goes on before and behind, as far as it was kept, so that a delay can be taken out of it.
+    first : int
+        Its frame at which the original begins.
+    """
+
+    original: PressureFrames
+    heard: PressureFrames
+    first: int = 0
+
+    @property
+    def piece(self) -> PressureFrames:
+        """What was heard where the original is, its delay left in."""
+        end = self.first + self.original.frames
+        return replace(self.heard, pressure=self.heard.pressure[self.first : end]) if self.first else self.heard
+
+
+def brought_together(original: PressureFrames, take: OpenedTake, settings: Settings) -> PlayedPair:
+    """The part of an original that a re-recording says it is of, and the re-recording; of reels.
 
     What was played is compared as a perfect rig would give it back: through the band once more. A recording that does
     not say that it was played is compared as it is.
     """
     provenance, calibration = take.recording.provenance, take.calibration
     if not _step(provenance, "play"):
-        return original, felt(take.recording, calibration, settings)
+        return PlayedPair(original=original, heard=felt(take.recording, calibration, settings))
     original, asked = asked_of(provenance, original)
     # A virtual sensor hears the drive's first frame at time 0, and has been at rest until then.
     virtual = calibration is not None and calibration.provenance.simulated
     heard = felt(take.recording, calibration, settings, from_rest=virtual)
-    first = (asked.frames - original.frames) // 2
     reference = without_lead(heard_perfectly(asked), original.frames)
-    return reference, replace(heard, pressure=heard.pressure[first : first + original.frames])
+    return PlayedPair(original=reference, heard=heard, first=(asked.frames - original.frames) // 2)
 
 
 def asked_of(provenance: Provenance, original: PressureFrames) -> tuple[PressureFrames, PressureFrames]:
