@@ -22,7 +22,7 @@ from midair.devices.admission import Admission, sealed
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.files import profile_named
 from midair.model import Acoustics, Drive, Medium, Provenance, TransducerArray
-from midair.physics import exposure, focus_phase
+from midair.physics import exposure, focus_phase, transfer_matrix
 from midair.reel import Reel
 
 ARRAY = TransducerArray.autd3()
@@ -84,6 +84,18 @@ def test_what_the_firmware_rounds_up_is_measured_as_it_sounds(own):
         admit(second, Loud(ARRAY), CHOICES)
 
 
+def test_phases_are_measured_as_the_firmware_rounds_them():
+    """Errors of up to half of 256 steps, lined up against a place, take 2 dB from what is said to be there."""
+    rng, ear = np.random.default_rng(5), np.array(PROFILE.places[0].position)
+    rounded = rng.integers(0, 256, (1, ARRAY.count)) * (2 * np.pi / 256)
+    wave = transfer_matrix(ear[None], ARRAY)[0] * np.exp(1j * rounded[0])
+    against = np.sign((np.conj(wave.sum()) * wave).imag)
+    told = Drive(phase=rounded + against * 0.49 * (2 * np.pi / 256), level=np.ones(1), rate=1000.0, array=ARRAY)
+    found, sounds = measure(told, ARRAY, PROFILE).level, exposure(replace(told, phase=rounded), PROFILE).level
+    assert found == pytest.approx(sounds, abs=1e-3)
+    assert abs(exposure(told, PROFILE).level - sounds).max() > 0.05
+
+
 def test_an_override_needs_a_name():
     admission = admit(focus(), Loud(ARRAY), ExposureChoices(profile=PROFILE, override=" A Person "))
     assert (admission.outcome, admission.by) == ("overridden", "A Person")
@@ -110,7 +122,7 @@ def test_what_a_file_says_of_the_strength_counts_for_nothing():
 def test_what_a_file_says_of_the_air_hides_nothing(medium):
     """A drive whose file claims an air that swallows the sound, or scatters the focus, is refused all the same."""
     claims = replace(focus(), acoustics=Acoustics(medium=medium))
-    honest = exposure(focus(), PROFILE)
+    honest = measure(focus(), ARRAY, PROFILE)
     for check in (lambda: admit(claims, Loud(ARRAY), CHOICES), lambda: admit_parts([claims], Loud(ARRAY), CHOICES)):
         with pytest.raises(ExposureError):
             check()

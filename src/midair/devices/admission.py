@@ -12,7 +12,7 @@ from typing import Any, Literal, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices.frame_bytes import amplitude_of, loudest_of
+from midair.devices.frame_bytes import PHASE_STEPS, amplitude_of, loudest_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.evaluate import SkinModel
 from midair.model import Acoustics, Drive, TransducerArray
@@ -208,7 +208,7 @@ def measure(drive: Drive, array: TransducerArray, profile: ExposureProfile, *, r
 
     Measured in the paper's air and in the one that the drive says it was solved for, and the higher of both: phases
     focus in the air that they were solved for, but a file may claim an air that swallows the sound or scatters the
-    focus, so that it alone must not decide. Levels count as loud as the firmware's steps make them.
+    focus, so that it alone must not decide. Levels and phases count as the firmware's steps make them.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def measure(drive: Drive, array: TransducerArray, profile: ExposureProfile, *, r
         )
     own = replace(drive, array=array, level=each_frame(drive.level, loudest_of))
     airs = (Acoustics(),) if own.acoustics == Acoustics() else (Acoustics(), own.acoustics)
-    return exposure(own, profile, repeats=repeats, acoustics=airs)
+    return exposure(own, profile, repeats=repeats, acoustics=airs, steps=PHASE_STEPS)
 
 
 def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: int = 1) -> Admission:

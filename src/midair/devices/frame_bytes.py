@@ -18,12 +18,15 @@ Bytes = NDArray[np.uint8]
 TICK = 25_000
 """Period of the ultrasound in ns: every instant of the firmware is a multiple of it."""
 
+PHASE_STEPS = 256
+"""Of a turn, to which phases are rounded."""
+
 
 def phase_bytes(drive: Drive, units: int) -> Bytes:
-    """Phases in steps of 2 pi / 256, shape (frame, unit, transducer of the unit); a reel of a drive that is one."""
+    """Phases in `PHASE_STEPS` of a turn, shape (frame, unit, transducer of the unit); a reel of a drive that is one."""
 
     def in_steps(phase: Array) -> Bytes:
-        steps = np.mod(np.rint(phase * (256 / (2 * np.pi))), 256)
+        steps = np.mod(np.rint(phase * (PHASE_STEPS / (2 * np.pi))), PHASE_STEPS)
         return steps.astype(np.uint8).reshape(len(phase), units, -1)
 
     return each_frame(drive.phase, in_steps)

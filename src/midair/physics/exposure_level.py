@@ -148,6 +148,7 @@ def exposure(
     *,
     repeats: int = 1,
     acoustics: Acoustics | tuple[Acoustics, ...] | None = None,
+    steps: int | None = None,
 ) -> Exposure:
     """What a drive exposes people to at the places of a profile.
 
@@ -161,6 +162,8 @@ def exposure(
         How often it is played.
     acoustics : Acoustics or tuple of Acoustics, optional
         As in `propagate`; of several airs the highest counts, frame by frame.
+    steps : int, optional
+        Of a turn, to which units round phases; they are not rounded if None.
 
     Returns
     -------
@@ -177,7 +180,7 @@ def exposure(
         shares = np.array_split(parts, max(os.cpu_count() or 1, len(parts) // _SHARE))
         for air in airs:
             searches = searches_of(profile.places, drive.array, air)
-            list(passing(threads.map(partial(_fill, level, drive, searches), shares), len(shares)))
+            list(passing(threads.map(partial(_fill, level, drive, searches, steps), shares), len(shares)))
     return Exposure(
         profile=profile,
         level=level,
@@ -292,7 +295,7 @@ def _palm(middle: tuple[float, float, float], array: TransducerArray, acoustics:
     return Searches.of(point_search(points, array, acoustics))
 
 
-def _fill(level: Array, drive: Drive, searches: Searches, blocks: NDArray[np.intp]) -> None:
+def _fill(level: Array, drive: Drive, searches: Searches, steps: int | None, blocks: NDArray[np.intp]) -> None:
     """Raise the level of the frames of some blocks at each place, in dB, to what it is in one air."""
     space = Workspace()
     alone = np.stack([each.ceiling for each in searches.each], axis=1)
@@ -300,7 +303,7 @@ def _fill(level: Array, drive: Drive, searches: Searches, blocks: NDArray[np.int
     # Small parts stay in the cache, and a whole drive at all points would not fit into memory.
     for first in blocks:
         frames = slice(first, first + BLOCK)
-        parts, strength = drive_parts(drive, frames, space, searches.order)
+        parts, strength = drive_parts(drive, frames, space, searches.order, steps=steps)
         most = strength * alone.sum(axis=0) if strength.shape[1] == 1 else strength @ alone
         found = searches.loudest(parts, space)
         # A strength that all transducers share is put on at the end, where there is one number a frame.

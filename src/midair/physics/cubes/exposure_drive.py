@@ -12,7 +12,12 @@ Indices = NDArray[np.intp]
 
 
 def drive_parts(
-    drive: Drive, frames: slice | Indices, space: Workspace, order: Indices | None = None
+    drive: Drive,
+    frames: slice | Indices,
+    space: Workspace,
+    order: Indices | None = None,
+    *,
+    steps: int | None = None,
 ) -> tuple[Single, Array]:
     """Some frames in single precision, and their level.
 
@@ -26,6 +31,8 @@ def drive_parts(
         Where they go.
     order : ndarray of int, shape (transducer,), optional
         Of the transducers; their own if None.
+    steps : int, optional
+        Of a turn, to which phases are rounded; as they are if None.
 
     Returns
     -------
@@ -42,6 +49,10 @@ def drive_parts(
     # Single precision has no digits to spare for turns: a file may hold any number of them.
     if max(angle.max(initial=0.0), -angle.min(initial=0.0)) > 64:
         angle[:] = np.remainder(phase, 2 * np.pi)
+    if steps is not None:
+        angle *= steps / (2 * np.pi)
+        np.rint(angle, out=angle)
+        angle *= 2 * np.pi / steps
     if order is not None:
         angle = np.take(angle, order, axis=1, out=space.array("ordered", *phase.shape), mode="clip")
     np.cos(angle, out=parts[0])
