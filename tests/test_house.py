@@ -109,7 +109,7 @@ UNTESTED_BY_NAME = {
     "rig/looping/passes.py": "rig/looping/test_iteration.py",
     "rig/names/virtual_rig.py": "rig/names/test_source_names.py",
     "rig/takes/take_plan.py": "rig/takes/test_take.py",
-    "solvers/live_kernel.py": "solvers/test_live.py",
+    "solvers/live/live_kernel.py": "solvers/live/test_live.py",
     "study/design/analysis_plan.py": "study/session/test_steps.py",
     "study/design/answers.py": "study/design/test_plan.py",
     "study/design/exclusions.py": "study/session/test_steps.py",

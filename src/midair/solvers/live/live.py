@@ -104,7 +104,7 @@ class Follower:
 
     def __init__(self, problem: Problem, settings: Live) -> None:
         try:
-            from midair.solvers import live_kernel
+            from midair.solvers.live import live_kernel
         except ImportError as missing:
             raise MissingExtraError('the live solver needs numba: pip install "midair[live]"') from missing
         self.iterations = 0
