@@ -2,11 +2,17 @@
 
 A frame is one datagram a unit. The units keep time and queue up to seven; what is sent is not waited for, so that the
 one who makes frames goes on at once, and what became of it is counted when its answer comes.
+
+The SDK speaks asyncio. A loop of asyncio in a thread of its own costs two wakings and two turns of the interpreter's
+lock a frame, which together are more than the phases. So whoever makes frames turns a loop of his own, `TurnedLoop`,
+between two of them: nothing is waited for, and nobody has to be woken.
 """
 
 import asyncio
 import time
-from collections.abc import Coroutine
+from asyncio import events
+from collections import deque
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 import numpy as np
@@ -24,6 +30,51 @@ from midair.model import Placement
 
 _KEPT = 64
 """Frames of which is known when they left."""
+
+
+class TurnedLoop(asyncio.AbstractEventLoop):
+    """An event loop that never waits: what there is to do is done when somebody turns it.
+
+    Only what futures and tasks need of a loop; from another thread, `call_soon_threadsafe` alone.
+
+    Attributes
+    ----------
+    at : int
+        When what is being done now was asked for, in ns of `time.monotonic_ns`.
+    """
+
+    def __init__(self) -> None:
+        self.at = 0
+        self._waiting: deque[tuple[int, Callable[..., object], tuple[Any, ...]]] = deque()
+
+    def turn(self) -> None:
+        """Do everything that was asked for, and what that asks for."""
+        if not self._waiting:
+            return
+        before = events._get_running_loop()  # theirs, for those who write loops
+        events._set_running_loop(self)
+        try:
+            while self._waiting:
+                self.at, do, arguments = self._waiting.popleft()
+                do(*arguments)
+        finally:
+            events._set_running_loop(before)
+
+    def call_soon(self, callback: Callable[..., object], *args: Any, **_: Any) -> Any:
+        """In this turn, as if asked for when that was which asks."""
+        self._waiting.append((self.at, callback, args))
+
+    def call_soon_threadsafe(self, callback: Callable[..., object], *args: Any, **_: Any) -> Any:
+        """In the next turn."""
+        self._waiting.append((time.monotonic_ns(), callback, args))
+
+    def create_future(self) -> asyncio.Future[Any]:
+        """A future of this loop."""
+        return asyncio.Future(loop=self)
+
+    def get_debug(self) -> bool:
+        """Never."""
+        return False
 
 
 class Autd3Immediate(Autd3Udp):
@@ -47,44 +98,26 @@ class Autd3Immediate(Autd3Udp):
         self._crowd, self._asked = crowd, asked
         self._told: dict[str, int] = dict.fromkeys(("sent", "answered", "lost", "late", "crowded"), 0)
         self._left = np.zeros(_KEPT, np.int64)
-        self._number = self._flying = self._round = self._unanswered = 0
+        self._number = self._flying = self._unanswered = 0
         self._wrong: DeviceError | None = None
         self._asks = 0.0
         self._geometry = commands.geometry(placement)
-        # Tasks are held here: the loop itself holds them weakly only.
+        self._turned = TurnedLoop()
         self._tasks: set[asyncio.Task[None]] = set()
         super().__init__(placement, place, failsafe=failsafe, heartbeat=False)
 
     def put(self, phases: Bytes, intensity: int, instant: int) -> None:
         """Send a frame that sounds from an instant on, and do not wait for it."""
+        self._turned.turn()
         if self._wrong is not None:
             raise self._wrong
-        frame = Frames.encode(self._geometry, Pattern(PhaseBuffer.from_array(phases), intensity))[0]
         number, self._number = self._number, self._number + 1
         self._left[number % _KEPT] = 0
-        self._loop.call_soon_threadsafe(self._begin, frame, instant, number, self._round)
-
-    def sent(self, number: int) -> int:
-        """When a frame left, in ns of `time.monotonic_ns`; 0 if it did not, or has not yet."""
-        return int(self._left[number % _KEPT])
-
-    def told(self) -> dict[str, int]:
-        """What became of all frames."""
-        return dict(self._told)
-
-    def silence(self) -> None:
-        """All transducers to intensity 0 at once; no frame that was put before goes out any more."""
-        self._round += 1
-        super().silence()
-
-    def _begin(self, frame: Frame, instant: int, number: int, ordered: int) -> None:
-        """On the SDK's own loop: send unless it is too late."""
-        if ordered != self._round or self._client is None:
-            return
         if self._flying >= self._crowd:
             self._told["crowded"] += 1
             return
-        if self._client.device_time_now().sys_time >= instant:
+        frame = Frames.encode(self._geometry, Pattern(PhaseBuffer.from_array(phases), intensity))[0]
+        if self.now() >= instant:
             self._told["late"] += 1
             return
         self._flying += 1
@@ -93,16 +126,41 @@ class Autd3Immediate(Autd3Udp):
             self._asks = now
             self._start(self._ask())
 
+    def sent(self, number: int) -> int:
+        """When a frame left, in ns of `time.monotonic_ns`; 0 if it did not, or has not yet."""
+        self._turned.turn()
+        return int(self._left[number % _KEPT])
+
+    def told(self) -> dict[str, int]:
+        """What became of all frames."""
+        self._turned.turn()
+        return dict(self._told)
+
+    def close(self) -> None:
+        """Silence the units, as the SDK does on closing, and let go."""
+        super().close()
+        # What has no answer by now gets none; and a task that is forgotten while it waits complains.
+        for task in list(self._tasks):
+            task.cancel()
+        self._turned.turn()
+
     def _start(self, work: Coroutine[Any, Any, None]) -> None:
-        task = self._loop.create_task(work)
+        """Begin on the spot: up to where the SDK has it."""
+        task = asyncio.Task(work, loop=self._turned)
         self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        task.add_done_callback(self._end)
+        self._turned.turn()
+
+    def _end(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (wrong := task.exception()) is not None:
+            self._wrong = DeviceError(f"autd3: this is an error in midair, please report it: {wrong!r}")
 
     async def _send_frame(self, frame: Frame, instant: int, number: int) -> None:
         try:
             at = ExecAt.At(SysTime.from_nanos(instant))
             answer = await self._open.send_frame_at(frame, at)
-            self._left[number % _KEPT] = time.monotonic_ns()
+            self._left[number % _KEPT] = self._turned.at
             self._told["sent"] += 1
             await answer
             self._told["answered"] += 1
