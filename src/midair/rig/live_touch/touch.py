@@ -14,7 +14,7 @@ from midair.dsp import band_edges, check_band
 from midair.errors import InputError
 from midair.model import Acoustics, Calibration, ControlGrid, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import focus_amplitude, sound_amplitude
-from midair.solvers import Follower, Live, problem_at
+from midair.solvers import Follower, Live, folded, problem_at
 from midair.targets import MappingStream, decouple, interpolation_matrix
 
 Array = NDArray[np.float64]
@@ -55,8 +55,11 @@ class TouchSettings:
     faintest: float = 0.1
     grid: ControlGrid = field(default_factory=ControlGrid)
     acoustics: Acoustics = field(default_factory=Acoustics)
-    # A first frame of 200 iterations makes those behind it late; the level rises from nothing while they catch up.
-    solver: Live = field(default_factory=lambda: Live(iterations=12, lift_iterations=18))
+    # A first frame of 200 iterations makes those behind it late; the level rises from nothing while they catch up. One
+    # more of each for every frame make up for the modes of the square around the points, see `solvers.folded`.
+    solver: Live = field(
+        default_factory=lambda: Live(iterations=12, lift_iterations=18, warm_iterations=8, warm_lift_iterations=10)
+    )
 
     def __post_init__(self) -> None:
         if not 0.002 <= self.delay <= 0.01:
@@ -132,7 +135,9 @@ class Touch:
         self._apart, self._between = _undone(sensor, grid, rate), interpolation_matrix(sensor, grid)
         none = np.zeros((1, grid.count))
         problem = problem_at([grid.position], none, array, acoustics=settings.acoustics)
-        self._follower: Follower = settings.solver.begin(replace(problem, level=level))
+        problem = replace(problem, level=level)
+        mirrored = folded(grid, array, acoustics=settings.acoustics, tolerance=settings.solver.tolerance)
+        self._follower: Follower = settings.solver.begin(problem, folded=mirrored)
         self.pressure, self._pushes = np.zeros(sensor.count), np.zeros(sensor.count)
         self._wanted, self._steps = np.zeros(grid.count), np.zeros(array.count)
         self._whole, self.phases = np.zeros(array.count, np.int16), np.zeros(array.count, np.uint8)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from midair.errors import MissingExtraError
 from midair.model import Progress, Status
+from midair.solvers.live.folded import Folded, unfolded
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
 from midair.solvers.problem import Answer, End, Problem
@@ -86,9 +87,17 @@ class Live:
         ended: tuple[Status, ...] = tuple(status)
         return Answer(phase=phase, iterations=made, status=ended, end=End(theta=phase[-1], known=follower))
 
-    def begin(self, problem: Problem) -> "Follower":
-        """A follower for the G of the problem; compiles, so that its first frame is not late."""
-        return Follower(problem, self)
+    def begin(self, problem: Problem, *, folded: Folded | None = None) -> "Follower":
+        """A follower for the G of the problem; compiles, so that its first frame is not late.
+
+        Parameters
+        ----------
+        problem : Problem
+            G, level and first phases of the field.
+        folded : Folded, optional
+            The modes of G as `folded` finds them, for an array that is its own mirror image: half the time.
+        """
+        return Follower(problem, self, folded=folded)
 
 
 class Follower:
@@ -100,9 +109,11 @@ class Follower:
         G, level and first phases of the field; its targets are not looked at.
     settings : Live
         Iterations and weights.
+    folded : Folded, optional
+        The modes of G, of an array that is its own mirror image; those of any array if None.
     """
 
-    def __init__(self, problem: Problem, settings: Live) -> None:
+    def __init__(self, problem: Problem, settings: Live, *, folded: Folded | None = None) -> None:
         try:
             from midair.solvers.live import live_kernel
         except ImportError as missing:
@@ -110,28 +121,34 @@ class Follower:
         self.iterations = 0
         self._kernel: Any = live_kernel
         self._settings = settings
-        kept = modes(problem.G, tolerance=settings.tolerance)
+        kept = folded or unfolded(modes(problem.G, tolerance=settings.tolerance))
+        images, each, places = kept.V.shape
         s = problem.level * kept.s
         root = np.sqrt(s)
-        self._root = root.astype(np.float32)
-        self._out = np.ascontiguousarray((kept.U * root).T, np.complex64)
-        self._V = np.ascontiguousarray(kept.V.T, np.complex64)
-        self._drive = np.ascontiguousarray((kept.V[:: settings.every] / root).T, np.complex64)
-        self._weight = np.float32(settings.loudness / self._drive.shape[1])
+        # Modes that only fill up their kind make no field, and are not made.
+        whole, inverse, least = kept.U * root, _inverse(root), _inverse(s)
+        self._root = np.where(s > 0, root, 1).astype(np.float32)
+        self._out = np.ascontiguousarray(whole.T, np.complex64)
+        self._V, self._place = np.ascontiguousarray(kept.V, np.complex64), kept.place
+        some = kept.V[:, :, :: settings.every] * inverse.reshape(images, each, 1)
+        self._drive = np.ascontiguousarray(some, np.complex64)
+        self._weight = np.float32(settings.loudness / (images * some.shape[2]))
         # p of norm 1 -> first coordinates of the field p exp(j psi), as in the batch solver.
-        smooth = root * s / (s**2 + (settings.floor * s[0]) ** 2)
+        smooth = root * s / (s**2 + (settings.floor * s.max()) ** 2)
         self._psi = np.exp(1j * problem.first_psi).astype(np.complex64)
         self._first = smooth[:, None] * kept.U.conj().T * np.exp(1j * problem.first_psi)
-        self._weak = (smooth / root).astype(np.float32)
-        lens = kept.V @ ((kept.U.conj().T @ np.exp(1j * problem.first_psi)) / s)
-        self._q = rippled(lens).astype(np.complex64)
-        self._z = np.zeros(kept.rank, np.complex64)
+        self._weak = (smooth * inverse).astype(np.float32)
+        lens = kept.drive(least * (kept.U.conj().T @ np.exp(1j * problem.first_psi)))
+        self._q = np.zeros((images, places), np.complex64)
+        self._q.reshape(-1)[kept.place] = rippled(lens)
+        rank = len(s)
+        self._z = np.zeros(rank, np.complex64)
         self._p, self._before = np.zeros(problem.points, np.float32), np.zeros(problem.points, np.float32)
         self._pairs, self._work = live_kernel.workspace(
-            problem.points, self._drive.shape[1], kept.rank, settings.memory, 1 / float(s[0])
+            problem.points, (images, some.shape[2]), rank, settings.memory, 1 / float(s.max())
         )
-        self._error, self._change = np.zeros(kept.rank, np.complex64), np.zeros(problem.transducers, np.complex64)
-        self._speed = np.zeros(problem.transducers, np.float32)
+        self._error, self._change = np.zeros(rank, np.complex64), np.zeros_like(self._q)
+        self._kinds, self._speed = np.zeros_like(self._q), np.zeros(self._q.shape, np.float32)
         self._warm = False
         self._move(np.float32(1), 0, 0, bends=True)  # no iteration at all, which compiles everything and moves nothing
 
@@ -155,18 +172,23 @@ class Follower:
             self._move(np.float32(size), count, lift, bends=self._warm)
             self._warm = True
             self.iterations += count
-        return np.angle(self._q).astype(np.float64)
+        return np.angle(self._q.reshape(-1)[self._place]).astype(np.float64)
 
     def _move(self, size: np.float32, field: int, lift: int, *, bends: bool) -> None:
         settings = self._settings
         towards = np.float32(settings.towards)
-        y, g = self._work[0], self._work[2]
+        y, g = self._work[0], self._work[4]
         step, momentum = np.float32(settings.step), np.float32(settings.momentum)
         self._kernel.follow(
             bends,
             (self._z, self._p, self._before, self._out, self._psi, towards, self._weak, y, g),
             (self._z, self._p, size, self._out, self._drive, self._weight, self._pairs, self._work),
-            (self._q, self._root, self._V, step, momentum, self._error, self._change, self._speed),
+            (self._q, self._root, self._V, step, momentum, self._error, self._change, self._kinds, self._speed),
             field,
             lift,
         )
+
+
+def _inverse(x: Array) -> Array:
+    """1 / x; 0 where x is."""
+    return np.where(x > 0, 1 / np.where(x > 0, x, 1), 0)

@@ -10,11 +10,31 @@ from numba import njit
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def cost_and_slope(z, p, gain, out, drive, weight, y, q, conjugate, g):
+def mirror(x, y):
+    """Write into y (kind, place) what of x (image, place) is alike in all images, and what of it changes sign; or back.
+
+    Its own inverse. For kinds and images see `Folded`; of one there is only the one.
+    """
+    X, Y = x.view(np.float32), y.view(np.float32)
+    if len(x) == 1:
+        Y[:] = X
+        return
+    half = np.float32(0.5)
+    for n in range(X.shape[1]):
+        a, b, c, d = X[0, n], X[1, n], X[2, n], X[3, n]
+        Y[0, n] = half * ((a + b) + (c + d))
+        Y[1, n] = half * ((a - b) + (c - d))
+        Y[2, n] = half * ((a + b) - (c + d))
+        Y[3, n] = half * ((a - b) - (c - d))
+
+
+@njit(cache=True, fastmath=True, nogil=True)
+def cost_and_slope(z, p, gain, out, drive, weight, y, q, kinds, conjugate, g):
     """Write the gradient by z into g and return the cost; see `moves`.
 
-    z, g (mode,); p, y (point,), p of norm 1; out (mode, point); drive (mode, some transducers); q (some transducers,);
-    gain, the norm that p had: the drive is gain times that of z; all single precision.
+    z, g (mode,), kind after kind; p, y (point,), p of norm 1; out (mode, point); drive (kind, mode of it, some places);
+    q (image, some places) and kinds alike; gain, the norm that p had: the drive is gain times that of z; all single
+    precision.
     """
     np.dot(out.T, z, y)
     cost = np.float32(0)
@@ -28,14 +48,20 @@ def cost_and_slope(z, p, gain, out, drive, weight, y, q, conjugate, g):
         # Conjugated, so that the product with `out` as it lies in memory is that with its adjoint.
         y[m] = complex(part * re, -part * im)
     np.dot(out, y, g)
-    np.dot(drive.T, z, q)
+    each = drive.shape[1]
+    for kind in range(len(drive)):
+        np.dot(drive[kind].T, z[kind * each : (kind + 1) * each], kinds[kind])
+    mirror(kinds, q)
     loud, scale = np.float32(0), gain * weight
-    for n in range(len(q)):
-        re, im = gain * q[n].real, gain * q[n].imag
-        above = max(re * re + im * im - np.float32(1), np.float32(0))
-        loud += above * above
-        q[n] = complex(scale * above * re, -scale * above * im)
-    np.dot(drive, q, conjugate)
+    for image in range(len(q)):
+        for n in range(q.shape[1]):
+            re, im = gain * q[image, n].real, gain * q[image, n].imag
+            above = max(re * re + im * im - np.float32(1), np.float32(0))
+            loud += above * above
+            q[image, n] = complex(scale * above * re, -scale * above * im)
+    mirror(q, kinds)
+    for kind in range(len(drive)):
+        np.dot(drive[kind], kinds[kind], conjugate[kind * each : (kind + 1) * each])
     for k in range(len(g)):
         total = g[k] + conjugate[k]
         g[k] = complex(total.real, -total.imag)
@@ -79,10 +105,10 @@ def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
     `pairs` and `work` are what `workspace` made. The pairs stay for the next frame, whose cost bends alike.
     """
     S, Y, rho, held, count, scale = pairs
-    y, q, conjugate, g, trial, slope, direction = work
+    y, q, kinds, conjugate, g, trial, slope, direction = work
     x, gx, tx, sx = z.view(np.float32), g.view(np.float32), trial.view(np.float32), slope.view(np.float32)
     memory, length = len(rho), np.float32(1)
-    cost = cost_and_slope(z, p, gain, out, drive, weight, y, q, conjugate, g)
+    cost = cost_and_slope(z, p, gain, out, drive, weight, y, q, kinds, conjugate, g)
     for _ in range(iterations):
         _two_loops(gx, S, Y, rho, held, count[0], scale[0], direction)
         fall = np.dot(direction, gx)
@@ -94,7 +120,7 @@ def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
             fall = np.dot(direction, gx)
         for i in range(len(x)):
             tx[i] = x[i] + length * direction[i]
-        new = cost_and_slope(trial, p, gain, out, drive, weight, y, q, conjugate, slope)
+        new = cost_and_slope(trial, p, gain, out, drive, weight, y, q, kinds, conjugate, slope)
         row = count[0] % memory
         sy, yy = np.float32(0), np.float32(0)
         for i in range(len(x)):
@@ -136,29 +162,38 @@ def _two_loops(gx, S, Y, rho, held, count, scale, direction):
 
 
 @njit(cache=True, fastmath=True, nogil=True)
-def lift(q, z, gain, root, V, step, momentum, iterations, error, change, speed):
-    """Heavy ball on the phases of q (transducer,), moved in place, until V^H q is close to gain z / root (mode,).
+def lift(q, z, gain, root, V, step, momentum, iterations, error, change, kinds, speed):
+    """Heavy ball on the phases of q (image, place), moved in place, until V^H q is close to gain z / root (mode,).
 
-    || V^H q - a ||^2 / 2 falls with the phases at the rate Im(conj(q) V (a - V^H q)). V is (mode, transducer),
-    transposed; error (mode,), change (transducer,) and speed (transducer,) are workspace.
+    || V^H q - a ||^2 / 2 falls with the phases at the rate Im(conj(q) V (a - V^H q)). V is (kind, mode of it, place),
+    transposed; error (mode,), change and kinds (image, place) and speed (image, place) are workspace. Where there is
+    no transducer, q is 0, and stays 0.
     """
-    for n in range(len(q)):
-        speed[n] = 0
+    each = V.shape[1]
+    for image in range(len(q)):
+        for n in range(q.shape[1]):
+            speed[image, n] = 0
+            change[image, n] = complex(q[image, n].real, -q[image, n].imag)
     for _ in range(iterations):
-        for n in range(len(q)):
-            change[n] = complex(q[n].real, -q[n].imag)
-        np.dot(V, change, error)
+        mirror(change, kinds)
+        for kind in range(len(V)):
+            np.dot(V[kind], kinds[kind], error[kind * each : (kind + 1) * each])
         for k in range(len(z)):
             wanted = gain / root[k]
             error[k] = complex(wanted * z[k].real - error[k].real, wanted * z[k].imag + error[k].imag)
-        np.dot(V.T, error, change)
-        for n in range(len(q)):
-            uphill = q[n].real * change[n].imag - q[n].imag * change[n].real
-            speed[n] = momentum * speed[n] + step * uphill
-            # (1 + j t) / |1 + j t| turns by arctan t: as good as by t, and never by more than a quarter.
-            re, im = q[n].real - speed[n] * q[n].imag, q[n].imag + speed[n] * q[n].real
-            part = 1 / np.sqrt(max(re * re + im * im, np.float32(1e-30)))
-            q[n] = complex(part * re, part * im)
+        for kind in range(len(V)):
+            np.dot(V[kind].T, error[kind * each : (kind + 1) * each], kinds[kind])
+        mirror(kinds, change)
+        for image in range(len(q)):
+            for n in range(q.shape[1]):
+                uphill = q[image, n].real * change[image, n].imag - q[image, n].imag * change[image, n].real
+                speed[image, n] = momentum * speed[image, n] + step * uphill
+                # (1 + j t) / |1 + j t| turns by arctan t: as good as by t, and never by more than a quarter.
+                re = q[image, n].real - speed[image, n] * q[image, n].imag
+                im = q[image, n].imag + speed[image, n] * q[image, n].real
+                part = 1 / np.sqrt(max(re * re + im * im, np.float32(1e-30)))
+                q[image, n] = complex(part * re, part * im)
+                change[image, n] = complex(part * re, -part * im)
 
 
 @njit(cache=True, fastmath=True, nogil=True)
@@ -172,11 +207,11 @@ def follow(bends, bending, moving, lifting, field, lifts):
         bend(z, p, before, out, lens, towards, weak, y, g)
     z, p, gain, out, drive, weight, pairs, work = moving
     descend(z, p, gain, out, drive, weight, field, pairs, work)
-    q, root, V, step, momentum, error, change, speed = lifting
-    lift(q, z, gain, root, V, step, momentum, lifts, error, change, speed)
+    q, root, V, step, momentum, error, change, kinds, speed = lifting
+    lift(q, z, gain, root, V, step, momentum, lifts, error, change, kinds, speed)
 
 
-def workspace(points: int, some: int, rank: int, memory: int, scale: float):
+def workspace(points: int, some: tuple[int, int], rank: int, memory: int, scale: float):
     """The pairs and the arrays that `descend` writes to; `scale` is the first guess of the inverse Hessian."""
     kind, real = np.complex64, np.float32
     pairs = (
@@ -187,5 +222,5 @@ def workspace(points: int, some: int, rank: int, memory: int, scale: float):
         np.zeros(1, np.int64),
         np.full(1, scale, real),
     )
-    lengths = (points, some, rank, rank, rank, rank)
+    lengths = (points, some, some, rank, rank, rank, rank)
     return pairs, (*(np.zeros(length, kind) for length in lengths), np.zeros(2 * rank, real))
