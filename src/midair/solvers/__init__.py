@@ -7,7 +7,7 @@ from midair.solvers.glide import Glide, Piece, pieces
 from midair.solvers.large import check_memory, memory_needed, placed, problem_at
 from midair.solvers.lens import spreading_phase
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
-from midair.solvers.live import Follower, Live, folded
+from midair.solvers.live import Follower, Live, folded_modes
 from midair.solvers.methods import METHODS, TAKES, Method, name_of, solver
 from midair.solvers.ordering import read_as_solved, solve_parts, solve_piece
 from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
@@ -43,7 +43,7 @@ __all__ = [
     "name_of",
     "one_blas_thread",
     "error_of",
-    "folded",
+    "folded_modes",
     "pieces",
     "placed",
     "problem_at",

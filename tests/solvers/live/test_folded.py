@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midair.model import Acoustics, ControlGrid, Placement, TransducerArray
-from midair.solvers import Live, error_of, folded, problem_at
+from midair.solvers import Live, error_of, folded_modes, problem_at
 from midair.solvers.live.folded import unfolded
 from midair.solvers.modes import modes
 
@@ -13,7 +13,7 @@ GRID = ControlGrid()
 
 
 def of(array, grid=GRID):
-    return folded(grid, array, acoustics=AIR, tolerance=5e-3)
+    return folded_modes(grid, array, acoustics=AIR, tolerance=5e-3)
 
 
 def whole(kept):

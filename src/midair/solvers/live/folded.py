@@ -61,7 +61,7 @@ def unfolded(modes: Modes) -> Folded:
     return Folded(U=modes.U, s=modes.s, V=modes.V.T[None], place=np.arange(len(modes.V)))
 
 
-def folded(grid: ControlGrid, array: TransducerArray, *, acoustics: Acoustics, tolerance: float) -> Folded | None:
+def folded_modes(grid: ControlGrid, array: TransducerArray, *, acoustics: Acoustics, tolerance: float) -> Folded | None:
     """The modes of an array by kinds, in units of the strongest focus; None where that is not less work.
 
     Parameters

@@ -95,7 +95,7 @@ class Live:
         problem : Problem
             G, level and first phases of the field.
         folded : Folded, optional
-            The modes of G as `folded` finds them, for an array that is its own mirror image: half the time.
+            The modes of G as `folded_modes` finds them, for an array that is its own mirror image: half the time.
         """
         return Follower(problem, self, folded=folded)
 
