@@ -89,6 +89,21 @@ def test_coarse_slow_and_even_tones_do_not_clip(frequency, steps, samples):
     assert not any("clipped" in sentence for sentence in report(samples))
 
 
+@pytest.mark.parametrize("frequency", [50, 100])
+@pytest.mark.parametrize("steps", [None, 32767])
+def test_a_clipped_tone_that_fits_the_rate_is_named(frequency, steps, samples):
+    """It has 20 levels at most, and stands at its greatest three frames in a row."""
+    clipped = np.clip(np.sin(2 * np.pi * frequency * np.arange(2000) / 1000 + 0.3), -0.7, 0.7)
+    samples[:, 5] = clipped if steps is None else np.round(steps * clipped)
+    assert report(samples) == (CLIPPED,)
+
+
+@pytest.mark.parametrize("levels", [(0, 0.3, 1.0), (-1, -0.2, 0.1, 1)])
+def test_what_is_held_everywhere_is_a_pattern_and_not_clipped(levels, samples):
+    samples[:, 5] = np.repeat(np.tile(levels, 2000), 10)[:2000]
+    assert not any("clipped" in sentence for sentence in report(samples))
+
+
 def test_clipping_is_seen_in_a_reel_of_many_blocks(samples):
     samples[:, 5] = np.clip(samples[:, 5], -0.9, 0.9)
     long = np.tile(samples.reshape(-1, 4, 4), (20, 1, 1))

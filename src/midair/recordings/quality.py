@@ -36,7 +36,9 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
 
     A channel clips whose greatest or least number comes in five places or more, 20 times or more in all, and more
     than four times as often as what lies just below it, within half a percent of the range: a sine has 2.4 times as
-    much there at most. Where it lies at 0, it is no limit of a converter; of less than 100 levels nobody can tell.
+    much there at most. Where it lies at 0, it is no limit of a converter. Of less than 100 levels, as a tone has that
+    fits the rate, it has to stand there three frames in a row, for a tone has its greatest number twice, and nowhere
+    else; and the levels must be no steps of a coarse converter, all of one height.
 
     A recording may be a magnitude, of an acceleration or a force, if no number of it is below zero and it lies more
     below the middle of its range than above.
@@ -93,19 +95,35 @@ def _flat_tops(samples: NDArray[np.float64] | Reel, found: Moments) -> NDArray[n
             below[side] += ((depth > 0) & (depth <= np.maximum(near, 1.01 * step)))[1:].sum(axis=0)
             visits[side] += (top[1:] & ~top[:-1]).sum(axis=0)
         before = rows[-1:]
-    limit = np.stack([greatest, least]) != 0
-    found_out = ((at > 4 * below) & (at >= 20) & (visits >= 5) & limit).any(axis=0) & (span >= 100 * step)
-    return found_out & _many_levels(samples, found_out)
+    held = (at >= 20) & (visits >= 5) & (np.stack([greatest, least]) != 0)
+    tops = held & (at > 4 * below) & (span >= 100 * step)
+    told = np.zeros(count, bool)
+    if held.any():
+        some = next(blocks(samples)).reshape(-1, count)
+        for channel in np.flatnonzero(held.any(axis=0)):
+            # A tone that was worked out comes by again a rounding beside where it was.
+            x = np.rint((some[:, channel] - least[channel]) / span[channel] * 1e9)
+            levels = np.unique(x)
+            few = len(levels) < 100
+            told[channel] = _flat_few(x, levels, held[:, channel]) if few else tops[:, channel].any()
+    return told
 
 
-def _many_levels(samples: NDArray[np.float64] | Reel, of: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which of some channels have 100 levels or more: a tone that fits the rate has few, its greatest among them."""
-    levels = np.zeros(of.size, np.int64)
-    if of.any():
-        some = next(blocks(samples)).reshape(-1, of.size)
-        for channel in np.flatnonzero(of):
-            levels[channel] = len(np.unique(some[:, channel]))
-    return levels >= 100
+def _flat_few(x: NDArray[np.float64], levels: NDArray[np.float64], sides: NDArray[np.bool_]) -> bool:
+    """Whether a channel of few levels stands still at its ends alone, of levels that are not of one height.
+
+    Sides are those that count: its greatest, its least.
+    """
+    if len(levels) < 3:
+        return False
+    ends = (sides[0] & (x[1:] == levels[-1])) | (sides[1] & (x[1:] == levels[0]))
+    still = x[1:] == x[:-1]
+    heights = np.diff(levels)
+    multiples = heights / heights.min()
+    coarse = np.abs(multiples - np.rint(multiples)).max() < 0.02
+    # A tone that is not clipped has its greatest number twice in a row at most.
+    came = (~still & ends).sum()
+    return bool(not coarse and (still & ends).sum() > 1.5 * came and (still & ~ends).sum() <= 0.1 * came)
 
 
 def _white(found: Moments, n: int) -> NDArray[np.bool_]:
