@@ -84,15 +84,25 @@ def test_what_the_firmware_rounds_up_is_measured_as_it_sounds(own):
         admit(second, Loud(ARRAY), CHOICES)
 
 
-def test_phases_are_measured_as_the_firmware_rounds_them():
-    """Errors of up to half of 256 steps, lined up against a place, take 2 dB from what is said to be there."""
+@pytest.mark.parametrize("steps", [256, 128])
+def test_phases_are_measured_as_the_firmware_rounds_them(steps):
+    """Errors of up to half a step, lined up against a place, take 2 dB from what is said to be there."""
+
+    class Rounds(VirtualArray):
+        steps_a_turn = steps
+
     rng, ear = np.random.default_rng(5), np.array(PROFILE.places[0].position)
-    rounded = rng.integers(0, 256, (1, ARRAY.count)) * (2 * np.pi / 256)
+    rounded = rng.integers(0, steps, (1, ARRAY.count)) * (2 * np.pi / steps)
     wave = transfer_matrix(ear[None], ARRAY)[0] * np.exp(1j * rounded[0])
     against = np.sign((np.conj(wave.sum()) * wave).imag)
-    told = Drive(phase=rounded + against * 0.49 * (2 * np.pi / 256), level=np.ones(1), rate=1000.0, array=ARRAY)
-    found, sounds = measure(told, ARRAY, PROFILE).level, exposure(replace(told, phase=rounded), PROFILE).level
-    assert found == pytest.approx(sounds, abs=1e-3)
+    told = Drive(phase=rounded + against * 0.49 * (2 * np.pi / steps), level=np.ones(1), rate=1000.0, array=ARRAY)
+    sounds = exposure(replace(told, phase=rounded), PROFILE).level
+    for found in (
+        measure(told, ARRAY, PROFILE, steps=steps).level,
+        admit(told, Rounds(ARRAY), CHOICES).exposure.level,
+        admit_parts([told], Rounds(ARRAY), CHOICES).exposure.level,
+    ):
+        assert found == pytest.approx(sounds, abs=1e-3)
     assert abs(exposure(told, PROFILE).level - sounds).max() > 0.05
 
 

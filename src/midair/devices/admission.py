@@ -61,6 +61,7 @@ class Sounding(Protocol):
     name: str
     array: TransducerArray
     gated: bool
+    steps_a_turn: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -203,7 +204,9 @@ def feeling(found: Exposure) -> str:
     return f"nothing will be felt: at most {found.pressure:.2g} Pa on the palm, where {just:.2g} Pa are just felt"
 
 
-def measure(drive: Drive, array: TransducerArray, profile: ExposureProfile, *, repeats: int = 1) -> Exposure:
+def measure(
+    drive: Drive, array: TransducerArray, profile: ExposureProfile, *, repeats: int = 1, steps: int = PHASE_STEPS
+) -> Exposure:
     """Exposure on an array that is known, whatever the drive's file says of its strength.
 
     Measured in the paper's air and in the one that the drive says it was solved for, and the higher of both: phases
@@ -220,6 +223,8 @@ def measure(drive: Drive, array: TransducerArray, profile: ExposureProfile, *, r
         Places and limits.
     repeats : int
         How often it is to be played, 1 or more.
+    steps : int
+        Of a turn, to which what plays rounds phases.
 
     Raises
     ------
@@ -233,7 +238,7 @@ def measure(drive: Drive, array: TransducerArray, profile: ExposureProfile, *, r
         )
     own = replace(drive, array=array, level=each_frame(drive.level, loudest_of))
     airs = (Acoustics(),) if own.acoustics == Acoustics() else (Acoustics(), own.acoustics)
-    return exposure(own, profile, repeats=repeats, acoustics=airs, steps=PHASE_STEPS)
+    return exposure(own, profile, repeats=repeats, acoustics=airs, steps=steps)
 
 
 def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: int = 1) -> Admission:
@@ -262,12 +267,12 @@ def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: 
     """
     _check_repeats(repeats)
     drive = sealed(drive)
-    found = measure(drive, device.array, choices.profile, repeats=repeats)
+    found = measure(drive, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn)
     own = replace(drive, array=device.array)
     outcome, factor = _decide(found, device, choices)
     if outcome == "attenuated":
         own = _weakened(own, factor, choices.profile.name)
-        found = measure(own, device.array, choices.profile, repeats=repeats)
+        found = measure(own, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn)
     return _admission(device, choices, found, outcome, drive=own, repeats=repeats)
 
 
@@ -299,7 +304,7 @@ def admit_parts(parts: Iterable[Drive], device: Sounding, choices: ExposureChoic
         if measured and part.rate != measured[0].rate:
             raise MismatchError(f"parts: expected all at {measured[0].rate:g} Hz, got one at {part.rate:g} Hz")
         known.add(_fingerprint(part))
-        measured.append(measure(part, device.array, choices.profile, repeats=repeats))
+        measured.append(measure(part, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn))
     if not measured:
         raise InputError("parts: expected one or more, got none")
     found = replace(

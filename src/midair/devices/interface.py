@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.devices.admission import Admission
+from midair.devices.frame_bytes import PHASE_STEPS
 from midair.devices.safety import Ending, Order, log_end, log_order
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.model import Calibration, Drive, Medium, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
@@ -186,6 +187,8 @@ class ArrayDevice(ABC):
         What no other program may have while this one is open, see `device_lock`; None where each program gets its own.
     streams : bool
         Whether it takes a drive whose frames are read while it plays; others get it in memory.
+    steps_a_turn : int
+        Of a turn, to which it rounds phases.
     """
 
     name: str
@@ -194,6 +197,7 @@ class ArrayDevice(ABC):
     gated: bool = True
     exclusive: str | None = None
     streams: bool = False
+    steps_a_turn: int = PHASE_STEPS
     _order: Order
     _entered: contextlib.ExitStack
     _plays: bool

@@ -88,7 +88,7 @@ class OpenMpdArray(ArrayDevice):
         Nothing to choose: the firmware steps at once.
     """
 
-    streams = True
+    streams, steps_a_turn = True, STEPS
 
     def __init__(
         self,
