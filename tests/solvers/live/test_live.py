@@ -91,7 +91,11 @@ def test_the_loops_allocate_nothing(blob):
 
 @pytest.mark.slow
 def test_a_thousand_frames_do_not_drift(transfer, channels_to_points, array, lossless):
-    """The spot goes to and fro for a second; the last fifth is followed as well as the first."""
+    """The spot goes to and fro for a second; the last fifth is followed as well as the first.
+
+    Of five matrices that differ by a rounding, since what a rounding grows to in a thousand frames is luck: about one
+    run in twelve passes through a field that is twice as wrong for a while.
+    """
     from midair.model import SensorGrid
 
     sensor, time = SensorGrid(), np.arange(1000) / 1000
@@ -99,13 +103,18 @@ def test_a_thousand_frames_do_not_drift(transfer, channels_to_points, array, los
     x = -0.011 * np.cos(0.25 / 0.011 * time)[:, None, None]
     channels = np.exp(-((X - x) ** 2 + (Y - 0.3 * x) ** 2) / (2 * 0.011**2)).reshape(1000, 16)
     channels *= (0.55 + 0.45 * np.sin(2 * np.pi * 100 * time))[:, None]
-    problem = Problem(
-        G=transfer, amplitude=0.1 * channels_to_points(channels), psi=spreading_phase(ControlGrid(), array, lossless)
-    )
-    error = error_of(problem, Live().solve(problem).phase)[10:]
-    assert error.mean() < 0.025
-    assert error.max() < 0.1
-    assert error[-200:].mean() < 1.5 * error[:200].mean()
+    amplitude, psi = 0.1 * channels_to_points(channels), spreading_phase(ControlGrid(), array, lossless)
+    means, most, grown = [], [], []
+    for seed in range(5):
+        rounded = 1 + 1e-7 * np.random.default_rng(seed).standard_normal(transfer.shape)
+        problem = Problem(G=transfer * rounded, amplitude=amplitude, psi=psi)
+        error = error_of(problem, Live().solve(problem).phase)[10:]
+        means.append(error.mean())
+        most.append(error.max())
+        grown.append(error[-200:].mean() / error[:200].mean())
+    assert np.median(means) < 0.016
+    assert np.median(most) < 0.1
+    assert np.median(grown) < 1.25
 
 
 def test_targets_that_have_little_to_do_with_each_other_are_followed(blob, patterns_to_points):
