@@ -90,7 +90,7 @@ def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apar
     print(
         f"\n{frames} frames, hold {1e3 * hold:g} ms, priority {priority}, units {where}, {busy} busy processes beside"
     )
-    stills, before, late = Standstills(), load(), []
+    stills, before, late, began = Standstills(), load(), [], time.monotonic()
     try:
         with tempfile.TemporaryDirectory() as folder:
             session = midair.live(
@@ -110,7 +110,7 @@ def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apar
                     late.append(slots["taken"][(slots["flags"] & LATE) > 0])
                 told = session.statistics.plain() | {"computer": session.opened.granted.words()}
     except MidairError as wrong:
-        print(f"  ended early: {wrong}")
+        print(f"  ended early, after {time.monotonic() - began:.0f} s: {wrong}")
         return
     finally:
         still = stills.end(longer=hold / 3)

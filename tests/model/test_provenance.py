@@ -31,3 +31,9 @@ def test_nothing_of_it_can_be_changed():
         Provenance(notes={"a": "b"}).notes["a"] = "c"
     with pytest.raises(dataclasses.FrozenInstanceError):
         Provenance().source = "elsewhere"
+
+
+def test_the_last_step_of_a_name_tells():
+    life = Provenance().then("cut", {"start_s": 1.0}).then("lead", {}).then("cut", {"start_s": 2.0})
+    assert life.last("cut")["start_s"] == 2.0
+    assert dict(life.last("play")) == {}

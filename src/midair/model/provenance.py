@@ -63,3 +63,7 @@ class Provenance:
         """The same life, one step on."""
         step = Step(stage=stage, settings=settings)
         return replace(self, steps=(*self.steps, step), simulated=self.simulated or simulated)
+
+    def last(self, stage: str) -> Mapping[str, Setting]:
+        """The settings of the last step of that name; none if there was none."""
+        return next((step.settings for step in reversed(self.steps) if step.stage == stage), {})

@@ -287,10 +287,8 @@ class Settings:
     @classmethod
     def of(cls, provenance: Provenance) -> "Settings | None":
         """The settings by which something was made; None where its provenance does not tell."""
-        for step in reversed(provenance.steps):
-            if step.stage == "settings":
-                return cls.from_plain(_nested(step.settings))
-        return None
+        told = provenance.last("settings")
+        return cls.from_plain(_nested(told)) if told else None
 
 
 _GROUPS: Mapping[str, str] = MappingProxyType(

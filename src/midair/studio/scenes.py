@@ -167,11 +167,8 @@ def _frames_of(solution: Solution, target: AmplitudeFrames, rate: float, first: 
 
 def _begin_of(target: AmplitudeFrames) -> float:
     """Where in the recording the drive begins, in s."""
-    for step in reversed(target.provenance.steps):
-        start = step.settings.get("start_s")
-        if step.stage == "cut" and isinstance(start, int | float):
-            return float(start)
-    return 0.0
+    start = target.provenance.last("cut").get("start_s")
+    return float(start) if isinstance(start, int | float) else 0.0
 
 
 def _wanted_early(scene: TakeScene, first: int, count: int, rate: float) -> Section:

@@ -7,15 +7,17 @@ from typing import Any
 import numpy as np
 
 from midair.errors import InputError, ShapeError
-from midair.evaluate import compare, heard_perfectly, perceptual_card
+from midair.evaluate import compare, perceptual_card
 from midair.files import load_solution, open_take, save_solutions
 from midair.flow import felt, lead_of, reproduce_parts
 from midair.headroom import level_of
-from midair.model import Palm, PressureFrames, Progress, Provenance
+from midair.model import Palm, PressureFrames, Progress
 from midair.rig import (
     BudgetPlan,
     VirtualRig,
     array_of_kind,
+    asked_of,
+    brought_together,
     error_budget,
     loop,
     palm_of_drive,
@@ -26,7 +28,7 @@ from midair.rig import (
 from midair.settings import CHOICES, MODES, Mode, Settings, spelt
 from midair.studio.jobs import Progressed
 from midair.study import StudyFolder, Template, gather, read_design, template_text
-from midair.targets import led_in, without_lead
+from midair.targets import led_in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,10 +98,12 @@ def compare_takes(order: tuple[str, str, str], progress: Progressed) -> dict[str
     """A re-recording against its original: figures, what skin makes of it, and a gain that would mend the level."""
     original, again, kept = order
     progress("comparing", 0, 3)
-    before, heard, first, settings = brought_together(original, again)
-    after = replace(heard, pressure=heard.pressure[first : first + before.frames])
+    take = open_take(again)
+    settings = Settings.of(take.recording.provenance) or Settings()
+    pair = brought_together(_felt(original, settings), take, settings)
+    before, after = pair.original, pair.piece
     progress("comparing", 1, 3)
-    found = compare(before, heard, first=first)
+    found = compare(before, pair.heard, first=pair.first)
     try:
         card = perceptual_card(before, after)
         verdict, rows = (
@@ -130,28 +134,13 @@ def compare_takes(order: tuple[str, str, str], progress: Progressed) -> dict[str
     }
 
 
-def brought_together(original: str, again: str) -> tuple[PressureFrames, PressureFrames, int, Settings]:
-    """The part of an original that was played, what was felt, its frame at which the part begins; and how it was made.
-
-    What was played is compared as a perfect rig would give it back: through the band once more.
-    """
-    take = open_take(again)
-    settings = Settings.of(take.recording.provenance) or Settings()
-    before, asked = _asked_of(original, take.recording.provenance, settings)
-    virtual = take.calibration is not None and take.calibration.provenance.simulated
-    heard = felt(take.recording, take.calibration, settings, from_rest=virtual)
-    first = (asked.frames - before.frames) // 2
-    reference = without_lead(heard_perfectly(asked), before.frames)
-    return reference, heard, first, settings
-
-
 def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]:
     """What a palm of 85 mm gets of a take's drive on the virtual rig, of its first seconds if it is long."""
     take, file = order
     stamp = f"{Path(file).stat().st_mtime_ns:x}"
     drive = load_solution(file).drive
     settings = Settings.of(drive.provenance) or Settings()
-    before, asked = _asked_of(take, drive.provenance, settings)
+    before, asked = asked_of(drive.provenance, _felt(take, settings))
     lead = (asked.frames - before.frames) // 2 / asked.rate
     judged = min(before.frames / before.rate, _PALM_SECONDS)
     played = min(round((lead + judged) * drive.rate), drive.frames)
@@ -177,7 +166,7 @@ def budget_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, An
     stamp = f"{Path(file).stat().st_mtime_ns:x}"
     drive = load_solution(file, streamed=True).drive
     settings = Settings.of(drive.provenance) or Settings()
-    before, _ = _asked_of(take, drive.provenance, settings)
+    before, _ = asked_of(drive.provenance, _felt(take, settings))
     judged = min(before.frames / before.rate, _BUDGET_SECONDS)
     band = settings.calibration.band
     height = settings.target.grid.height
@@ -198,16 +187,9 @@ _PALM_SECONDS = 2.0
 """Of a drive: a palm has a thousand points."""
 
 
-def _asked_of(take: str, provenance: Provenance, settings: Settings) -> tuple[PressureFrames, PressureFrames]:
-    """The part of a take that a drive's life says it is of, and the same with the lead that it was solved with."""
+def _felt(take: str, settings: Settings) -> PressureFrames:
     source = open_take(take)
-    before = felt(source.recording, source.calibration, settings)
-    cut = next((step.settings for step in reversed(provenance.steps) if step.stage == "cut"), {})
-    start, duration = cut.get("start_s"), cut.get("duration_s")
-    if isinstance(start, int | float) and isinstance(duration, int | float):
-        before = before.cut(float(start), float(duration))
-    lead = next((step.settings["lead_s"] for step in provenance.steps if step.stage == "lead"), 0.0)
-    return before, led_in(before, float(lead) if isinstance(lead, int | float) else 0.0)
+    return felt(source.recording, source.calibration, settings)
 
 
 def report_loop(order: tuple[SolveWish, str], progress: Progressed) -> dict[str, Any]:

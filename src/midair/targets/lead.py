@@ -53,8 +53,8 @@ def without_lead(pressure: PressureFrames, frames: int) -> PressureFrames:
 
 def piece_of(provenance: Provenance, frames: int, rate: float) -> slice:
     """The frames of what was made of a pressure that are not its lead."""
-    told = [step.settings.get("lead_s") for step in provenance.steps if step.stage == "lead"]
-    pad = round(float(told[-1]) * rate) if told and isinstance(told[-1], int | float) else 0
+    told = provenance.last("lead").get("lead_s")
+    pad = round(float(told) * rate) if isinstance(told, int | float) else 0
     return slice(pad, frames - pad) if 2 * pad < frames else slice(0, frames)
 
 

@@ -9,9 +9,7 @@ from midair.cli.terminal import (
     BandOptions,
     Force,
     Json,
-    asked_of,
     banner,
-    brought_together,
     card_of,
     felt_part,
     kept_aside,
@@ -32,7 +30,7 @@ from midair.errors import InputError
 from midair.evaluate import Comparison, PalmFidelity, PalmFrames, PerceptualCard, compare
 from midair.files import DRIVE_SUFFIX, OpenedTake, load_palm, load_solution, open_take, whole_file
 from midair.model import Palm, PressureFrames, Progress
-from midair.rig import VirtualRig, hear_drive, palm_frames_of_drive, played_chain
+from midair.rig import VirtualRig, asked_of, brought_together, hear_drive, palm_frames_of_drive, played_chain
 from midair.settings import Settings
 from midair.view import PalmMaps, check_size, ffmpeg, film_of_palm, show_comparison, show_page, write_gif, write_mp4
 

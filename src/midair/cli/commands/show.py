@@ -16,7 +16,6 @@ from midair.cli.terminal import (
     Force,
     Time,
     banner,
-    brought_together,
     felt_part,
     made_with,
     may_write,
@@ -29,6 +28,7 @@ from midair.cli.terminal import (
 from midair.errors import InputError
 from midair.files import contents, load_solution, load_target, open_take, whole_file
 from midair.flow import wanted
+from midair.rig import brought_together
 from midair.view import (
     Film,
     Part,

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
         paper_beside,
         way_of,
     )
-    from midair.cli.terminal.originals import asked_of, brought_together, felt_part, kept_aside, made_with
+    from midair.cli.terminal.originals import felt_part, kept_aside, made_with
     from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
     from midair.cli.terminal.quantities import parse_quantity, quantity, spell
     from midair.cli.terminal.rows import (
@@ -101,8 +101,6 @@ __all__ = [
     "Time",
     "as_recording",
     "banner",
-    "asked_of",
-    "brought_together",
     "bring",
     "calibrated_by",
     "calibration_figures",
@@ -190,7 +188,7 @@ _FROM = {
     "midair.cli.terminal.options": (
         "BandOptions Force Frequency Json Length Quiet SolveOptions Time paper_beside way_of"
     ),
-    "midair.cli.terminal.originals": "asked_of brought_together felt_part kept_aside made_with",
+    "midair.cli.terminal.originals": "felt_part kept_aside made_with",
     "midair.cli.terminal.play_options": "PlayOptions play_on_array say_room",
     "midair.cli.terminal.quantities": "parse_quantity quantity spell",
     "midair.cli.terminal.rows": (

@@ -180,9 +180,8 @@ def _pieces(drive: Drive, sampling: Sampling) -> list[tuple[Drive, int]]:
 
 def _felt_plane(drive: Drive, pieces: list[tuple[Drive, int]], sampling: Sampling) -> Array:
     """The points at the height that a drive was solved for; if it does not tell, where it presses most sharply."""
-    for step in reversed(drive.provenance.steps):
-        if step.stage == "settings" and isinstance(height := step.settings.get("target.grid.height"), int | float):
-            return sampling.plane(drive, height)
+    if isinstance(height := drive.provenance.last("settings").get("target.grid.height"), int | float):
+        return sampling.plane(drive, height)
     coarse = replace(sampling, side=sampling.side // 2, pitch=2 * sampling.pitch)
 
     def sharpness(height: float) -> float:

@@ -9,13 +9,17 @@ from midair.rig.looping.loop_view import watched
 from midair.rig.looping.outcomes import Outcome, card_of_loop, side_by_side, verdict
 from midair.rig.looping.palm_simulation import palm_frames_of_drive, palm_of_drive, palm_of_loop, played_chain
 from midair.rig.looping.passes import Stage, quiet
+from midair.rig.looping.played_pair import PlayedPair, asked_of, brought_together
 
 __all__ = [
     "BudgetPlan",
     "DriveHeard",
     "Loop",
     "Outcome",
+    "PlayedPair",
     "Stage",
+    "asked_of",
+    "brought_together",
     "card_of_loop",
     "error_budget",
     "hear_drive",

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from midair.cli.terminal.originals import brought_together, felt_part
+from midair.cli.terminal.originals import felt_part
 from midair.evaluate import advance, compare
 from midair.files import open_take, save
 from midair.model import Provenance, Recording
+from midair.rig import brought_together
 from midair.settings import Settings
 from midair.targets import led_in
 
