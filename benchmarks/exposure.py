@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.clock import load
 from midair.datasets import stroke
+from midair.devices.frame_bytes import PHASE_STEPS, amplitude_of
 from midair.files import profile_named
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, TransducerArray
 from midair.physics import (
@@ -213,7 +214,10 @@ def somewhere(place: Place, count: int, rng: np.random.Generator, *, surface: bo
 
 
 def told(phase: NDArray[np.float64], level: NDArray[np.float64] | None = None) -> Drive:
-    return Drive(phase=phase, level=np.ones(len(phase)) if level is None else level, rate=1000.0, array=ARRAY)
+    """A drive as units play it: phases and levels of the firmware's steps, which the gate would make of them too."""
+    turn = 2 * np.pi / PHASE_STEPS
+    played = np.ones(len(phase)) if level is None else amplitude_of(np.rint(level * 255).astype(np.uint8))
+    return Drive(phase=np.rint(phase / turn) * turn, level=played, rate=1000.0, array=ARRAY)
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ class TouchSettings:
     grid: ControlGrid = field(default_factory=ControlGrid)
     acoustics: Acoustics = field(default_factory=Acoustics)
     # A first frame of 200 iterations makes those behind it late; the level rises from nothing while they catch up. One
-    # more of each for every frame make up for the modes of the square around the points, see `solvers.folded`.
+    # more of each for every frame make up for the modes that folding adds, see `solvers.live.folded`.
     solver: Live = field(
         default_factory=lambda: Live(iterations=12, lift_iterations=18, warm_iterations=8, warm_lift_iterations=10)
     )

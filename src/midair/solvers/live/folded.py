@@ -4,7 +4,7 @@ Two by two units are a lattice with 12 places empty, and the lattice is the same
 modes are then of four kinds, alike or opposite on either side of each mirror, and a drive taken apart into its four
 kinds, on a quarter of the places each, meets a quarter of the modes: a product with V costs a quarter. The control
 points need not lie in the middle of the lattice, and on AUTD3 do not by .7 mm, since its middle is that of the
-transducers: so the modes are those of a square around the middle in which all of them lie, which are a few more.
+transducers: then their fields are of four kinds in the drives alone, and there are a few more of them.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ KINDS = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]])
 """What each kind is on each image, shape (kind, image); orthonormal, and its own inverse."""
 
 _EMPTY, _MORE = 1.1, 1.3
-"""Up to so many places a transducer, and so large a square for the area of the grid, folding is less work."""
+"""Up to so many places a transducer, and so many modes for each of the array as it is, folding is less work."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -78,33 +78,26 @@ def folded_modes(grid: ControlGrid, array: TransducerArray, *, acoustics: Acoust
     lattice = _lattice(array)
     if lattice is None:
         return None
-    whole, place, middle = lattice
-    away = np.abs(grid.position[:, :2] - middle[:2]).max(axis=0)
-    if np.prod(2 * away) > _MORE * np.prod(np.ptp(grid.position[:, :2], axis=0)):
+    whole, place = lattice
+    G = transfer_matrix(grid, whole, acoustics=acoustics) / focus_amplitude(grid, array, acoustics=acoustics)
+    of_kinds = np.einsum("ki,pin->kpn", KINDS, G.reshape(grid.count, len(KINDS), -1))
+    found = [np.linalg.svd(fields, full_matrices=False) for fields in of_kinds]
+    strongest = max(float(s[0]) for _, s, _ in found)
+    each = [int((s > tolerance * strongest).sum()) for _, s, _ in found]
+    # Points that lie far from the middle are heard by all kinds alike.
+    if sum(each) > _MORE * max(np.linalg.matrix_rank(G, tolerance * np.linalg.norm(G, 2)), 1):
         return None
-    focus = focus_amplitude(grid, array, acoustics=acoustics)
-    near = transfer_matrix(_quarter(grid, middle, away), whole, acoustics=acoustics) / focus
-    near = near.reshape(len(near), len(KINDS), -1)
-    found = []
-    for kind in KINDS:
-        # The field on the other three quarters is the same but for its sign: 2 is the root of four of them.
-        _, s, Vh = np.linalg.svd(2 * np.einsum("i,pin->pn", kind, near), full_matrices=False)
-        found.append((s, Vh))
-    strongest = max(float(s[0]) for s, _ in found)
-    each = [int((s > tolerance * strongest).sum()) for s, _ in found]
-    V = np.zeros((len(KINDS), max(each), near.shape[2]), np.complex128)
-    s = np.zeros(V.shape[:2])
-    for kind, ((strength, Vh), count) in enumerate(zip(found, each, strict=True)):
-        V[kind, :count], s[kind, :count] = Vh[:count].conj(), strength[:count]
-    drives = np.einsum("ki,kmn->kmin", KINDS, V).reshape(s.size, whole.count)
-    fields = transfer_matrix(grid, whole, acoustics=acoustics) @ drives.T / focus
-    flat = s.reshape(-1)
-    U = fields * np.where(flat > 0, 1 / np.where(flat > 0, flat, 1), 0)
-    return Folded(U=U, s=flat, V=V, place=place)
+    most = max(each)
+    U = np.zeros((grid.count, len(KINDS), most), np.complex128)
+    s, V = np.zeros((len(KINDS), most)), np.zeros((len(KINDS), most, of_kinds.shape[2]), np.complex128)
+    for kind, ((fields, strength, drives), count) in enumerate(zip(found, each, strict=True)):
+        U[:, kind, :count], s[kind, :count] = fields[:, :count], strength[:count]
+        V[kind, :count] = drives[:count].conj()
+    return Folded(U=U.reshape(grid.count, -1), s=s.reshape(-1), V=V, place=place)
 
 
-def _lattice(array: TransducerArray) -> tuple[TransducerArray, NDArray[np.intp], Array] | None:
-    """The array with its empty places filled, image after image; where each transducer is in it; and its middle.
+def _lattice(array: TransducerArray) -> tuple[TransducerArray, NDArray[np.intp]] | None:
+    """The array with its empty places filled, image after image, and where each transducer is in it.
 
     None where it is not its own mirror image, or its transducers are not alike.
     """
@@ -127,13 +120,4 @@ def _lattice(array: TransducerArray) -> tuple[TransducerArray, NDArray[np.intp],
         pressure=array.pressure,
         frequency=array.frequency,
     )
-    return whole, side * len(quarter) + at.reshape(-1), middle
-
-
-def _quarter(grid: ControlGrid, middle: Array, away: Array) -> Array:
-    """A quarter of the square around the middle that ends `away` from it, as fine as the grid, shape (point, 3)."""
-    steps = (-(-grid.columns // 2), -(-grid.rows // 2))
-    x, y = np.meshgrid(
-        *(half * (np.arange(count) + 0.5) / (count - 0.5) for half, count in zip(away, steps, strict=True))
-    )
-    return np.stack([middle[0] + x.ravel(), middle[1] + y.ravel(), np.full(x.size, grid.height)], axis=1)
+    return whole, side * len(quarter) + at.reshape(-1)
