@@ -28,6 +28,7 @@ WHOLE_SUITES = {
     "cli/test_flat_memory.py": "what each command takes of the memory",
     "cli/test_commands.py": "the whole loop by commands, and what all commands have in common",
     "cli/test_mistakes.py": "what people type wrong, at every command",
+    "cli/test_quota.py": "every writer on a disk with a quota",
     "cli/test_interrupts.py": "Ctrl-C at the last moment of every command that writes",
     "cli/test_help.py": "the help and the examples of every command",
     "devices/sensors/test_sensor_contract.py": "one contract, each kind of sensor",
