@@ -32,13 +32,14 @@ from midair.physics import (
     TransducerDynamics,
     Transducers,
     cell_weights,
+    focus_amplitude,
     simulate,
     transfer_matrix,
 )
 from midair.rig.live_touch.touch_ring import LATE
 from midair.testing.udp_tap import UdpTap
 
-PARTS = ("run", "latency", "bands", "spectra", "deaths", "network")
+PARTS = ("run", "latency", "bands", "spectra", "hurried", "deaths", "network")
 THINGS = ("towel", "sponge", "brush")
 DELAYS = (0.002, 0.004, 0.006, 0.008, 0.01)
 BANDS = ((20.0, 40.0), (40.0, 100.0), (100.0, 470.0))
@@ -60,6 +61,8 @@ def main() -> None:
         bands()
     if "spectra" in said.part:
         spectra()
+    if "hurried" in said.part:
+        hurried()
     if {"latency", "deaths", "network"} & set(said.part):
         print(f"\nreal-time priority for the wire, the sensor's line and the network: {watch_in_time()}")
     if "latency" in said.part:
@@ -311,6 +314,32 @@ def spectra() -> None:
         for name, got in (("live", live), ("best offline", offline)):
             gains = [10 * np.log10(_in_band(got[200:], band) / _in_band(own[200:], band)) for band in BANDS]
             print(f"  {thing:8}{name:14}" + " / ".join(f"{each:+5.1f}" for each in gains))
+
+
+def hurried() -> None:
+    """E of the phases where some frames are in a hurry, in the mean over all that sound, and what a frame takes."""
+    from midair.rig.live_touch import Touch, TouchSettings
+    from midair.solvers import one_blas_thread
+
+    array, settings = TransducerArray.autd3(), TouchSettings()
+    G = transfer_matrix(settings.grid, array) / focus_amplitude(settings.grid, array)
+    print("\nE of the phases, % (none, one in four, every second, all in a hurry), and ms a frame (half of them)")
+    for thing in THINGS:
+        recording, calibration, _ = _felt(thing, 1.5)
+        samples, cells = recording.samples.reshape(recording.frames, -1), []
+        for every in (0, 4, 2, 1):
+            touch = Touch(settings, calibration, recording.sensor, 1000.0, array, 1.0)
+            missed, took = [], []
+            with one_blas_thread():
+                for number, sample in enumerate(samples):
+                    touch.feel(sample)
+                    began = time.perf_counter()
+                    if touch.form(hurried=every > 0 and number % every == 0):
+                        took.append(time.perf_counter() - began)
+                        field = np.abs(G @ np.exp(2j * np.pi * touch.phases / 256))
+                        missed.append(np.linalg.norm(field - touch.wanted) / np.linalg.norm(touch.wanted))
+            cells.append(f"{100 * np.mean(missed[20:]):5.1f} % {1e3 * np.median(took):.2f} ms")
+        print(f"  {thing:8}" + "   ".join(cells), flush=True)
 
 
 DEATHS = (
