@@ -48,7 +48,7 @@ def test_options_are_one_choice():
 def test_what_a_refusal_advises_is_taken_by_every_command_that_refuses(command, capsys):
     array = VirtualRig().array
     loud = Drive(phase=np.zeros((20, array.count)), level=np.ones(20), rate=1000.0, array=array)
-    device = SimpleNamespace(array=array, gated=True)
+    device = SimpleNamespace(array=array, gated=True, steps_a_turn=256)
     with pytest.raises(ExposureError) as refused:
         admit(loud, device, ExposureChoices(profile=PROFILE))
     advised = re.findall(r"--[a-z-]+", str(refused.value))
