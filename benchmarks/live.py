@@ -36,7 +36,7 @@ from midair.physics import (
     simulate,
     transfer_matrix,
 )
-from midair.rig.live_touch.touch_ring import LATE
+from midair.rig.live_touch.touch_ring import LATE, STEP
 from midair.testing.udp_tap import UdpTap
 
 PARTS = ("run", "latency", "bands", "spectra", "hurried", "deaths", "network")
@@ -112,6 +112,7 @@ def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apar
                     slots, seen, _ = session.since(seen)
                     late.append(slots["taken"][(slots["flags"] & LATE) > 0])
                 told = session.statistics.plain() | {"computer": session.opened.granted.words()}
+                left = session.ring.histogram("left")
     except MidairError as wrong:
         print(f"  ended early, after {time.monotonic() - began:.0f} s: {wrong}")
         return
@@ -126,6 +127,9 @@ def run(frames: int, busy: int, priority: int, sensor: str, *, hold: float, apar
     print("  " + ", ".join(f"{name} {told[name]}" for name in names))
     for name in ("left_ms", "work_ms"):
         print(f"  {name}: " + ", ".join(f"{share} {each}" for share, each in told[name].items()))
+    wide = round(0.5e-3 / STEP)
+    steps = [(0.5 * (place // wide), int(left[place : place + wide].sum())) for place in range(0, len(left), wide)]
+    print("  left, frames from each half ms on: " + ", ".join(f"{begin:g}: {count}" for begin, count in steps if count))
     if not stills.granted:
         print("  whether the computer stood still nobody could see: no real-time priority")
         return
