@@ -88,6 +88,14 @@ class Exact:
             progress=progress,
         )
 
+    @property
+    def first_moves(self) -> Fast:
+        """The method that gives frames on their own their first phases, in batches of many frames.
+
+        `Fast` without its polish: from there on the steps of this method are better.
+        """
+        return Fast(iterations=0, more_iterations=0)
+
     def step(self, system: System, p: Array, state: "ExactState") -> "ExactState":
         """One iteration: a step that lowers the cost is taken, any other raises lambda."""
         K = system.normal(state.x) if state.normal is None else state.normal
@@ -124,8 +132,7 @@ class Exact:
         alone = alone if self.start == "zero" else alone[:1]
         some = replace(problem, amplitude=problem.amplitude[alone])
         x = np.zeros((len(problem.amplitude), problem.transducers + problem.points))
-        # Without its polish: from there on the steps of this method are better.
-        theta = Fast(iterations=0, more_iterations=0).solve(some).phase
+        theta = self.first_moves.solve(some).phase
         x[alone] = np.hstack([theta, np.where(some.amplitude > 0, np.angle(some.field(theta)), 0.0)])
         return x
 

@@ -12,6 +12,7 @@ from midair.physics import quantise_phase
 from midair.solvers.amplitudes import Amplitudes, doubled, halves
 from midair.solvers.backend import backend as backend_of
 from midair.solvers.device import settled
+from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.glide import Glide
 from midair.solvers.methods import Method, check_terms, name_of
@@ -39,13 +40,22 @@ TOGETHER = 256
 
 
 def together(solver: Method) -> int:
-    """How many frames that sound a part has: whole batches, or whole blocks."""
+    """Number of sounding frames in a part: whole batches, or whole blocks.
+
+    A batch that is cut at the end of a part has products of another size, and so another last digit.
+    """
     if isinstance(solver, Glide):
         return solver.coarse * max(-(-solver.block_on() // solver.coarse), 1) * solver.jobs
     if isinstance(solver, Fast):
-        whole = solver.batch or backend_of(solver.backend).rows
-        return whole * max(1, TOGETHER // whole)
+        return _whole_batches(solver)
+    if isinstance(solver, Exact) and solver.start == "zero" and solver.first == "field":
+        return _whole_batches(solver.first_moves)
     return TOGETHER
+
+
+def _whole_batches(solver: Fast) -> int:
+    batch = solver.batch or backend_of(solver.backend).rows
+    return batch * max(1, TOGETHER // batch)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
