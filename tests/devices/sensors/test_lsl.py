@@ -96,12 +96,11 @@ def test_one_of_two_streams_of_a_name_is_chosen_by_its_source_id():
     from midair.devices.sensors.lsl import LslSource
 
     outlets = [pylsl.StreamOutlet(pylsl.StreamInfo("twins", "", 4, 100, pylsl.cf_float32, each)) for each in "ab"]
-    deadline = time.monotonic() + 10
-    while len(pylsl.resolve_byprop("name", "twins", 2, 1.0)) < len(outlets):
-        assert time.monotonic() < deadline
-    source = LslSource("twins", source_id="b", search=2.0)
-    assert source.open().channels == 4
-    source.close()
+    for _ in range(8):  # Either of the two may answer first.
+        source = LslSource("twins", source_id="b", search=60.0)
+        assert source.open().channels == 4
+        source.close()
+    del outlets
 
 
 def numbered(sensor, seconds, *, cells=16):

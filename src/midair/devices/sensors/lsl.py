@@ -130,9 +130,7 @@ class LslSource:
         return {"sender": self._host_name, "liblsl": str(pylsl.library_version()), "gaps found by": by}
 
     def _find(self) -> pylsl.StreamInfo:
-        found = pylsl.resolve_byprop("name", self._name, 1, self._search)
-        if self._source_id is not None:
-            found = [each for each in found if each.source_id() == self._source_id]
+        found = self._streams_of_the_name()
         if not found:
             others = sorted({each.name() for each in pylsl.resolve_streams(1.0)}) or ["none at all"]
             raise DeviceError(
@@ -145,6 +143,18 @@ class LslSource:
                 f"lsl: expected one stream called {self._name!r}, found {len(found)}; name one by ?source_id=: {names}"
             )
         return found[0]
+
+    def _streams_of_the_name(self) -> list[pylsl.StreamInfo]:
+        """Streams with this name, and with this source id where one is given; waits until the wanted one answers."""
+        until, seen = time.monotonic() + self._search, 0
+        while (left := until - time.monotonic()) > 0:
+            # A search returns with the first so many streams that answer; another one of the name may be the first.
+            found = pylsl.resolve_byprop("name", self._name, seen + 1, left)
+            wanted = [each for each in found if self._source_id in (None, each.source_id())]
+            if wanted:
+                return wanted
+            seen = len(found)
+        return []
 
     def _understood(self, info: Any) -> Stream:
         if info.channel_format() == pylsl.cf_string:
