@@ -14,7 +14,7 @@ COVER := $(if $(COVERAGE),--cov --cov-report= --cov-fail-under=0)
 COVER_ALL := $(if $(COVERAGE),--cov --cov-append --cov-report=term:skip-covered)
 LONG := -m "long and not slow"
 
-.PHONY: demo test coverage test-long test-slow test-browser test-again test-long-again test-browser-again
+.PHONY: demo test coverage test-kernels test-long test-slow test-browser test-again test-long-again test-browser-again
 .PHONY: check bench bench-gpu docs links format clean
 
 $(VENV)/run: pyproject.toml constraints.txt
@@ -30,7 +30,9 @@ demo: $(VENV)/run
 	$(BIN)/midair demo --force
 
 test: $(VENV)/dev
-	$(BIN)/python -m pytest $(PARALLEL) $(COVER)
+	@echo "The fast tests take about 3 minutes on two quiet cores, longer on a busy machine."
+	@$(BIN)/python -m pytest $(PARALLEL) $(COVER) || { echo "Some tests failed. Type 'make test-again' to run those alone.\
+	 If they fail again, please report it with these lines and the output of $(BIN)/midair doctor."; exit 1; }
 
 coverage:
 	$(MAKE) test COVERAGE=1
@@ -48,6 +50,10 @@ test-browser: $(VENV)/dev
 # Those that failed last, alone and one after the other: what fails again does not fail for want of time. Fails where
 # nothing had failed, so that it never hides another reason.
 AGAIN := --last-failed --last-failed-no-failures none
+
+# The last bits of a matrix product depend on the processor; the numerical tests pass under each kernel that this one has.
+test-kernels: $(VENV)/dev
+	$(BIN)/python -m tests.kernels
 
 test-again: $(VENV)/dev
 	$(BIN)/python -m pytest $(AGAIN)
