@@ -5,9 +5,11 @@ import re
 import tomllib
 from collections import Counter, defaultdict
 from functools import cache
+from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
+from packaging.specifiers import SpecifierSet
 
 ROOT = Path(__file__).parents[1]
 SRC, TESTS = ROOT / "src" / "midair", ROOT / "tests"
@@ -258,6 +260,16 @@ def test_what_is_said_to_be_tested_elsewhere_is(module):
     assert not own.exists(), "it has a test file of its own now: take it out"
     assert lines_of_code(Path(module)) > WORTH_A_TEST, "it is so small that it need not be here: take it out"
     assert (TESTS / UNTESTED_BY_NAME[module]).is_file(), "the test file that is named is not there"
+
+
+def test_every_pinned_package_installs_on_the_oldest_python_that_midair_takes():
+    """Debian 12 has Python 3.11.2; a pin that asked for 3.11.5 let `make test` fail there."""
+    oldest = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["requires-python"]
+    lowest = oldest.removeprefix(">=") + ".0"
+    pinned = {line.partition("==")[0] for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()}
+    asks = {each.name: each.metadata["Requires-Python"] for each in distributions() if each.name in pinned}
+    assert len(asks) > 100
+    assert {name: asked for name, asked in asks.items() if asked and lowest not in SpecifierSet(asked)} == {}
 
 
 def test_the_extra_all_is_every_extra_that_installs_anywhere():
