@@ -237,7 +237,8 @@ def test_a_real_stream_with_holes_is_recorded_over_its_transport(monkeypatch, ca
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as sender:
         try:
             assert sender.stdout.readline().strip() == "ready"
-            assert run(["record", f"lsl:{name}?counter=16&timeout=20", "take.h5", "--duration", "8s", "--json"]) == 0
+            source = f"lsl:{name}?search=60&counter=16&timeout=20"
+            assert run(["record", source, "take.h5", "--duration", "8s", "--json"]) == 0
         finally:
             sender.kill()
     (take,) = json.loads(capsys.readouterr().out)

@@ -21,7 +21,7 @@ def record(sensor, seconds):
 @pytest.mark.parametrize("seconds", [1, pytest.param(60, marks=pytest.mark.slow)])
 def test_nothing_is_lost_or_permuted_between_two_processes(seconds, lsl_sender):
     name, _ = lsl_sender()
-    with source_sensor(f"lsl:{name}?timeout=20") as sensor:
+    with source_sensor(f"lsl:{name}?search=60&timeout=20") as sensor:
         sensor.start()
         # Without the option, the counter of frames is one more channel: 17 in a row.
         blocks, numbers = [], []
@@ -36,7 +36,7 @@ def test_nothing_is_lost_or_permuted_between_two_processes(seconds, lsl_sender):
 
 def test_frames_that_the_sender_left_out_show_in_its_counter(lsl_sender):
     name, _ = lsl_sender(hole=7)
-    with source_sensor(f"lsl:{name}?counter=16") as sensor:
+    with source_sensor(f"lsl:{name}?search=60&counter=16") as sensor:
         sensor.start()
         blocks, ramp = record(sensor, 0.5)
         lost = int(sensor.describe()["lost frames"])
@@ -50,7 +50,7 @@ def test_frames_that_the_sender_left_out_show_in_its_counter(lsl_sender):
 @pytest.mark.slow
 def test_the_clocks_of_sender_and_computer_agree_where_they_are_the_same(lsl_sender):
     name, _ = lsl_sender()
-    with source_sensor(f"lsl:{name}?counter=16") as sensor:
+    with source_sensor(f"lsl:{name}?search=60&counter=16") as sensor:
         sensor.start()
         blocks, _ = record(sensor, 2)
     device, host = ([getattr(block, clock) for block in blocks] for clock in ("device_time", "host_time"))
@@ -60,11 +60,11 @@ def test_the_clocks_of_sender_and_computer_agree_where_they_are_the_same(lsl_sen
 
 
 @pytest.mark.parametrize(
-    ("unit", "options", "factor"), [("microvolts", "", 1e-6), ("V", "", 1.0), ("-", "?unit=V", 1.0)]
+    ("unit", "options", "factor"), [("microvolts", "", 1e-6), ("V", "", 1.0), ("-", "&unit=V", 1.0)]
 )
 def test_the_unit_is_the_senders_or_the_stated_one(unit, options, factor, lsl_sender):
     name, _ = lsl_sender(unit=unit)
-    with source_sensor(f"lsl:{name}{options}") as sensor:
+    with source_sensor(f"lsl:{name}?search=60{options}") as sensor:
         sensor.start()
         assert sensor.unit == "V"
         samples = sensor.read(1).samples.ravel() / factor
@@ -74,7 +74,7 @@ def test_the_unit_is_the_senders_or_the_stated_one(unit, options, factor, lsl_se
 def test_a_unit_that_contradicts_the_sender_is_refused(lsl_sender):
     name, _ = lsl_sender(unit="V")
     with pytest.raises(MismatchError, match="the source says V"):
-        source_sensor(f"lsl:{name}?unit=Pa").open()
+        source_sensor(f"lsl:{name}?search=60&unit=Pa").open()
 
 
 def test_a_stream_that_nobody_sends(lsl_sender):
@@ -88,7 +88,7 @@ def test_a_stream_that_nobody_sends(lsl_sender):
 def test_a_counter_that_is_no_channel_is_refused(lsl_sender):
     name, _ = lsl_sender()
     with pytest.raises(InputError, match="a counter among channels 0 to 16, got 17"):
-        source_sensor(f"lsl:{name}?counter=17").open()
+        source_sensor(f"lsl:{name}?search=60&counter=17").open()
 
 
 def test_one_of_two_streams_of_a_name_is_chosen_by_its_source_id():
@@ -121,7 +121,7 @@ def numbered(sensor, seconds, *, cells=16):
 def test_frames_that_were_left_out_are_found_from_stamps_where_nobody_counts(how, once, lsl_sender):
     """100 frames that never came were 14,700 ppm of drift."""
     name, _ = lsl_sender(once=once, how=how)
-    with source_sensor(f"lsl:{name}?timeout=20") as sensor:
+    with source_sensor(f"lsl:{name}?search=60&timeout=20") as sensor:
         found, sent = numbered(sensor, 1.6 * once / 1000)
         lost = int(sensor.describe()["lost frames"])
         assert sensor.describe()["gaps found by"] == "its stamps"
@@ -138,7 +138,7 @@ def test_frames_that_were_left_out_are_found_from_stamps_where_nobody_counts(how
 def test_a_float32_counter_goes_on_above_its_limit(how, lsl_sender):
     """At 48 kHz it comes there after 5.8 minutes."""
     name, _ = lsl_sender(base=2**24 - 700, how=how)
-    with source_sensor(f"lsl:{name}?counter=16&timeout=20") as sensor:
+    with source_sensor(f"lsl:{name}?search=60&counter=16&timeout=20") as sensor:
         found, sent = numbered(sensor, 1.6)
         by = sensor.describe()["gaps found by"]
     assert ("stands still" in by) == (how == "sum")

@@ -56,7 +56,7 @@ def live(request, serial_line):
 
     def lsl():
         name, sender = request.getfixturevalue("one_lsl_sender")
-        return source_sensor(f"lsl:{name}?counter=16&timeout=10"), sender.kill
+        return source_sensor(f"lsl:{name}?search=60&counter=16&timeout=10"), sender.kill
 
     def serial():
         line = serial_line()

@@ -30,7 +30,7 @@ def skin(monkeypatch):
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
         try:
             assert running.stdout.readline().strip() == "ready"
-            yield f"lsl:{name}?counter=16&timeout=20", running
+            yield f"lsl:{name}?search=60&counter=16&timeout=20", running
         finally:
             running.kill()
 

@@ -33,7 +33,7 @@ def test_names_come_apart(name, parts):
 @pytest.mark.parametrize(
     ("name", "complaint"),
     [
-        ("lsl:Skin?units=V", "expected the options unit, .*source_id, counter, got units"),
+        ("lsl:Skin?units=V", "expected the options unit, .*source_id, counter, search, got units"),
         ("lsl:Skin?baud=3", "got baud"),
         ("lsl:Skin?unit=mV", "option unit: Input should be 'V', 'count' or 'Pa', got 'mV'"),
         ("audio:USB?channels=none", "option channels: .*, got 'none'"),

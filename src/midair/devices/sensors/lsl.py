@@ -52,7 +52,7 @@ class LslSource:
     counter : int, optional
         The channel that counts frames, from 0; it is taken out of the data.
     search : float
-        How long to look for the stream, in s.
+        Longest time to find the stream, and then to connect to its sender, in s.
     """
 
     def __init__(
@@ -77,10 +77,10 @@ class LslSource:
             found, max_buflen=60, recover=False, processing_flags=pylsl.proc_threadsafe, as_numpy=True
         )
         try:
-            info = self._inlet.info(timeout=5.0)
+            info = self._inlet.info(timeout=self._search)
             # Takes up to a second, which whoever starts it live does not have: an array waits by then.
-            self._inlet.open_stream(timeout=5.0)
-            self._correction = self._inlet.time_correction(timeout=5.0)
+            self._inlet.open_stream(timeout=self._search)
+            self._correction = self._inlet.time_correction(timeout=self._search)
         except (LostError, TimeoutError) as wrong:
             raise self._lost() from wrong
         return self._understood(info)
@@ -88,8 +88,8 @@ class LslSource:
     def start(self) -> None:
         """Subscribe, or throw away what has come since."""
         try:
-            self._opened().open_stream(timeout=5.0)
-            self._correction = self._opened().time_correction(timeout=5.0)
+            self._opened().open_stream(timeout=self._search)
+            self._correction = self._opened().time_correction(timeout=self._search)
         except (LostError, TimeoutError) as wrong:
             raise self._lost() from wrong
         self._opened().flush()

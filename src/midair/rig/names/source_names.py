@@ -60,6 +60,7 @@ class LslOptions(SourceOptions):
 
     source_id: str | None = None
     counter: int | None = None
+    search: PositiveFloat = 5.0
 
 
 class AudioOptions(SourceOptions):
@@ -167,7 +168,7 @@ KINDS = tuple(_OPTIONS)
 
 
 def _lsl(module: Any, where: str, options: LslOptions) -> Source:
-    return module.LslSource(where, source_id=options.source_id, counter=options.counter)
+    return module.LslSource(where, source_id=options.source_id, counter=options.counter, search=options.search)
 
 
 def _audio(module: Any, where: str, options: AudioOptions) -> Source:
