@@ -171,6 +171,7 @@ class ImmediateArray(ArrayDevice):
         with self._order.held(self.name, self.exclusive, self.silence):
             self._order.check(self.name)
             number = log_order(source, self.name, admission, simulated=self.simulated, room=room)
+            before = units.told()
             try:
                 with self._playing(units):
                     yield put
@@ -178,7 +179,7 @@ class ImmediateArray(ArrayDevice):
             except BaseException as end:
                 log_end(number, source, self.name, *self._ended(end))
                 raise
-            log_end(number, source, self.name, "played", report=units.told())
+            log_end(number, source, self.name, "played", report=_since(before, units.told()))
 
     @contextmanager
     def _playing(self, units: ImmediateUnits) -> Generator[None]:
@@ -205,7 +206,7 @@ class ImmediateArray(ArrayDevice):
         units.silence()
         units.release()
         units.set_silencer(self.silencer)
-        total, ahead = drive.frames * repeats, round(self.hold * 1e9)
+        total, ahead, before = drive.frames * repeats, round(self.hold * 1e9), units.told()
         first = -(-(units.now() + round(delay * 1e9) + 2 * ahead) // period) * period
         for number in range(total):
             instant = first + number * period
@@ -221,7 +222,7 @@ class ImmediateArray(ArrayDevice):
             time.sleep(left * 1e-9)
         if progress:
             progress(total, total)
-        told = units.told()
+        told = _since(before, units.told())
         late = told["late"] + told["crowded"]
         return PlayReport(
             frames=total, duration=total * period / 1e9, late=late, start=first, silencer=str(self.silencer)
@@ -249,3 +250,8 @@ class ImmediateArray(ArrayDevice):
     def describe(self) -> dict[str, str]:
         """What the units say of themselves, and how frames reach them."""
         return {**self.units.describe(), "frames": "one by one, each with its instant; no heartbeat"}
+
+
+def _since(before: dict[str, int], now: dict[str, int]) -> dict[str, int]:
+    """Counts of one order: units count all frames since they were opened."""
+    return {name: count - before[name] for name, count in now.items()}
