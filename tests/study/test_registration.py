@@ -44,10 +44,17 @@ def test_the_same_plan_gives_the_same_page_and_another_another(plan):
 
 def test_every_rule_of_exclusion_has_its_sentence():
     rules = Exclusions(
-        fastest_s=0.2, slowest_s=9, attention=0.8, catch=0.6, timeouts=0.1, training=True, failed_plays=True
+        fastest_s=0.2,
+        slowest_s=9,
+        attention=0.8,
+        catch=0.6,
+        timeouts=0.1,
+        training=True,
+        failed_plays=True,
+        unfinished=True,
     )
     said = exclusions_in_words(rules)
-    assert len(said) == 7
+    assert len(said) == 8
     assert said[2] == "People who answered rightly fewer than 80 % of the attention checks."
     assert exclusions_in_words(Exclusions()) == ("Nobody and nothing, but answers that were not given in time.",)
 

@@ -114,6 +114,7 @@ def exclusions_in_words(rules: Exclusions) -> tuple[str, ...]:
         else "",
         "People who did not reach the criterion of a training." if rules.training else "",
         "Trials whose presentation failed and was made again." if rules.failed_plays else "",
+        "People whose sessions are not finished." if rules.unfinished else "",
     ]
     return tuple(line for line in said if line) or ("Nobody and nothing, but answers that were not given in time.",)
 

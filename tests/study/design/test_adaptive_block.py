@@ -6,9 +6,10 @@ import pytest
 from midair.errors import InputError
 from midair.study import proportion_correct
 from midair.study.design.adaptive_block import answered, next_stimulus, threshold, thresholds_of
-from midair.study.design.analysis_plan import Analysis
+from midair.study.design.analysis_plan import Analysis, Exclusions
 from midair.study.design.answers import answers_table
 from midair.study.design.blocks import Block, Extra
+from midair.study.design.exclusions import left_out
 from midair.study.design.ladder import rungs
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question
@@ -182,3 +183,49 @@ def test_a_short_staircase_has_a_note(tmp_path):
     table = thresholds_of(plan, [session(plan, 1, tmp_path / "log")])
     assert np.isnan(table["threshold"][0])
     assert "reversals" in table["note"][0]
+
+
+def with_answers(plan, number, answer, **how):
+    """A finished session in which every answer is the same, given in the same way."""
+    answers, chosen = {}, {}
+    standing = Standing(trials=plan.of(number), answers=answers, chosen=chosen)
+    for trial in standing.trials:
+        chosen[trial.code] = trial.stimulus or next_stimulus(plan, standing, trial)
+        given = {"reaction_s": 1.0, "time": "2026-11-22T13:26:06+00:00"} | how
+        answers[trial.code, "where"] = GivenAnswer(answer=answer, **given)
+    return standing
+
+
+def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
+    """People and answers that the answers table leaves out give no threshold, and neither does an unfinished block."""
+    rules = Exclusions(fastest_s=0.2, timeouts=0.5)
+    plan = draw_plan(replace(design("quest+", trials=20), exclusions=rules, analysis=Analysis(strength="strength")))
+    whole = session(plan, 1, tmp_path / "1")
+    codes = list(whole.answers)
+    some_late = {key: replace(whole.answers[key], answer="n/a", late=True) for key in codes[::4]}
+    sessions = [
+        whole,
+        replace(whole, trials=plan.of(2), answers={}, chosen={}),
+        replace(whole, answers={key: whole.answers[key] for key in codes[:7]}),
+        with_answers(plan, 4, "left", reaction_s=0.05),
+        with_answers(plan, 5, "n/a", late=True),
+        replace(whole, answers=whole.answers | some_late),
+    ]
+    table = thresholds_of(plan, sessions)
+    assert np.isfinite(table["threshold"]).tolist() == [True, False, False, False, False, True]
+    for note, why in zip(
+        table["note"][1:5], ("got 0", "got 7", "leave out all 20", "participant: timeouts"), strict=True
+    ):
+        assert why in note
+    kept = answered(plan, whole, plan.design.blocks[0])
+    counted = answered(plan, sessions[-1], plan.design.blocks[0])
+    assert counted == [one for place, one in enumerate(kept) if place % 4], "a time-out is no wrong answer"
+    data = data_of_answers(answers_table(plan, [whole, *sessions[3:5]]), plan.design.analysis, thresholds=table[:5])
+    found = {one.title: one.words for one in analyse(data, draws=20).findings}
+    strict = replace(plan, design=replace(plan.design, exclusions=Exclusions(unfinished=True)))
+    assert left_out(strict, sessions)[["participant", "rule", "value"]].values.tolist() == [
+        ["sub-02", "unfinished", 20.0],
+        ["sub-01", "unfinished", 13.0],
+    ]
+    assert found["Who took part"].startswith("SIMULATED: no person was asked. 1 participant(s), 20 answers")
+    assert found["Thresholds of adaptive blocks"].startswith("Geometric mean of 1 thresholds")

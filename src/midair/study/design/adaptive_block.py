@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.study.design.adaptive import QuestPlus, Staircase
 from midair.study.design.blocks import Block
+from midair.study.design.exclusions import why_answer_left_out, why_left_out
 from midair.study.design.ladder import rungs
 from midair.study.design.plan import Plan, Trial
 from midair.study.design.standing import Standing
@@ -46,18 +47,27 @@ def threshold(plan: Plan, progress: Standing, block_name: str) -> tuple[float, f
     """Threshold of one participant from an adaptive block, and its standard deviation, in the unit of the strengths.
 
     From QUEST+ mean and deviation of the posterior; from a staircase the mean of the strengths at the last six
-    reversals (NaN for the deviation).
+    reversals (NaN for the deviation). The rules of the plan leave out people and answers here as everywhere.
 
     Raises
     ------
     InputError
-        If the block is not adaptive, or a staircase turned fewer than six times.
+        If the block is not adaptive or not finished, if a rule of the plan leaves out the participant or every answer
+        of the block, or if a staircase turned fewer than six times.
     """
     block = plan.design.block(block_name)
     if not block.adaptive:
         raise InputError(f"block {block_name!r}: expected an adaptive block, got order {block.order!r}")
+    if rule := why_left_out(plan, progress):
+        raise InputError(f"left out by a rule of the plan, {rule}")
+    tests = [trial for trial in progress.trials if trial.block == block_name and trial.role == "test"]
+    due = sum((trial.code, block.questions[0]) not in progress.answers for trial in tests)
+    if due:
+        raise InputError(f"not finished: expected {block.repetitions} answers, got {block.repetitions - due}")
     ladder, strength = rungs(plan.design, block)
     history = answered(plan, progress, block)
+    if not history:
+        raise InputError(f"rules of the plan leave out all {block.repetitions} answers of the block")
     if block.adaptive == "quest+":
         return ask_quest(plan.design, block, history).threshold
     state = climb(len(ladder), history)
@@ -69,7 +79,8 @@ def threshold(plan: Plan, progress: Standing, block_name: str) -> tuple[float, f
 def thresholds_of(plan: Plan, sessions: Sequence[Standing]) -> DataFrame | None:
     """Thresholds of every adaptive block of every session; None if the plan has no such block.
 
-    Columns participant, block, threshold, sd, note; a threshold that cannot be had is NaN, and the note says why.
+    Columns participant, block, threshold, sd, note; a threshold that cannot be computed, or that the rules of the plan
+    leave out, is NaN, and the note says why.
     """
     from pandas import DataFrame
 
@@ -88,7 +99,10 @@ def thresholds_of(plan: Plan, sessions: Sequence[Standing]) -> DataFrame | None:
 
 
 def answered(plan: Plan, progress: Standing, block: Block) -> History:
-    """The answers of a block to its first question, as right or wrong; those to catch trials and such left out."""
+    """The answers of a block to its first question, as right or wrong.
+
+    Without those to catch trials and such, and without those that a rule of the plan leaves out, as in `answers_table`.
+    """
     ladder, _ = rungs(plan.design, block)
     place = {name: rung for rung, names in enumerate(ladder) for name in names}
     question = plan.design.question(block.questions[0])
@@ -96,7 +110,9 @@ def answered(plan: Plan, progress: Standing, block: Block) -> History:
     for trial in progress.trials:
         name = trial.stimulus or progress.chosen.get(trial.code, "")
         given = progress.answers.get((trial.code, question.name))
-        if trial.block == block.name and trial.role == "test" and name in place and given:
+        if trial.block != block.name or trial.role != "test" or name not in place or given is None:
+            continue
+        if not why_answer_left_out(plan, progress, trial.code, given):
             stimulus = plan.design.stimulus(name)
             right = right_answer(question, stimulus, {**stimulus.levels, **trial.levels})
             history.append((place[name], given.answer == right))

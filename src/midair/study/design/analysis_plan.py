@@ -108,6 +108,8 @@ class Exclusions:
         Whether somebody who did not reach the criterion of a training block is left out.
     failed_plays : bool
         Whether a trial is left out whose presentation failed and was made again.
+    unfinished : bool
+        Whether a participant with open questions in the log, in any session of the plan, is left out.
     """
 
     fastest_s: float = 0.0
@@ -117,6 +119,7 @@ class Exclusions:
     timeouts: float = 1.0
     training: bool = False
     failed_plays: bool = False
+    unfinished: bool = False
 
     def __post_init__(self) -> None:
         if not self.fastest_s >= 0 or not (self.slowest_s == 0 or self.fastest_s < self.slowest_s):

@@ -61,6 +61,8 @@ def _broken_rules(plan: Plan, session: Standing) -> list[dict[str, Any]]:
         )
     if rules.training and session.untrained:
         found.append({"participant": person, "rule": "training", "value": float(len(session.untrained)), "limit": 0.0})
+    if rules.unfinished and (due := len(session.trials) - session.next_trial):
+        found.append({"participant": person, "rule": "unfinished", "value": float(due), "limit": 0.0})
     return found
 
 

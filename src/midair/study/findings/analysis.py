@@ -85,7 +85,8 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
 
 
 def _people(data: StudyData) -> Finding:
-    parts = [data.choices, data.other_choices, data.ratings, data.others, data.strengths, data.thresholds]
+    known = None if data.thresholds is None else data.thresholds.loc[np.isfinite(data.thresholds["threshold"])]
+    parts = [data.choices, data.other_choices, data.ratings, data.others, data.strengths, known]
     people = {who for part in parts if part is not None for who in part["participant"].tolist()}
     # The strengths are of answers to questions that may be among the others.
     answers = [data.choices, data.other_choices, data.ratings, data.strengths if data.others is None else data.others]
