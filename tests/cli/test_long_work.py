@@ -91,6 +91,7 @@ NO_BAR = {
     "study new": "solves with bars, of which `solve` is here; draws the plan at once",
     "study run": "asks a person, or says a line for each simulated one",
     "study export": "writes a table",
+    "study verify": "reads logs, and hashes drives",
     "study withdraw": "deletes files",
 }
 

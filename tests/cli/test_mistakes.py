@@ -216,6 +216,7 @@ MISTAKES = (
     ("study analyse nothing", 1, "expected a table, got no such file"),
     ("study analyse five.csv", 1, "expected `presented` and"),
     ("study export nothing out", 1, "expected a study with a plan.json;"),
+    ("study verify nothing", 1, "expected a study with a plan.json;"),
     ("study power paired", 2, 'Command "study power" parameter'),
     ("study power guess --effect 0.8", 2, 'Invalid value "guess" for TEST.'),
     ("study power paired --effect 0", 1, "expected to reach 0.8 with d_z = 0"),

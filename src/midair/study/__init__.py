@@ -95,6 +95,7 @@ from midair.study.study_notebook import analysis_notebook, load_study, load_tabl
 from midair.study.study_report import report_json, report_page, report_text, study_pictures
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
 from midair.study.terminal_screen import TerminalScreen, stops_on_signals
+from midair.study.verification import Verification, data_of_study, noted_seals, verify_study
 from midair.study.withdrawal import check_not_withdrawn, remember_made, withdraw, withdrawn
 
 __all__ = [
@@ -165,6 +166,10 @@ __all__ = [
     "d_prime_choice",
     "d_prime_same_different",
     "d_prime_yes_no",
+    "Verification",
+    "noted_seals",
+    "verify_study",
+    "data_of_study",
     "data_of_answers",
     "data_of_columns",
     "derive",

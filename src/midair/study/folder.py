@@ -123,7 +123,7 @@ class StudyFolder:
             raise MissingFileError(f"{self.path}: expected a study with a plan.json; make one with `midair study new`")
         try:
             content = json_of(read_text(file, "a plan"))
-            found = digest_of(content["design"], content["trials"], content.get("drives"))
+            found = digest_of(content["design"], content["trials"], content.get("drives"), content.get("chain", False))
             plan = TypeAdapter(Plan).validate_python(content)
         except (ValueError, KeyError, AttributeError, TypeError) as wrong:
             raise BrokenFileError(f"{file.name}: expected a plan, got something else; restore a copy") from wrong
@@ -137,11 +137,25 @@ class StudyFolder:
 
     def sessions(self) -> list[Standing]:
         """Where every session that was begun stands."""
+        plan = self.plan()
+        return [self.session(plan, n) for n in range(1, plan.design.participants + 1) if self.log(n).exists()]
+
+    def session(self, plan: Plan, participant: int) -> Standing:
+        """Where the session of one participant stands.
+
+        Raises
+        ------
+        MissingFileError
+            If it was not begun.
+        BrokenFileError
+            If its log was changed since it was written.
+        MismatchError
+            If the log belongs to another participant or another study.
+        """
         from midair.study.session import read_events
 
-        plan = self.plan()
-        numbers = [n for n in range(1, plan.design.participants + 1) if self.log(n).exists()]
-        return [replay(read_events(self.log(n)), plan, n) for n in numbers]
+        log = self.log(participant)
+        return replay(read_events(log, chained=plan.chain), plan, participant, name=log.name)
 
 
 def _in_words(wrong: ValidationError) -> InputError:

@@ -87,14 +87,8 @@ def load_study(folder: str) -> str:
     """Python that loads the answers of a study, whose folder is given from where the notebook lies."""
     return f"""\
 folder = study.StudyFolder(Path({folder!r}))
-plan, sessions = folder.plan(), folder.sessions()
-answers = study.answers_table(plan, sessions)
-data = study.data_of_answers(
-    answers,
-    plan.design.analysis,
-    thresholds=study.thresholds_of(plan, sessions),
-    excluded=study.left_out(plan, sessions),
-)
+answers = study.answers_table(folder.plan(), folder.sessions())
+data = study.data_of_study(folder)
 answers
 """
 

@@ -13,7 +13,7 @@ from midair.files import no_formula, whole_file, whole_folder
 from midair.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
     from pathlib import Path
 
     from pandas import DataFrame, Series
@@ -72,7 +72,9 @@ def read_csv(path: Path) -> DataFrame:
     return _typed(_words(path))
 
 
-def write_bids(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
+def write_bids(
+    answers: DataFrame, design: Design, folder: Path, *, files: str = "", unfinished: Collection[str] | None = None
+) -> list[Path]:
     """Answers as a BIDS dataset: ``sub-NN/beh/sub-NN_task-NAME_beh.tsv`` with a JSON sidecar for each participant.
 
     With several sessions each has a folder of its own, ``sub-NN/ses-MM/beh/sub-NN_ses-MM_task-NAME_beh.tsv``.
@@ -85,6 +87,10 @@ def write_bids(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
         For the sidecars.
     folder : Path
         New or empty.
+    files : str
+        Result of the check of the study's files, for the README and the description of the dataset.
+    unfinished : collection of str
+        Participants whose sessions are not finished, for a column of the participants; without it if not given.
 
     Returns
     -------
@@ -101,17 +107,19 @@ def write_bids(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
     if answers.empty:
         raise InputError("export: expected answers, got none; run a participant first")
     with whole_folder(folder) as partial:
-        written = _dataset(answers, design, partial)
+        written = _dataset(answers, design, partial, files, unfinished)
         for inside in (partial, *partial.rglob("*")):  # it holds what people answered
             inside.chmod(0o700 if inside.is_dir() else 0o600)
         return [folder / path.relative_to(partial) for path in written]
 
 
-def _dataset(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
+def _dataset(
+    answers: DataFrame, design: Design, folder: Path, files: str, unfinished: Collection[str] | None
+) -> list[Path]:
     simulated = bool(answers["simulated"].any())
-    written = [_text(folder / "README", _readme(design, simulated))]
-    written.append(_json(folder / "dataset_description.json", _description(design, simulated)))
-    written += _participants(answers, design, folder)
+    written = [_text(folder / "README", _readme(design, simulated, files))]
+    written.append(_json(folder / "dataset_description.json", _description(design, simulated, files)))
+    written += _participants(answers, design, folder, unfinished)
     in_folders = design.sessions > 1
     of_session = answers["session"].map("ses-{:02d}".format) if in_folders else answers["participant"]
     for person, session in dict.fromkeys(zip(answers["participant"], of_session, strict=True)):
@@ -200,27 +208,30 @@ def _write_separated(table: DataFrame, path: Path, delimiter: str) -> None:
     )
 
 
-def _description(design: Design, simulated: bool) -> dict[str, Any]:
+def _description(design: Design, simulated: bool, files: str) -> dict[str, Any]:
     stated = {"Authors": list(design.authors), "License": design.license}
     return {
         "Name": ("SIMULATED: " if simulated else "") + (design.title or design.name),
         "BIDSVersion": "1.10.0",
         "DatasetType": "raw",
-        "GeneratedBy": [{"Name": "midair", "Version": __version__}],
+        "GeneratedBy": [{"Name": "midair", "Version": __version__} | ({"Description": files} if files else {})],
     } | {name: value for name, value in stated.items() if value}
 
 
-def _readme(design: Design, simulated: bool) -> str:
+def _readme(design: Design, simulated: bool, files: str) -> str:
     first = "SIMULATED: no person took part. These answers come from a model.\n\n" if simulated else ""
     return (
         f"{first}{design.title or design.name}\n\nAnswers of a study of touch in midair, one row an answer. The plan"
         f" was drawn before the first participant with seed {design.seed} for {design.participants} participants.\n"
+        + (f"\n{files}\n" if files else "")
     )
 
 
-def _participants(answers: DataFrame, design: Design, folder: Path) -> list[Path]:
+def _participants(answers: DataFrame, design: Design, folder: Path, unfinished: Collection[str] | None) -> list[Path]:
     people = answers.groupby("participant", sort=False)
     rows = people["simulated"].agg(simulated="any", answers="size").rename_axis("participant_id").reset_index()
+    if unfinished is not None:
+        rows["finished"] = [who not in unfinished for who in rows["participant_id"].tolist()]
     form = [design.question(name) for name in design.form if name in answers]
     for question in form:
         rows[question.name] = people[question.name].first().tolist()
@@ -232,6 +243,8 @@ def _participants(answers: DataFrame, design: Design, folder: Path) -> list[Path
         "answers": {"Description": "Number of answers that count."},
         **{question.name: {"Description": question.text} for question in form},
     }
+    if unfinished is not None:
+        meaning["finished"] = {"Description": "Whether the log has an answer to every question, and its end."}
     return [path, _json(folder / "participants.json", meaning)]
 
 

@@ -78,16 +78,19 @@ class Plan:
         Names the plan by its content when it was drawn: a log says which plan it followed.
     drives : mapping of str to str
         SHA-256 of each drive by its source; empty if none were there when the plan was drawn.
+    chain : bool
+        Whether each line of a log has to have its link; false for plans of before 2026-11-23.
     """
 
     design: Design
     trials: tuple[Trial, ...]
     digest: str = ""
     drives: Mapping[str, str] = field(default_factory=dict[str, str])
+    chain: bool = False
 
     def __post_init__(self) -> None:
         if not self.digest:
-            digest = digest_of(asdict(self.design), [asdict(trial) for trial in self.trials], self.drives)
+            digest = digest_of(asdict(self.design), [asdict(trial) for trial in self.trials], self.drives, self.chain)
             object.__setattr__(self, "digest", digest)
 
     def trial(self, code: str) -> Trial:
@@ -120,10 +123,13 @@ class Plan:
 
 
 def digest_of(
-    design: Mapping[str, Any], trials: Sequence[Mapping[str, Any]], drives: Mapping[str, str] | None = None
+    design: Mapping[str, Any],
+    trials: Sequence[Mapping[str, Any]],
+    drives: Mapping[str, str] | None = None,
+    chain: bool = False,
 ) -> str:
-    """Sixteen hexadecimal digits of SHA-256 over the JSON of a design, its trials, and its drives if there are any."""
-    content = [dict(design), list(trials), *([dict(drives)] if drives else [])]
+    """Sixteen hexadecimal digits of SHA-256 over the JSON of a design, its trials, its drives and its chain, if any."""
+    content = [dict(design), list(trials), *([dict(drives)] if drives else []), *(["chain"] if chain else [])]
     # Sorted, so that only content makes a difference and not the order of keys in a file.
     return sha256(dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
@@ -151,7 +157,7 @@ def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Pla
         if block.adaptive:
             check_sides(whole, block)
     trials = tuple(trial for number in range(1, whole.participants + 1) for trial in _session(whole, number))
-    return Plan(design=whole, trials=trials, drives=dict(drives or {}))
+    return Plan(design=whole, trials=trials, drives=dict(drives or {}), chain=True)
 
 
 def block_order(design: Design, participant: int) -> list[Block]:

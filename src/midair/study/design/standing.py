@@ -92,6 +92,19 @@ class Standing:
                 return index
         return len(self.trials)
 
+    @property
+    def finished(self) -> bool:
+        """Whether every question of every session is answered, and the log says that it ended."""
+        return self.next_trial == len(self.trials) and not self.broken_off
+
+    @property
+    def state(self) -> str:
+        """How far the session is, in words."""
+        many, due = len(self.trials), sum(bool(self.open_questions(trial)) for trial in self.trials)
+        if due:
+            return f"not finished, {many - due} of {many} trials"
+        return f"not finished, {many} of {many} trials without an end" if self.broken_off else "finished"
+
     def open_questions(self, trial: Trial) -> tuple[str, ...]:
         """Questions of a trial without an answer; none of a trial that is waived."""
         if trial.code in self.waived:
@@ -111,7 +124,7 @@ class Standing:
         return ()
 
 
-def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) -> Standing:
+def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int, *, name: str = "log") -> Standing:
     """Where a session stands after its events.
 
     Parameters
@@ -122,6 +135,8 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
         The plan that the session follows.
     participant : int
         Number of the participant whose log it is.
+    name : str
+        Of the log, for messages.
 
     Raises
     ------
@@ -132,12 +147,14 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) ->
     """
     try:
         return _replayed(events, plan, participant)
+    except MismatchError as wrong:
+        raise MismatchError(f"{name}: {wrong}") from wrong
     except MidairError:
         raise
     except (AttributeError, LookupError, TypeError, ValueError) as wrong:
         said = f"nothing of {wrong}" if isinstance(wrong, KeyError) else str(wrong)[:80]
         raise BrokenFileError(
-            f"log: expected the events of participant {participant}, got a damaged one ({said}); restore a copy"
+            f"{name}: expected the events of participant {participant}, got a damaged one ({said}); restore a copy"
         ) from wrong
 
 
@@ -146,6 +163,8 @@ def _replayed(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int)
     for event in events:
         told.take(event, plan, participant)
     trials = plan.of(participant)
+    if stray := {code for code, _ in told.answers} - {trial.code for trial in trials}:
+        raise ValueError(f"trial {min(stray)} is none of participant {participant}")
     _check_presented(trials, {code for code, _ in told.answers}, told.chosen, plan)
     waived, untrained = _trained(plan, trials, told)
     return Standing(
@@ -177,10 +196,14 @@ class _EventsTold:
     withdrawn: int = 0
     simulated: bool = False
     broken_off: bool = False
+    opened: bool = False
 
     def take(self, event: Mapping[str, Any], plan: Plan, participant: int) -> None:
         """Take down one event."""
-        match event["event"]:
+        kind = event["event"]
+        if not self.opened and kind not in ("open", "repair"):
+            raise ValueError(f"it begins with {kind!r} and not with 'open'")
+        match kind:
             case "open":
                 self._open(event, plan, participant)
             case "done":
@@ -200,11 +223,17 @@ class _EventsTold:
                 pass
 
     def _open(self, event: Mapping[str, Any], plan: Plan, participant: int) -> None:
-        if (event["plan"], event["participant"]) != (plan.digest, participant):
+        if event["plan"] != plan.digest:
             raise MismatchError(
-                f"log: expected plan {plan.digest}, participant {participant}, got {event['plan']}, participant"
-                f" {event['participant']}; the plan has been changed since"
+                f"expected plan {plan.digest}, got {event['plan']}; the plan has been changed since, or the log"
+                " is of another study: restore a copy"
             )
+        if event["participant"] != participant:
+            raise MismatchError(
+                f"expected participant {participant}, got {event['participant']}; the log is of another person:"
+                " restore a copy"
+            )
+        self.opened = True
         self.simulated = self.simulated or bool(event["simulated"])
         if "time" in event:
             self.began.setdefault(int(event.get("session", 1)), _told(event, "time", str))

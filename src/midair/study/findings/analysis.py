@@ -79,6 +79,8 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     # In this order: they draw from one generator.
     for job in passing(jobs, len(jobs)):
         findings += job()
+    if data.files:
+        findings.append(Finding(title="Files", words=data.files))
     return Report(
         findings=tuple(findings), choices=choices, ratings=rating_means(data), simulated=data.simulated, seed=seed
     )

@@ -51,6 +51,8 @@ class StudyData:
         Whether any answer comes from a simulated participant.
     left_out : int
         Answers that were not analysed: familiarisation, and those that the rules of the plan leave out.
+    files : str
+        Result of the check of plan, drives and logs, see `verify_study`; empty for data of tables.
     """
 
     choices: DataFrame | None = None
@@ -67,6 +69,7 @@ class StudyData:
     margin: float = 0.1
     simulated: bool = False
     left_out: int = 0
+    files: str = ""
 
 
 def data_of_answers(
@@ -75,6 +78,7 @@ def data_of_answers(
     *,
     thresholds: DataFrame | None = None,
     excluded: DataFrame | None = None,
+    files: str = "",
 ) -> StudyData:
     """Sort the answers of a study by what its design says will be tested.
 
@@ -88,6 +92,8 @@ def data_of_answers(
         Of adaptive blocks, see `thresholds_of`.
     excluded : DataFrame, optional
         People whom the rules of the plan leave out, see `left_out`.
+    files : str
+        Result of the check of plan, drives and logs, for the report.
 
     Raises
     ------
@@ -118,6 +124,7 @@ def data_of_answers(
         margin=analysis.margin,
         simulated=bool(scored["simulated"].any()),
         left_out=len(answers) - len(scored),
+        files=files,
     )
 
 

@@ -1,6 +1,6 @@
 """A session: present, ask, time, store; and participants who are simulated."""
 
-from midair.study.session.event_log import read_events, seal_of
+from midair.study.session.event_log import links_of, read_events, seal_of
 from midair.study.session.participant import SimulatedParticipant
 from midair.study.session.presenters import (
     ArrayPresenter,
@@ -30,6 +30,7 @@ __all__ = [
     "StillClock",
     "SystemClock",
     "TrialStep",
+    "links_of",
     "read_events",
     "run",
     "seal_of",

@@ -2,7 +2,8 @@
 
 Each line ends in a link, a digest of all bytes of the log up to it: whoever changes, removes or inserts a line breaks
 the chain from there on. Whoever computes the chain anew is found out by the last link alone, if somebody noted it.
-Logs of before 2026-11-22 have no links and are read without; lines that are appended to one cover what is there.
+The plan says whether every line has to have a link. Studies of before 2026-11-23 do not: their logs, which may begin
+without links, are read as they are, and lines that are appended to one cover what is there.
 """
 
 import json
@@ -51,10 +52,13 @@ class EventLog:
     synced : bool
         Whether each event is on the disk, and not only with the system, before `append` returns: it then outlives a
         cut of the power. A killed program loses nothing either way.
+    chained : bool
+        Whether the lines that are there already have to have links, as `Plan.chain` says.
     """
 
-    def __init__(self, path: Path, *, synced: bool = True) -> None:
+    def __init__(self, path: Path, *, synced: bool = True, chained: bool = False) -> None:
         self.path = path
+        self._chained = chained
         self._synced = synced
         self.seal = ""
         self._file: int | None = None
@@ -69,7 +73,7 @@ class EventLog:
             hold(self._file, f"{self.path.name}: another program is running this session; end it first")
             _sync_folder(self.path.parent)
             torn = _cut_torn_line(self._file, self.path)
-            _, self._chain = _checked(self.path)
+            _, self._chain = _checked(self.path, self._chained)
             self.seal = seal_of(self.path)
             if torn:
                 self.append({"event": "repair", "torn": torn})
@@ -111,8 +115,15 @@ class EventLog:
             self.seal = link
 
 
-def read_events(path: Path) -> list[dict[str, Any]]:
+def read_events(path: Path, *, chained: bool = False) -> list[dict[str, Any]]:
     """Every event of a log, without its links; a last line that was never finished does not count.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+    chained : bool
+        Whether every line has to have a link, as `Plan.chain` says. If not, lines before the first link need none.
 
     Raises
     ------
@@ -121,22 +132,27 @@ def read_events(path: Path) -> list[dict[str, Any]]:
     BrokenFileError
         If a line within is not an event, or the chain is broken: the log was changed since it was written.
     """
-    return _checked(path)[0]
+    return _checked(path, chained)[0]
 
 
 def seal_of(path: Path) -> str:
     """The last link of a log; empty if it has none."""
+    return (links_of(path) or [""])[-1]
+
+
+def links_of(path: Path) -> list[str]:
+    """The link of each line of a log, empty where a line has none: each was the seal when its line was the last."""
     lines = path.read_bytes().split(b"\n")[:-1]
-    return lines[-1].rpartition(_LINK)[2][:LINK].decode(errors="replace") if lines and _LINK in lines[-1] else ""
+    return [line.rpartition(_LINK)[2][:LINK].decode(errors="replace") if _LINK in line else "" for line in lines]
 
 
-def _checked(path: Path) -> tuple[list[dict[str, Any]], _Digest]:
+def _checked(path: Path, chained: bool) -> tuple[list[dict[str, Any]], _Digest]:
     """The events of a log whose chain holds, and the digest with which it goes on."""
     if not path.exists():
         raise MissingFileError(f"{path.name}: expected a log of a session, got no such file; run the session first")
     events: list[dict[str, Any]] = []
     chain: _Digest = sha256()
-    linked = False
+    linked = chained
     for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], start=1):
         try:
             event = json_of(line)
@@ -144,6 +160,11 @@ def _checked(path: Path) -> tuple[list[dict[str, Any]], _Digest]:
             raise BrokenFileError(f"{path.name}: expected JSON, got damage in line {number}; restore a copy") from wrong
         if not isinstance(event, dict) or "event" not in event:
             raise BrokenFileError(f"{path.name}: expected an event in line {number}, got {line[:40]!r}")
+        if linked and "chain" not in event:
+            raise BrokenFileError(
+                f"{path.name}: expected the chain of what was written, got a break in line {number}: it has no link,"
+                " so that it was changed since; restore a copy"
+            )
         linked = linked or "chain" in event
         body = line.rpartition(_LINK)[0] + b"}"
         if linked and _linked(body, chain)[0] != line + b"\n":

@@ -73,7 +73,7 @@ class Session:
         self.plan = plan
         self.participant = participant
         # Where nothing is presented nobody answers: a model would say the same again.
-        self._log = EventLog(log, synced=not isinstance(presenter, NoPresenter))
+        self._log = EventLog(log, synced=not isinstance(presenter, NoPresenter), chained=plan.chain)
         self._presenter = presenter
         self._policy: Policy = policy
         self._simulated = simulated
@@ -136,7 +136,7 @@ class Session:
 
     def standing(self) -> Standing:
         """Where the session stands, by its log."""
-        return replay(read_events(self._log.path), self.plan, self.participant)
+        return replay(read_events(self._log.path, chained=self.plan.chain), self.plan, self.participant)
 
     def acknowledge(self) -> None:
         """The text was read, or the break is over."""

@@ -5,7 +5,7 @@ from cyclopts import App
 from midair.cli.commands.study.numbers import paper_command, power_command
 from midair.cli.commands.study.planning import new_command, plan_command, withdraw_command
 from midair.cli.commands.study.running import run_command
-from midair.cli.commands.study.study import analyse_command, export_command
+from midair.cli.commands.study.study import analyse_command, export_command, verify_command
 from midair.cli.terminal import epilogue, offer
 
 study_app = App(
@@ -17,6 +17,7 @@ offer(study_app, plan_command, "plan")
 offer(study_app, run_command, "run")
 offer(study_app, analyse_command, "analyse")
 offer(study_app, export_command, "export")
+offer(study_app, verify_command, "verify")
 offer(study_app, withdraw_command, "withdraw")
 offer(study_app, power_command, "power")
 offer(study_app, paper_command, "paper")

@@ -18,8 +18,6 @@ from midair.study import (
     check_not_withdrawn,
     keyboard_of_terminal,
     open_stimulus_rig,
-    read_events,
-    replay,
     run,
     seal_of,
     stops_on_signals,
@@ -129,7 +127,7 @@ def _is_done(folder: StudyFolder, plan: Plan, participant: int) -> str:
     log = folder.log(participant)
     if not log.exists():
         return ""
-    standing = replay(read_events(log), plan, participant)
+    standing = folder.session(plan, participant)
     return f"{log.name}: seal {seal_of(log)}" if standing.next_trial == len(standing.trials) else ""
 
 
@@ -151,6 +149,6 @@ def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Po
         for _ in range(plan.design.sessions):
             with Session(plan, number, log, presenter, policy=policy, simulated=True, clock=StillClock()) as session:
                 run(session, screen)
-        say(f"participant {number}: done")
+        say(f"participant {number}: done; {log.name}: seal {seal_of(log)}")
     warn_simulated(True)
     return 0

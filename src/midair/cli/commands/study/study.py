@@ -1,4 +1,4 @@
-"""Commands for what came out of a study: analyse, export."""
+"""Commands for what came out of a study: analyse, export, verify."""
 
 import os
 from pathlib import Path
@@ -18,18 +18,18 @@ from midair.study import (
     analyse,
     analysis_notebook,
     answers_table,
-    data_of_answers,
     data_of_columns,
-    left_out,
+    data_of_study,
     load_study,
     load_table,
+    noted_seals,
     read_bids,
     read_csv,
     remember_made,
     report_json,
     report_page,
     report_text,
-    thresholds_of,
+    verify_study,
     write_bids,
     write_csv,
 )
@@ -97,15 +97,7 @@ def analyse_command(
     """
     if (source / "plan.json").exists():
         folder = StudyFolder(source)
-        plan = folder.plan()
-        sessions = folder.sessions()
-        thresholds = thresholds_of(plan, sessions)
-        data = data_of_answers(
-            answers_table(plan, sessions),
-            plan.design.analysis,
-            thresholds=thresholds,
-            excluded=left_out(plan, sessions),
-        )
+        plan, data = folder.plan(), data_of_study(folder)
         title, target = plan.design.title or plan.design.name, output or source / "report.html"
         loading = load_study(_from(target, source))
     else:
@@ -158,10 +150,13 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
     folder = StudyFolder(study)
     plan = folder.plan()
     answers = answers_table(plan, folder.sessions())
+    verified = verify_study(folder)
     if format == "bids":
         # Before it is there: killed in between, it is known all the same to whoever withdraws.
         remember_made(folder, output, "bids")
-        written = write_bids(answers, plan.design, output)
+        written = write_bids(
+            answers, plan.design, output, files=verified.summary, unfinished=tuple(verified.unfinished)
+        )
         say(f"{output}: {len(written)} files, {len(answers)} answers.")
     else:
         if answers.empty:
@@ -169,7 +164,32 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
         remember_made(folder, output, "csv")
         write_csv(answers, output)
         say(f"{output}: {len(answers)} answers.")
+    say(" ".join(part for part in (verified.summary, verified.unfinished_words) if part))
     warn_simulated(bool(answers["simulated"].any()))
+
+
+def verify_command(study: Path, /, *, seal: Path | None = None) -> int:
+    """Check the files of a study: plan, drives, and the chain and the seal of each session's log.
+
+    Prints one line for each session and a summary. The status is 1 if something was changed, is missing, or belongs to
+    another study; a session that is not finished is no fault, unless its noted seal is gone.
+
+    Parameters
+    ----------
+    study
+        Folder of the study.
+    seal
+        Text with the seals that were noted, in lines as `midair study run` and this command print them. Keep it where
+        the folder of the study cannot be written from.
+
+    Examples
+    --------
+    $ midair study verify touch
+    """
+    verified = verify_study(StudyFolder(study), noted=None if seal is None else noted_seals(seal))
+    for line in (*verified.sessions, verified.summary):
+        say(line)
+    return 1 if verified.faults else 0
 
 
 def _from(target: Path, source: Path) -> str:

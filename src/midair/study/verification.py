@@ -1,0 +1,184 @@
+"""Check the files of a study: plan, drives, and the chain and seal of each log; and read them for the analysis."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import TYPE_CHECKING
+
+from midair.errors import InputError, MidairError
+from midair.files import read_text
+from midair.study.design import answers_table, left_out, thresholds_of
+from midair.study.drives import digest_of_file
+from midair.study.findings import StudyData, data_of_answers
+from midair.study.session import links_of
+from midair.study.withdrawal import withdrawn
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from midair.study.design import Plan
+    from midair.study.folder import StudyFolder
+
+_NOTED = re.compile(r"(sub-\d+\.jsonl): seal\s+([0-9a-f]{32})")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verification:
+    """Result of the check of a study's files.
+
+    Attributes
+    ----------
+    sessions : tuple of str
+        One line for each log, in which a fault says what to do.
+    faults : int
+        Number of drives and logs that are not as the plan or a noted seal says.
+    unfinished : mapping of str to str
+        State of each session that is not finished, by participant.
+    summary : str
+        One line on everything, without names of participants: for reports and exports.
+    """
+
+    sessions: tuple[str, ...]
+    faults: int
+    unfinished: Mapping[str, str]
+    summary: str
+
+    @property
+    def unfinished_words(self) -> str:
+        """The unfinished sessions in a sentence; empty if there are none."""
+        named = ", ".join(f"{who} ({state})" for who, state in self.unfinished.items())
+        return f"Sessions that are not finished: {named}." if named else ""
+
+
+def noted_seals(file: Path) -> dict[str, list[str]]:
+    """Seals in a text, by the name of the log: lines as `midair study run` and `verify` print them.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    found: dict[str, list[str]] = {}
+    for name, seal in _NOTED.findall(read_text(file, "noted seals")):
+        found.setdefault(name, []).append(seal)
+    if not found:
+        raise InputError(f"{file.name}: expected lines such as 'sub-01.jsonl: seal ' and 32 digits, got none")
+    return found
+
+
+def verify_study(folder: StudyFolder, *, noted: Mapping[str, Sequence[str]] | None = None) -> Verification:
+    """Check the plan, its drives, and the chain of each log; and the seals, if some were noted elsewhere.
+
+    Parameters
+    ----------
+    folder : StudyFolder
+        The study.
+    noted : mapping of str to sequence of str, optional
+        Seals by the name of the log, see `noted_seals`. A log that has grown since still has its earlier seals.
+
+    Raises
+    ------
+    BrokenFileError
+        If the plan was changed since it was drawn.
+    """
+    plan, gone = folder.plan(), {folder.log(number).name for number in withdrawn(folder)}
+    known = {name: seals for name, seals in (noted or {}).items() if name not in gone}
+    logs = {folder.log(number).name: number for number in range(1, plan.design.participants + 1)}
+    there = {path.name for path in (folder.path / "sessions").glob("*.jsonl")}
+    lines: list[str] = []
+    sealed: list[str] = []
+    unfinished: dict[str, str] = {}
+    as_noted = finished = 0
+    for name in sorted(there | set(known)):
+        try:
+            seal, state, seals = _checked_log(folder, plan, logs.get(name, 0), name, known.get(name, ()))
+        except MidairError as wrong:
+            lines.append(f"FAULT {wrong}")
+            continue
+        sealed.append(f"{name} {seal}")
+        finished += state == "finished"
+        if state != "finished":
+            unfinished[name.removesuffix(".jsonl")] = state
+        as_noted += bool(seals)
+        lines.append(
+            "; ".join(part for part in (f"{name}: seal {seal or 'none'}", state, _chain(plan, seal), seals) if part)
+        )
+    broken = len(lines) - len(sealed)
+    drives, changed = _drives(folder, plan)
+    parts = [
+        f"plan {plan.digest}",
+        drives,
+        f"{len(sealed)} of {len(lines)} logs intact" + ("" if plan.chain else " (the plan is older than chained logs)"),
+        f"{finished} of {plan.design.participants} participants finished",
+        f"{as_noted} of {len(known)} seals as noted" if known else "no noted seals to compare with",
+        f"all seals {sha256(chr(10).join(sealed).encode()).hexdigest()[:16]}",
+    ]
+    faults = broken + changed
+    summary = f"Files of the study: {'; '.join(parts)}; {faults or 'no'} {'fault' if faults == 1 else 'faults'}."
+    return Verification(sessions=tuple(lines), faults=faults, unfinished=unfinished, summary=summary)
+
+
+def data_of_study(folder: StudyFolder) -> StudyData:
+    """Read, check and sort the answers of a study: what the report, the notebook and Python analyse.
+
+    Raises
+    ------
+    BrokenFileError
+        If the plan or a log was changed since it was written.
+    MismatchError
+        If a log belongs to another participant or another study.
+    InputError
+        If no answer is scored.
+    """
+    plan, sessions = folder.plan(), folder.sessions()
+    verified = verify_study(folder)
+    return data_of_answers(
+        answers_table(plan, sessions),
+        plan.design.analysis,
+        thresholds=thresholds_of(plan, sessions),
+        excluded=left_out(plan, sessions),
+        files=" ".join(part for part in (verified.summary, verified.unfinished_words) if part),
+    )
+
+
+def _checked_log(folder: StudyFolder, plan: Plan, number: int, name: str, noted: Sequence[str]) -> tuple[str, str, str]:
+    """Seal and state of a log, and a word on noted seals; an error if something is wrong."""
+    if not number:
+        raise InputError(f"{name}: expected logs of participants 1 to {plan.design.participants}; move it elsewhere")
+    if not folder.log(number).exists():
+        raise InputError(f"{name}: expected a log, since its seal was noted, got no file; restore a copy")
+    state = folder.session(plan, number).state
+    links = links_of(folder.log(number))
+    seal = links[-1] if links else ""
+    for one in noted:
+        if one not in links:
+            raise InputError(
+                f"{name}: expected the noted seal {one}, got {seal or 'none'}; the log was written anew or its end was"
+                f" cut ({state}): restore a copy"
+            )
+    if not noted:
+        return seal, state, ""
+    grown = len(links) - 1 - max(links.index(one) for one in noted)
+    return seal, state, f"as noted, {grown} lines since" if grown else "as noted"
+
+
+def _chain(plan: Plan, seal: str) -> str:
+    if plan.chain:
+        return ""
+    return "the plan asks for no chain" + ("" if seal else ": an edit cannot be noticed")
+
+
+def _drives(folder: StudyFolder, plan: Plan) -> tuple[str, int]:
+    """How many drives are those of the plan, in words; and how many are not."""
+    if not plan.drives:
+        return "drawn without drives", 0
+    wrong = [
+        source
+        for source, digest in plan.drives.items()
+        if not (folder.path / source).is_file() or digest_of_file(folder.path / source) != digest
+    ]
+    said = f"{len(plan.drives) - len(wrong)} of {len(plan.drives)} drives as in the plan"
+    return said + (f" (changed or missing: {', '.join(wrong)})" if wrong else ""), len(wrong)

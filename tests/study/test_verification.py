@@ -1,0 +1,176 @@
+"""The files of a study after somebody was at them: what was changed is reported, and what is whole is not."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from midair.cli.commands.study import study_app
+from midair.errors import BrokenFileError, InputError, MismatchError
+from midair.study import StudyFolder, analyse, data_of_study, noted_seals, verify_study
+from midair.study.design import digest_of
+from midair.study.folder import paper_design_text
+
+
+def study(*words):
+    return study_app([str(word) for word in words], exit_on_error=False, result_action="return_value")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A study with three simulated participants, who are done, and drives that are only bytes."""
+    path = tmp_path_factory.mktemp("verified")
+    short = paper_design_text().replace("repetitions = 4", "repetitions = 1")
+    for name, seed in (("s", 1), ("other", 2)):
+        (path / "short.toml").write_text(short)
+        study(
+            "new", path / name, "--source", path / "short.toml", "--drives", "none", "--participants", 3, "--seed", seed
+        )
+        study("run", path / name, "--simulate")
+    return path / "s"
+
+
+@pytest.fixture
+def folder(whole, tmp_path):
+    return StudyFolder(shutil.copytree(whole, tmp_path / "s"))
+
+
+def stripped(path):
+    """Take the chain out of a log, and change an answer."""
+    words = re.sub(r', "chain": "[0-9a-f]+"', "", path.read_text())
+    path.write_text(words.replace('"answer": "brush"', '"answer": "towel"'))
+
+
+def without_end(path, lines):
+    kept = path.read_bytes().splitlines(keepends=True)[:-lines]
+    path.write_bytes(b"".join(kept))
+
+
+def test_a_whole_study_has_no_fault_and_its_summary_is_in_report_notebook_and_exports(folder, tmp_path, capsys):
+    assert study("verify", folder.path) == 0
+    said = capsys.readouterr().out
+    summary = said.splitlines()[-1]
+    assert [line.split("; ")[1] for line in said.splitlines()[:3]] == ["finished"] * 3
+    assert "3 of 3 logs intact; 3 of 3 participants finished" in summary
+    assert summary.endswith("no faults.")
+    study("analyse", folder.path, "--draws", 20)
+    assert summary in capsys.readouterr().out
+    assert summary in (folder.path / "report.html").read_text()
+    assert "data_of_study" in (folder.path / "report.ipynb").read_text()
+    for kind in ("bids", "csv"):
+        study("export", folder.path, tmp_path / kind, "--format", kind)
+        assert summary in capsys.readouterr().out
+    assert summary in (tmp_path / "bids" / "README").read_text()
+    description = json.loads((tmp_path / "bids" / "dataset_description.json").read_text())
+    assert description["GeneratedBy"][0]["Description"] == summary
+
+
+def test_a_chain_that_was_removed_is_an_error(folder, tmp_path):
+    stripped(folder.log(1))
+    for read in (
+        folder.sessions,
+        lambda: study("analyse", folder.path),
+        lambda: study("export", folder.path, tmp_path / "bids"),
+        lambda: study("run", folder.path, "--simulate", "--participant", 1),
+    ):
+        with pytest.raises(BrokenFileError, match=r"sub-01\.jsonl: .* line 1: it has no link"):
+            read()
+    found = verify_study(folder)
+    assert [line.startswith("FAULT") for line in found.sessions] == [True, False, False]
+    assert "2 of 3 logs intact" in found.summary
+    assert study("verify", folder.path) == 1
+
+
+def test_the_plan_cannot_drop_the_chain_alone(folder):
+    stripped(folder.log(1))
+    file = folder.path / "plan.json"
+    plan = json.loads(file.read_text())
+    assert plan["chain"] is True
+    del plan["chain"]
+    file.write_text(json.dumps(plan))
+    with pytest.raises(BrokenFileError, match="changed since"):
+        folder.plan()
+    file.write_text(json.dumps(plan | {"digest": digest_of(plan["design"], plan["trials"], plan["drives"])}))
+    with pytest.raises(MismatchError, match=r"sub-01\.jsonl: expected plan"):
+        folder.sessions()
+
+
+@pytest.mark.parametrize(("lines", "state"), [(20, r"not finished, \d+ of \d+ trials"), (1, "without an end")])
+def test_a_cut_end_is_reported(folder, tmp_path, capsys, lines, state):
+    study("verify", folder.path)
+    (tmp_path / "seals.txt").write_text(capsys.readouterr().out)
+    without_end(folder.log(2), lines)
+    found = verify_study(folder)
+    assert list(found.unfinished) == ["sub-02"]
+    assert re.search(state, found.unfinished["sub-02"])
+    assert "2 of 3 participants finished" in found.summary
+    report = {one.title: one.words for one in analyse(data_of_study(folder), draws=20).findings}
+    assert re.search(rf"not finished: sub-02 \(.*{state}", report["Files"])
+    study("export", folder.path, tmp_path / "bids")
+    assert "not finished: sub-02" in capsys.readouterr().out
+    rows = [line.split("\t") for line in (tmp_path / "bids" / "participants.tsv").read_text().splitlines()]
+    assert [row[rows[0].index("finished")] for row in rows[1:]] == ["true", "false", "true"]
+    assert study("verify", folder.path) == 0, "a session may be under way"
+    assert study("verify", folder.path, "--seal", tmp_path / "seals.txt") == 1
+    assert "its end was cut" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_log_of_another_person_or_study_is_reported(folder, whole):
+    shutil.copy(folder.log(1), folder.log(2))
+    shutil.copy(whole.parent / "other" / "sessions" / "sub-03.jsonl", folder.log(3))
+    shutil.copy(folder.log(1), folder.log(9))
+    found = verify_study(folder)
+    assert found.faults == 3
+    assert "sub-02.jsonl: expected participant 2, got 1; the log is of another person" in found.sessions[1]
+    assert "sub-03.jsonl: expected plan" in found.sessions[2]
+    assert "sub-09.jsonl: expected logs of participants 1 to 3" in found.sessions[3]
+    with pytest.raises(MismatchError, match=r"sub-02\.jsonl: .* another person"):
+        data_of_study(folder)
+
+
+def test_noted_seals_prove_that_nothing_was_written_anew(folder, whole, tmp_path):
+    noted = {f"sub-{n:02d}.jsonl": [verify_study(folder).sessions[n - 1].split("seal ")[1][:32]] for n in (1, 2, 3)}
+    assert verify_study(folder, noted=noted).faults == 0
+    assert "3 of 3 seals as noted" in verify_study(folder, noted=noted).summary
+    text = tmp_path / "seals.txt"
+    text.write_text("\n".join(f"Monday, {name}: seal {seal}" for name, (seal,) in noted.items()))
+    assert noted_seals(text) == noted
+    # An earlier seal is one of the links, and what came later is counted.
+    links = re.findall(r'"chain": "([0-9a-f]{32})"', folder.log(1).read_text())
+    earlier = verify_study(folder, noted={"sub-01.jsonl": [links[9]]})
+    assert f"as noted, {len(links) - 10} lines since" in earlier.sessions[0]
+    folder.log(3).unlink()
+    anew = noted | {"sub-02.jsonl": ["0" * 32]}
+    lines = verify_study(folder, noted=anew).sessions
+    assert [line.startswith("FAULT") for line in lines] == [False, True, True]
+    assert "the log was written anew or its end was cut" in lines[1]
+    assert "got no file" in lines[2]
+    text.write_text("nothing")
+    with pytest.raises(InputError, match="lines such as"):
+        noted_seals(text)
+    study("withdraw", folder.path, 2, "--force")
+    assert verify_study(folder, noted={"sub-02.jsonl": ["0" * 32]}).faults == 0, "withdrawn, and meant to be gone"
+
+
+def test_a_drive_that_was_changed_is_a_fault(folder):
+    (folder.path / "a.drive.h5").write_bytes(b"x")
+    file = folder.path / "plan.json"
+    plan = json.loads(file.read_text()) | {"drives": {"a.drive.h5": "0" * 64, "gone.drive.h5": "0" * 64}}
+    plan["digest"] = digest_of(plan["design"], plan["trials"], plan["drives"], chain=True)
+    file.write_text(json.dumps(plan))
+    shutil.rmtree(folder.path / "sessions")
+    found = verify_study(folder)
+    assert "0 of 2 drives as in the plan (changed or missing: a.drive.h5, gone.drive.h5)" in found.summary
+    assert found.faults == 2
+
+
+def test_a_study_of_before_is_read_and_noted(tmp_path):
+    shutil.copytree(Path(__file__).parent / "before", tmp_path / "s")
+    found = verify_study(StudyFolder(tmp_path / "s"))
+    assert found.faults == 0
+    assert "the plan is older than chained logs" in found.summary
+    assert found.sessions == (
+        "sub-01.jsonl: seal none; finished; the plan asks for no chain: an edit cannot be noticed",
+    )
