@@ -101,7 +101,7 @@ def verify_study(folder: StudyFolder, *, noted: Mapping[str, Sequence[str]] | No
         sealed.append(f"{name} {seal}")
         finished += state == "finished"
         if state != "finished":
-            unfinished[name.removesuffix(".jsonl")] = state
+            unfinished[name.removesuffix(".jsonl")] = state.removeprefix("not finished, ")
         as_noted += bool(seals)
         lines.append(
             "; ".join(part for part in (f"{name}: seal {seal or 'none'}", state, _chain(plan, seal), seals) if part)
@@ -141,6 +141,7 @@ def data_of_study(folder: StudyFolder) -> StudyData:
         thresholds=thresholds_of(plan, sessions),
         excluded=left_out(plan, sessions),
         files=" ".join(part for part in (verified.summary, verified.unfinished_words) if part),
+        design=plan.design,
     )
 
 

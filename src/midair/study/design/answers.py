@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def answers_table(plan: Plan, sessions: Sequence[Standing]) -> DataFrame:
-    """Every answer that counts as a row.
+    """Every answer that counts as a row, but for those to private questions, which stay in the log.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def answers_table(plan: Plan, sessions: Sequence[Standing]) -> DataFrame:
             _answer_row(plan, session, trial, name, out)
             for trial in session.trials
             for name in trial.questions
-            if (trial.code, name) in session.answers
+            if (trial.code, name) in session.answers and not plan.design.question(name).private
         ]
     return DataFrame(rows)
 

@@ -11,7 +11,8 @@ import numpy as np
 from midair.progress import passing
 from midair.study.findings.choice_findings import choice_findings, compared, confusions, mixed
 from midair.study.findings.finding import Choices, Finding, attempt
-from midair.study.findings.rating_findings import anova, other_questions, ranks, rating_means
+from midair.study.findings.question_findings import every_question, question_findings
+from midair.study.findings.rating_findings import anova, ranks, rating_means
 from midair.study.findings.study_data import StudyData
 from midair.study.findings.threshold_findings import adaptive, psychometric
 
@@ -72,15 +73,16 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     if data.ratings is not None:
         jobs.append(lambda: attempt("Ratings: analysis of variance", lambda: anova(data)))
         jobs.append(lambda: attempt("Ratings: check on ranks", lambda: ranks(data, rng=rng)))
-    if (others := data.others) is not None:
-        jobs.append(lambda: other_questions(others))
+    jobs.append(lambda: question_findings(data))
     jobs.append(lambda: attempt("Psychometric function", lambda: psychometric(data, rng=rng)))
     jobs.append(lambda: attempt("Thresholds of adaptive blocks", lambda: adaptive(data)))
     # In this order: they draw from one generator.
     for job in passing(jobs, len(jobs)):
         findings += job()
+    if data.questions is not None:
+        findings.append(every_question(data.questions))
     if data.files:
-        findings.append(Finding(title="Files", words=data.files))
+        findings.append(Finding(title="Check of the files", words=data.files))
     return Report(
         findings=tuple(findings), choices=choices, ratings=rating_means(data), simulated=data.simulated, seed=seed
     )

@@ -1,4 +1,4 @@
-"""What is said about ratings, and about answers to questions other than choices."""
+"""What is said about ratings."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.findings.finding import Finding, attempt, interval_words, p_words
+from midair.study.findings.finding import Finding, p_words
 from midair.study.findings.study_data import StudyData
 from midair.study.statistics import (
     cell_means,
-    d_prime_same_different,
-    d_prime_yes_no,
     holm,
-    levels,
     ordinal_check,
     rm_anova,
-    two_answers_limits,
 )
 
 if TYPE_CHECKING:
@@ -89,46 +85,6 @@ def ranks(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     if data.between:
         words += " Factors between people have no place in it: each person is ranked alone."
     return [Finding(title="Ratings: check on ranks", words=words, table=table)]
-
-
-def other_questions(others: DataFrame) -> list[Finding]:
-    """Yes-no, same-different and magnitude questions."""
-    found: list[Finding] = []
-    for name, rows in others.groupby("question", sort=False):
-        make = _magnitudes if rows["kind"].iloc[0] == "magnitude" else _detected
-        found += attempt(f"Question {name}", lambda rows=rows, name=name, make=make: [make(str(name), rows)])
-    return found
-
-
-def _detected(name: str, rows: DataFrame) -> Finding:
-    signal = "yes" if rows["kind"].iloc[0] == "yes-no" else "different"
-    there, said = ((rows[name] == signal).to_numpy(bool) for name in ("right", "answer"))
-    measure = d_prime_yes_no if signal == "yes" else d_prime_same_different
-    people, person = levels(rows.loc[:, "participant"])
-    by_person = np.stack(
-        [np.bincount(person, each, minlength=len(people)) for each in (there & said, there, ~there & said, ~there)], 1
-    ).astype(int)
-    hits, signals, alarms, blanks = by_person.sum(axis=0).tolist()
-    sense = measure(hits, signals, alarms, blanks)
-    limits = interval_words(lambda people: two_answers_limits(measure, people), by_person)
-    words = (
-        f"{hits} of {signals} answered {signal!r} when it was right, {alarms} of {blanks} when it was wrong:"
-        f" d' = {sense.d_prime:.2f} ({limits}), criterion {sense.criterion:.2f}, over all people together."
-    )
-    return Finding(title=f"Question {name}", words=words)
-
-
-def _magnitudes(name: str, rows: DataFrame) -> Finding:
-    value = rows["answer"].to_numpy(float)
-    if value.min() <= 0:
-        raise InputError(f"magnitudes: expected numbers above 0 for a geometric mean, got {value.min():g}")
-    size = rows.assign(mean=np.log(value))
-    unit = size.groupby("participant")["mean"].transform("mean")
-    size["mean"] += unit[~size["participant"].duplicated()].mean() - unit
-    table = size.groupby("stimulus", sort=False, as_index=False).agg(mean=("mean", "mean"))
-    table["mean"] = np.exp(table["mean"])
-    words = "Geometric means after every person's unit was taken out."
-    return Finding(title=f"Question {name}", words=words, table=table)
 
 
 def rating_means(data: StudyData) -> DataFrame | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,11 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-    from midair.study.design import Analysis, Foils, Incomplete
+    from midair.study.design import Analysis, Design, Foils, Incomplete
+
+
+_SINGLE = ("yes-no", "same-different", "magnitude")
+"""Kinds of questions that have a part of their own, whatever else takes them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,7 +45,13 @@ class StudyData:
     excluded : DataFrame or None
         People whom the rules of the plan leave out, see `left_out`: columns participant, rule, value, limit.
     others : DataFrame or None
-        Answers to yes-no, same-different and magnitude questions: columns participant, question, kind, answer, right.
+        Answers to yes-no, same-different and magnitude questions, and all others that are in neither choices nor
+        ratings, but no texts: columns participant, question, kind, stimulus, answer, right.
+    form : DataFrame or None
+        Answers to the form, of people whose answers count: the same columns.
+    questions : DataFrame or None
+        Every question of the plan: columns question, kind, private, asked, given and analysed (numbers of answers), and
+        part (of the report that analyses it; empty if none does).
     strengths : DataFrame or None
         Columns participant, level, correct (0 or 1), guess: answers to stimuli of a known strength.
     thresholds : DataFrame or None
@@ -64,6 +75,8 @@ class StudyData:
     foils: Foils = "wrong"
     excluded: DataFrame | None = None
     others: DataFrame | None = None
+    form: DataFrame | None = None
+    questions: DataFrame | None = None
     strengths: DataFrame | None = None
     thresholds: DataFrame | None = None
     margin: float = 0.1
@@ -79,6 +92,7 @@ def data_of_answers(
     thresholds: DataFrame | None = None,
     excluded: DataFrame | None = None,
     files: str = "",
+    design: Design | None = None,
 ) -> StudyData:
     """Sort the answers of a study by what its design says will be tested.
 
@@ -94,6 +108,8 @@ def data_of_answers(
         People whom the rules of the plan leave out, see `left_out`.
     files : str
         Result of the check of plan, drives and logs, for the report.
+    design : Design, optional
+        For the list of all questions, and for those of the form.
 
     Raises
     ------
@@ -102,13 +118,26 @@ def data_of_answers(
     """
     scored = answers if answers.empty else answers.loc[answers["scored"].to_numpy(bool)]
     if scored.empty:
-        raise InputError("answers: expected some that are scored, got none; run a participant first")
+        rules = Counter(answers["excluded"].tolist() if "excluded" in answers else [])
+        why = ", ".join(f"{many} by the rule '{rule}'" for rule, many in rules.items() if rule != "n/a")
+        next_step = f"the plan leaves out {why}" if why else "run a participant first"
+        raise InputError(f"answers: expected some that are scored, got none of {len(answers)}; {next_step}")
     counts = np.ones(len(scored), bool)
     for factor, level in analysis.only.items():
         counts &= (scored[factor] == level).to_numpy(bool)
     asked = (scored["question"] == analysis.choice).to_numpy(bool)
     rated = scored.loc[scored["question"].isin(analysis.rated) & counts]
-    rest = scored.loc[scored["kind"].isin(["yes-no", "same-different", "magnitude"])]
+    named = asked & (scored["right"] != "n/a").to_numpy(bool) if "right" in scored else asked
+    single = scored["kind"].isin(_SINGLE).to_numpy(bool)
+    listed = scored["question"].isin(analysis.rated).to_numpy(bool) & counts
+    rest = scored.loc[(single | ~(named | listed)) & (scored["kind"] != "text").to_numpy(bool)]
+    form = _of_form(scored, design)
+    parts = {
+        "Which object": scored.loc[named],
+        "Ratings": rated,
+        "Question {}": rest,
+        "Question {} of the form": form,
+    }
     return StudyData(
         choices=_choices(scored.loc[asked & counts], analysis.condition),
         other_choices=_named(scored.loc[asked & ~counts], analysis),
@@ -119,6 +148,8 @@ def data_of_answers(
         foils=analysis.foils,
         excluded=excluded,
         others=rest if len(rest) else None,
+        form=form if len(form) else None,
+        questions=None if design is None else _questions(answers, design, parts),
         strengths=_strengths(scored, analysis) if analysis.strength else None,
         thresholds=thresholds,
         margin=analysis.margin,
@@ -213,6 +244,59 @@ def _is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _of_form(scored: DataFrame, design: Design | None) -> DataFrame:
+    """Answers to the form as rows, one a participant and question; private ones are in no table."""
+    from pandas import DataFrame
+
+    people = scored.drop_duplicates("participant")
+    rows = [
+        {"participant": who, "question": name, "kind": design.question(name).kind, "answer": answer}
+        for name in (() if design is None else design.form)
+        if design is not None and name in people
+        for who, answer in zip(people["participant"], people[name], strict=True)
+        if answer != "n/a" and design.question(name).kind != "text"
+    ]
+    table = DataFrame(rows, columns=["participant", "question", "kind", "answer"])
+    return table.assign(stimulus="the form", right="n/a")
+
+
+def _questions(answers: DataFrame, design: Design, parts: Mapping[str, DataFrame]) -> DataFrame:
+    """Every question of the plan, how many answers it has, and which parts of a report analyse how many of them."""
+    from pandas import DataFrame
+
+    asked = {
+        name
+        for block in design.blocks
+        for names in (block.questions, *(one.questions for one in block.extras))
+        for name in names
+    }
+    counts = {part: Counter(table["question"].tolist()) for part, table in parts.items()}
+    given = Counter(answers["question"].tolist())
+    rows: list[dict[str, Any]] = []
+    for question in design.questions:
+        name = question.name
+        many = {part.format(name): count[name] for part, count in counts.items()}
+        people = answers.drop_duplicates("participant")
+        in_form = (
+            sum(answer != "n/a" for answer in people[name].tolist()) if name in design.form and name in people else 0
+        )
+        where = [part for part, number in many.items() if number]
+        where += ["factor between people"] if name in design.analysis.between else []
+        rows.append(
+            {
+                "question": name,
+                "kind": question.kind,
+                "private": question.private,
+                "asked": name in asked or name in design.form,
+                "given": given[name] + in_form,
+                # Answers of one kind may be in two parts.
+                "analysed": max(many.values()) if question.kind in _SINGLE else sum(many.values()),
+                "part": "; ".join(where),
+            }
+        )
+    return DataFrame(rows)
 
 
 def _named(rows: DataFrame, analysis: Analysis) -> DataFrame | None:

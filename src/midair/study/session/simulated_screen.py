@@ -42,7 +42,7 @@ class SimulatedScreen:
     def ask(self, step: TrialStep) -> Reply:
         """Answers by the model; to a form, one participant after the other gives the next answer."""
         if step.question and not step.code:
-            possible = step.question.answers or ("0",)
+            possible = step.question.answers or (str(step.question.low),)
             return Reply(text=possible[(self.number - 1) % len(possible)], reaction_s=1.0, by="model")
         trial = self.plan.trial(step.code)
         name = step.question.name if step.question else ""

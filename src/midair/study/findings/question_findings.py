@@ -1,0 +1,156 @@
+"""Every question of the plan: its figure, or why it has none."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from midair.errors import InputError
+from midair.study.findings.finding import Finding, attempt, interval_words, limits_words
+from midair.study.statistics import d_prime_same_different, d_prime_yes_no, levels, two_answers_limits
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from pandas import DataFrame
+
+    from midair.study.findings.study_data import StudyData
+
+_UNTESTED = "No test is made, since the analysis of the plan does not name these answers."
+
+
+def question_findings(data: StudyData) -> list[Finding]:
+    """A part for each question that no other part analyses."""
+    found: list[Finding] = []
+    for rows, title in ((data.others, "Question {}"), (data.form, "Question {} of the form")):
+        for name, answers in [] if rows is None else rows.groupby("question", sort=False):
+            one = title.format(name)
+            parts = attempt(one, partial(_of_kind, one, answers))
+            found += parts if rows is data.others else [_without_stimulus(part) for part in parts]
+    return found
+
+
+def _without_stimulus(part: Finding) -> Finding:
+    """The same for the form, before which nothing was presented."""
+    return part if part.table is None else replace(part, table=part.table.drop(columns="stimulus"))
+
+
+def every_question(questions: DataFrame) -> Finding:
+    """Where each question of the plan is analysed, or the reason why it is not."""
+    from pandas import DataFrame
+
+    rows = questions.to_dict("records")
+    notes = [row["part"] or f"not analysed, because {_reason(row)}" for row in rows]
+    silent = [f"{row['question']}: {note}." for row, note in zip(rows, notes, strict=True) if not row["part"]]
+    words = " ".join(silent) or "Each question of the plan is analysed, in the part that the table names."
+    table = DataFrame(questions, columns=["question", "kind", "given", "analysed"])
+    return Finding(title="Questions of the plan", words=words, table=table.assign(part=notes))
+
+
+def _reason(row: dict[str, object]) -> str:
+    if row["private"]:
+        return "it is private: its answers stay in the logs"
+    if not row["asked"]:
+        return "neither a block nor the form asks it"
+    if not row["given"]:
+        return "it has no answer"
+    if row["kind"] == "text":
+        return "its answers are texts, which are in the exports"
+    if not row["analysed"]:
+        return "its answers are of familiarisation, checks, or left out by rules of the plan"
+    return "no analysis takes it"
+
+
+def _of_kind(title: str, rows: DataFrame) -> list[Finding]:
+    kind = rows["kind"].iloc[0]
+    if kind == "magnitude":
+        return [_magnitudes(title, rows)]
+    if kind in ("rating", "slider"):
+        return [_rated(title, rows)]
+    judged = kind != "choice" and bool((rows["right"] != "n/a").any())
+    return [_detected(title, rows) if judged else _chosen(title, rows)]
+
+
+def _rated(title: str, rows: DataFrame) -> Finding:
+    """Mean of each stimulus over people, and how much people differ."""
+    from pandas import DataFrame
+
+    rating = np.array(rows["answer"].tolist(), float)
+    people, person = levels(rows.loc[:, "participant"])
+    stimuli, stimulus = levels(rows.loc[:, "stimulus"])
+    shape = (len(people), len(stimuli))
+    count, total = np.zeros(shape), np.zeros(shape)
+    np.add.at(count, (person, stimulus), 1)
+    np.add.at(total, (person, stimulus), rating)
+    with np.errstate(invalid="ignore"):
+        mean = total / count  # NaN where a person has no answer to a stimulus
+    own = total.sum(axis=1) / count.sum(axis=1)
+    many = (count > 0).sum(axis=0)
+    spread = [np.nanstd(mean[:, i], ddof=1) if many[i] > 1 else np.nan for i in range(len(stimuli))]
+    table = DataFrame(
+        {
+            "stimulus": list(stimuli),
+            "mean_rating": np.nanmean(mean, axis=0),
+            "sd_people": spread,
+            "people": many,
+            "given": count.sum(axis=0).astype(int),
+        }
+    )
+    words = (
+        f"Mean {own.mean():.2f} ({limits_words(_mean, own, 'plain')}), over {len(own)} people and {len(rating)}"
+        f" answers. {_UNTESTED}"
+    )
+    return Finding(title=title, words=words, table=table)
+
+
+def _mean(values: NDArray[np.float64]) -> float:
+    return float(values.mean())
+
+
+def _chosen(title: str, rows: DataFrame) -> Finding:
+    """How often each answer was given to each stimulus."""
+    from pandas import DataFrame
+
+    counts = Counter(zip(rows["stimulus"].tolist(), rows["answer"].tolist(), strict=True))
+    table = DataFrame(
+        [{"stimulus": name, "answer": answer, "given": many} for (name, answer), many in sorted(counts.items())]
+    )
+    right = [answer == known for answer, known in zip(rows["answer"], rows["right"], strict=True) if known != "n/a"]
+    words = (
+        f"{sum(right)} of {len(right)} answers are right." if right else f"{len(rows)} answers; none is right or wrong."
+    )
+    return Finding(title=title, words=f"{words} {_UNTESTED}", table=table)
+
+
+def _detected(title: str, rows: DataFrame) -> Finding:
+    signal = "yes" if rows["kind"].iloc[0] == "yes-no" else "different"
+    there, said = ((rows[column] == signal).to_numpy(bool) for column in ("right", "answer"))
+    measure = d_prime_yes_no if signal == "yes" else d_prime_same_different
+    people, person = levels(rows.loc[:, "participant"])
+    by_person = np.stack(
+        [np.bincount(person, each, minlength=len(people)) for each in (there & said, there, ~there & said, ~there)], 1
+    ).astype(int)
+    hits, signals, alarms, blanks = by_person.sum(axis=0).tolist()
+    sense = measure(hits, signals, alarms, blanks)
+    limits = interval_words(lambda people: two_answers_limits(measure, people), by_person)
+    words = (
+        f"{hits} of {signals} answered {signal!r} when it was right, {alarms} of {blanks} when it was wrong:"
+        f" d' = {sense.d_prime:.2f} ({limits}), criterion {sense.criterion:.2f}, over all people together."
+    )
+    return Finding(title=title, words=words)
+
+
+def _magnitudes(title: str, rows: DataFrame) -> Finding:
+    value = rows["answer"].to_numpy(float)
+    if value.min() <= 0:
+        raise InputError(f"magnitudes: expected numbers above 0 for a geometric mean, got {value.min():g}")
+    size = rows.assign(mean=np.log(value))
+    unit = size.groupby("participant")["mean"].transform("mean")
+    size["mean"] += unit[~size["participant"].duplicated()].mean() - unit
+    table = size.groupby("stimulus", sort=False, as_index=False).agg(mean=("mean", "mean"))
+    table["mean"] = np.exp(table["mean"])
+    words = "Geometric means after every person's unit was taken out."
+    return Finding(title=title, words=words, table=table)

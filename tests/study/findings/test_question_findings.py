@@ -1,0 +1,131 @@
+"""A report is silent about no question of the plan: each has its figure, or the reason why it has none."""
+
+import re
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from midair.errors import InputError
+from midair.study import SimulatedParticipant, SimulatedScreen, analyse, answers_table, draw_plan, replay, run
+from midair.study.design.analysis_plan import Analysis, Exclusions
+from midair.study.design.blocks import Block, Extra
+from midair.study.design.question import Question, QuestionKind
+from midair.study.design.stimulus import Stimulus
+from midair.study.design.study_design import Design
+from midair.study.findings.study_data import data_of_answers
+from midair.study.session import NoPresenter, Session, StillClock, read_events
+
+KINDS = get_args(QuestionKind)
+PLACES = ("scored", "scored without truth", "unscored", "check", "form", "private", "nowhere")
+STIMULI = tuple(Stimulus(name=name, kind="object", source=name, levels={"thing": name}) for name in ("felt", "denim"))
+
+
+def question(kind, place):
+    options = ("felt", "denim") if kind == "choice" else ()
+    truth = "thing" if kind == "choice" and place == "scored" else ""
+    return Question(name="asked", kind=kind, text="?", options=options, truth=truth, private=place == "private")
+
+
+def design(kind, place, **analysis):
+    which = Question(name="which", kind="choice", text="?", options=("felt", "denim"), truth="thing")
+    blocks = [Block(name="a", stimuli=("felt", "denim"), questions=("which",), repetitions=3)]
+    if place in ("scored", "scored without truth", "private"):
+        blocks = [replace(blocks[0], questions=("which", "asked"))]
+    if place == "check":
+        blocks = [replace(blocks[0], extras=(Extra(role="attention", stimuli=("felt",), questions=("asked",)),))]
+    if place == "unscored":
+        blocks.append(Block(name="b", stimuli=("felt",), questions=("asked",), scored=False))
+    return Design(
+        name="all",
+        participants=5,
+        seed=1,
+        stimuli=STIMULI,
+        questions=(which, question(kind, place)),
+        blocks=tuple(blocks),
+        form=("asked",) if place == "form" else (),
+        analysis=Analysis(choice="which", **analysis),
+    )
+
+
+def report(made, folder):
+    plan = draw_plan(made)
+    sessions = []
+    for number in range(1, made.participants + 1):
+        presenter, log = NoPresenter(), folder / f"sub-{number:02d}.jsonl"
+        screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter, number=number)
+        with Session(plan, number, log, presenter, simulated=True, clock=StillClock()) as session:
+            run(session, screen)
+        sessions.append(replay(read_events(log), plan, number))
+    table = answers_table(plan, sessions)
+    return analyse(data_of_answers(table, made.analysis, design=made), draws=20), table
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_question_is_in_the_report_wherever_it_is_asked(kind, place, tmp_path):
+    found, table = report(design(kind, place), tmp_path)
+    parts = {one.title: one for one in found.findings}
+    listed = parts["Questions of the plan"]
+    notes = dict(zip(listed.table["question"], listed.table["part"], strict=True))
+    assert notes["which"] == "Which object"
+    analysed = place in ("scored", "scored without truth", "form") and kind != "text"
+    if analysed:
+        title = "Question asked of the form" if place == "form" else "Question asked"
+        assert notes["asked"] == title
+        assert re.search(r"\d", parts[title].words) or len(parts[title].table)
+        assert "nan" not in parts[title].words
+        assert {name for name, _ in parts[title].legend} == set(
+            () if parts[title].table is None else parts[title].table
+        )
+    else:
+        assert notes["asked"].startswith("not analysed, because ")
+        assert f"asked: {notes['asked']}." in listed.words
+    assert ("asked" in set(table["question"])) == (place not in ("private", "form", "nowhere"))
+
+
+def test_a_rating_without_an_analysis_has_its_mean_and_spread(tmp_path):
+    """A plan with `which` and `rough`, of which the report had no word."""
+    found, table = report(design("rating", "scored"), tmp_path)
+    part = next(one for one in found.findings if one.title == "Question asked")
+    rows = table[table["question"] == "asked"].assign(answer=lambda one: one["answer"].astype(float))
+    means = rows.groupby(["stimulus", "participant"])["answer"].mean().unstack()
+    assert part.table["stimulus"].tolist() == means.index.tolist()
+    assert part.table["mean_rating"].tolist() == pytest.approx(means.mean(axis=1).tolist())
+    assert part.table["sd_people"].tolist() == pytest.approx(means.std(axis=1).tolist())
+    assert part.table["given"].tolist() == [15, 15]
+    assert f"Mean {means.to_numpy().mean():.2f} (95 % over people" in part.words
+    whole = next(one for one in found.findings if one.title == "Who took part")
+    assert "60 answers analysed" in whole.words
+
+
+def test_ratings_and_choices_outside_the_main_comparison_are_told(tmp_path):
+    made = design("rating", "scored", rated=("asked",), within=("thing",), only={"thing": "felt"})
+    found, _ = report(made, tmp_path)
+    listed = next(one for one in found.findings if one.title == "Questions of the plan")
+    assert listed.table["part"].tolist() == ["Which object", "Ratings; Question asked"]
+    assert listed.table["analysed"].tolist() == listed.table["given"].tolist() == [30, 30]
+    part = next(one for one in found.findings if one.title == "Question asked")
+    assert part.table["stimulus"].tolist() == ["denim"]
+
+
+def test_a_main_question_without_right_answers_is_told(tmp_path):
+    made = design("choice", "scored without truth")
+    found, _ = report(replace(made, analysis=Analysis(choice="asked")), tmp_path)
+    parts = {one.title: one.words for one in found.findings}
+    assert parts["Question asked"].startswith("30 answers; none is right or wrong.")
+    assert "right" in parts["Question which"]
+
+
+def test_answers_that_the_rules_leave_out_are_told(tmp_path):
+    made = replace(design("rating", "scored"), exclusions=Exclusions(slowest_s=1e-9))
+    with pytest.raises(InputError, match="got none of 60; the plan leaves out 60 by the rule 'too slow'"):
+        report(made, tmp_path)
+
+
+def test_one_person_has_a_mean_and_no_spread(tmp_path):
+    found, _ = report(replace(design("slider", "scored"), participants=1), tmp_path)
+    part = next(one for one in found.findings if one.title == "Question asked")
+    assert np.isnan(part.table["sd_people"]).all()
+    assert "no limits with 1 people" in part.words
