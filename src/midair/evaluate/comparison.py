@@ -115,7 +115,7 @@ def compare(
     Raises
     ------
     MismatchError
-        If the sensors have different cells.
+        If the sensors have different cells, or the first was played and re-recorded and the second was not.
     RateError
         If the rates differ; resample one first.
     """
@@ -220,7 +220,11 @@ def _peaks(original: Array, reproduced: Array, sensor: SensorGrid) -> tuple[tupl
 
 
 def check_alike(original: PressureFrames, reproduced: PressureFrames) -> None:
-    """Refuse other cells (MismatchError) and other rates (RateError)."""
+    """Refuse other cells and swapped arguments (MismatchError), and other rates (RateError)."""
+    if original.provenance.played and not reproduced.provenance.played:
+        raise MismatchError(
+            "expected the original first and its re-recording second, got a re-recording first: swap the two"
+        )
     if original.sensor.shape != reproduced.sensor.shape:
         raise MismatchError(
             f"reproduced: expected the original's {original.sensor.shape} cells, got {reproduced.sensor.shape}"

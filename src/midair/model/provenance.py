@@ -64,6 +64,11 @@ class Provenance:
         step = Step(stage=stage, settings=settings)
         return replace(self, steps=(*self.steps, step), simulated=self.simulated or simulated)
 
+    @property
+    def played(self) -> bool:
+        """Whether the data are a re-recording: something was played to get them."""
+        return any(step.stage == "play" for step in self.steps)
+
     def last(self, stage: str) -> Mapping[str, Setting]:
         """The settings of the last step of that name; none if there was none."""
         return next((step.settings for step in reversed(self.steps) if step.stage == stage), {})

@@ -57,6 +57,15 @@ def test_a_perfect_chain_scores_above_60_db(mode, capsys):
     assert abs(figures["delay"]["value"]) < 1e-3
 
 
+def test_swapped_arguments_are_refused(capsys):
+    if not Path("take.drive.h5").exists():
+        assert run(["solve", "take.h5", "--start-at", "0.55s", "--duration", "0.1s", *COARSE]) == 0
+    perfect("take.drive.h5")
+    capsys.readouterr()
+    assert run(["compare", "again.h5", "take.h5"]) == 1
+    assert "type midair compare take.h5 again.h5" in " ".join(capsys.readouterr().err.split())
+
+
 def test_what_was_never_played_is_compared_as_it_is(capsys):
     assert run(["compare", "take.h5", "take.h5", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["figures"]["signal to distortion"]["value"] > 150

@@ -96,6 +96,11 @@ def compare_command(
                     f"{option}: expected with a drive, which a virtual rig plays to a palm, got {reproduced.name}"
                 )
         take = open_take(reproduced, streamed=True)
+        if not take.recording.provenance.played and open_take(original, streamed=True).recording.provenance.played:
+            raise InputError(
+                f"expected the original first, got its re-recording {original.name}; "
+                f"type midair compare {reproduced} {original}"
+            )
         settings = made_with(take.recording.provenance, (options or BandOptions()).settings())
     with ExitStack() as stack:
         pair = brought_together(felt_part(original, settings, streamed=True), take, settings)
