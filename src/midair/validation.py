@@ -92,5 +92,27 @@ def positive(value: float, name: str, unit: str = "") -> float:
     return number
 
 
+HEIGHTS = (20e-3, 1.0)
+"""Heights of a palm above an array, in m."""
+
+PITCHES = (10e-6, 0.2)
+"""Distances between the places of a grid, in m."""
+
+
+def length(value: float, name: str, limits: tuple[float, float]) -> float:
+    """`value` as a float if it lies within the limits, in m: millimetres are a thousand times too large.
+
+    Raises
+    ------
+    InputError
+        If it does not.
+    """
+    number, (low, high) = float(value), limits
+    if not low <= number <= high:
+        hint = f"; lengths are in metres, {number:g} mm is {number / 1e3:g}" if low <= number / 1e3 <= high else ""
+        raise InputError(f"{name}: expected {low:g} to {high:g} m, got {number:g} m{hint}")
+    return number
+
+
 def _spell(axes: Sequence[str | int]) -> str:
     return "(" + ", ".join(str(axis) for axis in axes) + ")"

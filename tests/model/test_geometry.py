@@ -3,9 +3,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import midair
+from midair.calibration import BeamSetting
 from midair.errors import InputError, ShapeError
 from midair.model import ControlGrid, SensorGrid, TransducerArray
 from midair.model.geometry import centred
+from midair.rig import VirtualRig, calibrate_array
 
 
 def test_four_units_have_996_transducers_centred_on_their_mean():
@@ -112,3 +115,24 @@ def test_centred_places_mirror(count, pitch):
 def test_a_bad_grid_is_refused(kind, wrong, error):
     with pytest.raises(error, match="expected"):
         kind(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: ControlGrid(height=200), r"height: expected 0.02 to 1 m, got 200 m; .* 200 mm is 0.2$"),
+        (lambda: ControlGrid(height=3), r"height: expected 0.02 to 1 m, got 3 m$"),
+        (lambda: ControlGrid(height=float("nan")), r"height: expected 0.02 to 1 m, got nan m$"),
+        (lambda: ControlGrid(pitch=3.7), r"pitch: expected 1e-05 to 0.2 m, got 3.7 m; .* 3.7 mm is 0.0037$"),
+        (lambda: SensorGrid(pitch=11), r"pitch: expected 1e-05 to 0.2 m, got 11 m; .* 11 mm is 0.011$"),
+        (lambda: VirtualRig(height=200), r"height: .* 200 mm is 0.2$"),
+        (lambda: BeamSetting(height=200), r"height: .* 200 mm is 0.2$"),
+        (lambda: calibrate_array(None, None, height=200), r"height: .* 200 mm is 0.2$"),
+        (lambda: midair.open_rig("virtual", height=200), r"height: .* 200 mm is 0.2$"),
+        (lambda: midair.live("virtual:towel", "virtual", height=200), r"height: .* 200 mm is 0.2$"),
+    ],
+    ids=["height", "between", "nan", "points", "cells", "rig", "beam", "array", "open_rig", "live"],
+)
+def test_a_length_in_millimetres_is_refused(make, said):
+    with pytest.raises(InputError, match=said):
+        make()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError, ShapeError
 from midair.model.pictures import dots, framed
 from midair.model.reprs import clipped, counted, told
-from midair.validation import frozen_array, positive
+from midair.validation import HEIGHTS, PITCHES, frozen_array, length, positive
 
 Array = NDArray[np.float64]
 _UNKNOWN = np.zeros(0, np.complex128)
@@ -152,9 +152,9 @@ class Grid:
 
     def __post_init__(self) -> None:
         # NaN and infinity are no whole numbers either.
-        if not all(length >= 1 and length % 1 == 0 for length in (self.rows, self.columns)):
+        if not all(count >= 1 and count % 1 == 0 for count in (self.rows, self.columns)):
             raise ShapeError(f"grid: expected at least 1 row and 1 column, got {self.rows} x {self.columns}")
-        positive(self.pitch, "pitch of the grid", "m")
+        length(self.pitch, "pitch", PITCHES)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -236,7 +236,7 @@ class ControlGrid(Grid):
 
     def __post_init__(self) -> None:
         Grid.__post_init__(self)
-        positive(self.height, "height of the control grid", "m")
+        length(self.height, "height", HEIGHTS)
         object.__setattr__(self, "centre", (float(self.centre[0]), float(self.centre[1])))
 
     @property

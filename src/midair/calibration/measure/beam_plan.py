@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.model import Acoustics, ControlGrid, SensorGrid, TransducerArray
 from midair.physics import SensorModel, cell_weights, focus_phase, radiation_pressure, transfer_matrix
-from midair.validation import positive
+from midair.validation import HEIGHTS, length, positive
 
 Array = NDArray[np.float64]
 
@@ -123,6 +123,9 @@ class BeamSetting:
     spread_uncertainty: float = 0.25e-3
     pressure_uncertainty: float = 0.15
     dynamics_uncertainty: float = 0.2
+
+    def __post_init__(self) -> None:
+        length(self.height, "height", HEIGHTS)
 
 
 def focus_of(sensor: SensorGrid, cell: int, setting: BeamSetting) -> Array:

@@ -17,6 +17,7 @@ from midair.files import load_palm, load_solution
 from midair.model import Palm
 from midair.settings import CHOICES, MODES, Choice, Mode, Settings, spelt
 from midair.solvers import QuietPalm
+from midair.validation import HEIGHTS
 
 Length = Annotated[float, quantity("m")]
 Frequency = Annotated[float, quantity("Hz")]
@@ -24,10 +25,6 @@ Time = Annotated[float, quantity("s")]
 Force = Annotated[bool, Parameter(alias="-f", help="Write over a file that is there.")]
 Json = Annotated[bool, Parameter(alias="-j", help="Print JSON for a program.")]
 Quiet = Annotated[bool, Parameter(help="Show nothing while it runs, as -q does.")]
-
-
-PLAUSIBLE = (20e-3, 1.0)
-"""Heights of a palm above an array, in m; outside of them a unit was mistyped."""
 
 
 class _Chosen:
@@ -49,15 +46,15 @@ class _Chosen:
         mode, path = getattr(self, "mode", None), getattr(self, "settings_file", None)
         if mode is not None and path is not None:
             raise InputError(f"expected --mode or --settings, got --mode {mode} and --settings {path}")
+        height = getattr(self, "height", None)
+        if height is not None and not HEIGHTS[0] <= height <= HEIGHTS[1]:
+            low, high = (spell(each, "m") for each in HEIGHTS)
+            raise InputError(f"--height: expected {low} to {high} of a palm above the array, got {spell(height, 'm')}")
         made = MODES[mode or self.otherwise]() if path is None else _stored(path)
         for choice in CHOICES:
             value = getattr(self, choice.name.replace("-", "_"), None)
             if value is not None:
                 made = choice.put(made, value)
-        if not PLAUSIBLE[0] <= made.target.grid.height <= PLAUSIBLE[1]:
-            low, high = (spell(each, "m") for each in PLAUSIBLE)
-            height = spell(made.target.grid.height, "m")
-            raise InputError(f"--height: expected {low} to {high} of a palm above the array, got {height}")
         palm, weight = getattr(self, "palm", None), _weight(made)
         if palm is not None and weight > 0:
             made = made.but(quiet_palm=QuietPalm.under(load_palm(palm), weight=weight))

@@ -10,6 +10,7 @@ from midair.model import Acoustics, ArrayCalibration, Drive, Provenance
 from midair.physics import TransducerDynamics, radiation_pressure, transfer_matrix
 from midair.rig.looping import Stage, quiet
 from midair.rig.playing import rerecord, usual_exposure
+from midair.validation import HEIGHTS, length
 
 Array = NDArray[np.float64]
 
@@ -56,6 +57,7 @@ def calibrate_array(
     InputError
         If the sensor has no calibration, or does not hear the beam.
     """
+    length(height, "height", HEIGHTS)
     plan, acoustics = plan or ArrayPlan(), acoustics or Acoustics()
     known = sensor.calibration
     if known is None:

@@ -7,6 +7,7 @@ from midair.devices import VirtualArray, VirtualSensor, VirtualSkin
 from midair.errors import BandError, UnknownDeviceError
 from midair.model import Acoustics, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import SensorModel, TransducerDynamics, Transducers
+from midair.validation import HEIGHTS, length
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +49,9 @@ class VirtualRig:
     seed: int = 0
     transducers: Transducers | None = None
     peak: float = 30.0
+
+    def __post_init__(self) -> None:
+        length(self.height, "height", HEIGHTS)
 
     @property
     def sensor_model(self) -> SensorModel:
