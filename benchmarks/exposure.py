@@ -1,8 +1,9 @@
 """What the exposure gate misses, what it says too much, and how long it takes: `python -m benchmarks.exposure`.
 
 Foci anywhere in the cubes of the head, a third of them on a surface; an adversary that changes phases, step by step,
-until they are loud at one point and quiet at every point that the gate looks at; drives of strokes against the field at
-all points a tenth of a wavelength apart; and a drive of 5 s beside the gate of 27 points that there was before.
+until they are loud at one point in a random air and quiet at every point and in every air that the check looks at;
+another that solves for such phases and levels at once; drives of strokes against the field at all points a tenth of a
+wavelength apart; and a drive of 5 s beside the check of 27 points that there was before.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.clock import load
 from midair.datasets import stroke
+from midair.devices import measure
 from midair.devices.frame_bytes import PHASE_STEPS, amplitude_of
 from midair.files import profile_named
-from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, TransducerArray
+from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import (
     Place,
-    exposure,
+    airs_of_room,
     focus_amplitude,
     focus_phase,
     searched_points,
@@ -36,7 +38,7 @@ from midair.targets import prepare
 
 ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")
-PARTS = ("foci", "adversary", "natural", "time")
+PARTS = ("foci", "adversary", "solved", "natural", "time")
 
 
 def main() -> None:
@@ -45,6 +47,8 @@ def main() -> None:
     ask.add_argument("--foci", type=int, default=10_000, help="random foci (default 10000)")
     ask.add_argument("--attacks", type=int, default=96, help="points that the adversary tries at each ear (default 96)")
     ask.add_argument("--steps", type=int, default=200, help="of each attack (default 200)")
+    ask.add_argument("--solved", type=int, default=40, help="attacks that are solved for at each place (default 40)")
+    ask.add_argument("--room", type=float, help="stated temperature in degrees Celsius (default: none is stated)")
     ask.add_argument("--surface", action="store_true", help="attack points on the cube's surface only")
     ask.add_argument("--levels", action="store_true", help="attacks choose levels as well, one for each transducer")
     ask.add_argument("--frames", type=int, default=5000, help="of the drive that is timed (default 5000)")
@@ -52,25 +56,35 @@ def main() -> None:
     said = ask.parse_args()
     print(load())
     rng = np.random.default_rng(2026)
+    room = None if said.room is None else Medium.at(temperature=said.room)
     if "foci" in said.part:
-        foci(said.foci, rng)
+        foci(said.foci, rng, room)
     if "adversary" in said.part:
         for ear in range(2):
-            adversary(ear, said.attacks, said.steps, rng, surface=said.surface, levels=said.levels)
+            adversary(ear, said.attacks, said.steps, rng, room, surface=said.surface, levels=said.levels)
+    if "solved" in said.part:
+        for number in range(3):
+            solved(number, said.solved, rng, room, surface=said.surface)
     if "natural" in said.part:
         natural(said.apart)
     if "time" in said.part:
         timed(said.frames, rng)
 
 
-def foci(count: int, rng: np.random.Generator) -> None:
+def some_air(rng: np.random.Generator, room: Medium | None) -> Acoustics:
+    """Air that the room may have: of 15 to 30 degrees, or 2 around the stated ones, and any likely humidity."""
+    cold, warm = (15.0, 30.0) if room is None else (room.degrees - 2, room.degrees + 2)
+    return Acoustics(medium=Medium.at(temperature=rng.uniform(cold, warm), humidity=rng.uniform(0.3, 0.7)))
+
+
+def foci(count: int, rng: np.random.Generator, room: Medium | None) -> None:
     for number, place in enumerate(PROFILE.places[:3]):
         over = []
         for _ in range(0, count // 3, 512):
-            points = somewhere(place, 512, rng)
-            drive = told(np.stack([focus_phase(ARRAY, point) for point in points]))
-            true = sound_level(np.abs((drive.q * transfer_matrix(points, ARRAY)).sum(axis=1)))
-            over.append(exposure(drive, PROFILE).level[:, number] - true)
+            points, air = somewhere(place, 512, rng), some_air(rng, room)
+            drive = told(np.stack([focus_phase(ARRAY, point, acoustics=air) for point in points]))
+            true = sound_level(np.abs((drive.q * transfer_matrix(points, ARRAY, acoustics=air)).sum(axis=1)))
+            over.append(measure(drive, ARRAY, PROFILE, room=room).level[:, number] - true)
         over = np.concatenate(over)
         print(f"{len(over)} foci at the {place.name}: said minus true {over.min():+.2f} to {over.max():+.2f} dB")
 
@@ -80,27 +94,83 @@ def adversary(
     attacks: int,
     steps: int,
     rng: np.random.Generator,
+    room: Medium | None,
     *,
     surface: bool,
     levels: bool = False,
     batch: int = 24,
 ) -> None:
     place = PROFILE.places[number]
-    points = searched_points(place, ARRAY, Acoustics(), among=PROFILE.places)
-    looked_at = transfer_matrix(points, ARRAY).astype(np.complex64)
+    looked_at = all_looked_at(place, room)
     missed = []
     for first in range(0, attacks, batch):
-        wanted = transfer_matrix(somewhere(place, batch, rng, surface=surface), ARRAY).astype(np.complex64)
+        points = somewhere(place, batch, rng, surface=surface)
+        wanted = np.stack([transfer_matrix(point[None], ARRAY, acoustics=some_air(rng, room))[0] for point in points])
+        wanted = wanted.astype(np.complex64)
         # Half begin as a focus on the point, half anywhere.
         start = -np.angle(wanted) if first // batch % 2 == 0 else rng.uniform(0, 2 * np.pi, wanted.shape)
         drive = attack(start, wanted, looked_at, steps, levels=levels)
         true = sound_level(np.abs((drive.q * wanted).sum(axis=1)))
-        missed.append(true - exposure(drive, PROFILE).level[:, number])
+        missed.append(true - measure(drive, ARRAY, PROFILE, room=room).level[:, number])
     missed = np.concatenate(missed)
     print(
         f"adversary, {len(missed)} attacks at the {place.name}: true minus said, worst {missed.max():+.2f} dB", end=""
     )
     print(f", mean {missed.mean():+.2f} dB", flush=True)
+
+
+def all_looked_at(place: Place, room: Medium | None) -> NDArray[np.complex64]:
+    """From the transducers to every point and air that the check looks at, shape (air x point, transducer)."""
+    airs = airs_of_room(room, PROFILE.places, ARRAY)
+    points = searched_points(place, ARRAY, airs, among=PROFILE.places)
+    return np.concatenate([transfer_matrix(points, ARRAY, acoustics=air).astype(np.complex64) for air in airs])
+
+
+def solved(
+    number: int,
+    attacks: int,
+    rng: np.random.Generator,
+    room: Medium | None,
+    *,
+    surface: bool,
+    modes: int = 240,
+    rounds: int = 16,
+) -> None:
+    """Drives that are as quiet as they can be where the check looks, for one at a point; levels are free.
+
+    Least squares whose weights follow the loudest points (Lawson), in the strongest modes of all that is looked at;
+    each point with several weights of the strength of the drive, of which the one that hides most counts.
+    """
+    place = PROFILE.places[number]
+    seen = all_looked_at(place, room)
+    power, vectors = np.linalg.eigh((seen.conj().T @ seen / len(seen)).astype(np.complex128))
+    basis = vectors[:, -modes:]
+    seen, missed = seen @ basis.astype(np.complex64), []
+    for point in somewhere(place, attacks, rng, surface=surface):
+        wanted = transfer_matrix(point[None], ARRAY, acoustics=some_air(rng, room))[0]
+        found, there = [], (wanted @ basis).conj()
+        for effort in power[-1] * 10.0 ** np.arange(-7, -1):
+            weight, made = np.full(len(seen), 1 / len(seen), np.float32), there
+            for _ in range(rounds):
+                weighed = np.sqrt(weight)[:, None] * seen
+                normal = (weighed.conj().T @ weighed).astype(np.complex128)
+                normal[np.diag_indices(modes)] += effort
+                made = np.linalg.solve(normal, there)
+                made /= there.conj() @ made
+                loud = np.abs(seen @ made.astype(np.complex64))
+                weight *= loud / loud.max() + 1e-4
+                weight /= weight.sum()
+            found.append(basis @ made)
+        q = np.stack(found)
+        q /= np.abs(q).max(axis=1, keepdims=True)
+        drive = told(np.angle(q), np.abs(q))
+        true = sound_level(np.abs(drive.q @ wanted))
+        missed.append((true - measure(drive, ARRAY, PROFILE, room=room).level[:, number]).max())
+    print(
+        f"solved for, {attacks} attacks at the {place.name}: true minus said, worst {max(missed):+.2f} dB, "
+        f"mean {np.mean(missed):+.2f} dB",
+        flush=True,
+    )
 
 
 def attack(
@@ -148,21 +218,26 @@ def natural(apart: float, *, frames: int = 300, loudest: int = 6) -> None:
             label = f"{name:6} {1e3 * height:.0f} mm, strength {strength:.2f}"
             drives[label] = solve(target, ARRAY, method="fast", level="auto").drive
     for number, place in enumerate(PROFILE.places[:2]):
-        said = [exposure(drive, PROFILE).level[:, number] for drive in drives.values()]
+        said = [measure(drive, ARRAY, PROFILE).level[:, number] for drive in drives.values()]
         strongest = [drive.q[np.argsort(level)[-loudest:]] for drive, level in zip(drives.values(), said, strict=True)]
-        true = finest(np.concatenate(strongest), place, apart).reshape(len(drives), -1).max(axis=1)
+        together = np.concatenate(strongest)
+        true = np.max(
+            [finest(together, place, apart, Medium.at(temperature=each)) for each in range(14, 31, 2)], axis=0
+        )
+        true = true.reshape(len(drives), -1).max(axis=1)
         for label, level, most in zip(drives, said, true, strict=True):
             print(f"{place.name}, {label}: said minus true {level.max() - most:+.2f} dB", flush=True)
 
 
-def finest(q: NDArray[np.complex128], place: Place, apart: float) -> NDArray[np.float64]:
+def finest(q: NDArray[np.complex128], place: Place, apart: float, medium: Medium) -> NDArray[np.float64]:
     """Level of some frames at the loudest point of a grid over the cube, in dB."""
     steps = np.linspace(-place.reach, place.reach, int(np.ceil(2 * place.reach / (8.5e-3 * apart))) + 1)
     told = q.T.astype(np.complex64)
     loudest = np.zeros(len(q))
     for x, y in product(steps, steps):
         points = np.stack([np.full(steps.size, x), np.full(steps.size, y), steps], axis=1) + place.position
-        there = np.abs(transfer_matrix(points, ARRAY).astype(np.complex64) @ told)
+        matrix = transfer_matrix(points, ARRAY, acoustics=Acoustics(medium=medium))
+        there = np.abs(matrix.astype(np.complex64) @ told)
         loudest = np.maximum(loudest, there.max(axis=0))
     return sound_level(loudest)
 
@@ -175,8 +250,8 @@ def timed(frames: int, rng: np.random.Generator) -> None:
         profile = replace(PROFILE, places=tuple(_moved(place, rng) for place in PROFILE.places))
         with threadpool_limits(limits=1, user_api="blas"):
             before = seconds(lambda: corners(drive))
-        first = seconds(lambda: exposure(drive, profile))  # noqa: B023
-        later = seconds(lambda: exposure(drive, profile))  # noqa: B023
+        first = seconds(lambda: measure(drive, ARRAY, profile))  # noqa: B023
+        later = seconds(lambda: measure(drive, ARRAY, profile))  # noqa: B023
         print(f"{frames} frames: 27 points {before}, first drive {first}, later {later}")
 
 

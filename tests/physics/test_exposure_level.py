@@ -100,7 +100,7 @@ def test_a_full_focus_of_four_units_is_far_from_linear_and_far_too_loud():
 
 def test_the_greatest_exposure_is_that_of_all_transducers_in_step_at_the_loudest_point():
     array, place = TransducerArray.autd3(columns=1, rows=1), ear(limit=100.0)
-    most = greatest_exposure(array, 0.3, profile(place), rate=1000.0, acoustics=Acoustics())
+    most = greatest_exposure(array, 0.3, profile(place), rate=1000.0, airs=(Acoustics(),))
     phase = np.stack([focus_phase(array, point) for point in place.points])
     at_each = Drive(phase=phase, level=np.full(27, 0.3), rate=1000.0, array=array)
     assert most.peak[0] == pytest.approx(exposure(at_each, profile(place)).peak[0], abs=1e-3)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from midair.devices.frame_bytes import PHASE_STEPS, amplitude_of, loudest_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MismatchError
 from midair.evaluate import SkinModel
-from midair.model import Acoustics, Drive, TransducerArray
-from midair.physics import Exposure, ExposureProfile, exposure, greatest_exposure
+from midair.model import Drive, Medium, TransducerArray
+from midair.physics import Exposure, ExposureProfile, airs_of_room, exposure, greatest_exposure
 from midair.reel import Reel, each_frame, made_of
 
 Array = NDArray[np.float64]
@@ -39,6 +39,9 @@ class ExposureChoices:
         Whether to weaken a drive that is too strong, all frames alike, until it keeps the profile.
     override : str or None
         Who answers for playing it all the same.
+    room : Medium or None
+        The air of the room, stated by a person or measured: 2 degrees and 20 % of humidity around it count. From 14
+        to 30 degrees count if None; a default, or the air that a file claims, must not stand here.
 
     Raises
     ------
@@ -49,6 +52,7 @@ class ExposureChoices:
     profile: ExposureProfile
     attenuate: bool = False
     override: str | None = None
+    room: Medium | None = None
 
     def __post_init__(self) -> None:
         if self.override is not None and not self.override.strip():
@@ -205,13 +209,18 @@ def feeling(found: Exposure) -> str:
 
 
 def measure(
-    drive: Drive, array: TransducerArray, profile: ExposureProfile, *, repeats: int = 1, steps: int = PHASE_STEPS
+    drive: Drive,
+    array: TransducerArray,
+    profile: ExposureProfile,
+    *,
+    repeats: int = 1,
+    steps: int = PHASE_STEPS,
+    room: Medium | None = None,
 ) -> Exposure:
-    """Exposure on an array that is known, whatever the drive's file says of its strength.
+    """Exposure on an array that is known, whatever the drive's file says of its strength and of the air.
 
-    Measured in the paper's air and in the one that the drive says it was solved for, and the higher of both: phases
-    focus in the air that they were solved for, but a file may claim an air that swallows the sound or scatters the
-    focus, so that it alone must not decide. Levels and phases count as the firmware's steps make them.
+    Measured in the airs that the room may have (`airs_of_room`); the loudest counts. Levels and phases count as the
+    firmware's steps make them.
 
     Parameters
     ----------
@@ -225,19 +234,24 @@ def measure(
         How often it is to be played, 1 or more.
     steps : int
         Of a turn, to which what plays rounds phases.
+    room : Medium, optional
+        As in `ExposureChoices`.
 
     Raises
     ------
     MismatchError
         If the drive is for another array.
+    InputError
+        If it was solved for an air of which the speed of sound cannot be that of a room.
     """
+    drive.acoustics.medium.check_speed()
     if not array.same_as(drive.array):
         raise MismatchError(
             f"drive: expected one for {array.name} ({array.count} transducers), got one for "
             f"{drive.array.name} ({drive.array.count} transducers); solve the target again for this array"
         )
     own = replace(drive, array=array, level=each_frame(drive.level, loudest_of))
-    airs = (Acoustics(),) if own.acoustics == Acoustics() else (Acoustics(), own.acoustics)
+    airs = airs_of_room(room, profile.places, array)
     return exposure(own, profile, repeats=repeats, acoustics=airs, steps=steps)
 
 
@@ -249,10 +263,10 @@ def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: 
     drive : Drive
         To be played.
     device : ArrayDevice
-        That is to play it. Its own array is measured: what a file says of a transducer's strength counts for nothing,
-        and what it says of the air can only make a level higher.
+        That is to play it. Its own array is measured: what a file says of a transducer's strength and of the air
+        counts for nothing.
     choices : ExposureChoices
-        The profile, and what to do with a drive that exceeds it.
+        The profile, the air of the room, and what to do with a drive that exceeds the profile.
     repeats : int
         How often it is to be played, 1 or more.
 
@@ -267,12 +281,12 @@ def admit(drive: Drive, device: Sounding, choices: ExposureChoices, *, repeats: 
     """
     _check_repeats(repeats)
     drive = sealed(drive)
-    found = measure(drive, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn)
+    found = _measured(drive, device, choices, repeats)
     own = replace(drive, array=device.array)
     outcome, factor = _decide(found, device, choices)
     if outcome == "attenuated":
         own = _weakened(own, factor, choices.profile.name)
-        found = measure(own, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn)
+        found = _measured(own, device, choices, repeats)
     return _admission(device, choices, found, outcome, drive=own, repeats=repeats)
 
 
@@ -304,12 +318,13 @@ def admit_parts(parts: Iterable[Drive], device: Sounding, choices: ExposureChoic
         if measured and part.rate != measured[0].rate:
             raise MismatchError(f"parts: expected all at {measured[0].rate:g} Hz, got one at {part.rate:g} Hz")
         known.add(_fingerprint(part))
-        measured.append(measure(part, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn))
+        measured.append(_measured(part, device, choices, repeats))
     if not measured:
         raise InputError("parts: expected one or more, got none")
     found = replace(
         measured[0],
         level=np.concatenate([each.level for each in measured]),
+        air=np.concatenate([each.air for each in measured]),
         nonlinearity=max(each.nonlinearity for each in measured),
         pressure=max(each.pressure for each in measured),
     )
@@ -317,9 +332,7 @@ def admit_parts(parts: Iterable[Drive], device: Sounding, choices: ExposureChoic
     return _admission(device, choices, found, outcome, repeats=repeats, factor=factor, _known=frozenset(known))
 
 
-def admit_level(
-    level: float, device: Sounding, choices: ExposureChoices, *, rate: float, acoustics: Acoustics | None = None
-) -> Admission:
+def admit_level(level: float, device: Sounding, choices: ExposureChoices, *, rate: float) -> Admission:
     """Check the most that frames of a level can do, for frames that are made while the array plays.
 
     The worst that any phases can do at a place is all transducers in step there. It is far above what a target needs,
@@ -333,8 +346,6 @@ def admit_level(
         As in `admit`. With `attenuate`, the level is lowered until the worst keeps the profile.
     rate : float
         Frames per second, in Hz.
-    acoustics : Acoustics, optional
-        Of the room; the paper's if None.
 
     Raises
     ------
@@ -345,13 +356,18 @@ def admit_level(
     """
     if not 0 < level <= 1:
         raise InputError(f"level: expected above 0 and at most 1 of full drive, got {level:g}")
-    acoustics = acoustics or Acoustics()
-    found = greatest_exposure(device.array, level, choices.profile, rate=rate, acoustics=acoustics)
+    airs = airs_of_room(choices.room, choices.profile.places, device.array)
+    found = greatest_exposure(device.array, level, choices.profile, rate=rate, airs=airs)
     outcome, factor = _decide(found, device, choices)
     if outcome == "attenuated":
         level *= factor
-        found = greatest_exposure(device.array, level, choices.profile, rate=rate, acoustics=acoustics)
+        found = greatest_exposure(device.array, level, choices.profile, rate=rate, airs=airs)
     return _admission(device, choices, found, outcome, level=level)
+
+
+def _measured(drive: Drive, device: Sounding, choices: ExposureChoices, repeats: int) -> Exposure:
+    """Exposure on the array of the device that is to play, in the room's air."""
+    return measure(drive, device.array, choices.profile, repeats=repeats, steps=device.steps_a_turn, room=choices.room)
 
 
 def _check_repeats(repeats: int) -> None:

@@ -15,6 +15,9 @@ from midair.model.air import (
 )
 from midair.validation import positive
 
+SLOWEST, FASTEST = 300.0, 370.0
+"""Speeds of sound that the air of a drive may have, in m/s: more than those of air from -50 to 65 degrees Celsius."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Medium:
@@ -101,6 +104,20 @@ class Medium:
     def degrees(self) -> float:
         """Its temperature, in degrees Celsius: the stated one, or that at which sound is as fast in half-dry air."""
         return temperature_of(self.speed) if self.temperature is None else self.temperature
+
+    def check_speed(self, source: str = "drive") -> None:
+        """Refuse a speed of sound that no room has.
+
+        Raises
+        ------
+        InputError
+            If it is outside of 300 to 370 m/s.
+        """
+        if not SLOWEST <= self.speed <= FASTEST:
+            raise InputError(
+                f"{source}: expected a speed of sound of {SLOWEST:g} to {FASTEST:g} m/s, as in air, "
+                f"got {self.speed:g} m/s; solve the target again for the air of the room"
+            )
 
     def warmer(self, degrees: float) -> "Medium":
         """The same air, so much warmer or, below 0, colder.

@@ -2,7 +2,7 @@
 
 from midair.physics.cell_means import Between, cell_weights
 from midair.physics.chain import Moment, PlaybackChain, radiate
-from midair.physics.cubes import searched_points
+from midair.physics.cubes import airs_of_room, searched_points
 from midair.physics.directivity import off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
 from midair.physics.exposure_level import Exposure, exposure, greatest_exposure, sound_level
@@ -55,6 +55,7 @@ __all__ = [
     "channel_volts",
     "check_frame_rate",
     "cone_points",
+    "airs_of_room",
     "searched_points",
     "envelope",
     "exposure",

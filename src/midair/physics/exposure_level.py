@@ -41,6 +41,10 @@ class Exposure:
         The profile whose places and limits these are.
     level : ndarray, shape (frame, place)
         Highest sound pressure level in the cube of each place, in dB.
+    airs : tuple of Acoustics
+        The airs in which it was measured.
+    air : ndarray of int, shape (frame, place)
+        Number of the air that is loudest.
     rate : float
         Frames per second, in Hz.
     repeats : int
@@ -53,6 +57,8 @@ class Exposure:
 
     profile: ExposureProfile
     level: Array
+    airs: tuple[Acoustics, ...]
+    air: NDArray[np.integer]
     rate: float
     repeats: int
     nonlinearity: float
@@ -118,6 +124,20 @@ class Exposure:
         return self.profile.places[number], int(self.level[:, number].argmax())
 
     @property
+    def loudest_air(self) -> Medium:
+        """The air in which the worst frame is loudest at the worst place."""
+        place, frame = self.worst
+        return self.airs[int(self.air[frame, self.profile.places.index(place)])].medium
+
+    @property
+    def measured_in(self) -> str:
+        """One line: the airs in which it was measured, and the one that was loudest."""
+        slow, fast = self.airs[0].medium, self.airs[-1].medium
+        if len(self.airs) == 1:
+            return str(slow)
+        return f"{slow.degrees:.0f} to {fast.degrees:.0f} °C in {len(self.airs)} airs; loudest in {self.loudest_air}"
+
+    @property
     def resolution(self) -> str:
         """One line: how far the truth may be from these levels."""
         bounded = [place.name for place in self.profile.places if place.enforced and place.reach > 0]
@@ -135,7 +155,7 @@ class Exposure:
         kept = "kept" if self.excess <= 0 else "exceeded"
         return (
             f"{self.profile.name} is {kept}: {self.peak[number]:.1f} dB at the {place.name} ({where} mm) "
-            f"in frame {frame}, limit {place.limit:g} dB"
+            f"in frame {frame} in air of {self.loudest_air.degrees:.0f} °C, limit {place.limit:g} dB"
         )
 
     def __repr__(self) -> str:
@@ -171,19 +191,22 @@ def exposure(
         Of every frame at every place.
     """
     airs = acoustics if isinstance(acoustics, tuple) else (acoustics or drive.acoustics,)
-    # One for all airs: of a long drive this is all that grows with its length.
-    level = np.full((drive.frames, len(profile.places)), -np.inf)
+    # Of a long drive this is all that grows with its length.
+    level = np.empty((drive.frames, len(profile.places)))
+    loudest = np.empty(level.shape, np.int8)
+    searches = searches_of(profile.places, drive.array, airs)
     # NumPy lets go of the interpreter, so that threads use all cores; BLAS threads beside them would only wait.
-    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor() as threads:
+    cores = os.cpu_count() or 1
+    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(cores) as threads:
         parts = np.arange(0, drive.frames, BLOCK)
         # Each share has arrays of its own; more shares than cores, so that whoever watches sees how far it is.
-        shares = np.array_split(parts, max(os.cpu_count() or 1, len(parts) // _SHARE))
-        for air in airs:
-            searches = searches_of(profile.places, drive.array, air)
-            list(passing(threads.map(partial(_fill, level, drive, searches, steps), shares), len(shares)))
+        shares = np.array_split(parts, max(cores, len(parts) // _SHARE))
+        list(passing(threads.map(partial(_fill, (level, loudest), drive, searches, steps), shares), len(shares)))
     return Exposure(
         profile=profile,
         level=level,
+        airs=airs,
+        air=loudest,
         rate=drive.rate,
         repeats=repeats,
         nonlinearity=max(_nonlinearity(drive, profile, air, level) for air in airs),
@@ -192,7 +215,7 @@ def exposure(
 
 
 def greatest_exposure(
-    array: TransducerArray, level: float, profile: ExposureProfile, *, rate: float, acoustics: Acoustics
+    array: TransducerArray, level: float, profile: ExposureProfile, *, rate: float, airs: tuple[Acoustics, ...]
 ) -> Exposure:
     """The most that any phases at a level can expose people to: all transducers in step, each where it is loudest.
 
@@ -206,26 +229,29 @@ def greatest_exposure(
         Places and limits.
     rate : float
         Frames per second, in Hz.
-    acoustics : Acoustics
-        As in `propagate`.
+    airs : tuple of Acoustics
+        As in `propagate`; the loudest counts.
 
     Returns
     -------
     Exposure
         Of one frame.
     """
-    ceilings = [ceiling(place, array, acoustics).sum() for place in profile.places]
-    loudest = sound_level(level * np.array([ceilings]))
+    # Phases matter to none of it, so that the airs between the first and the last do not either.
+    ceilings = np.array([[ceiling(place, array, (air,)).sum() for place in profile.places] for air in airs])
+    loudest = sound_level(level * ceilings.max(axis=0, keepdims=True))
     palm = np.array(profile.nearest[1].position)
-    phase = -np.angle(transfer_matrix(palm[None], array, acoustics=acoustics))
-    focus = Drive(phase=phase, level=np.array([level]), rate=rate, array=array, acoustics=acoustics)
+    phase = -np.angle(transfer_matrix(palm[None], array, acoustics=airs[0]))
+    focus = Drive(phase=phase, level=np.array([level]), rate=rate, array=array, acoustics=airs[0])
     return Exposure(
         profile=profile,
         level=loudest,
+        airs=airs,
+        air=ceilings.argmax(axis=0)[None],
         rate=rate,
         repeats=1,
-        nonlinearity=_nonlinearity(focus, profile, acoustics, loudest),
-        pressure=_pressure(focus, profile, acoustics),
+        nonlinearity=_nonlinearity(focus, profile, airs[0], loudest),
+        pressure=_pressure(focus, profile, airs[0]),
     )
 
 
@@ -264,7 +290,7 @@ def _nonlinearity(drive: Drive, profile: ExposureProfile, acoustics: Acoustics, 
     return nonlinearity_index(pressure, path, acoustics.medium, drive.array.frequency)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def _beam(
     end: tuple[float, float, float], array: TransducerArray, acoustics: Acoustics
 ) -> tuple[Array, NDArray[np.complex128]]:
@@ -280,23 +306,26 @@ def _pressure(drive: Drive, profile: ExposureProfile, acoustics: Acoustics) -> f
     some = np.unique(np.linspace(0, drive.frames - 1, 256).astype(int))
     space = Workspace()
     parts, strength = drive_parts(drive, some, space)
-    loudest = _palm(profile.nearest[1].position, drive.array, acoustics).loudest(parts, space)[:, 0]
+    loudest = _palm(profile.nearest[1].position, drive.array, acoustics).loudest(parts, space)[0, :, 0]
     # A strength of their own is in the parts of transducers already.
     loudest = loudest * strength[:, 0] if strength.shape[1] == 1 else loudest
     return float(radiation_pressure(loudest.max(initial=0.0), acoustics.medium))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def _palm(middle: tuple[float, float, float], array: TransducerArray, acoustics: Acoustics) -> Searches:
     """The search of a square on the level of a place."""
     steps = np.arange(-30e-3, 31e-3, 5e-3)
     x, y = np.meshgrid(steps, steps)
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) + np.array(middle)
-    return Searches.of(point_search(points, array, acoustics))
+    return Searches.of(point_search(points, array, (acoustics,)))
 
 
-def _fill(level: Array, drive: Drive, searches: Searches, steps: int | None, blocks: NDArray[np.intp]) -> None:
-    """Raise the level of the frames of some blocks at each place, in dB, to what it is in one air."""
+def _fill(
+    told: tuple[Array, NDArray[np.int8]], drive: Drive, searches: Searches, steps: int | None, blocks: NDArray[np.intp]
+) -> None:
+    """Fill in the level of the frames of some blocks at each place, in dB, and which air is loudest."""
+    level, loudest = told
     space = Workspace()
     alone = np.stack([each.ceiling for each in searches.each], axis=1)
     left_out = np.array([each.left_out for each in searches.each])
@@ -312,7 +341,8 @@ def _fill(level: Array, drive: Drive, searches: Searches, steps: int | None, blo
             if strength.shape[1] == 1
             else found + strength.max(axis=1, keepdims=True) * left_out
         )
-        np.maximum(level[frames], sound_level(np.minimum(found, most)), out=level[frames])
+        level[frames] = sound_level(np.minimum(found.max(axis=0), most))
+        loudest[frames] = found.argmax(axis=0)
 
 
 def _drive(drive: Drive, frames: slice) -> NDArray[np.complex128]:

@@ -24,7 +24,7 @@ from midair.devices import ExposureChoices, amplitude_of
 from midair.errors import DeviceStateError, ExposureError, InputError, MidairError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import ControlGrid, Placement, TransducerArray
-from midair.physics import greatest_exposure, transfer_matrix
+from midair.physics import airs_of_room, greatest_exposure, transfer_matrix
 from midair.rig import HELD, LATE, SOUNDS, Leave, LiveOrder, LiveSession, LiveTake, Opened, Permit, live, live_admission
 from midair.solvers import one_blas_thread
 from midair.studio.player import exposed
@@ -279,8 +279,9 @@ class _LiveWatch:
         except ExposureError as wrong:
             # The page shows by how much, and what can be done about it.
             array = (order.placement or Placement.grid()).array()
-            profile, acoustics = order.exposure.profile, order.touch.acoustics
-            found = greatest_exposure(array, order.level, profile, rate=1000.0, acoustics=acoustics)
+            profile = order.exposure.profile
+            airs = airs_of_room(order.exposure.room, profile.places, array)
+            found = greatest_exposure(array, order.level, profile, rate=1000.0, airs=airs)
             return {"number": 0, "refused": str(wrong), **exposed(found)}
         self._number += 1
         self._checked = {self._number: wish}

@@ -94,7 +94,7 @@ def _array_presenter(
     before: Callable[[Drive], None] | None,
     console: Console,
 ) -> Generator[ArrayPresenter]:
-    choices = exposure or usual_exposure()
+    choices = replace(exposure or usual_exposure(), room=room)
     device = VirtualArray(TransducerArray.autd3()) if array == "virtual" else array_named(array)
     drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
 

@@ -59,9 +59,9 @@ def test_a_pair_is_heard_as_the_field_at_its_points(own):
     places = ears(shift=2e-4)
     told = drive(ARRAY, own=own)
     found = exposure(told, profile(*places)).level
-    left_out = [each.left_out for each in searches_of(places, ARRAY, Acoustics()).each]
+    left_out = [each.left_out for each in searches_of(places, ARRAY, (Acoustics(),)).each]
     for number, place in enumerate(places):
-        points = searched_points(place, ARRAY, Acoustics(), among=places)
+        points = searched_points(place, ARRAY, (Acoustics(),), among=places)
         loudest = np.abs(told.q @ transfer_matrix(points, ARRAY).T).max(axis=1)
         strongest = told.level.max(axis=1) if own else told.level
         least = sound_level(10 ** (ALLOWANCE / 20) * loudest)

@@ -9,7 +9,7 @@ from midair.devices import feeling, measure
 from midair.errors import InputError
 from midair.figures import exposure_figure, png
 from midair.files import DEFAULT_PROFILE, load_placement, load_solution, profile_named, whole_file
-from midair.model import Drive, TransducerArray
+from midair.model import Drive, Medium, TransducerArray
 from midair.physics import Exposure
 from midair.rig import ArrayKind, array_named, array_of_kind
 
@@ -50,7 +50,8 @@ def exposure_command(
     figure
         Where to draw the levels, NAME.png; NAME.exposure.png if not given.
     air
-        Of the room; that which the drive was solved for if it is not stated. Of it and the paper's the louder counts.
+        Of the room: levels are the loudest over 2 degrees around it, or over 14 to 30 degrees if it is not stated. The
+        air that the drive was solved for does not count.
     json
         Print JSON for a program, and draw only if a figure is named.
 
@@ -67,10 +68,8 @@ def exposure_command(
         may_write(target, force)
     drive = load_solution(source, streamed=True).drive
     array = _known(drive, device, placement)
-    say_how_long(drive, chosen)
-    # The gate's own measure: of the room's air and the paper's the louder one.
-    heard = drive if room is None else replace(drive, acoustics=replace(drive.acoustics, medium=room))
-    found = measure(heard, array, chosen, repeats=repeats)
+    say_how_long(drive, chosen, room=room)
+    found = measure(drive, array, chosen, repeats=repeats, room=room)
     if drawn:
         with whole_file(target) as partial:
             partial.write_bytes(png(exposure_figure(found, simulated=drive.provenance.simulated)))
@@ -81,6 +80,7 @@ def exposure_command(
     print_rows(
         [
             ("verdict", found.verdict()),
+            ("measured in", found.measured_in),
             ("for", _for(drive, array)),
             ("resolution", found.resolution),
             ("felt", feeling(found) or f"up to {found.pressure:.3g} Pa on the palm"),
@@ -135,6 +135,7 @@ def _plain(found: Exposure) -> dict[str, object]:
             "daily_db": float(found.daily[number]),
             "dose_pa2_s": float(found.dose[number]),
             "position_mm": [1e3 * each for each in place.position],
+            "loudest_air": _air(found.airs[found.air[found.level[:, number].argmax(), number]].medium),
         }
         for number, place in enumerate(found.profile.places)
     }
@@ -146,7 +147,17 @@ def _plain(found: Exposure) -> dict[str, object]:
         "palm_pressure_pa": found.pressure,
         "felt": not feeling(found),
         "duration_s": found.duration,
+        "airs": [_air(each.medium) for each in found.airs],
+        "loudest_air": _air(found.loudest_air),
         "places": places,
         "evidence": found.profile.evidence,
         "source": found.profile.source,
+    }
+
+
+def _air(medium: Medium) -> dict[str, float]:
+    return {
+        "temperature_c": round(medium.degrees, 2),
+        "speed_m_s": round(medium.speed, 2),
+        "attenuation_np_m": round(float(medium.attenuation), 4),
     }

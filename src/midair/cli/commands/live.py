@@ -140,7 +140,7 @@ class LiveOptions(ExposureOptions):
             placement=None if self.placement is None else load_placement(self.placement),
             silencer=self.silencer,
             acoustics=air,
-            exposure=self.choices(),
+            exposure=self.choices(None if air is None else air.medium),
             duration=duration,
             keep=keep,
             listen=network.listen,

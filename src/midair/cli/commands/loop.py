@@ -36,7 +36,7 @@ from midair.errors import InputError
 from midair.files import load_placement
 from midair.flow import lead_of
 from midair.headroom import level_of
-from midair.model import SensorGrid
+from midair.model import Medium, SensorGrid
 from midair.rig import Loop, OpenRig, card_of_loop, open_rig, write_report
 from midair.rig import loop as go_round
 from midair.settings import Settings
@@ -73,7 +73,7 @@ class RigOptions(ExposureOptions):
     array_calibration: Path | None = None
     seed: int = 0
 
-    def rig(self, settings: Settings, cells: SensorGrid) -> OpenRig:
+    def rig(self, settings: Settings, cells: SensorGrid, room: Medium | None) -> OpenRig:
         """Array and sensor, neither open yet; a virtual one has the cells of the recording and hears its band."""
         rig = open_rig(
             self.device,
@@ -81,7 +81,7 @@ class RigOptions(ExposureOptions):
             calibration=self.calibration,
             placement=None if self.placement is None else load_placement(self.placement),
             silencer=self.silencer,
-            exposure=self.choices(),
+            exposure=self.choices(room),
             height=settings.target.grid.height,
             cells=cells,
             band=settings.calibration.band,
@@ -146,7 +146,9 @@ def loop_command(
     may_write(target, force, ".html")
     original = felt_part(source, settings, start_at, duration)
     chosen = rig or RigOptions()
-    opened = chosen.rig(settings, original.sensor)
+    # Exposure believes a typed temperature only: not a default, nor that of a file of settings.
+    room = settings.acoustics.medium if getattr(options, "temperature", None) is not None else None
+    opened = chosen.rig(settings, original.sensor, room)
     if chosen.array_calibration is not None:
         measured, settings, original = as_measured(chosen.array_calibration, opened.array.array, settings, original)
         opened = replace(opened, measured=measured)
@@ -155,7 +157,7 @@ def loop_command(
     lead = lead_of(settings) if lead is None else lead
     # Every pass is another drive, and measured before it plays.
     frames = (corrections + 1 + iterate) * round((original.frames / original.rate + 2 * lead) * settings.target.rate)
-    say_how_long_to_come(frames, opened.array.array, settings.acoustics, opened.exposure.profile)
+    say_how_long_to_come(frames, opened.array.array, room, opened.exposure.profile)
     workload = workload_of(settings, opened.array.array.count)
     works = [work_of(name, workload, frames) for name in ("solve", "play and re-record")]
     with stages(works) as stage, opened:

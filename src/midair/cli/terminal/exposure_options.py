@@ -10,7 +10,7 @@ from rich.console import Console
 
 from midair.devices import ExposureChoices, measure
 from midair.files import DEFAULT_PROFILE, profile_named
-from midair.model import Acoustics, Drive, TransducerArray
+from midair.model import Drive, Medium, TransducerArray
 from midair.physics import ExposureProfile
 
 
@@ -36,17 +36,24 @@ class ExposureOptions:
     attenuate: bool = False
     override_exposure: str | None = None
 
-    def choices(self) -> ExposureChoices:
-        """As one value."""
+    def choices(self, room: Medium | None = None) -> ExposureChoices:
+        """As one value, with the air of the room where a person stated it."""
         return ExposureChoices(
             profile=profile_named(self.profile, self.profiles),
             attenuate=self.attenuate,
             override=self.override_exposure,
+            room=room,
         )
 
 
 def say_how_long(
-    drive: Drive, profile: ExposureProfile, *, frames: int | None = None, few: float = 3.0, sample: int = 1024
+    drive: Drive,
+    profile: ExposureProfile,
+    *,
+    room: Medium | None = None,
+    frames: int | None = None,
+    few: float = 3.0,
+    sample: int = 1024,
 ) -> None:
     """Say on the error stream how long the exposure of a drive will take, where that is more than a few seconds.
 
@@ -54,6 +61,8 @@ def say_how_long(
 
     Parameters
     ----------
+    room : Medium, optional
+        As in `ExposureChoices`.
     frames : int, optional
         How many will be measured; those of the drive if None.
     few : float
@@ -66,18 +75,18 @@ def say_how_long(
         return
     level = drive.level[:sample]
     first = replace(drive, phase=drive.phase[:sample], level=level)
-    measure(first, drive.array, profile)
+    measure(first, drive.array, profile, room=room)
     began = time.perf_counter()
-    measure(first, drive.array, profile)
+    measure(first, drive.array, profile, room=room)
     lasts = (time.perf_counter() - began) * count / first.frames
     if lasts > few:
         Console(stderr=True, highlight=False, soft_wrap=True).print(f"exposure of {count} frames: {lasts:.0f} s")
 
 
 def say_how_long_to_come(
-    frames: int, array: TransducerArray, acoustics: Acoustics, profile: ExposureProfile, *, few: float = 3.0
+    frames: int, array: TransducerArray, room: Medium | None, profile: ExposureProfile, *, few: float = 3.0
 ) -> None:
-    """The same of frames that are not there yet, for an array and in an air."""
+    """The same of frames that are not there yet, for an array and in the air of a room."""
     phase = np.zeros((1024, array.count))
-    some = Drive(phase=phase, level=np.ones(1024), rate=1.0, array=array, acoustics=acoustics)
-    say_how_long(some, profile, frames=frames, few=few)
+    some = Drive(phase=phase, level=np.ones(1024), rate=1.0, array=array)
+    say_how_long(some, profile, room=room, frames=frames, few=few)

@@ -39,10 +39,11 @@ class PlayOptions(ExposureOptions):
     silencer: SilencerChoice = "auto"
     placement: Path | None = None
 
-    def admit(self, drive: Drive, device: ArrayDevice) -> Admission:
-        """The drive, once its exposure on this device is checked."""
-        say_how_long(drive, self.choices().profile)
-        return admit(drive, device, self.choices(), repeats=self.repeats)
+    def admit(self, drive: Drive, device: ArrayDevice, room: Medium | None) -> Admission:
+        """The drive, once its exposure on this device is checked in the air of the room."""
+        choices = self.choices(room)
+        say_how_long(drive, choices.profile, room=room)
+        return admit(drive, device, choices, repeats=self.repeats)
 
 
 def say_room(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
@@ -64,9 +65,10 @@ def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium 
                 2 * drive.phase.nbytes, f"{source}, to be played on {device}", "cut it, or play it on AUTD3 units"
             )
             drive = load_solution(source).drive
-        admission = options.admit(drive, array)
+        admission = options.admit(drive, array, room)
         say_room(drive, source, room)
-        print_rows([*level_rows(level_of_file(source)), ("exposure", admission.verdict())])
+        rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
+        print_rows([*level_rows(level_of_file(source)), *rows])
         with stages() as stage, array:
             # Only now the units have said whether they are real.
             banner(array.simulated)

@@ -347,7 +347,7 @@ def _acoustics_from(values: Mapping[str, Any], provenance: Provenance, path: Pat
         return next((Acoustics(directivity=kind) for kind in known if kind in told), Acoustics())
     if missing:
         raise BrokenFileError(f"{path}: expected {', '.join(missing)} beside the rest of the air; the file is damaged")
-    return Acoustics(
+    acoustics = Acoustics(
         medium=Medium(
             density=values["air_density_kg_m3"],
             speed=values["air_speed_m_s"],
@@ -358,6 +358,8 @@ def _acoustics_from(values: Mapping[str, Any], provenance: Provenance, path: Pat
         ),
         directivity=values["directivity"],
     )
+    acoustics.medium.check_speed(str(path))
+    return acoustics
 
 
 def _grid_from(values: Mapping[str, Any]) -> ControlGrid:

@@ -59,8 +59,8 @@ class FieldByModes:
     ----------
     modes : ndarray of complex, shape (mode, transducer)
         From the transducers to the modes of their field in the cube.
-    shapes : Product
-        From the modes to shapes of the field on some planes, shape (mode, plane x shape).
+    shapes : tuple of Product
+        From the modes to shapes of the field on some planes, shape (mode, plane x shape); one of each air.
     planes : int
         How many.
     points : tuple of Points
@@ -70,31 +70,33 @@ class FieldByModes:
     """
 
     modes: Complex
-    shapes: Product
+    shapes: tuple[Product, ...]
     planes: int
     points: tuple[Points, ...]
     left_out: float
 
     def loudest(self, modes: Single, space: Workspace) -> Single:
-        """Magnitude at the loudest point, shape (frame,), in Pa, of modes as in `CubeSearch`."""
-        frames = modes.shape[1]
-        shaped = space.array("shapes", 2, frames, self.shapes.width)
-        self.shapes.into(shaped, modes, space)
-        planes = shaped.reshape(2, frames, self.planes, -1)
-        few = [planes[:, first : first + FEW] for first in range(0, frames, FEW)]
-        power = [np.max([each.power(some, space) for each in self.points], axis=0) for some in few]
-        return np.sqrt(np.concatenate(power))
+        """Magnitude at the loudest point in each air, shape (air, frame), in Pa, of modes as in `CubeSearch`."""
+        frames, power = modes.shape[1], np.empty((len(self.shapes), modes.shape[1]), np.float32)
+        for shapes, found in zip(self.shapes, power, strict=True):
+            shaped = space.array("shapes", 2, frames, shapes.width)
+            shapes.into(shaped, modes, space)
+            planes = shaped.reshape(2, frames, self.planes, -1)
+            for first in range(0, frames, FEW):
+                few = slice(first, first + FEW)
+                found[few] = np.max([each.power(planes[:, few], space) for each in self.points], axis=0)
+        return np.sqrt(power)
 
 
 def heard_by_modes(
-    field: Field, wide: Array, stacks: tuple[Stack, ...], enough: float, *, step: float, tried: int
+    fields: tuple[Field, ...], wide: Array, stacks: tuple[Stack, ...], enough: float, *, step: float, tried: int
 ) -> FieldByModes:
     """By modes of the field at some nodes, and by what lies between the nodes.
 
     Parameters
     ----------
-    field : callable
-        Field of each transducer, shape (point, transducer), at points of the cube, without a quick wave.
+    fields : tuple of callable
+        Field of each transducer in each air, shape (point, transducer), at points of the cube, without a quick wave.
     wide : ndarray, shape (3,)
         From `bands`, in rad.
     stacks : tuple of Stack
@@ -107,22 +109,27 @@ def heard_by_modes(
         Modes, at most.
     """
     nodes, axis = lattice(wide, step, crowd=2.0), stacks[0].axis
-    waves, modes = _modes(field(nodes.points), tried, enough)
+    # All airs have the same modes: what reaches the cube in one of them reaches a place beside it in another.
+    waves, modes = _modes(np.concatenate([field(nodes.points) for field in fields]), tried, enough)
     # The planes lie across the axis along which the field changes most.
-    planes = np.moveaxis(waves.reshape(*nodes.shape, -1), axis, 0)
-    planes = planes.reshape(len(planes), -1, waves.shape[1])
+    planes = np.moveaxis(waves.reshape(len(fields), *nodes.shape, -1), axis + 1, 1)
+    count = planes.shape[1]
+    planes = planes.reshape(len(fields) * count, -1, waves.shape[1])
     few = _shapes(planes * np.linalg.norm(modes, axis=1), 0.4 * enough / np.sqrt(modes.shape[1]))
-    told = few.T.astype(np.float32) @ planes
+    told = (few.T.astype(np.float32) @ planes).reshape(len(fields), count, few.shape[1], -1)
     ways = [_way(each, nodes.axes, wide, few) for each in stacks]
-    tests = [_tested(each, way, told) for each, way in zip(stacks, ways, strict=True)]
-    share, made = (np.concatenate(each) for each in zip(*tests, strict=True))
+    rest = []
+    for field, own in zip(fields, told, strict=True):
+        tests = [_tested(each, way, own) for each, way in zip(stacks, ways, strict=True)]
+        share, made = (np.concatenate(each) for each in zip(*tests, strict=True))
+        rest.append(float(np.abs(field(share) - made @ modes).sum(axis=1).max()))
     return FieldByModes(
         modes=modes,
-        shapes=Product.of(told.reshape(-1, told.shape[2]).T),
-        planes=len(planes),
+        shapes=tuple(Product.of(own.reshape(-1, own.shape[2]).T) for own in told),
+        planes=count,
         points=tuple(_points(*way) for way in ways),
         # A quarter more than where it was measured.
-        left_out=1.25 * float(np.abs(field(share) - made @ modes).sum(axis=1).max()),
+        left_out=1.25 * max(rest),
     )
 
 

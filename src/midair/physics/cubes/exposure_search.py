@@ -28,9 +28,10 @@ from midair.physics.propagation import transfer_matrix
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Complex = NDArray[np.complex64]
+Airs = tuple[Acoustics, ...]
 
 ALLOWANCE = 1.15
-"""Put on the loudest point of a cube, in dB: between the points it can be this much louder, and a little more."""
+"""Put on the loudest point of a cube, in dB: between points and airs it can be this much louder, and a little more."""
 
 INSIDE, FACES = 1.6, 1.2
 """By how much the phase of the quickest wave may change from a point to the next, in rad."""
@@ -38,7 +39,7 @@ INSIDE, FACES = 1.6, 1.2
 NODES = 1.9
 """The same between points from which the field everywhere else in the cube follows, in rad."""
 
-ENOUGH = 1e-3
+ENOUGH = 8e-4
 """Of all transducers in step: about as much as the modes may leave out."""
 
 
@@ -48,8 +49,10 @@ class PointSearch:
 
     Attributes
     ----------
-    modes : ndarray of complex, shape (point, transducer)
-        From the drive to the pressure at the points, in Pa.
+    modes : ndarray of complex, shape (air x point, transducer)
+        From the drive to the pressure at the points in each air, in Pa.
+    airs : int
+        How many airs there are.
     ceiling : ndarray, shape (transducer,)
         Most that each transducer alone makes there, in Pa; all together cannot make more than the sum.
     left_out : float
@@ -58,13 +61,16 @@ class PointSearch:
 
     modes: Complex
     ceiling: Array
+    airs: int
     left_out: float = 0.0
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
         """As that of `CubeSearch`, of the points alone."""
         there = space.array("there", 2, *modes.shape[1:])
         there[:] = modes[:2]
-        return np.sqrt(power_of(there).max(axis=1)).astype(np.float64)
+        power = power_of(there).reshape(modes.shape[1], self.airs, -1).max(axis=2).T
+        # There is nothing between points of which each counts alone, but something between airs.
+        return np.sqrt(power).astype(np.float64) * (10 ** (ALLOWANCE / 20) if self.airs > 1 else 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,12 +94,17 @@ class CubeSearch:
         return self.heard.modes
 
     @property
+    def airs(self) -> int:
+        """How many airs there are."""
+        return len(self.heard.shapes)
+
+    @property
     def left_out(self) -> float:
         """Most that the modes leave out anywhere when every transducer is at full drive, in Pa."""
         return self.heard.left_out
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
-        """Amplitude that no place in the cube exceeds but by what the docs say, shape (frame,), in Pa.
+        """Amplitude that no place in the cube exceeds but by what the docs say, shape (air, frame), in Pa.
 
         What is left out is to be added.
 
@@ -109,7 +120,7 @@ class CubeSearch:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Searches:
-    """The searches of several places in one air, in one go.
+    """The searches of several places in some airs, in one go.
 
     Attributes
     ----------
@@ -143,12 +154,17 @@ class Searches:
         return cls(each=each, modes=Product.of(together.T), pair=pair.numbers, halves=halves)
 
     @property
+    def airs(self) -> int:
+        """How many airs there are."""
+        return self.each[0].airs
+
+    @property
     def order(self) -> NDArray[np.intp] | None:
         """In which the transducers are wanted; None for their own."""
         return None if self.halves is None else self.halves.order
 
     def loudest(self, parts: Single, space: Workspace) -> Array:
-        """Amplitude at each place, shape (frame, place), in Pa, but for what is left out.
+        """Amplitude at each place in each air, shape (air, frame, place), in Pa, but for what is left out.
 
         Parameters
         ----------
@@ -157,7 +173,8 @@ class Searches:
         space : Workspace
             Of the thread that asks.
         """
-        frames, found = parts.shape[1], np.empty((parts.shape[1], len(self.each)))
+        frames = parts.shape[1]
+        found = np.empty((self.airs, frames, len(self.each)))
         rest = [number for number in range(len(self.each)) if number not in self.pair]
         if rest:
             modes = space.array("modes", 3, frames, self.modes.width)
@@ -165,13 +182,13 @@ class Searches:
             np.add(modes[0], modes[1], out=modes[2])
             own = np.split(modes, np.cumsum([len(self.each[number].modes) for number in rest])[:-1], axis=2)
             for number, its in zip(rest, own, strict=True):
-                found[:, number] = self.each[number].loudest(its, space)
+                found[..., number] = self.each[number].loudest(its, space)
         if self.halves is not None:
             width = self.halves.common.width
             both = space.array("modes of a pair", 2, 3, frames, width)
             self.halves.into(both[0], both[1], parts, space)
             for number, its in zip(self.pair, both, strict=True):
-                found[:, number] = self.each[number].loudest(its, space)
+                found[..., number] = self.each[number].loudest(its, space)
         return found
 
 
@@ -194,49 +211,52 @@ class _Alike:
         return hash(self.numbers)
 
 
-def cube_search(place: Place, array: TransducerArray, acoustics: Acoustics) -> CubeSearch | PointSearch:
+def cube_search(place: Place, array: TransducerArray, airs: Airs) -> CubeSearch | PointSearch:
     """The search of a place: all of its cube where the limit is enforced, its 27 points where it only advises.
 
     Kept, since a drive is measured in parts, more than once, and one drive after the other.
     """
-    return _cube_search(place, _Alike(array), acoustics)
+    return _cube_search(place, _Alike(array), airs)
 
 
-def searches_of(places: tuple[Place, ...], array: TransducerArray, acoustics: Acoustics) -> Searches:
+def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -> Searches:
     """The searches of all places, kept as that of one is."""
-    return _searches_of(places, _Alike(array), acoustics)
+    return _searches_of(places, _Alike(array), airs)
 
 
 @lru_cache(maxsize=4)
-def _searches_of(places: tuple[Place, ...], alike: _Alike, acoustics: Acoustics) -> Searches:
+def _searches_of(places: tuple[Place, ...], alike: _Alike, airs: Airs) -> Searches:
     array, pair = alike.array, pair_of(places, alike.array)
-    shared = None if pair is None else _cube_search(pair.box, _Alike(pair.array), acoustics)
+    shared = None if pair is None else _cube_search(pair.box, _Alike(pair.array), airs)
     if pair is None or not isinstance(shared, CubeSearch):
-        return Searches.of(*(_cube_search(place, alike, acoustics) for place in places))
+        return Searches.of(*(_cube_search(place, alike, airs) for place in places))
     each = tuple(
-        replace(shared, ceiling=ceiling(place, array, acoustics))
+        replace(shared, ceiling=ceiling(place, array, airs))
         if number in pair.numbers
-        else _cube_search(place, alike, acoustics)
+        else _cube_search(place, alike, airs)
         for number, place in enumerate(places)
     )
     return Searches.with_pair(each, pair, Halves.of(shared.modes, pair.partner, array.count))
 
 
 @lru_cache(maxsize=16)
-def _cube_search(place: Place, alike: _Alike, acoustics: Acoustics) -> CubeSearch | PointSearch:
+def _cube_search(place: Place, alike: _Alike, airs: Airs) -> CubeSearch | PointSearch:
     array = alike.array
     if not place.enforced or place.reach == 0:
-        return point_search(place.points, array, acoustics)
-    magnitude = np.abs(transfer_matrix(place.points, array, acoustics=acoustics))
-    alone = magnitude.max(axis=0)
+        return point_search(place.points, array, airs)
+    magnitudes = [np.abs(transfer_matrix(place.points, array, acoustics=air)) for air in airs]
+    alone = np.max(magnitudes, axis=(0, 1))
     # Far below what counts as silence there are no modes: single precision has no numbers for them.
     if alone.sum() < 1e-9:
-        return point_search(place.points, array, acoustics)
-    wide = bands(place, array, acoustics)
-    field = partial(slow_field, place=place, array=array, acoustics=acoustics, magnitude=magnitude)
+        return point_search(place.points, array, airs)
+    wide = _bands(place, array, airs)
+    fields = tuple(
+        partial(slow_field, place=place, array=array, acoustics=air, magnitude=magnitude)
+        for air, magnitude in zip(airs, magnitudes, strict=True)
+    )
     where, step, tried = stacks(wide, inside=INSIDE, faces=FACES), NODES, _expected(wide)
     while True:
-        heard = heard_by_modes(field, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
+        heard = heard_by_modes(fields, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
         # What is left out is 48 dB below all transducers in step.
         if heard.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
             return CubeSearch(heard=heard, ceiling=alone)
@@ -246,38 +266,41 @@ def _cube_search(place: Place, alike: _Alike, acoustics: Acoustics) -> CubeSearc
 def _expected(wide: Array) -> int:
     """Somewhat more modes than a field of these bands has: it comes from a surface, so that products of two count."""
     x, y, z = (float(band) for band in wide)
-    return round(24 + 0.7 * (x * y + y * z + z * x))
+    return round(24 + 0.85 * (x * y + y * z + z * x))
 
 
-def ceiling(place: Place, array: TransducerArray, acoustics: Acoustics) -> Array:
-    """Most that each transducer alone makes at a place, shape (transducer,), in Pa."""
-    return np.abs(transfer_matrix(place.points, array, acoustics=acoustics)).max(axis=0)
+def _bands(place: Place, array: TransducerArray, airs: Airs) -> Array:
+    """Those of all airs."""
+    return np.max([bands(place, array, air) for air in airs], axis=0)
 
 
-def point_search(points: Array, array: TransducerArray, acoustics: Acoustics) -> PointSearch:
+def ceiling(place: Place, array: TransducerArray, airs: Airs) -> Array:
+    """Most that each transducer alone makes at a place in any of the airs, shape (transducer,), in Pa."""
+    return np.max([np.abs(transfer_matrix(place.points, array, acoustics=air)) for air in airs], axis=(0, 1))
+
+
+def point_search(points: Array, array: TransducerArray, airs: Airs) -> PointSearch:
     """The search of some points, shape (point, 3), in m."""
-    field = transfer_matrix(points, array, acoustics=acoustics)
-    return PointSearch(modes=field.astype(np.complex64), ceiling=np.abs(field).max(axis=0))
+    field = np.concatenate([transfer_matrix(points, array, acoustics=air) for air in airs])
+    return PointSearch(modes=field.astype(np.complex64), ceiling=np.abs(field).max(axis=0), airs=len(airs))
 
 
-def searched_points(
-    place: Place, array: TransducerArray, acoustics: Acoustics, *, among: tuple[Place, ...] = ()
-) -> Array:
+def searched_points(place: Place, array: TransducerArray, airs: Airs, *, among: tuple[Place, ...] = ()) -> Array:
     """The points of a place's cube at which a drive is looked at, shape (point, 3), in m.
 
     Parameters
     ----------
-    place, array, acoustics
-        As in `cube_search`.
+    place, array, airs
+        As in `cube_search`: each point is looked at in every air.
     among : tuple of Place
         All that are looked at in one go, itself among them: one that mirrors another has points of both.
     """
     pair = pair_of(among, array)
     if pair is not None and place in (beside := [among[number] for number in pair.numbers]):
-        points = searched_points(pair.box, pair.array, acoustics)
+        points = searched_points(pair.box, pair.array, airs)
         return points if place == beside[0] else mirrored(points, pair.middle)
     if not place.enforced or place.reach == 0:
         return place.points
-    wide = bands(place, array, acoustics)
+    wide = _bands(place, array, airs)
     share = np.concatenate([each.points.reshape(-1, 3) for each in stacks(wide, inside=INSIDE, faces=FACES)])
     return np.array(place.position) + place.reach * share

@@ -176,7 +176,7 @@ def live_admission(order: LiveOrder, *, rate: float = 1000.0) -> Admission:
         If the worst that its level can do exceeds the profile, and nobody answers for it.
     """
     array = array_for(order, rate)
-    return admit_level(order.level, array, order.exposure, rate=rate, acoustics=order.touch.acoustics)
+    return admit_level(order.level, array, order.exposure, rate=rate)
 
 
 @contextmanager

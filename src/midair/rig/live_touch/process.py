@@ -173,9 +173,7 @@ def _play(
         check_rate(sensor)
         calibration = calibration_for(order, sensor)
         with array_for(order, sensor.rate) as array:
-            admission = admit_level(
-                order.level, array, order.exposure, rate=sensor.rate, acoustics=order.touch.acoustics
-            )
+            admission = admit_level(order.level, array, order.exposure, rate=sensor.rate)
             touch = Touch(order.touch, calibration, sensor.grid, sensor.rate, array.array, admission.level)
             if source is not None:
                 touch.delay += source.delay

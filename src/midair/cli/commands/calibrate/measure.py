@@ -219,7 +219,7 @@ def beam_command(
     medium = room or Medium.at(temperature=22.0, humidity=0.5)
     rig = VirtualRig(seed=seed, height=height)
     skin = rig.skin() if device == "virtual" else None
-    choices = (exposure or ExposureOptions()).choices()
+    choices = (exposure or ExposureOptions()).choices(room)
     setting = BeamSetting(
         height=height, aperture=aperture, spread=spread, pressure_uncertainty=pressure_uncertainty / 2
     )

@@ -97,7 +97,7 @@ def array_command(
             ArrayPlan(duration=duration, top=top),
             height=height,
             acoustics=Acoustics(medium=medium),
-            exposure=(exposure or ExposureOptions()).choices(),
+            exposure=(exposure or ExposureOptions()).choices(room),
             date=day,
             stage=stage,
         )

@@ -80,7 +80,8 @@ def run_command(
     if done := _is_done(folder, plan, participant):
         say(f"participant {participant} was done before; nothing was asked. {done}")
         return 0
-    room, choices = (air or AirOptions()).medium(), (exposure or ExposureOptions()).choices()
+    room = (air or AirOptions()).medium()
+    choices = (exposure or ExposureOptions()).choices(room)
     screen = TerminalScreen(
         PlainConsole(markup=True, soft_wrap=False), keyboard=None if lines else keyboard_of_terminal()
     )
@@ -92,7 +93,7 @@ def run_command(
             plan,
             exposure=choices,
             room=room,
-            before=lambda drive: say_how_long(drive, choices.profile),
+            before=lambda drive: say_how_long(drive, choices.profile, room=room),
             noise=noise,
         ) as rig,
     ):
