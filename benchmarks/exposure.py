@@ -134,7 +134,7 @@ def solved(
     *,
     surface: bool,
     modes: int = 240,
-    rounds: int = 16,
+    rounds: int = 12,
 ) -> None:
     """Drives that are as quiet as they can be where the check looks, for one at a point; levels are free.
 

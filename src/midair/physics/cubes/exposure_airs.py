@@ -22,8 +22,8 @@ AROUND = 2.0
 HUMID = 0.2
 """How far a room may be from its stated humidity, 0 to 1; from 50 % where none is stated."""
 
-STEP = 1.2
-"""By how much the phases over the array may change from one air to the next, in rad: as from point to point."""
+STEP = 1.6
+"""By how much phases over the array may change from one air to the next, in rad: as between points inside a cube."""
 
 
 def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: TransducerArray) -> tuple[Acoustics, ...]:
@@ -46,7 +46,7 @@ def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: Transduc
     dry, damp = max(humidity - HUMID, 0.0), min(humidity + HUMID, 1.0)
     slow, fast = (Medium.at(temperature=t, humidity=wet).speed for t, wet in ((cold, dry), (warm, damp)))
     turns = 2 * np.pi * array.frequency * (1 / slow - 1 / fast)
-    count = 1 + max(1, int(np.ceil(turns * max(_apart(place, array) for place in places) / STEP)))
+    count = 1 + max(2, int(np.ceil(turns * max(_apart(place, array) for place in places) / STEP)))
     return tuple(
         Acoustics(medium=_air(float(degrees), float(wet), (dry, humidity, damp), array.frequency))
         for degrees, wet in zip(np.linspace(cold, warm, count), np.linspace(dry, damp, count), strict=True)
