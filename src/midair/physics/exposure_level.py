@@ -142,7 +142,7 @@ class Exposure:
         """One line: how far the truth may be from these levels."""
         bounded = [place.name for place in self.profile.places if place.enforced and place.reach > 0]
         rough = [place.name for place in self.profile.places if not place.enforced and place.reach > 0]
-        around = "all around; at most 1.5 dB more than the truth, and no search for a gap hid 0.5 dB above this"
+        around = "all around; no search for a gap found 0.5 dB above this"
         said = [f"{', '.join(bounded)}: {around}"] if bounded else []
         said += [f"{', '.join(rough)}: at 27 points, between which a focus falls"] if rough else []
         return "; ".join(said)
