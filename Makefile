@@ -15,7 +15,7 @@ COVER_ALL := $(if $(COVERAGE),--cov --cov-append --cov-report=term:skip-covered)
 LONG := -m "long and not slow"
 
 .PHONY: demo test coverage test-kernels test-long test-slow test-browser test-again test-long-again test-browser-again
-.PHONY: check bench bench-gpu docs links format clean
+.PHONY: check bench bench-gpu docs figures links format clean
 
 $(VENV)/run: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -99,6 +99,11 @@ GPU ?=
 
 bench-gpu: .gpu/array_api_compat
 	PYTHONPATH=src:.gpu $(GPU_PYTHON) -m benchmarks.gpu $(GPU)
+
+# Record every figure that the commands print and write, or compare them with such a record:
+# make figures WRITE=/tmp/before.json, make figures AGAINST=/tmp/before.json
+figures: $(VENV)/dev
+	$(BIN)/python -m tests.regression $(if $(WRITE),--write $(WRITE)) $(if $(AGAINST),--against $(AGAINST))
 
 format: $(VENV)/dev
 	$(BIN)/ruff check --fix

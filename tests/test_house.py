@@ -45,6 +45,7 @@ WHOLE_SUITES = {
     "test_docs_network.py": "docs/network.py",
     "cli/test_long_work.py": "a bar and Ctrl-C, at every command",
     "test_reference.py": "what the reference names",
+    "test_regression.py": "the recorder of figures",
     "files/test_whole_writers.py": "every writer, killed or refused in the middle",
     "files/test_one_way_in.py": "every format and every command that opens one",
     "files/test_real_recordings.py": "files that other programs wrote",

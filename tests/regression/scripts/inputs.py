@@ -1,0 +1,28 @@
+"""Files of other programs that later rows bring in."""
+
+from pathlib import Path
+
+import numpy as np
+import soundfile
+
+Path("takes").mkdir()
+rng = np.random.default_rng(0)
+time = np.arange(200) / 100
+fabric = np.column_stack([time, np.sin(2 * np.pi * 30 * time)])
+np.savetxt("fabric.csv", fabric, delimiter=",", header="time,accel_x", comments="")
+gaps = rng.normal(size=(1000, 4, 4))
+gaps[500:504, 1, 1] = np.nan
+np.save("sensor.npy", gaps)
+soundfile.write("towel.wav", rng.uniform(-1, 1, 500), 1000)
+tone = 0.02 * 10 * np.sqrt(2) * np.sin(2 * np.pi * 250 * np.arange(4000) / 1000)
+np.savetxt("tone.csv", tone[:, None] + 1e-4 * rng.normal(size=(4000, 16)), delimiter=",")
+rows = [
+    f"p{person},{shown},{surface},{asked},{rng.integers(1, 8)}"
+    for person in range(6)
+    for surface in ("plain", "grooved")
+    for shown in ("brush", "towel", "sponge")
+    for asked in ("brush", "towel")
+]
+Path("old.csv").write_text("\n".join(["subject,presented,surface,rated,score", *rows]) + "\n", encoding="utf-8")
+outline = [[-40, -45], [40, -45], [45, 20], [30, 50], [-35, 50]]
+Path("palm.toml").write_text(f'name = "left hand"\noutline_mm = {outline}\n', encoding="utf-8")
