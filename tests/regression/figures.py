@@ -32,6 +32,7 @@ LEFT_OUT = {
 
 UNSTEADY = {
     r"^sweep-(patterns|recordings) \| out \|": "processor time; the report of the sweep has the rest",
+    r"^show-\w+ \| out \|": "how long it took; the file that is written has the figures",
     r"\.zarr \| seconds$": "processor time of each task",
 }
 """Names of figures that differ from run to run, and why. Everything else is alike in two runs of one commit."""

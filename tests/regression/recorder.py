@@ -2,6 +2,7 @@
 
 import argparse
 import atexit
+import glob
 import importlib
 import json
 import os
@@ -9,10 +10,12 @@ import platform
 import resource
 import runpy
 import shlex
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +72,8 @@ def start(row: Row, folder: Path, told: Path) -> tuple[int, float]:
             if kind == "script":
                 runpy.run_path(str(HERE / "scripts" / f"{words[0]}.py"), run_name="__main__")
             else:
-                sys.argv = ["midair", *words, "-q"]
+                # As a shell does it.
+                sys.argv = ["midair", *chain.from_iterable(sorted(glob.glob(word)) or [word] for word in words), "-q"]
                 runpy.run_module(kind, run_name="__main__", alter_sys=True)
             code = 0
         except SystemExit as end:
@@ -106,14 +110,11 @@ def record(table: list[Row], work: Path) -> tuple[dict[str, str], dict[str, floa
     for row in table:
         status, taken[row.name] = start(row, folder, told)
         after = files(folder)
-        figures |= dict(
-            _figures(row, status, told, [path for path in after if after[path] != before.get(path)], folder)
-        )
+        made = [path for path in after if after[path] != before.get(path)]
+        figures |= dict(_figures(row, status, told, made, folder))
         before = after
-        print(
-            f"{row.name:20} {'' if status == 0 else f'FAILED, exit status {status}':24} {taken[row.name]:6.1f} s",
-            flush=True,
-        )
+        failure = f"FAILED, exit status {status}" if status else ""
+        print(f"{row.name:20} {failure:24} {taken[row.name]:6.1f} s", flush=True)
         if status:
             print((told / f"{row.name}.err").read_text(encoding="utf-8")[-400:])
     return steady(figures), taken
@@ -166,7 +167,10 @@ def command_line() -> int:
         parser.error("expected --write FILE, --against FILE or both")
     reference = json.loads(asked.against.read_text(encoding="utf-8")) if asked.against else None
     if reference and reference["machine"] != machine():
-        parser.error(f"expected the machine of the reference, {reference['machine']}, got {machine()}: bits may differ")
+        parser.error(
+            f"expected the machine of the record, {reference['machine']}, got {machine()}, whose bits may differ; "
+            f"set OPENBLAS_CORETYPE={reference['machine']['kernel']} if only the kernel differs"
+        )
     table = [
         row
         for row in rows((HERE / "commands.txt").read_text(encoding="utf-8"))
@@ -174,10 +178,15 @@ def command_line() -> int:
     ]
     for name in LOADED:
         importlib.import_module(name)
-    with tempfile.TemporaryDirectory() as work:
-        if asked.keep:
-            asked.keep.mkdir(parents=True)
-        figures, taken = record(table, asked.keep.absolute() if asked.keep else Path(work))
+    if asked.keep:
+        asked.keep.mkdir(parents=True)
+    # Not a TemporaryDirectory: each forked process would remove it when it ends.
+    work = asked.keep.absolute() if asked.keep else Path(tempfile.mkdtemp())
+    try:
+        figures, taken = record(table, work)
+    finally:
+        if not asked.keep:
+            shutil.rmtree(work)
     failed = [name for name in figures if name.endswith("| exit status") and figures[name] != "0"]
     spent = sum(taken.values())
     print(f"{len(table)} commands, {len(failed)} failed, {len(figures)} figures, {spent:.0f} s of processor time")
