@@ -204,3 +204,10 @@ def test_names_that_are_looked_up_in_no_tree_do_not_end_us(tmp_path, solution):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "1\n")
     assert "damaged" in done.stderr
+
+
+def test_a_file_that_was_cut_off_is_refused_without_names_of_hdf5_s_own_variables(path):
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    said = refusal(path, str)
+    assert said == f"a damaged or foreign file (truncated: {len(whole) // 2} bytes of {len(whole)})"

@@ -11,6 +11,7 @@ of JSON goes out, null when there is nothing to refuse.
 import importlib.util
 import json
 import math
+import re
 import signal
 import sys
 import zlib
@@ -67,8 +68,16 @@ def refusal(path: Path, opened: Callable[[Path], Any]) -> str | None:
         return str(wrong)
     except (Exception, RecursionError) as wrong:  # noqa: BLE001  # h5py raises whatever HDF5 stumbles over
         lines = str(wrong).strip().splitlines()
-        return f"a damaged or foreign file ({lines[0][:160] if lines else type(wrong).__name__})"
+        return f"a damaged or foreign file ({_plainly(lines[0])[:160] if lines else type(wrong).__name__})"
     return None
+
+
+def _plainly(words: str) -> str:
+    """What HDF5 says of a file, without the names of its own variables."""
+    if cut := re.search(r"truncated file: eof = (\d+), .*stored_eof = (\d+)", words):
+        return f"truncated: {cut[1]} bytes of {cut[2]}"
+    inner = re.fullmatch(r"Unable to [a-z ]+\((.*)\)", words)
+    return inner[1] if inner else words
 
 
 def _walk(file: h5py.File, size: int) -> None:
