@@ -3,7 +3,7 @@
 The command line's options, what a drive's provenance keeps and the table of the documentation come from here.
 """
 
-from midair.settings.choices import CHOICES, Choice, choices_table, spelt, spelt_setting
+from midair.settings.choices import CHOICES, Choice, choices_table, over_mode, spelt, spelt_setting
 from midair.settings.mode import MODES, Mode, beside_paper, best_mode, coarser, finest_mode, paper_mode, quick_mode
 from midair.settings.settings import (
     CalibrationSettings,
@@ -28,6 +28,7 @@ __all__ = [
     "choices_table",
     "coarser",
     "finest_mode",
+    "over_mode",
     "paper_mode",
     "quick_mode",
     "spelt",

@@ -7,7 +7,7 @@ from typing import Any
 
 from midair.errors import InputError
 from midair.model import Medium
-from midair.settings.mode import MODES
+from midair.settings.mode import MODES, Mode
 from midair.settings.settings import Settings
 from midair.solvers import Guard, QuietPalm, name_of
 from midair.targets import Circle
@@ -207,6 +207,34 @@ def spelt(value: Any, unit: str = "") -> str:
     if unit == "%":
         return f"{100 * value:.6g}%"
     return f"{value:.6g}{unit}" if unit or isinstance(value, float) else str(value)
+
+
+def over_mode(settings: Settings) -> tuple[Mode, dict[str, Any]] | None:
+    """The mode that is nearest to settings, and the choices that differ from it, by name; None if these do not suffice.
+
+    They do not where a setting differs that is no choice, such as the envelope of an array that was measured.
+    """
+    differing: dict[Mode, dict[str, Any]] = {
+        mode: {
+            choice.name: choice.of(settings)
+            for choice in CHOICES
+            if choice.name != "jobs" and choice.of(settings) != choice.of(make())
+        }
+        for mode, make in MODES.items()
+    }
+    mode = min(differing, key=lambda name: len(differing[name]))
+    chosen = {
+        name: name_of(value) if name == "method" else 0.0 if value is None and name in _SWITCHED else value
+        for name, value in differing[mode].items()
+    }
+    made = MODES[mode]()
+    try:
+        for choice in CHOICES:
+            if choice.name in chosen:
+                made = choice.put(made, chosen[choice.name])
+    except (InputError, TypeError):
+        return None
+    return (mode, chosen) if made == settings else None
 
 
 UNITS: Mapping[str, str] = MappingProxyType(

@@ -8,7 +8,7 @@ from midair.solvers.large import check_memory, memory_needed, placed, problem_at
 from midair.solvers.lens import spreading_phase
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Follower, Live, folded_modes
-from midair.solvers.methods import METHODS, TAKES, Method, name_of, solver
+from midair.solvers.methods import METHODS, TAKES, Method, check_terms, name_of, solver, terms_of
 from midair.solvers.ordering import read_as_solved, solve_parts, solve_piece
 from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
 from midair.solvers.solving import memory_of, solve
@@ -37,6 +37,7 @@ __all__ = [
     "TAKES",
     "Windows",
     "check_memory",
+    "check_terms",
     "means_of",
     "memory_needed",
     "memory_of",
@@ -53,4 +54,5 @@ __all__ = [
     "solve_piece",
     "solver",
     "spreading_phase",
+    "terms_of",
 ]

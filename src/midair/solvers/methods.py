@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from midair.errors import InputError
+from midair.solvers.amplitudes import Amplitudes
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.glide import Glide
@@ -13,6 +14,7 @@ from midair.solvers.levenberg_marquardt import LevenbergMarquardt
 from midair.solvers.live import Live
 from midair.solvers.problem import Start, Term
 from midair.solvers.reference import GSPAT, GerchbergSaxton, Greedy, Naive, WeightedGerchbergSaxton
+from midair.solvers.terms import Fit, Guard, QuietPalm
 
 Method = (
     LevenbergMarquardt
@@ -59,6 +61,30 @@ TAKES: Mapping[str, frozenset[Term]] = MappingProxyType(
     }
 )
 """Terms that each method takes beside the paper's error; the published ones stay as published."""
+
+
+def terms_of(
+    *,
+    amplitudes: Amplitudes = "equal",
+    guard: float | Guard | None = None,
+    fit: Fit = "points",
+    smooth: float = 0.0,
+    robust: float = 0.0,
+    quiet_ears: float = 0.0,
+    quiet_palm: float | QuietPalm = 0.0,
+    **_: object,
+) -> frozenset[Term]:
+    """Terms beside the paper's error that arguments of `midair.solve` switch on; the other arguments are ignored."""
+    switched: dict[Term, bool] = {
+        "amplitudes": amplitudes == "bounded",
+        "guard": guard is not None,
+        "cells": not isinstance(fit, str) or fit != "points",
+        "smooth": smooth > 0,
+        "robust": robust > 0,
+        "quiet-ears": quiet_ears > 0,
+        "quiet-palm": isinstance(quiet_palm, QuietPalm) or quiet_palm > 0,
+    }
+    return frozenset(term for term, on in switched.items() if on)
 
 
 def check_terms(method: str | Method, asked: Iterable[Term]) -> None:

@@ -15,10 +15,10 @@ from midair.solvers.device import settled
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.glide import Glide
-from midair.solvers.methods import Method, check_terms, name_of
+from midair.solvers.methods import Method, check_terms, name_of, terms_of
 from midair.solvers.methods import solver as solver_of
 from midair.solvers.ordering.scene import Scene
-from midair.solvers.problem import Answer, End, Problem, Start, Term, error_of
+from midair.solvers.problem import Answer, End, Problem, Start, error_of
 from midair.solvers.terms import (
     Cells,
     Fit,
@@ -140,12 +140,15 @@ class SolveOrder:
             quiet_palm=palm,
             bits=bits,
         )
-        asked: set[Term] = {"amplitudes"} if amplitudes == "bounded" else set()
-        asked |= {"robust"} if robust > 0 else set()
-        asked |= {"quiet-ears"} if quiet_ears > 0 else set()
-        asked |= {"quiet-palm"} if palm is not None else set()
-        terms: dict[Term, bool] = {"guard": ring is not None, "cells": means is not None, "smooth": smooth > 0}
-        asked |= {term for term, there in terms.items() if there}
+        asked = terms_of(
+            amplitudes=amplitudes,
+            guard=guard,
+            fit=fit,
+            smooth=smooth,
+            robust=robust,
+            quiet_ears=quiet_ears,
+            quiet_palm=quiet_palm,
+        )
         check_terms(method, asked)
         return order
 
