@@ -1,7 +1,9 @@
 """The application without its processes: what it answers, and what it refuses."""
 
 import json
+import os
 import re
+import time
 import warnings
 
 import numpy as np
@@ -12,6 +14,7 @@ from midair.datasets import stroke
 from midair.files import save
 from midair.model import Provenance, Recording
 from midair.studio import Studio, StudioPlan
+from midair.studio.work import SolveWish, solve_take
 from midair.view import unpack
 
 with warnings.catch_warnings():
@@ -44,6 +47,7 @@ def studio(tmp_path):
     yield made
     made.playing.close()
     made.jobs.close()
+    made.reading.close()
 
 
 @pytest.fixture
@@ -125,6 +129,48 @@ def test_a_stroke_is_shown_before_there_is_a_sample_and_then_the_sample(studio, 
     [made] = talk.state["whole"]["takes"]
     assert made["name"] == row["name"]
     assert made["stamp"] != row["stamp"]
+
+
+def test_a_drive_and_its_re_recording_are_replaced_by_consent_alone(studio, talk):
+    """Whatever a page says: the order has to name by its stamp what it replaces, as it is now."""
+    folder = studio.folder.path
+    drive, again = folder / "towel.drive.h5", folder / "towel.rerecorded.h5"
+    solve_take(
+        SolveWish(take=str(folder / "towel.h5"), drive=str(drive), mode="paper", choices=(("method", "naive"),)),
+        lambda *_: None,
+    )
+    again.write_bytes(b"played")
+    studio.takes.kept("towel.h5").write_bytes(b"compared")
+    before = drive.read_bytes()
+
+    def solve(**given):
+        return talk.order("reproduce", "solve", take="towel.h5", mode="paper", method="live", **given)["ok"]
+
+    asks = solve()["asks"]
+    assert asks["files"] == ["towel.drive.h5", "towel.rerecorded.h5"]
+    assert asks["made"] == "made with paper, naive, 1000 Hz"
+    assert asks["new"] == "paper, live, 1000 Hz"
+    assert solve(replaces="true")["asks"] == asks
+    # A command wrote another one since the question.
+    os.utime(drive, ns=(1, 1))
+    anew = solve(replaces=asks["replaces"])["asks"]
+    assert anew["replaces"] != asks["replaces"]
+    assert studio.jobs.unfinished() == []
+    assert (drive.read_bytes(), again.read_bytes()) == (before, b"played")
+    assert solve(replaces=anew["replaces"]) == {"job": 1}
+    end = time.monotonic() + 120
+    while studio.jobs.unfinished() and time.monotonic() < end:
+        time.sleep(0.05)
+    assert drive.read_bytes() != before
+    assert not again.exists()
+    assert not studio.takes.kept("towel.h5").exists(), "the comparison was with the drive before"
+
+
+def test_code_of_settings_is_that_of_the_mode_with_what_was_chosen(talk):
+    made = talk.order("reproduce", "code", take="towel.h5", gain=2, height_mm=180)["ok"]
+    assert made["options"] == "--mode best --gain 2 --height 180mm"
+    wrong = talk.order("reproduce", "solve", take="towel.h5", mode="best", method="live")["error"]
+    assert "choose fast or glide" in wrong, "refused when it is ordered, not when its turn comes"
 
 
 def test_whoever_has_no_cookie_gets_nothing(studio):

@@ -1,6 +1,7 @@
 """The studio in a real browser: what a person sees, does and can rely on."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -9,6 +10,10 @@ import urllib.request
 from pathlib import Path
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+from midair.rig import record
+from midair.studio.work import SolveWish, solve_take
 
 pytestmark = pytest.mark.browser
 
@@ -271,6 +276,154 @@ def test_the_code_that_is_shown_runs_as_printed(studio_at, look, tmp_path):
         assert done.returncode == 0, done.stderr
     done = subprocess.run([sys.executable, "-c", python], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture
+def with_takes(studio_at):
+    """A studio whose folder has a take with a drive, one without, and two files that are none."""
+    studio = studio_at()
+    record("virtual:towel", 0.2, path=studio.folder / "solved.h5")
+    record("virtual:brush", 0.2, path=studio.folder / "bare.h5")
+    choices = (("method", "glide"), ("gain", 1.5), ("height", 0.19))
+    files = {"take": str(studio.folder / "solved.h5"), "drive": str(studio.folder / "solved.drive.h5")}
+    solve_take(SolveWish(**files, mode="paper", choices=choices), lambda *_: None)
+    (studio.folder / "solved.rerecorded.h5").write_bytes(b"heard")
+    (studio.folder / "corrupt.h5").write_bytes((studio.folder / "bare.h5").read_bytes()[:9000])
+    (studio.folder / "no.h5").write_text("no recording")
+    return studio
+
+
+def opened(page, name):
+    """A take in Reproduce by its address."""
+    page.go(f"#reproduce/{name}")
+    page.until(f"studio.room.take?.name === '{name}'")
+
+
+def form(page):
+    """What the settings of Reproduce say."""
+    return page.page.evaluate("Object.values(studio.room.inputs).map(input => input.value)")
+
+
+def test_settings_and_code_are_those_of_the_drive_in_view(with_takes, look):
+    page = look(with_takes)
+    shown(page)
+    assert form(page) == ["paper", "", "live", "auto", "1", ""], "the sample's drive is made quickly, and tells so"
+    opened(page, "solved.h5")
+    assert form(page) == ["paper", "", "glide", "", "1.5", "190"]
+    said = page.page.locator("#in-view").inner_text()
+    assert said == "Drive in view: paper, glide, 1000 Hz, gain 1.5, height 190mm."
+    page.page.get_by_label("Mode").select_option("best")
+    assert form(page) == ["best", "", "", "", "1.5", "190"], "the solver is the mode's"
+    able = "[...studio.room.inputs.method.options].filter(one => !one.disabled).map(one => one.value)"
+    assert page.page.evaluate(able) == ["", "fast", "glide"]
+    assert "Solve makes another" in page.page.locator("#in-view").inner_text()
+    assert page.page.evaluate("studio.link.state.jobs.every(job => !job.title.endsWith('solved.h5'))")
+    page.page.get_by_role("button", name="Show the code").click()
+    page.until("document.querySelector('#code').open")
+    commands, python = page.page.locator("#code pre").all_inner_texts()
+    assert "midair solve solved.h5 --mode paper --gain 1.5 --height 190mm --method glide\n" in commands
+    assert "settings = Settings.from_plain(" in python
+    page.page.keyboard.press("Escape")
+    opened(page, "bare.h5")
+    assert form(page) == ["best", "", "", "", "1", ""], "without a drive: those of the command"
+    assert page.wrong == []
+
+
+def test_solve_asks_before_it_replaces_a_drive(with_takes, look):
+    studio = with_takes
+    page = look(studio, reduced_motion="reduce")
+    opened(page, "solved.h5")
+    drive, again = studio.folder / "solved.drive.h5", studio.folder / "solved.rerecorded.h5"
+    before = drive.read_bytes()
+    page.page.get_by_label("Solver").select_option("live")
+
+    def ask():
+        page.page.get_by_role("button", name="Solve", exact=True).click()
+        page.until("document.querySelector('#replace').open")
+        return page.page.locator("#replace").inner_text()
+
+    words = ask()
+    assert "Replace solved.drive.h5?" in words
+    assert "solved.drive.h5 exists, made with paper, glide, 1000 Hz, gain 1.5, height 190mm." in words
+    assert "solved.rerecorded.h5, its re-recording, is removed with it." in words
+    assert "The new drive: paper, live, 1000 Hz, gain 1.5, height 190mm." in words
+    dialog = page.page.get_by_role("alertdialog", name="Replace solved.drive.h5?")
+    assert dialog.count() == 1
+    assert page.page.evaluate("document.activeElement.innerText") == "Cancel"
+    found = Axe().run(page.page).response["violations"]
+    assert [each for each in found if each["impact"] in ("serious", "critical")] == []
+    page.page.keyboard.press("Enter")
+    ask()
+    page.page.keyboard.press("Escape")
+    page.until("!document.querySelector('#replace').open")
+    assert (drive.read_bytes(), again.read_bytes()) == (before, b"heard")
+    ask()
+    # While the question stands a command writes another drive: it is asked anew, about that one.
+    os.utime(drive, ns=(7, 7))
+    page.page.keyboard.press("Shift+Tab")
+    assert page.page.evaluate("document.activeElement.innerText") == "Replace"
+    page.page.keyboard.press("Enter")
+    page.until("document.querySelector('#replace').open")
+    assert drive.read_bytes() == before
+    page.page.keyboard.press("Shift+Tab")
+    page.page.keyboard.press("Enter")
+    page.until("studio.room.take?.facts.drive?.settings.method === 'live'", timeout=120)
+    assert not again.exists()
+    assert page.page.locator("#in-view").inner_text() == "Drive in view: paper, live, 1000 Hz, gain 1.5, height 190mm."
+    assert page.wrong == []
+
+
+@pytest.mark.parametrize("name", ["corrupt.h5", "no.h5", "gone.h5"])
+def test_a_take_that_cannot_be_opened_takes_the_place_of_the_one_before(with_takes, look, name):
+    page = look(with_takes)
+    opened(page, "solved.h5")
+    page.until("studio.link.state.player.state === 'ready' && !studio.room.play.disabled", timeout=120)
+    page.go(f"#reproduce/{name}")
+    page.until("!document.querySelector('#problem').hidden")
+    # Words at the bottom of the page are gone after 7 s.
+    page.page.wait_for_timeout(8000)
+    said = page.page.locator("#problem").inner_text()
+    assert f"{name.removesuffix('.h5')} cannot be opened" in said
+    assert name in said
+    assert "sblock" not in said
+    assert page.page.locator("#problem").get_attribute("role") == "alert"
+    assert not page.page.locator("canvas").count()
+    assert page.page.locator("#in-view").inner_text() == ""
+    for button in ("Solve", "Play on array"):
+        assert page.page.get_by_role("button", name=button, exact=True).is_disabled()
+    assert f"#reproduce/{name}" in page.page.url
+    assert page.page.evaluate("studio.room.list.querySelectorAll('[aria-current]').length") == (name != "gone.h5")
+    page.page.get_by_role("button", name="Close").click()
+    assert not page.page.locator("#problem").is_visible()
+    opened(page, "solved.h5")
+    assert not page.page.locator("#problem").is_visible()
+    assert page.wrong == []
+
+
+def test_of_two_takes_that_are_asked_for_the_last_one_is_shown(with_takes, look):
+    """The first answer comes late, while the list of takes changes: it is not shown, and neither is the first take."""
+    page = look(with_takes, reduced_motion="reduce")
+    opened(page, "bare.h5")
+    page.page.evaluate(
+        """() => { const order = studio.link.order.bind(studio.link); studio.late = 0;
+        studio.link.order = async (room, what, given) => {
+            const answer = await order(room, what, given);
+            if (what === 'open') await new Promise(done => setTimeout(done, given.take === 'solved.h5' ? 300 : 1500));
+            studio.late += given?.take === 'sample:towel';
+            return answer; }; }"""
+    )
+    page.go("#reproduce/sample:towel")
+    page.until("studio.room.wish === 'sample:towel'")
+    assert page.page.evaluate("studio.room.take") is None, "what is in view has the name of the address"
+    assert "opening towel" in page.page.locator("#box-wanted").inner_text()
+    page.go("#reproduce/solved.h5")
+    page.page.evaluate("studio.room._takes(studio.link.state.takes)")
+    page.until("studio.room.take?.name === 'solved.h5'")
+    # The address that is typed while a take is drawn: its event comes after the picture's.
+    page.page.evaluate("location.hash = '#reproduce/bare.h5'; studio.here('solved.h5', 0.1)")
+    page.until("studio.late > 0 && studio.room.take?.name === 'bare.h5'")
+    assert "#reproduce/bare.h5" in page.page.url
+    assert page.wrong == []
 
 
 def logged(tmp_path):

@@ -5,10 +5,10 @@ from midair.datasets import stroke
 from midair.errors import InputError
 from midair.files import open_take, save, save_solution
 from midair.flow import felt, lead_of, reproduce
-from midair.model import Provenance, Recording, TransducerArray
+from midair.model import ControlGrid, Provenance, Recording, TransducerArray
 from midair.physics import propagate
-from midair.settings import Settings
-from midair.studio.scenes import TakeScene, facts, frames_of
+from midair.settings import MODES, Settings
+from midair.studio.scenes import TakeScene, facts, frames_of, made_with, told_settings
 from midair.targets import led_in
 from midair.view import Kind, unpack
 
@@ -76,6 +76,31 @@ def test_facts_say_what_the_page_needs(scene):
     assert len(said["drive"]["error"]) == recording.frames
     assert len(said["drive"]["down"]) == 64 * 16
     assert said["drive"]["settings"]["mapping"] == "slow-bias"
+
+
+@pytest.mark.parametrize(
+    ("settings", "options"),
+    [
+        (MODES["best"](), "--mode best"),
+        (MODES["paper"]().but(method="live", level="auto"), "--mode paper --method live --level auto"),
+        (MODES["quick"]().but(gain=1.5, decouple=False), "--mode quick --gain 1.5 --no-decouple"),
+        (MODES["best"]().but(guard=None, rate=2000.0), "--mode best --rate 2000Hz --guard 0mm"),
+        (MODES["paper"]().but(grid=ControlGrid(height=0.18)), "--mode paper --height 180mm"),
+        (MODES["paper"]().but(ramp=0.001), ""),
+    ],
+)
+def test_settings_are_told_as_the_options_and_the_python_that_give_them(settings, options):
+    told = told_settings(settings)
+    assert told["options"] == options
+    assert eval(told["python"], {"MODES": MODES, "Settings": Settings}) == settings
+    assert f"{settings.solver.name}, {settings.target.rate:g} Hz" in told["line"]
+
+
+def test_what_a_drive_was_made_with_is_told_in_a_line(scene, tmp_path):
+    scene, *_ = scene
+    assert made_with(scene.drive) == "made with paper, naive, 1000 Hz, mapping slow-bias, level auto"
+    (tmp_path / "a.drive.h5").write_bytes(b"no drive")
+    assert made_with(str(tmp_path / "a.drive.h5")) == "a file that cannot be read"
 
 
 def test_before_it_is_solved_a_take_shows_what_will_be_wanted(scene):

@@ -1,16 +1,19 @@
 """What the worker process does, called by hand."""
 
 import os
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from midair.datasets import stroke
+from midair.errors import InputError
 from midair.files import load_solution, open_take, save
 from midair.flow import felt, lead_of
 from midair.model import Palm, Provenance, Recording
-from midair.rig import BudgetPlan, VirtualRig, error_budget, hear_drive
+from midair.rig import BudgetPlan, VirtualRig, error_budget, hear_drive, play
 from midair.settings import Settings
-from midair.studio.work import SolveWish, budget_of_take, palm_of_take, solve_take
+from midair.studio.work import SolveWish, budget_of_take, compare_takes, methods_of_modes, palm_of_take, solve_take
 from midair.targets import led_in
 
 
@@ -30,6 +33,46 @@ def solved(tmp_path):
     )
     solve_take(wish, lambda *_: None)
     return wish
+
+
+def test_a_drive_that_appears_while_another_is_solved_stays(solved):
+    """Also where it was made by a command, minutes after the question was answered."""
+    drive = Path(solved.drive)
+    before = drive.stat().st_mtime_ns
+    with pytest.raises(InputError, match=r"towel\.drive\.h5: expected no drive of this name, found another one since"):
+        solve_take(solved, lambda *_: None)
+    wish = replace(solved, replaces=f"{before:x}", outdated=((f"{drive}.a", ""), (solved.take, "of another time")))
+
+    def meanwhile(*_):
+        os.utime(drive, ns=(5, 5))
+
+    with pytest.raises(InputError, match="expected the drive that was to be replaced, found another one since"):
+        solve_take(wish, meanwhile)
+    solve_take(replace(wish, replaces="5"), lambda *_: None)
+    assert drive.stat().st_mtime_ns > 5
+    assert sorted(path.name for path in drive.parent.iterdir()) == ["towel.drive.h5", "towel.h5"]
+
+
+def test_a_re_recording_of_another_drive_is_recognised(solved, tmp_path):
+    again, kept = tmp_path / "towel.rerecorded.h5", tmp_path / "kept.npz"
+    heard = play(load_solution(solved.drive), "virtual").take
+    save(heard.recording, again, calibration=heard.calibration)
+
+    def of_which():
+        return compare_takes((solved.take, str(again), str(kept), solved.drive), lambda *_: None)["drive"]
+
+    stamp = f"{os.stat(solved.drive).st_mtime_ns:x}"
+    assert of_which() == stamp
+    solve_take(replace(solved, replaces=stamp, choices=(*solved.choices, ("gain", 0.9))), lambda *_: None)
+    assert of_which() == ""
+    Path(solved.drive).unlink()
+    assert of_which() == ""
+
+
+def test_solvers_of_a_mode_are_those_that_take_its_terms():
+    found = methods_of_modes()
+    assert found["best"] == ["fast", "glide"]
+    assert {"lm", "live", "glide"} <= set(found["paper"])
 
 
 @pytest.mark.slow

@@ -30,7 +30,7 @@ from midair.studio.rooms import CalibrateRoom, CompareRoom, LiveRoom, PlayingRoo
 from midair.studio.scenes import TakeScene, frames_of
 from midair.studio.takes_list import TakesList
 from midair.studio.web_files import WebFiles
-from midair.studio.work import make_sample, settings_form, warm_up
+from midair.studio.work import make_sample, methods_of_modes, warm_up
 from midair.version import __version__
 from midair.view import TABLES, WEB, colour_table
 
@@ -103,7 +103,7 @@ class Studio:
                 "sensor": plan.sensor,
                 "stop_port": self.playing.port,
                 "stop_token": token,
-                "form": settings_form(),
+                "methods": methods_of_modes(),
             },
             jobs=[],
         )

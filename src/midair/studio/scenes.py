@@ -6,18 +6,19 @@ Runs in a worker process: it reads files, of which the server itself opens none.
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from pprint import pformat
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.errors import InputError
+from midair.errors import InputError, MidairError
 from midair.files import OpenedTake, load_solution, load_target, open_take
 from midair.flow import felt
 from midair.model import AmplitudeFrames, Solution
 from midair.physics import focus_amplitude, transfer_matrix
 from midair.rig import told
-from midair.settings import Settings
+from midair.settings import CHOICES, Settings, over_mode, spelt
 from midair.targets import piece_of
 from midair.view import Kind, Section, counted, finer, pack, phase_counts
 
@@ -104,18 +105,52 @@ def _drive_facts(scene: TakeScene, shown: int) -> dict[str, Any]:
         "error": np.round(error, 4).tolist(),
         "strength": np.round(peak / focus, 4).tolist(),
         "error_mean": float(error[plays].mean()) if plays.any() else 0.0,
-        "settings": None if known is None else _told_settings(known),
+        "settings": None if known is None else told_settings(known),
         "field_pa": field_of.shape[0],
     }
 
 
-def _told_settings(settings: Settings) -> dict[str, Any]:
+def told_settings(settings: Settings) -> dict[str, Any]:
+    """Settings for the page: values of its form ("" where they are the mode's), one line, and the same as code."""
+    near = over_mode(settings)
+    mode, chosen = near or ("paper", {})
+    form: dict[str, Any] = {name: chosen.get(name, "") for name in ("mapping", "method", "level")}
+    typed = [
+        f"--no-{choice.name}" if value is False else f"--{choice.name} {spelt(value, choice.unit)}".removesuffix(" yes")
+        for choice in CHOICES
+        if (value := chosen.get(choice.name)) is not None
+    ]
+    also = [each for each in typed if not each.startswith(("--method ", "--rate "))]
+    plain = settings.but(jobs=None).plain()
+    fields = {choice.path: chosen[choice.name] for choice in CHOICES if choice.name in chosen}
+    simple = all(path.count(".") == 1 and not path.startswith("acoustics") for path in fields)
+    given = ", ".join(f"{path.partition('.')[2]}={value!r}" for path, value in fields.items())
+    by_name = f'MODES["{mode}"]()' + (f".but({given})" if given else "")
     return {
-        "mapping": settings.target.mapping,
-        "method": settings.solver.name,
+        "mode": mode if near else "",
+        **form,
         "gain": settings.target.gain,
-        "height_mm": 1e3 * settings.target.grid.height,
+        "height_mm": float(f"{1e3 * settings.target.grid.height:.6g}") if "height" in chosen else "",
+        "line": ", ".join(
+            [
+                mode if near else "settings of its own",
+                settings.solver.name,
+                f"{settings.target.rate:g} Hz",
+                *(each.removeprefix("--") for each in also),
+            ]
+        ),
+        "options": " ".join([f"--mode {mode}", *typed]) if near else "",
+        "python": by_name if near and simple else f"Settings.from_plain(\n    {pformat(plain, width=100, indent=4)}\n)",
     }
+
+
+def made_with(path: str) -> str:
+    """What a drive was made with, in one line."""
+    try:
+        known = Settings.of(load_solution(path, streamed=True).drive.provenance)
+    except MidairError:
+        return "a file that cannot be read"
+    return "made with settings that it does not tell" if known is None else f"made with {told_settings(known)['line']}"
 
 
 def frames_of(order: tuple[TakeScene, Streams, int]) -> bytes:

@@ -8,6 +8,7 @@ from midair.errors import InputError
 from midair.studio.first_stroke import FIRST
 from midair.studio.folders import OneFolder
 from midair.studio.scenes import TakeScene
+from midair.studio.work import stamp_of
 
 SAMPLE = "sample:"
 """Begins the name of a take that is no file of the folder's."""
@@ -15,7 +16,7 @@ SAMPLE = "sample:"
 _ENDINGS = (".drive.h5", ".rerecorded.h5", ".calibration.h5", ".array.h5")
 """Of files that are no takes."""
 
-_NOT_YET = ("solved", "played", "compared", "report")
+_NOT_YET = ("solved", "drive", "played", "compared", "report")
 """What can be said of a take that is not there."""
 
 
@@ -96,7 +97,8 @@ class TakesList:
         return {
             "name": name,
             "sample": name.startswith(SAMPLE),
-            "solved": self.beside(name, ".drive.h5").exists(),
+            "solved": bool(drive := stamp_of(self.beside(name, ".drive.h5"))),
+            "drive": drive,
             "played": self.beside(name, ".rerecorded.h5").exists(),
             "compared": self.kept(name).exists(),
             "report": self.beside(name, ".report.html").exists(),

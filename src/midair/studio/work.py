@@ -1,5 +1,6 @@
 """What the worker process does for the rooms: solve, compare, report, make samples. Orders are plain, results too."""
 
+import secrets
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -8,10 +9,10 @@ import numpy as np
 
 from midair.errors import InputError, ShapeError
 from midair.evaluate import compare, perceptual_card
-from midair.files import load_solution, open_take, save_solutions
+from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
 from midair.flow import felt, lead_of, reproduce_parts
 from midair.headroom import level_of
-from midair.model import Palm, PressureFrames, Progress
+from midair.model import Palm, PressureFrames, Progress, Provenance
 from midair.rig import (
     BudgetPlan,
     VirtualRig,
@@ -25,7 +26,8 @@ from midair.rig import (
     record,
     write_report,
 )
-from midair.settings import CHOICES, MODES, Mode, Settings, spelt
+from midair.settings import CHOICES, MODES, Mode, Settings
+from midair.solvers import TAKES, check_terms, terms_of
 from midair.studio.jobs import Progressed
 from midair.study import StudyFolder, Template, gather, read_design, template_text
 from midair.targets import led_in
@@ -44,6 +46,10 @@ class SolveWish:
         Name of a choice of the settings, and its value, over the mode's.
     start, duration : float or None
         Which part, in s; all of it if there is no duration.
+    replaces : str
+        Stamp of the drive that may be replaced; empty where none may be there.
+    outdated : tuple of (str, str)
+        Paths and stamps of files made from that drive, which are removed with it.
     """
 
     take: str
@@ -52,6 +58,16 @@ class SolveWish:
     choices: tuple[tuple[str, Any], ...] = ()
     start: float = 0.0
     duration: float | None = None
+    replaces: str = ""
+    outdated: tuple[tuple[str, str], ...] = ()
+
+
+def stamp_of(path: str | Path) -> str:
+    """Names the content of a file by its time of change; empty where there is no file."""
+    try:
+        return f"{Path(path).stat().st_mtime_ns:x}"
+    except FileNotFoundError:
+        return ""
 
 
 def settings_of(order: SolveWish) -> Settings:
@@ -60,7 +76,7 @@ def settings_of(order: SolveWish) -> Settings:
     Raises
     ------
     InputError
-        If a choice is unknown, or its value out of range.
+        If a choice is unknown, its value is out of range, or the solver does not take a term of the mode.
     """
     settings = MODES[order.mode]()
     known = {choice.name: choice for choice in CHOICES}
@@ -68,6 +84,7 @@ def settings_of(order: SolveWish) -> Settings:
         if name not in known:
             raise InputError(f"{name}: expected one of {', '.join(known)}")
         settings = known[name].put(settings, value)
+    check_terms(settings.solver.method, terms_of(**settings.solver.arguments()))
     return settings
 
 
@@ -80,7 +97,21 @@ def solve_take(order: SolveWish, progress: Progressed) -> dict[str, Any]:
         pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
     led, array = led_in(pressure, lead_of(settings)), array_of_kind("autd3")
     target, parts = reproduce_parts(led, array, settings, progress=_stage("solving", progress))
-    save_solutions(parts, Path(order.drive), frames=target.frames, target=target)
+    drive = Path(order.drive)
+    fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")
+    try:
+        save_solutions(parts, fresh, frames=target.frames, target=target)
+        # A command, or another studio, may have written one in the minutes since the question was answered.
+        if stamp_of(drive) != order.replaces:
+            found = "another one" if drive.exists() else "none"
+            expected = "the drive that was to be replaced" if order.replaces else "no drive of this name"
+            raise InputError(f"{drive.name}: expected {expected}, found {found} since; it is as it was, solve again")
+        fresh.replace(drive)
+    finally:
+        fresh.unlink(missing_ok=True)
+    for path, stamp in order.outdated:
+        if stamp_of(path) == stamp:
+            Path(path).unlink(missing_ok=True)
     solution = load_solution(order.drive)
     level, plays = level_of(solution, target, band=settings.calibration.band), solution.plays
     error = solution.error[plays]
@@ -94,9 +125,10 @@ def solve_take(order: SolveWish, progress: Progressed) -> dict[str, Any]:
     }
 
 
-def compare_takes(order: tuple[str, str, str], progress: Progressed) -> dict[str, Any]:
+def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dict[str, Any]:
     """A re-recording against its original: figures, what skin makes of it, and a gain that would mend the level."""
-    original, again, kept = order
+    original, again, kept, drive = order
+    stamp = stamp_of(drive)
     progress("comparing", 0, 3)
     take = open_take(again)
     settings = Settings.of(take.recording.provenance) or Settings()
@@ -120,6 +152,7 @@ def compare_takes(order: tuple[str, str, str], progress: Progressed) -> dict[str
     gain = settings.target.gain / found.gain if found.gain > 0.05 else None
     return {
         "kept": kept,
+        "drive": stamp if stamp and _made_from(drive, take.recording.provenance) else "",
         "simulated": found.simulated,
         "figures": [[name, _figure(value, unit)] for name, (value, unit) in found.figures().items()],
         "verdict": verdict,
@@ -134,10 +167,16 @@ def compare_takes(order: tuple[str, str, str], progress: Progressed) -> dict[str
     }
 
 
+def _made_from(drive: str, provenance: Provenance) -> bool:
+    """Whether a re-recording is of this drive, by the steps that both tell."""
+    steps = load_solution(drive, streamed=True).drive.provenance.steps
+    return provenance.steps[: len(steps)] == steps
+
+
 def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]:
     """What a palm of 85 mm gets of a take's drive on the virtual rig, of its first seconds if it is long."""
     take, file = order
-    stamp = f"{Path(file).stat().st_mtime_ns:x}"
+    stamp = stamp_of(file)
     drive = load_solution(file).drive
     settings = Settings.of(drive.provenance) or Settings()
     before, asked = asked_of(drive.provenance, _felt(take, settings))
@@ -163,7 +202,7 @@ def palm_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]
 def budget_of_take(order: tuple[str, str], progress: Progressed) -> dict[str, Any]:
     """Where the error of a take's drive comes from, stage by stage, on the virtual rig: of its first second."""
     take, file = order
-    stamp = f"{Path(file).stat().st_mtime_ns:x}"
+    stamp = stamp_of(file)
     drive = load_solution(file, streamed=True).drive
     settings = Settings.of(drive.provenance) or Settings()
     before, _ = asked_of(drive.provenance, _felt(take, settings))
@@ -237,19 +276,12 @@ def draw_study(wish: StudyWish, progress: Progressed) -> str:
     return path.name
 
 
-def settings_form() -> list[dict[str, Any]]:
-    """The choices that the page offers, with their values in each mode, for people."""
-    offered = ("mapping", "method", "gain", "height", "guard", "level", "points")
-    return [
-        {
-            "name": choice.name,
-            "help": choice.help,
-            "unit": choice.unit,
-            "values": {mode: spelt(choice.of(make()), choice.unit) for mode, make in MODES.items()},
-        }
-        for choice in CHOICES
-        if choice.name in offered
-    ]
+def methods_of_modes() -> dict[Mode, list[str]]:
+    """The solvers that take all terms of each mode, in the order of `TAKES`."""
+    return {
+        mode: [name for name, taken in TAKES.items() if taken >= terms_of(**make().solver.arguments())]
+        for mode, make in MODES.items()
+    }
 
 
 def _spectra(before: PressureFrames, after: PressureFrames) -> dict[str, Any]:

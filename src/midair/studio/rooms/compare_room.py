@@ -83,6 +83,7 @@ class CompareRoom:
             str(self._takes.path(take)),
             str(self._takes.beside(take, ".rerecorded.h5")),
             str(self._takes.kept(take)),
+            str(self._takes.beside(take, ".drive.h5")),
         )
         return self._jobs.add(
             f"compare {take}",

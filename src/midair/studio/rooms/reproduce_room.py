@@ -12,9 +12,9 @@ from midair.settings import Mode
 from midair.studio.asking import asked
 from midair.studio.desk import Desk, Page
 from midair.studio.jobs import Jobs, Progressed, StudioJob
-from midair.studio.scenes import TakeScene, facts
+from midair.studio.scenes import TakeScene, facts, made_with, told_settings
 from midair.studio.takes_list import TakesList
-from midair.studio.work import SolveWish, report_loop, settings_of, solve_take
+from midair.studio.work import SolveWish, report_loop, settings_of, solve_take, stamp_of
 
 
 class TakeNamed(BaseModel):
@@ -29,7 +29,7 @@ class HowMade(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     take: str = Field(max_length=1000)
-    mode: Mode = "paper"
+    mode: Mode = "best"
     mapping: Literal["half-wave", "constant-offset", "slow-bias"] | None = None
     method: Literal["live", "fast", "exact", "lm", "glide"] | None = None
     level: Annotated[float, Field(gt=0, le=1)] | Literal["auto"] | None = None
@@ -37,6 +37,7 @@ class HowMade(BaseModel):
     height_mm: float | None = Field(default=None, ge=50, le=600)
     guard_mm: float | None = Field(default=None, ge=0, le=100)
     visible_s: float | None = Field(default=None, ge=0)
+    replaces: str = Field(default="", max_length=100)
 
     def choices(self) -> tuple[tuple[str, Any], ...]:
         """What was chosen over the mode, in the settings' own units."""
@@ -82,6 +83,7 @@ class ReproduceRoom:
         self._sampled, self._first = False, first
         desk.offer("reproduce", "open", self.open, TakeNamed, watchers=True)
         desk.offer("reproduce", "solve", self.solve, HowMade)
+        desk.offer("reproduce", "code", self.code, HowMade, watchers=True)
         desk.offer("compare", "report", self.report, HowMade)
         desk.offer("jobs", "cancel", self.cancel, JobNumber)
         self.show()
@@ -96,36 +98,58 @@ class ReproduceRoom:
             return {"stamp": "first", **self._first}
         scene = self._takes.scene(order.take)
         found = await asked(self._reading, f"reading {order.take}", facts_of, scene)
-        return {"stamp": scene.stamp, **found}
+        return {"stamp": scene.stamp, "part": scene.drive == self._takes.part(order.take), **found}
 
-    def solve(self, _: Page, order: HowMade) -> dict[str, int]:
-        """Put the solving of a take into the queue; of a long one, first of the second that is in sight."""
-        return {"job": self._solve(order, f"solve {order.take}").number}
+    def code(self, _: Page, order: HowMade) -> dict[str, Any]:
+        """The settings of an order, as a drive that is made with them tells them."""
+        return told_settings(settings_of(self._wish(order)))
 
-    def _solve(self, order: HowMade, title: str) -> StudioJob:
-        take, target = self._takes.path(order.take), self._takes.beside(order.take, ".drive.h5")
-        whole = SolveWish(take=str(take), drive=str(target), mode=order.mode, choices=order.choices())
-        settings_of(whole)  # refused now, in words, rather than when its turn comes
+    async def solve(self, _: Page, order: HowMade) -> dict[str, Any]:
+        """Put the solving of a take into the queue; of a long one, first of the second that is in sight.
+
+        Where a drive is there, or a re-recording, the answer is a question instead, and nothing is done; the order
+        that has its stamp as `replaces` is the consent.
+        """
+        wish = self._wish(order)
+        new = told_settings(settings_of(wish))["line"]  # refused now, rather than when its turn comes
+        there = [path for path in (wish.drive, *(path for path, _ in wish.outdated)) if stamp_of(path)]
+        stamp = "-".join(map(stamp_of, there))
+        if there and order.replaces != stamp:
+            told = f"reading {order.take}"
+            made = await asked(self._reading, told, made_with_of, wish.drive) if wish.replaces else ""
+            return {"asks": {"files": [Path(path).name for path in there], "made": made, "new": new, "replaces": stamp}}
+        return {"job": self._solve(order, wish).number}
+
+    def _wish(self, order: HowMade) -> SolveWish:
+        drive, again = (self._takes.beside(order.take, ending) for ending in (".drive.h5", ".rerecorded.h5"))
+        return SolveWish(
+            take=str(self._takes.path(order.take)),
+            drive=str(drive),
+            mode=order.mode,
+            choices=order.choices(),
+            replaces=stamp_of(drive),
+            outdated=((str(again), stamp_of(again)),),
+        )
+
+    def _solve(self, order: HowMade, whole: SolveWish) -> StudioJob:
+        title, sight = f"solve {order.take}", f"solve the second in sight of {order.take}"
         for job in self._jobs.unfinished():
-            if job.title.endswith(order.take) and job.room == "reproduce":
+            if job.title in (title, sight):
                 self._jobs.cancel(job.number)
+        Path(self._takes.part(order.take)).unlink(missing_ok=True)
         if order.visible_s is not None:
             part = self._takes.part(order.take)
-            first = replace(whole, drive=part, start=order.visible_s, duration=1.0)
-            self._jobs.add(
-                f"solve the second in sight of {order.take}", solve_take, first, room="reproduce", ended=self._solved
-            )
-        else:
-            Path(self._takes.part(order.take)).unlink(missing_ok=True)
-        return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._whole(order.take))
+            first = replace(whole, drive=part, start=order.visible_s, duration=1.0, replaces="", outdated=())
+            self._jobs.add(sight, solve_take, first, room="reproduce", ended=self._ended(order.take, title))
+        return self._jobs.add(title, solve_take, whole, room="reproduce", ended=self._ended(order.take, title))
 
     def solve_sample(self) -> None:
         """Solve the first sample, so that there is something to see and to play from the first moment on."""
         rows = [row for row in self._takes.rows() if row["sample"] and not self._takes.comes(row["name"])]
         if rows and not rows[0]["solved"] and not self._sampled:
             self._sampled = True
-            sample = HowMade(take=rows[0]["name"], method="live", level="auto")
-            self._solve(sample, f"solve {sample.take}")
+            sample = HowMade(take=rows[0]["name"], mode="paper", method="live", level="auto")
+            self._solve(sample, self._wish(sample))
 
     def report(self, _: Page, order: HowMade) -> dict[str, int]:
         """Put the whole loop on the virtual rig, and its report, into the queue."""
@@ -143,10 +167,14 @@ class ReproduceRoom:
             raise InputError(f"job {order.number}: expected one that waits or runs; it has ended")
         return True
 
-    def _whole(self, take: str) -> Any:
+    def _ended(self, take: str, title: str) -> Any:
         def ended(job: StudioJob) -> None:
-            if job.state == "done":
+            # The second in sight is shown until the whole drive is there, or will not come.
+            if title not in [each.title for each in self._jobs.unfinished()]:
                 Path(self._takes.part(take)).unlink(missing_ok=True)
+            if job.title == title and job.state == "done":
+                # It was compared with what the drive before gave.
+                self._takes.kept(take).unlink(missing_ok=True)
             self._solved(job)
 
         return ended
@@ -158,3 +186,8 @@ class ReproduceRoom:
 def facts_of(scene: TakeScene, _: Progressed) -> Any:
     """Facts of a scene, in the worker."""
     return facts(scene)
+
+
+def made_with_of(drive: str, _: Progressed) -> str:
+    """What a drive was made with, in the worker."""
+    return made_with(drive)

@@ -17,6 +17,7 @@ const by = (id) => document.getElementById(id);
 const link = new Link();
 for (const name of ["inferno", "twilight"]) colours(name); // asked for now, needed for the first picture
 const main = by("main"), footer = by("transport");
+let handled = ""; // the address that was taken up last
 
 export const studio = {
   link, main, footer,
@@ -29,10 +30,11 @@ export const studio = {
   },
   /** Put take and time into the address, without another step for Back. */
   here(take, time) {
-    // An address that leads to another room, whose event is still to come, is not taken back.
-    if (location.hash && this.address.room !== this.name) return;
+    // An address that leads elsewhere, whose event is still to come, is not taken back.
+    if (location.hash !== handled) return;
     const query = Number.isFinite(time) ? `?t=${Number(time.toFixed(4))}` : "";
     history.replaceState(null, "", `#${this.name}/${encodeURI(take)}${query}`);
+    handled = location.hash;
   },
   go(room, take = "") { location.hash = take ? `${room}/${encodeURI(take)}` : room; },
   code(title, commands, python) { showCode(title, commands, python); },
@@ -40,6 +42,7 @@ export const studio = {
 
 function show() {
   const { room } = studio.address;
+  handled = location.hash;
   if (studio.name === room && studio.room) { studio.room.moved?.(studio.address); return; }
   studio.room?.leave?.();
   main.replaceChildren();

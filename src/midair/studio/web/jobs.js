@@ -2,6 +2,25 @@
 
 import { make, tried } from "/web/dom.js";
 
+/** Order the solving of a take. Where a drive is there the studio asks, and so does the page; null where nothing was ordered. */
+export async function solveTake(link, given) {
+  let answer = await tried(link.order("reproduce", "solve", given));
+  while (answer?.asks) answer = (await mayReplace(answer.asks)) ? await tried(link.order("reproduce", "solve", { ...given, replaces: answer.asks.replaces })) : null;
+  return answer;
+}
+
+function mayReplace({ files, made, new: settings }) {
+  const dialog = document.getElementById("replace"), [first, again] = files, button = (value, words, more = {}) => make("button", { type: "button", onclick: () => dialog.close(value), ...more }, words);
+  if (dialog.open) dialog.close("");
+  dialog.returnValue = "";
+  dialog.replaceChildren(make("h2", { id: "replace-title" }, made ? `Replace ${first}?` : `Remove ${first}?`),
+    make("div", { id: "replace-words" }, make("p", {}, made ? `${first} exists, ${made}.` : `${first} exists, made from a drive that is not there any more.`),
+      ...(again ? [make("p", {}, `${again}, its re-recording, is removed with it.`)] : []), make("p", {}, `The new drive: ${settings}.`)),
+    make("div.buttons", {}, button("yes", made ? "Replace" : "Remove and solve"), button("", "Cancel", { autofocus: true })));
+  dialog.showModal();
+  return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"), { once: true }));
+}
+
 export function jobsShown(link) {
   const aside = document.getElementById("jobs"), shown = new Map(), gone = new Set();
   link.on("jobs", (jobs) => {

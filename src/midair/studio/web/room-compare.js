@@ -3,7 +3,8 @@
 import { Track, TracesPicture, OverviewPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
 import { make, panel, rows, tried } from "/web/dom.js";
-import { sections } from "/web/take.js";
+import { solveTake } from "/web/jobs.js";
+import { chosen, sections } from "/web/take.js";
 
 export class Compare {
   constructor(studio) {
@@ -19,7 +20,7 @@ export class Compare {
   _build() {
     this.list = make("ul.takes");
     this.compare = make("button", { type: "button", onclick: () => tried(this.link.order("compare", "compare", { take: this.name })) }, "Compare again");
-    this.report = make("button", { type: "button", id: "report", title: "the whole loop on the virtual rig, with a correction: solve, play, re-record, correct, compare", onclick: () => tried(this.link.order("compare", "report", { take: this.name, method: "live", level: "auto" })) }, "Make the report");
+    this.report = make("button", { type: "button", id: "report", title: "the whole loop on the virtual rig, with a correction: solve, play, re-record, correct, compare", onclick: () => tried(this.link.order("compare", "report", { take: this.name, mode: "paper", method: "live", level: "auto" })) }, "Make the report");
     this.budget = make("button", { type: "button", id: "budget", title: "what each stage of the reproduction loses on the virtual rig, of the first second: simulated, in seconds", onclick: () => tried(this.link.order("compare", "budget", { take: this.name })) }, "Where it comes from");
     this.palm = make("button", { type: "button", id: "palm", title: "what a palm of 85 mm gets of the drive beside the cells: simulated, in seconds", onclick: () => tried(this.link.order("compare", "palm", { take: this.name })) }, "The whole palm");
     this.pressed = make("div");
@@ -30,13 +31,14 @@ export class Compare {
     this.traces = make("div.box");
     this.spectrum = make("div.box");
     this.card = make("div");
+    this.other = make("p.bad", { id: "other-drive", role: "status", hidden: true }, "This re-recording was made from another drive than the one that is there now: play it again, in Reproduce.");
     this.tracesPanel = panel("Cells, Pa", make("span.legend", {}, make("span", {}, "original"), make("span", {}, "re-recorded")), this.traces);
     this.spectrumPanel = panel("Spectrum", "", this.spectrum);
     this.studio.main.append(make("div.compare", {},
       make("div.column.left", {}, Object.assign(panel("Takes", null, this.list), { className: "panel grow" }),
         panel("Correction", null, this.suggested, make("div.buttons", {}, this.apply)), panel("Report", null, make("div.buttons", {}, this.compare, this.budget, this.palm, this.report), this.shown)),
       make("div.middle", {}, this.tracesPanel, this.spectrumPanel),
-      panel("What differs", null, make("div.card", {}, this.spent, this.pressed, this.card))));
+      panel("What differs", null, make("div.card", {}, this.other, this.spent, this.pressed, this.card))));
   }
   control() {
     const row = this.link.state.takes?.find((each) => each.name === this.name), controls = this.link.controls;
@@ -53,19 +55,20 @@ export class Compare {
     this.name ||= (takes.find((row) => row.compared) ?? takes.find((row) => row.played) ?? takes[0])?.name ?? "";
     this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#compare/${encodeURI(row.name)}`, "aria-current": row.name === this.name ? "true" : null },
       make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.compared ? "compared" : row.played ? "played" : "")))));
-    const found = this.link.state.comparisons?.[this.name];
+    const row = takes.find((each) => each.name === this.name), found = row?.compared && this.link.state.comparisons?.[this.name];
     if (found && found !== this.found) this._show(found);
-    if (!found) { this.found = null; this._close(); this._empty(takes.find((row) => row.name === this.name)); }
+    if (!found) { this.found = null; this._close(); this._empty(row); }
+    this.other.hidden = !found || !row.drive || found.drive === row.drive;
     this.control();
   }
   _pressed(row) {
     const palm = this.link.state.palms?.[this.name], budget = this.link.state.budgets?.[this.name];
-    this.spent.replaceChildren(...(budget && budget.stamp === row?.stamp.split("-")[1] ? [make("h3", {}, "Where the error comes from ", make("strong.simulated", {}, "SIMULATED")),
+    this.spent.replaceChildren(...(budget && budget.stamp === row?.drive ? [make("h3", {}, "Where the error comes from ", make("strong.simulated", {}, "SIMULATED")),
       make("table", {}, make("thead", {}, make("tr", {}, ...["stage", "alone", "so far"].map((name, i) => make(`th${i ? ".number" : ""}`, { scope: "col" }, name)))),
         make("tbody", {}, ...budget.rows.map(([name, alone, far, what]) => make("tr", { title: what }, make("td", {}, name), make("td.number", {}, alone), make("td.number", {}, far))))),
       make("p.quiet", {}, `signal over distortion, ${budget.band[0]} to ${budget.band[1]} Hz, the first ${budget.seconds.toPrecision(2)} s; each stage with all after it perfect`)] : []));
     // Of another drive than the one that is there now, it is told no more.
-    this.pressed.replaceChildren(...(palm && palm.stamp === row?.stamp.split("-")[1] ? [make("h3", {}, "What a whole palm gets ", make("strong.simulated", {}, "SIMULATED")), rows(palm.rows),
+    this.pressed.replaceChildren(...(palm && palm.stamp === row?.drive ? [make("h3", {}, "What a whole palm gets ", make("strong.simulated", {}, "SIMULATED")), rows(palm.rows),
       make("p.quiet", {}, `${palm.palm}, ${palm.seconds.toPrecision(2)} s; signal over distortion of flat model skins, soft and stiff, on bone and deep: no person was asked`)] : []));
   }
   _empty(row) {
@@ -135,8 +138,8 @@ export class Compare {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw, { once: true });
   }
   async _apply() {
-    const gain = this.found.suggested_gain;
-    if (await tried(this.link.order("reproduce", "solve", { take: this.name, method: "live", level: "auto", gain }))) this.studio.go("reproduce", this.name);
+    const take = this.name, gain = this.found.suggested_gain, facts = await tried(this.link.order("reproduce", "open", { take }));
+    if (facts && (await solveTake(this.link, { take, ...chosen(facts.drive?.settings ?? {}), gain }))) this.studio.go("reproduce", take);
   }
   _close() {
     this._watch?.disconnect();

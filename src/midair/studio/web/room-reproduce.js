@@ -3,21 +3,23 @@
 import { FieldPicture, TracesPicture, PhasesPicture, SpectrogramPicture, OverviewPicture, BarPicture } from "/web/view.js";
 import { Transport, controls } from "/web/transport.js";
 import { choice, field, make, panel, rows, tried } from "/web/dom.js";
-import { TakeView, colours } from "/web/take.js";
+import { solveTake } from "/web/jobs.js";
+import { TakeView, chosen, colours } from "/web/take.js";
 import { askToPlay } from "/web/playing.js";
 
 const MAPPINGS = [["", "of the mode"], ["half-wave", "half-wave"], ["constant-offset", "constant offset"], ["slow-bias", "slow bias"]];
-const METHODS = [["live", "live, quick"], ["fast", "fast"], ["glide", "glide, best"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
-const MODES = [["paper", "paper"], ["quick", "quick"], ["best", "best"], ["finest", "finest"]];
+const METHODS = [["", "of the mode"], ["live", "live, quick"], ["fast", "fast"], ["glide", "glide"], ["exact", "exact, slow"], ["lm", "lm, paper's"]];
+const MODES = [["best", "best"], ["finest", "finest, slow"], ["quick", "quick"], ["paper", "paper"]];
 const HEIGHTS = [["", "of the mode"], ["150", "150 mm"], ["180", "180 mm"], ["200", "200 mm"], ["230", "230 mm"]];
-const LEVELS = [["auto", "auto"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]];
+const LEVELS = [["", "of the mode"], ["auto", "auto"], ["0.3", "0.3 of full"], ["0.6", "0.6 of full"], ["1", "full"]];
+const USUAL = { mode: "best", mapping: "", method: "", level: "", gain: 1, height_mm: "" };
 
 export class Reproduce {
   constructor(studio) {
     this.studio = studio;
     this.link = studio.link;
     this.take = null;
-    this.made = { mode: "paper", method: "live", level: "auto" };
+    this.wish = studio.address.take;
     this._build();
     this._offs = [this.link.on("takes", (takes) => this._takes(takes)), this.link.on("player", () => this.control()), this.link.on("jobs", () => this.control())];
     this._clock = setInterval(() => this._address(), 500);
@@ -30,7 +32,7 @@ export class Reproduce {
   }
   get transport() { return this.take?.transport ?? null; }
   moved({ take, time }) {
-    if (take && take !== this.take?.name) this._open(take, time);
+    if (take && take !== this.wish) this._open(take, time);
     else if (Number.isFinite(time) && this.transport) this.transport.seek(time * this.transport.rate);
   }
   _build() {
@@ -42,13 +44,15 @@ export class Reproduce {
     this.form = make("div.column");
     this.frame = make("div");
     this.about = make("div.quiet");
-    const set = (name, number = false) => ({ target }) => { this.made[name] = target.value === "" ? undefined : number && target.value !== "auto" ? Number(target.value) : target.value; this._again(); };
-    this.form.append(
-      field("Mode", choice(MODES, "paper", set("mode"))), field("Mapping", choice(MAPPINGS, "", set("mapping"))),
-      field("Solver", choice(METHODS, "live", set("method"))), field("Level", choice(LEVELS, "auto", set("level", true))),
-      field("Gain", make("input", { type: "number", min: 0.05, max: 100, step: 0.05, value: "1", onchange: set("gain", true) })),
-      field("Height", choice(HEIGHTS, "", set("height_mm", true))));
-    this.gain = this.form.querySelector("input");
+    const set = (name) => ({ target }) => {
+      const value = target.value === "" || Number.isNaN(Number(target.value)) ? target.value : Number(target.value);
+      // The solver of one mode may not take the terms of another.
+      this._fill({ ...this.made, [name]: value, ...(name === "mode" ? { method: "" } : {}) });
+    };
+    this.inputs = { mode: choice(MODES, "", set("mode")), mapping: choice(MAPPINGS, "", set("mapping")), method: choice(METHODS, "", set("method")), level: choice(LEVELS, "", set("level")),
+      gain: make("input", { type: "number", min: 0.05, max: 100, step: 0.05, onchange: set("gain") }), height_mm: choice(HEIGHTS, "", set("height_mm")) };
+    this.view = make("p.quiet", { id: "in-view", role: "status" });
+    this.form.append(...Object.values(this.inputs).map((input, i) => field(["Mode", "Mapping", "Solver", "Level", "Gain", "Height"][i], input)), this.view);
     const left = make("div.column.left", {},
       Object.assign(panel("Takes", this.add, this.list, file), { className: "panel grow" }),
       panel("How it is made", null, this.form, make("div.buttons", {}, this.solve, this.play)), panel("This frame", null, this.frame, this.about));
@@ -57,41 +61,64 @@ export class Reproduce {
     const { boxes } = this;
     this.panels = { wanted: panel("Wanted", "", boxes.wanted), played: panel("Played", "", boxes.played), traces: panel("Cells", "", boxes.traces), phase: panel("Phase", "where louder than 5 %", boxes.phase), array: panel("Array", "", boxes.array), spectrogram: panel("Spectrogram", "", boxes.spectrogram) };
     const { panels } = this;
-    this.studio.main.append(make("div.reproduce", {}, left,
-      make("div.middle", {}, make("div.pair", {}, panels.wanted, panels.played, panel("Pa", null, boxes.bar)), panels.traces),
-      make("div.side", {}, panels.phase, panels.array, panels.spectrogram)));
+    this.problem = make("section.panel.problem", { id: "problem", role: "alert", hidden: true });
+    this.pictures = [make("div.middle", {}, make("div.pair", {}, panels.wanted, panels.played, panel("Pa", null, boxes.bar)), panels.traces), make("div.side", {}, panels.phase, panels.array, panels.spectrogram)];
+    this.studio.main.append(make("div.reproduce", {}, left, ...this.pictures, this.problem));
+    this._fill(USUAL);
+  }
+  /** Show settings in the form; a value that it does not offer is added. */
+  _fill(made) {
+    this.made = { ...USUAL, ...made };
+    for (const [name, input] of Object.entries(this.inputs)) {
+      const value = String(this.made[name]);
+      if (input.options && ![...input.options].some((option) => option.value === value)) input.append(make("option", { value }, name === "height_mm" ? `${value} mm` : name === "level" ? `${value} of full` : value));
+      input.value = value;
+    }
+    const able = this.link.state.studio?.methods[this.made.mode];
+    for (const option of this.inputs.method.options) option.disabled = !!option.value && !!able && !able.includes(option.value);
     this.control();
   }
   control() {
     const controls = this.link.controls, player = this.link.state.player, row = this._row(this.take?.name);
     const comes = this.take?.stamp === "first";
     this.solve.disabled = !controls || !this.take || comes;
-    this.play.disabled = !controls || !row?.solved || player?.state !== "ready";
-    this.play.title = !row?.solved ? "solve it first" : player?.state !== "ready" ? "the array is not ready" : "";
+    const facts = this.take?.facts, settings = facts?.drive?.settings, other = settings && JSON.stringify(chosen({ ...USUAL, ...settings })) !== JSON.stringify(chosen(this.made));
+    this.view.textContent = !facts?.drive ? "" : `Drive in view: ${settings?.line ?? "it does not tell its settings"}${facts.part ? ", one second; the rest is being solved" : ""}.${other ? " Solve makes another, with the settings above." : ""}`;
+    this.play.disabled = !controls || !row?.solved || facts.part || player?.state !== "ready";
+    this.play.title = !row?.solved ? "solve it first" : facts.part ? "the drive is being solved" : player?.state !== "ready" ? "the array is not ready" : "";
     this.add.disabled = !controls;
     const solving = (this.link.state.jobs ?? []).find((job) => job.room === "reproduce" && ["runs", "waits"].includes(job.state) && this.take && job.title.endsWith(this.take.name));
     if (this.nothing) this.nothing.textContent = solving ? `being solved${solving.total ? `: ${Math.round((100 * solving.done) / solving.total)} %` : " …"}` : comes ? "comes in a moment" : "not solved yet: press Solve";
   }
   _row(name) { return this.link.state.takes?.find((row) => row.name === name); }
   _takes(takes) {
-    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#reproduce/${encodeURI(row.name)}`, "aria-current": row.name === this.take?.name ? "true" : null },
+    this.list.replaceChildren(...takes.map((row) => make("li", {}, make("a", { href: `#reproduce/${encodeURI(row.name)}`, "aria-current": row.name === this.wish ? "true" : null, onclick: () => { if (row.name === this.wish && !this.take) { this._opening = ""; this._open(row.name); } } },
       make("span", {}, row.name.replace(/^sample:/, "").replace(/\.h5$/, "")), make("small", {}, row.sample ? "sample" : row.compared ? "compared" : row.played ? "played" : row.solved ? "solved" : "")))));
-    const asked = this.studio.address.take, name = this.take?.name ?? (takes.some((row) => row.name === asked) ? asked : takes.find((row) => row.sample)?.name ?? takes[0]?.name);
-    const row = takes.find((each) => each.name === name);
-    if (row && (!this.take || this.take.stamp !== row.stamp)) this._open(name, this.transport ? this.transport.time : this.studio.address.time);
+    const name = this.wish || (takes.find((row) => row.sample) ?? takes[0])?.name, row = this._row(name);
+    if (name && (row ? this.take?.name !== name || this.take.stamp !== row.stamp : takes.length && !this.take && !name.startsWith("sample:"))) this._open(name, this.transport ? this.transport.time : this.studio.address.time);
     if (!takes.length) this.about.textContent = "samples are being made …";
     this.control();
   }
   async _open(name, time) {
-    if (this._opening === `${name} ${this._row(name)?.stamp}`) return;
-    this._opening = `${name} ${this._row(name)?.stamp}`;
-    const opening = this._opening;
-    const facts = await tried(this.link.order("reproduce", "open", { take: name }));
-    if (!facts || opening !== this._opening || this.left) return;
-    const [inferno, twilight] = await Promise.all([colours("inferno"), colours("twilight")]);
-    if (this.left) return;
-    const before = this.transport, same = before && this.take.name === name;
-    this._close();
+    const opening = `${name} ${this._row(name)?.stamp}`, over = () => opening !== this._opening || this.left;
+    if (this.left || opening === this._opening) return;
+    this._opening = opening;
+    this.wish = name;
+    for (const link of this.list.querySelectorAll("a")) if (link.hash === `#reproduce/${encodeURI(name)}`) link.setAttribute("aria-current", "true"); else link.removeAttribute("aria-current");
+    // What is in view is never that of another name, not even while the named one comes.
+    if (this.take?.name !== name) this._nothing(`opening ${shortly(name)} …`);
+    let facts, inferno, twilight;
+    try {
+      facts = await this.link.order("reproduce", "open", { take: name });
+      [inferno, twilight] = await Promise.all([colours("inferno"), colours("twilight")]);
+    } catch (wrong) {
+      if (over()) return;
+      if (this.link.open) this._refused(name, wrong.message); else this._opening = ""; // asked for again with the next state
+      return;
+    }
+    if (over()) return;
+    const before = this.transport, same = before && this.take.name === name, was = JSON.stringify(this.take?.facts.drive?.settings);
+    this._nothing("");
     const view = new TakeView(name, facts, () => this._came());
     const transport = new Transport({ frames: facts.frames, rate: facts.rate_hz });
     if (same) Object.assign(transport, { playing: before.playing, speed: before.speed, loop: before.loop, marks: before.marks, channel: before.channel, span: before.span });
@@ -99,11 +126,31 @@ export class Reproduce {
     transport.channels = facts.rows * facts.columns;
     this.take = Object.assign(view, { stamp: facts.stamp, transport, pictures: [] });
     if (Number.isFinite(time)) { const plays = transport.playing; transport.seek(time * transport.rate); if (!same) transport.playing = plays && !this.studio.address.time; }
+    if (!same || (facts.drive && JSON.stringify(facts.drive.settings) !== was)) this._fill({ ...facts.drive?.settings, ...(facts.drive?.settings?.mode === "" ? USUAL : {}) });
     this._pictures(inferno, twilight);
     this._about();
     transport.addEventListener("change", () => { if (!transport.playing) this._address(); this._frame(); });
     transport.run((state) => this._draw(state));
     this._takes(this.link.state.takes ?? []);
+  }
+  /** No take: neither pictures nor what was told of the one before. */
+  _nothing(words) {
+    this._close();
+    this.studio.footer.hidden = true;
+    this.problem.hidden = true;
+    for (const picture of this.pictures) picture.hidden = false;
+    for (const part of [this.frame, this.about, ...Object.values(this.boxes)]) part.replaceChildren();
+    if (words) this.boxes.wanted.append(make("div.nothing", { role: "status" }, words));
+    this.nothing = this.played = this.phase = null;
+    this.control();
+  }
+  /** A take that cannot be opened: why stands where its pictures would be, until another is opened or it is closed. */
+  _refused(name, reason) {
+    this._nothing("");
+    for (const picture of this.pictures) picture.hidden = true;
+    this.problem.hidden = false;
+    this.problem.replaceChildren(make("h2", {}, `${shortly(name)} cannot be opened`), make("p", {}, reason.replace(`${this.link.state.studio?.folder}/`, "")),
+      make("div.buttons", {}, make("button", { type: "button", onclick: () => this._nothing("choose a take") }, "Close")));
   }
   _pictures(inferno, twilight) {
     const { take, boxes, panels } = this, { facts, transport } = take, drive = facts.drive;
@@ -194,21 +241,22 @@ export class Reproduce {
     this.take.pictures = [];
     this.take = null;
   }
-  _solve() { return tried(this.link.order("reproduce", "solve", { take: this.take.name, ...this.made, ...(this.take.seconds > 1.5 && this.take.facts.drive ? { visible_s: Math.max(0, Math.min(this.take.seconds - 1, this.transport.time - 0.5)) } : {}) })); }
-  /** A setting was changed: what is in sight is solved anew at once, if it was solved before. */
-  _again() { if (this.take?.facts.drive && this.link.controls && this.link.state.player?.state !== "plays") this._solve(); }
+  _solve() { return solveTake(this.link, { take: this.take.name, ...chosen(this.made), ...(this.take.seconds > 1.5 && this.take.facts.drive ? { visible_s: Math.max(0, Math.min(this.take.seconds - 1, this.transport.time - 0.5)) } : {}) }); }
   async _upload(file) {
     if (!file) return;
     const answer = await fetch("/upload", { method: "POST", body: file, headers: { "x-name": encodeURIComponent(file.name), "x-page": String(this.link.page) } });
     const said = await answer.json();
     if (said.error) tried(Promise.reject(new Error(said.error))); else this.studio.go("reproduce", said.ok);
   }
-  _code() {
-    const { name, facts } = this.take, sample = name.startsWith("sample:"), file = sample ? `${name.slice(7)}.h5` : name, stem = file.replace(/\.\w+$/, "");
-    const given = [`--mode ${this.made.mode}`, this.made.mapping ? `--mapping ${this.made.mapping}` : "", `--method ${this.made.method}`, `--level ${this.made.level}`, this.made.gain ? `--gain ${this.made.gain}` : "", this.made.height_mm ? `--height ${this.made.height_mm}mm` : ""].filter(Boolean).join(" ");
-    const but = [`method="${this.made.method}"`, `level=${this.made.level === "auto" ? '"auto"' : this.made.level}`, this.made.mapping ? `mapping="${this.made.mapping}"` : "", this.made.gain ? `gain=${this.made.gain}` : "", this.made.height_mm ? `height=${this.made.height_mm / 1000}` : ""].filter(Boolean).join(", ");
-    const first = sample ? `midair record virtual:${name.slice(7)} ${file} --duration ${(facts.frames / facts.rate_hz).toFixed(1)}s\n` : "";
-    this.studio.code("The same, as code", `${first}midair solve ${file} ${given}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
-      `import midair\nfrom midair.flow import felt, reproduce\nfrom midair.settings import MODES\n\ntake = ${sample ? `midair.record("virtual:${name.slice(7)}", ${(facts.frames / facts.rate_hz).toFixed(1)})` : `midair.open_take("${file}")`}\nsettings = MODES["${this.made.mode}"]().but(${but})\npressure = felt(take.recording, take.calibration, settings)\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`);
+  /** How the drive in view was made; without one, how Solve would make it. */
+  async _code() {
+    const { name, facts } = this.take, sample = name.startsWith("sample:"), file = sample ? `${name.slice(7)}.h5` : name, stem = file.replace(/\.\w+$/, ""), seconds = (facts.frames / facts.rate_hz).toFixed(1);
+    const made = facts.drive?.settings ?? (await tried(this.link.order("reproduce", "code", { take: name, ...chosen(this.made) })));
+    if (!made) return;
+    const first = sample ? `midair record virtual:${name.slice(7)} ${file} --duration ${seconds}s\n` : "";
+    this.studio.code("The same, as code", `${first}midair solve ${file} ${made.options || `--settings ${stem}.drive.h5`}\nmidair play ${stem}.drive.h5\nmidair compare ${file} ${stem}.rerecorded.h5`,
+      `import midair\nfrom midair.flow import felt, lead_of, reproduce\nfrom midair.settings import ${made.python.startsWith("MODES") ? "MODES" : "Settings"}\nfrom midair.targets import led_in\n\ntake = ${sample ? `midair.record("virtual:${name.slice(7)}", ${seconds})` : `midair.open_take("${file}")`}\nsettings = ${made.python}\npressure = led_in(felt(take.recording, take.calibration, settings), lead_of(settings))\nmade = reproduce(pressure, midair.TransducerArray.autd3(), settings)\nplayed = midair.play(made.solution, "virtual")\nprint(made, played)`);
   }
 }
+
+const shortly = (name) => name.replace(/^sample:/, "").replace(/\.h5$/, "");

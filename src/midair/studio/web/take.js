@@ -42,6 +42,11 @@ export class TakeView {
   }
 }
 
+/** Of settings as the studio tells them, or as the form has them, what an order names: what is not the mode's. */
+export function chosen({ mode, mapping, method, level, gain, height_mm }) {
+  return Object.fromEntries(Object.entries({ mode, mapping, method, level, gain, height_mm }).filter(([, value]) => value !== "" && value !== undefined));
+}
+
 /** One second of a stream. */
 export async function sections(stream, take, second, signal) {
   const answer = await fetch(`/frames/${stream}/${second}?take=${encodeURIComponent(take)}`, { signal });
