@@ -6,7 +6,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.model import Acoustics, Medium
-from midair.settings import CHOICES, Settings, spelt_setting
+from midair.settings import CHOICES, MODES, Settings, over_mode, spelt_setting
 
 # What only Python can say: parts of what has an option, and constants of the array.
 PYTHON_ONLY = {
@@ -71,3 +71,11 @@ def test_a_humidity_alone_says_nothing():
 )
 def test_a_setting_is_told_with_its_unit(path, value, words):
     assert spelt_setting(path, value) == words
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_settings_are_their_mode_and_what_differs_from_it(mode):
+    settings = MODES[mode]()
+    assert over_mode(settings) == (mode, {})
+    assert over_mode(settings.but(gain=2.0, level=0.5)) == (mode, {"gain": 2.0, "level": 0.5})
+    assert over_mode(settings.but(ramp=1e-3)) is None, "no choice sets it"
