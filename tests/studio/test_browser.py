@@ -41,7 +41,8 @@ def test_the_first_five_minutes(studio_at, look, monkeypatch):
     assert found["simulated"]
     page.page.get_by_role("button", name="The whole palm").click()
     palm = page.until("studio.link.state.palms?.['towel-flat-01.h5']", timeout=120)
-    assert float(dict(map(tuple, palm["rows"]))["power outside the square"].removesuffix(" %")) > 50
+    # The best mode has a guard around the square; the paper's mode leaves more than half of the power outside.
+    assert 0 < float(dict(map(tuple, palm["rows"]))["power outside the square"].removesuffix(" %")) < 10
     page.until("document.querySelector('.card').textContent.includes('disc of 85 mm')")
     with page.page.context.expect_page() as opened:
         page.page.locator("#to-report").click()
