@@ -95,7 +95,7 @@ def positive(value: float, name: str, unit: str = "") -> float:
 HEIGHTS = (20e-3, 1.0)
 """Heights of a palm above an array, in m."""
 
-PITCHES = (10e-6, 0.2)
+PITCHES = (1e-6, 0.2)
 """Distances between the places of a grid, in m."""
 
 

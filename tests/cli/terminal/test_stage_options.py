@@ -51,6 +51,7 @@ def steps(path):
     return {step.stage: step.settings for step in load(path).provenance.steps}
 
 
+@pytest.mark.long  # It compares a speed with the clock, to 2 %.
 def test_a_stroke_ends_where_it_began_and_its_speed_is_in_the_file(machine, capsys):
     assert run(command(machine, stroke="60mm")) == 0
     said = capsys.readouterr()

@@ -187,6 +187,7 @@ def test_a_live_sensor_is_opened_before_it_is_started_or_asked(live_sensor):
         _ = sensor.rate
 
 
+@pytest.mark.long  # It compares times with the clock.
 def test_host_time_is_this_computers_steady_clock(live_sensor):
     sensor, _, _ = live_sensor
     with sensor:

@@ -41,6 +41,7 @@ def test_opening_moves_nothing_and_says_where_it_is(machine):
     assert machine.lines == ["$$", "$I"]
 
 
+@pytest.mark.long  # It compares a speed with the clock, to 2 %.
 def test_a_move_ends_where_and_when_the_machine_does(machine):
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)
