@@ -22,7 +22,8 @@
     │   ├── HeldError                        another program has it
     │   ├── StoppedError                     somebody asked for silence
     │   ├── LinkLostError (ConnectionError)  a unit that no longer answers
-    │   └── SilentFramesError                frames of a drive that did not sound
+    │   ├── SilentFramesError                frames of a drive that did not sound
+    │   └── TooHotError                      units of an array that have to cool
     ├── ClusterError (RuntimeError)          a cluster that does not answer or loses its workers
     └── MissingExtraError (ImportError)      an optional package is not installed
 
@@ -112,6 +113,10 @@ class LinkLostError(DeviceError, ConnectionError):
 
 class SilentFramesError(DeviceError):
     """Frames of a drive that did not sound, though the array was told to play them."""
+
+
+class TooHotError(DeviceError):
+    """Units of an array that report too hot; the array is silent and plays again once they have cooled."""
 
 
 class ClusterError(MidairError, RuntimeError):

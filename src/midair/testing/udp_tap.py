@@ -8,12 +8,15 @@ import select
 import socket
 import threading
 import time
+from collections.abc import Container
 from typing import Any
 
 FRAME = 0
 """Kind of a datagram that holds a command; the others keep the link alive."""
 READ_STATE = 0xE7
 """Command that asks a unit for the state of its FPGA."""
+THERMAL = 0x01
+"""Bit of that state: the unit is too hot."""
 
 
 class UdpTap:
@@ -32,6 +35,8 @@ class UdpTap:
         Where a client finds it, for ``autd3:ADDRESS``.
     passes : bool
         Whether datagrams go through; False cuts the wire.
+    hot : container of int
+        Ports of the units that report too hot whenever the client asks for their state; `range(65536)` means all.
     sent : list of tuple
         (time in s, unit's port, datagram) of all that the client sent.
     lost : int
@@ -41,12 +46,15 @@ class UdpTap:
     def __init__(self, units: int) -> None:
         from autd3 import UdpEmulator
 
+        self.units = units
         self.emulator: Any = UdpEmulator(units)
         group = int(str(self.emulator.option().iface).split('"')[1].rsplit(":", 1)[1])
         self.inner, self.outer = _socket(), {group: _socket()}
         self.address = f"[::1]:{self.outer[group].getsockname()[1]}"
         self.client: Any = None
         self.passes = True
+        self.hot: Container[int] = ()
+        self._asked: set[tuple[int, bytes]] = set()
         self._lose: list[tuple[int, bool]] = []
         self._unanswered: set[tuple[int, bytes]] = set()
         self.lost = 0
@@ -114,12 +122,18 @@ class UdpTap:
             self._unanswered.remove((port, datagram[2:4]))
             self.lost += 1
         elif self.client and self.passes:
+            if (port, datagram[2:4]) in self._asked and datagram[1] == FRAME:
+                self._asked.remove((port, datagram[2:4]))
+                if port in self.hot:
+                    datagram = datagram[:-1] + bytes([datagram[-1] | THERMAL])
             self.outer[port].sendto(datagram, self.client)
 
     def _forth(self, datagram: bytes, source: Any, port: int) -> None:
         self.client = source
         self.sent.append((time.monotonic(), port, datagram))
         command = datagram[5] if datagram[1] == FRAME else -1
+        if command == READ_STATE:
+            self._asked.add((port, datagram[2:4]))
         if (command, True) in self._lose:
             self._lose.remove((command, True))
             self._unanswered.add((port, datagram[2:4]))

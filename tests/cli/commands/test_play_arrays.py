@@ -21,6 +21,7 @@ from midair.testing import UdpTap
 pytest.importorskip("autd3")
 EMULATOR = ["--device", "autd3:emulator"]
 ARRAY = TransducerArray.autd3()
+SWITCH, SILENCE = 0x12, 0x16
 
 
 @pytest.fixture(autouse=True)
@@ -242,7 +243,7 @@ def test_a_computer_that_stands_still_for_a_second_ends_the_play_with_status_1_a
         [*command, "--device", f"autd3:{tap.address}"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as player:
         # The first switch: it is about to sound.
-        while player.poll() is None and not any(frame[2] == 0x12 for frame in tap.frames()):
+        while player.poll() is None and not any(frame[2] == SWITCH for frame in tap.frames()):
             time.sleep(0.02)
         time.sleep(0.4)
         player.send_signal(signal.SIGSTOP)
@@ -255,6 +256,31 @@ def test_a_computer_that_stands_still_for_a_second_ends_the_play_with_status_1_a
         r"failsafe silenced units? [\d, ]+: frames \d+ to 2999 of 3000 \([\d.]+ to 3\.000 s\) were silent", line
     )
     assert log()[-1]["reason"].startswith("SilentFramesError")
+
+
+@pytest.mark.parametrize("after", [0, 400])
+def test_units_that_are_too_hot_end_the_play_with_status_1_and_the_log_says_why(tap, capsys, after):
+    """From the start, and from 400 ms after the first switch on."""
+    make("three.drive.h5", level=0.005, frames=3000)
+    status = []
+    player = threading.Thread(
+        target=lambda: status.append(run(["play", "three.drive.h5", "--device", f"autd3:{tap.address}"]))
+    )
+    player.start()
+    while after and player.is_alive() and not any(frame[2] == SWITCH for frame in tap.frames()):
+        time.sleep(0.02)
+    time.sleep(after / 1000)
+    tap.hot = range(65536)
+    player.join(30)
+    (line,) = said(capsys)
+    words = r"after \d+ of 3000 frames \([\d.]+ s\)" if after else "before the first frame"
+    assert re.search(rf"units 0, 1, 2, 3 too hot {words}; let them cool; a lower --level or pauses help$", line)
+    assert status == [1]
+    assert (log()[-1]["event"], log()[-1]["outcome"]) == ("end", "failed")
+    assert log()[-1]["reason"] == f"TooHotError: {line.removeprefix('midair: ')}"
+    assert any(frame[2] == SWITCH for frame in tap.frames()) == (after > 0)
+    last = tap.frames()[-1][3]
+    assert (last[5], any(last[-249:])) == (SILENCE, False)
 
 
 def test_playing_from_a_thread_needs_no_signals():

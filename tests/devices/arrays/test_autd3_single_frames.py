@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from midair.devices import ExposureChoices, admit_level, autd3_immediate, stop_playing
-from midair.errors import DeviceError, DeviceStateError, ExposureError, LinkLostError, SilentFramesError, StoppedError
+from midair.errors import (
+    DeviceError,
+    DeviceStateError,
+    ExposureError,
+    LinkLostError,
+    SilentFramesError,
+    StoppedError,
+    TooHotError,
+)
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Drive, Placement
 from midair.testing import overridden
@@ -198,6 +206,32 @@ def test_units_go_silent_by_themselves_when_nobody_speaks_and_it_is_said(tap):
             for _ in range(200):
                 put_some(put, device.units, 5)
     assert not device.emitting
+
+
+def test_units_that_are_too_hot_are_silenced_and_sound_again_once_they_have_cooled(tap):
+    device = autd3_immediate(tap.address, ONE)
+    drive = Drive(phase=np.zeros((5, 249)), level=np.full(5, 0.1), rate=1000.0, array=device.array)
+    with device:
+        with pytest.raises(TooHotError, match=r"unit 0 too hot after \d+ frames"):  # noqa: SIM117
+            with device.frames_to_come(answered(device)) as put:
+                put_some(put, device.units, 5)
+                tap.hot, began = range(65536), time.monotonic()
+                while time.monotonic() - began < 5:
+                    put_some(put, device.units, 5)
+        ended, sent = time.monotonic(), len(frames_on(tap))
+        assert ended - began < 0.6
+        assert sent > 10
+        assert tap.frames()[-1][3] in silences(tap)
+        with (
+            pytest.raises(TooHotError, match="too hot before the first frame"),
+            device.frames_to_come(answered(device)),
+        ):
+            pass
+        with pytest.raises(TooHotError, match="too hot before the first frame"):
+            device.play(overridden(drive, device))
+        assert len(frames_on(tap)) == sent
+        tap.hot = ()
+        assert device.play(overridden(drive, device)).frames == 5
 
 
 def test_one_lost_datagram_is_one_frame_and_a_cut_wire_is_the_end(tap):

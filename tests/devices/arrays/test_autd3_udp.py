@@ -12,7 +12,7 @@ import pytest
 
 from midair.devices import autd3_array
 from midair.devices.frame_bytes import phase_bytes
-from midair.errors import DeviceError, LinkLostError
+from midair.errors import DeviceError, LinkLostError, TooHotError
 from midair.model import Drive, Placement
 from midair.testing import overridden
 from midair.testing.udp_tap import READ_STATE
@@ -230,6 +230,37 @@ def test_silence_from_another_thread_ends_playing(tap):
             device.play(overridden(noise(5000), device), progress=begin)
         assert tap.states() == [PATTERN]
         assert_last_word_is_silence(tap)
+
+
+def test_units_that_are_too_hot_from_the_start_never_sound_and_play_once_they_have_cooled(tap):
+    tap.hot = range(65536)
+    with autd3_array(tap.address, ONE) as device:
+        with pytest.raises(TooHotError, match=r"unit 0 too hot before the first frame; let them cool"):
+            device.play(overridden(noise(300), device))
+        assert SWITCH not in {command for _, _, command, _ in tap.frames()}
+        tap.hot = ()
+        assert device.play(overridden(noise(20), device)).units == "not too hot, no errors"
+
+
+@pytest.mark.parametrize(("tap", "rate"), [(2, 1000.0), (1, 0.625)], indirect=["tap"])
+def test_a_unit_that_gets_too_hot_silences_all_units_at_once(tap, rate):
+    """Units are asked each quarter of a second, also within a frame that lasts longer."""
+    placement, began = Placement.grid(columns=tap.units, rows=1), []
+    array = placement.array()
+    drive = Drive(phase=np.zeros((2000, array.count)), level=np.ones(2000), rate=rate, array=array)
+
+    def heat(done, total):
+        if not began:
+            tap.hot = {max(tap.sequence)}
+            began.append(time.monotonic())
+
+    with autd3_array(tap.address, placement) as device:
+        with pytest.raises(TooHotError, match=r"got unit \d too hot after \d+ of 2000 frames"):
+            device.play(overridden(drive, device), progress=heat)
+        assert tap.states() == [PATTERN] * placement.units
+    assert_last_word_is_silence(tap)
+    silent = next(at for at, _, command, datagram in tap.frames() if at > began[0] and command == SILENCE)
+    assert silent - began[0] < 0.6
 
 
 @pytest.mark.long

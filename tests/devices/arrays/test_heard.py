@@ -4,7 +4,7 @@ import pytest
 
 from midair.devices.arrays.banks import UnitsState
 from midair.devices.arrays.heard import Heard
-from midair.errors import DeviceError, LinkLostError, SilentFramesError
+from midair.errors import DeviceError, LinkLostError, SilentFramesError, TooHotError
 
 MS = 1_000_000
 
@@ -74,13 +74,15 @@ def test_an_error_before_the_first_block_leaves_all_frames_in_doubt():
     assert str(one.told(DeviceError("refused"))).startswith("refused; frames 0 to 999 of 1000")
 
 
-def test_heat_is_remembered_after_it_has_gone():
+@pytest.mark.parametrize("method", ["ask", "check_heat"])
+def test_a_hot_unit_ends_the_stream_and_the_error_names_unit_and_frame(method):
     units, one = heard(1)
-    units.answer = UnitsState(hot=(2,), errors=())
-    one.ask()
-    units.answer = UnitsState(errors=())
-    one.ask()
-    assert one.units() == "unit 2 too hot, no errors"
+    one.order(250 * MS, 250)
+    units.instant, units.answer = 300 * MS, UnitsState(hot=(2, 3), silenced=(0,))
+    with pytest.raises(
+        TooHotError, match=r"got units 2, 3 too hot after 300 of 1000 frames \(0\.300 s\); let them cool"
+    ):
+        getattr(one, method)()
 
 
 def test_units_that_cannot_be_asked_say_nothing():

@@ -8,7 +8,7 @@ import pytest
 
 from midair.devices import pyautd3_array
 from midair.devices.frame_bytes import intensity_bytes, phase_bytes
-from midair.errors import DeviceStateError, UnknownDeviceError
+from midair.errors import DeviceStateError, TooHotError, UnknownDeviceError
 from midair.model import Drive, Placement
 from midair.testing import overridden
 
@@ -99,11 +99,12 @@ def test_the_silencer_is_set():
         assert not device.banks.link.silencer_strict(0)
 
 
-def test_a_unit_that_gets_hot_is_told():
+def test_a_unit_that_is_too_hot_does_not_sound():
     with pyautd3_array("audit", PAIR) as device:
         assert device.play(overridden(noise(300), device)).units == "not too hot"
         device.banks.link.assert_thermal_sensor(1)
-        assert device.play(overridden(noise(300), device)).units == "unit 1 too hot"
+        with pytest.raises(TooHotError, match="unit 1 too hot before the first frame"):
+            device.play(overridden(noise(300), device))
 
 
 def test_a_link_that_breaks_ends_playing():

@@ -9,7 +9,7 @@ from midair.devices import autd3_standing
 from midair.devices.arrays.autd3_places import autd3_place
 from midair.devices.arrays.standing_array import StandingArray
 from midair.devices.frame_bytes import phase_bytes
-from midair.errors import InputError, SilentFramesError, UnknownDeviceError
+from midair.errors import InputError, SilentFramesError, TooHotError, UnknownDeviceError
 from midair.model import Drive, Placement
 from midair.testing import overridden
 
@@ -55,7 +55,7 @@ def test_a_frame_stands_with_its_phases_until_it_is_silenced(tap):
 def test_a_python_that_hangs_is_silent_though_its_process_lives(tap):
     with autd3_standing(tap.address, ONE) as device:
         progress, states = hangs_after(0.2, 0.4, tap)
-        with pytest.raises(SilentFramesError, match=r"failsafe silenced units 0: frames \d+ to 1999 of 2000"):
+        with pytest.raises(SilentFramesError, match=r"failsafe silenced unit 0: frames \d+ to 1999 of 2000"):
             device.play(overridden(stands(2000), device), progress=progress)
         assert states == [PATTERN | FAILSAFE]
         assert device.play(overridden(stands(20), device)).frames == 20
@@ -70,6 +70,18 @@ def test_with_the_sdk_s_heartbeat_it_would_sound_on(tap):
         progress, states = hangs_after(0.2, 0.8, tap)
         device.play(overridden(stands(2000), device), progress=progress)
     assert states == [PATTERN]
+
+
+def test_a_unit_that_is_too_hot_ends_it(tap):
+    def heat(done, total):
+        tap.hot = range(65536)
+
+    with autd3_standing(tap.address, ONE) as device:
+        with pytest.raises(TooHotError, match=r"unit 0 too hot after \d+ of 2000 frames"):
+            device.play(overridden(stands(2000), device), progress=heat)
+        assert not tap.frames()[-1][3][-1]
+        with pytest.raises(TooHotError, match="before the first frame"):
+            device.play(overridden(stands(2000), device))
 
 
 def test_what_moves_does_not_stand():

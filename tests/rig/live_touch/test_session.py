@@ -15,6 +15,7 @@ import midair
 from midair.devices import ExposureChoices, stop_playing
 from midair.errors import DeviceError, ExposureError, InputError, MissingFileError, StoppedError, UnknownDeviceError
 from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
+from midair.testing import UdpTap
 
 ANSWERED = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a test")
 
@@ -85,6 +86,29 @@ def test_midair_stop_silences_it():
         (stopped,) = stop_playing()
         assert stopped.outcome == "silent"
         session.wait(5.0)
+
+
+@pytest.mark.slow
+def test_units_that_get_too_hot_end_the_command_with_status_1_and_the_log_says_why(tmp_path, request):
+    tap = UdpTap(4)
+    request.addfinalizer(tap.close)
+    line = [sys.executable, "-m", "midair", "live", "--sensor", "virtual:brush", "--device", f"autd3:{tap.address}"]
+    line += ["--override-exposure", "a test", "--duration", "60s"]
+    environment = {**os.environ, "MIDAIR_STATE": str(tmp_path / "state")}
+    running = subprocess.Popen(line, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60
+    while len(tap.frames()) < 2000 and running.poll() is None and time.monotonic() < until:
+        time.sleep(0.05)
+    tap.hot, began = range(65536), time.monotonic()
+    _, said = running.communicate(timeout=30)
+    assert "units 0, 1, 2, 3 too hot after " in said
+    assert running.returncode == 1
+    end = json.loads((tmp_path / "state" / "played.jsonl").read_text(encoding="utf-8").splitlines()[-1])
+    assert (end["event"], end["outcome"]) == ("end", "failed")
+    assert end["reason"].startswith("TooHotError: array: expected units that are not too hot, got units 0, 1, 2, 3")
+    last = max(at for at, _, command, datagram in tap.frames() if command == 0x16 and any(datagram[-249:]))
+    assert last - began < 0.6
+    assert not any(tap.frames()[-1][3][-249:])
 
 
 @pytest.mark.slow

@@ -24,8 +24,9 @@ from autd3_pattern import PhaseBuffer
 from midair.devices.arrays import autd3_commands as commands
 from midair.devices.arrays.autd3_places import Autd3Place
 from midair.devices.arrays.autd3_udp import Autd3Udp
+from midair.devices.arrays.banks import UnitsState
 from midair.devices.frame_bytes import Bytes
-from midair.errors import DeviceError, LinkLostError, SilentFramesError
+from midair.errors import DeviceError, LinkLostError, SilentFramesError, TooHotError
 from midair.model import Placement
 
 _KEPT = 64
@@ -126,6 +127,12 @@ class Autd3Immediate(Autd3Udp):
             self._asks = now
             self._start(self._ask())
 
+    def release(self) -> None:
+        """Let units that their failsafe has silenced sound again; heat of an earlier order is forgotten."""
+        super().release()
+        if isinstance(self._wrong, TooHotError):
+            self._wrong = None
+
     def sent(self, number: int) -> int:
         """When a frame left, in ns of `time.monotonic_ns`; 0 if it did not, or has not yet."""
         self._turned.turn()
@@ -179,11 +186,17 @@ class Autd3Immediate(Autd3Udp):
             self._flying -= 1
 
     async def _ask(self) -> None:
-        """Ask the units how they are: what their failsafe has silenced nobody feels."""
+        """Ask the units how they are: those that are too hot must be silent, and those in failsafe are."""
         try:
             states = await self._open.read_fpga_state()
         except (Autd3Error, DeviceError):
             return  # frames that get no answer say so
+        try:
+            hot = tuple(unit for unit, state in enumerate(states) if state.is_thermal_asserted())
+            UnitsState(hot=hot).check_heat(f"after {self._number} frames since they were opened")
+        except TooHotError as wrong:
+            self._wrong = wrong
+            return
         silenced = [unit for unit, state in enumerate(states) if state.is_failsafe_active()]
         if silenced:
             self._wrong = SilentFramesError(

@@ -85,7 +85,7 @@ class BankedArray(ArrayDevice):
         silencer = choose_silencer(self.silencer, drive)
         # The silencer is set while nothing sounds, and `play_stream` begins on silent banks.
         banks.silence()
-        self._release(banks)
+        self._make_ready(banks)
         banks.set_silencer(silencer)
 
         def switch(bank: int, instant: int) -> None:
@@ -101,10 +101,13 @@ class BankedArray(ArrayDevice):
         report = play_stream(stream, banks, progress=progress, switch=switch)
         return replace(report, silencer=str(silencer))
 
-    def _release(self, banks: Banks) -> None:
-        """A failsafe that acted before this order must not silence it; now that what the units play is silence."""
+    def _make_ready(self, banks: Banks) -> None:
+        """Refuse units that are too hot, and release a failsafe that acted before this order; the units are silent."""
         state = banks.state()
-        if state is not None and state.silenced:
+        if state is None:
+            return
+        state.check_heat()
+        if state.silenced:
             banks.release()
 
     def silence(self) -> None:

@@ -5,6 +5,7 @@ from typing import Protocol
 
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import Bytes
+from midair.errors import TooHotError
 
 
 class TooLateError(Exception):
@@ -29,10 +30,23 @@ class UnitsState:
     hot: tuple[int, ...] = ()
     errors: tuple[str, ...] | None = None
 
+    def check_heat(self, when: str = "before the first frame") -> None:
+        """Raise TooHotError if a unit is too hot; `when` completes the message."""
+        if self.hot:
+            raise TooHotError(
+                f"array: expected units that are not too hot, got {name_units(self.hot)} too hot {when}; "
+                "let them cool; a lower --level or pauses help"
+            )
+
     def __str__(self) -> str:
         heat = [f"unit {unit} too hot" for unit in self.hot] or ["not too hot"]
         counted = [] if self.errors is None else self.errors or ["no errors"]
         return ", ".join([*heat, *counted])
+
+
+def name_units(units: tuple[int, ...]) -> str:
+    """Units by their numbers, such as "unit 1" or "units 0, 2"."""
+    return f"unit {units[0]}" if len(units) == 1 else "units " + ", ".join(map(str, units))
 
 
 class Banks(Protocol):

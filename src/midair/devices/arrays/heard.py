@@ -1,8 +1,6 @@
 """Which frames of a stream are known to have sounded: the units are asked, block after block."""
 
-from dataclasses import replace
-
-from midair.devices.arrays.banks import Banks, UnitsState
+from midair.devices.arrays.banks import Banks, UnitsState, name_units
 from midair.errors import DeviceError, SilentFramesError
 
 
@@ -28,7 +26,6 @@ class Heard:
         self._blocks: list[tuple[int, int]] = []
         self._ordered = 0
         self._state: UnitsState | None = None
-        self._hot: frozenset[int] = frozenset()
 
     def order(self, start: int, frames: int) -> None:
         """Take down that the next frames were ordered to begin at an instant."""
@@ -40,13 +37,13 @@ class Heard:
 
         Raises
         ------
+        TooHotError
+            If one is too hot.
         SilentFramesError
             If the failsafe of one has silenced it before its last frame was over.
         """
         asked = self._banks.now()
-        state = self._state = self._banks.state()
-        if state is not None:
-            self._hot |= frozenset(state.hot)
+        state = self._state = self.check_heat()
         silenced = () if state is None else state.silenced
         if not silenced:
             self._well = asked
@@ -56,10 +53,17 @@ class Heard:
         first = self._first_after(self._well + round(self._banks.failsafe * 1e9))
         if first < self._total:
             raise SilentFramesError(
-                f"array: expected every frame to sound, but the failsafe silenced {_units(silenced)}: "
+                f"array: expected every frame to sound, but the failsafe silenced {name_units(silenced)}: "
                 f"{self._words(first)} were silent; the computer said nothing for {self._banks.failsafe:g} s: look for "
                 "what held it up (sleep, other programs), then play again"
             )
+
+    def check_heat(self) -> UnitsState | None:
+        """Ask the units for their state and return it; raise TooHotError if one is too hot."""
+        over, state = self._first_after(self._banks.now()), self._banks.state()
+        if state is not None:
+            state.check_heat(f"after {over} of {self._total} frames ({over * self._period / 1e9:.3f} s)")
+        return state
 
     def told(self, wrong: DeviceError) -> DeviceError:
         """An error that ended the stream, with the frames that may not have sounded."""
@@ -68,9 +72,7 @@ class Heard:
 
     def units(self) -> str:
         """How the units were, in words; empty where they cannot be asked."""
-        if self._state is None:
-            return ""
-        return str(replace(self._state, hot=tuple(sorted(self._hot))))
+        return "" if self._state is None else str(self._state)
 
     def _first_after(self, instant: int) -> int:
         """The first frame that was not over at an instant."""
@@ -87,7 +89,3 @@ class Heard:
         last, second = self._total - 1, self._period / 1e9
         which = f"frame {first}" if first == last else f"frames {first} to {last}"
         return f"{which} of {self._total} ({first * second:.3f} to {self._total * second:.3f} s)"
-
-
-def _units(units: tuple[int, ...]) -> str:
-    return f"unit {units[0]}" if len(units) == 1 else "units " + ", ".join(map(str, units))

@@ -51,7 +51,7 @@ class ImmediateUnits(Protocol):
         Raises
         ------
         DeviceError
-            If an earlier frame met a link that is lost, or units that their failsafe has silenced.
+            If an earlier frame met a link that is lost, or units that are too hot or that their failsafe has silenced.
         """
         ...
 
@@ -157,6 +157,8 @@ class ImmediateArray(ArrayDevice):
             From a frame that is stronger than what was admitted.
         StoppedError
             From the first frame after somebody asked for silence.
+        TooHotError
+            Before the first frame or from a later one, if a unit is too hot.
         """
         admission.check_array(self)
         units, strongest = self.units, admission.strongest
@@ -183,10 +185,7 @@ class ImmediateArray(ArrayDevice):
 
     @contextmanager
     def _playing(self, units: ImmediateUnits) -> Generator[None]:
-        units.silence()
-        # Without a heartbeat the failsafe has acted since the last order.
-        units.release()
-        units.set_silencer(self.silencer)
+        self._make_ready(units)
         try:
             self._plays = True
             yield
@@ -197,15 +196,23 @@ class ImmediateArray(ArrayDevice):
             self._plays = False
         self.silence()
 
+    def _make_ready(self, units: ImmediateUnits) -> None:
+        """Leave the units silent and ready to sound; raise TooHotError if one is too hot."""
+        units.silence()
+        state = units.state()
+        if state is not None:
+            state.check_heat()
+        # Without a heartbeat the failsafe has acted since the last order.
+        units.release()
+        units.set_silencer(self.silencer)
+
     def emit(self, drive: Drive, progress: Progress | None, *, repeats: int = 1, delay: float = 0.0) -> PlayReport:
         """Put every frame of a drive at its instant; for drives whose frames are there already, memories do better."""
         units, period = self.units, divider(drive.rate) * TICK
         phases, intensity = phase_bytes(drive, self.placement.units), intensity_bytes(drive, self.placement.units)
         if intensity.ndim > 1:
             raise InputError(f"{self.name}: expected transducers that are equally loud, got a level for each")
-        units.silence()
-        units.release()
-        units.set_silencer(self.silencer)
+        self._make_ready(units)
         total, ahead, before = drive.frames * repeats, round(self.hold * 1e9), units.told()
         first = -(-(units.now() + round(delay * 1e9) + 2 * ahead) // period) * period
         for number in range(total):

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from midair.devices.arrays.banks import UnitsState
+from midair.devices.arrays.banks import UnitsState, name_units
 from midair.devices.frame_bytes import Bytes, divider, intensity_bytes, phase_bytes
 from midair.devices.interface import ArrayDevice, PlayReport
 from midair.errors import DeviceStateError, InputError, SilentFramesError
@@ -96,6 +96,8 @@ class StandingArray(ArrayDevice):
         ------
         InputError
             If the frames differ.
+        TooHotError
+            If a unit is too hot.
         SilentFramesError
             If the failsafe of a unit has silenced it before the end.
         """
@@ -109,6 +111,7 @@ class StandingArray(ArrayDevice):
             )
         units, total = self._units, drive.frames * repeats
         units.silence()
+        units.state().check_heat()
         # Without a heartbeat the failsafe has acted since the last order.
         units.release()
         self._wait(units, delay)
@@ -135,7 +138,7 @@ class StandingArray(ArrayDevice):
     def _wait(self, units: StandingUnits, delay: float) -> None:
         end = time.monotonic() + delay
         while (left := end - time.monotonic()) > 0:
-            units.state()
+            units.state().check_heat()
             time.sleep(min(left, self._word))
 
     def _hold(
@@ -146,14 +149,16 @@ class StandingArray(ArrayDevice):
             asked = time.monotonic()
             with self.sounding():
                 state = units.state()
+            done = int((asked - begun) * rate)
+            state.check_heat(f"after {min(done, total)} of {total} frames ({min(done, total) / rate:.3f} s)")
             if state.silenced:
                 first = min(total, int((well - begun) * rate))
                 raise SilentFramesError(
-                    f"{self.name}: expected a frame that stands, but the failsafe silenced units "
-                    f"{', '.join(map(str, state.silenced))}: frames {first} to {total - 1} of {total} "
+                    f"{self.name}: expected a frame that stands, but the failsafe silenced "
+                    f"{name_units(state.silenced)}: frames {first} to {total - 1} of {total} "
                     f"({first / rate:.3f} to {total / rate:.3f} s) may not have sounded"
                 )
-            well, done = asked, int((asked - begun) * rate)
+            well = asked
             if progress:
                 progress(min(done, total), total)
             if done >= total:

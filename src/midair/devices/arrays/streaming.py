@@ -13,11 +13,13 @@ from midair.devices.arrays.banks import Banks, TooLateError
 from midair.devices.arrays.heard import Heard
 from midair.devices.frame_bytes import TICK, Bytes
 from midair.devices.interface import PlayReport
-from midair.errors import DeviceError, SilentFramesError, StoppedError
+from midair.errors import DeviceError, SilentFramesError, StoppedError, TooHotError
 from midair.model import Progress
 from midair.reel import taken
 
 MS = 1_000_000
+ASKED = 250 * MS
+"""Longest time between two questions to the units whether they are too hot, in ns."""
 
 Switch = Callable[[int, int], None]
 """Called with (bank, instant)."""
@@ -98,6 +100,8 @@ def play_stream(
 
     Raises
     ------
+    TooHotError
+        If a unit is too hot.
     SilentFramesError
         If the failsafe of a unit has silenced it. Units are asked once a block, and at the end.
     DeviceError
@@ -106,7 +110,7 @@ def play_stream(
     heard = Heard(banks, stream.period, stream.total)
     try:
         return _play(stream, banks, heard, progress, switch or banks.switch)
-    except (SilentFramesError, StoppedError):
+    except (SilentFramesError, StoppedError, TooHotError):
         raise
     except DeviceError as wrong:
         raise heard.told(wrong) from wrong
@@ -128,12 +132,12 @@ def _play(stream: DriveStream, banks: Banks, heard: Heard, progress: Progress | 
         if start > planned:
             late, gap = late + len(phases), gap + start - planned
         # Half a frame into the new bank: only then is the other one surely free to be written.
-        banks.wait_until(start + stream.period // 2)
+        _wait(banks, heard, start + stream.period // 2)
         heard.ask()
         if progress:
             progress(done, stream.total)
         bank, done, planned = 1 - bank, done + len(phases), start + len(phases) * stream.period
-    banks.wait_until(planned)
+    _wait(banks, heard, planned)
     heard.ask()
     if progress:
         progress(stream.total, stream.total)
@@ -141,6 +145,14 @@ def _play(stream: DriveStream, banks: Banks, heard: Heard, progress: Progress | 
     return PlayReport(
         frames=stream.total, duration=duration, late=late, start=first, gap=gap / 1e9, units=heard.units()
     )
+
+
+def _wait(banks: Banks, heard: Heard, instant: int) -> None:
+    """Return at an instant; during a delay or a slow frame, keep asking whether a unit is too hot."""
+    while instant - banks.now() > ASKED:
+        banks.wait_until(banks.now() + ASKED)
+        heard.check_heat()
+    banks.wait_until(instant)
 
 
 def _order(banks: Banks, switch: Switch, bank: int, planned: int, period: int) -> int:
