@@ -33,6 +33,8 @@ LEFT_OUT = {
 UNSTEADY = {
     r"^sweep-(patterns|recordings) \| out \|": "processor time; the report of the sweep has the rest",
     r"^show-\w+ \| out \|": "how long it took; the file that is written has the figures",
+    r"^sweep-[\w-]*report \| out \| /words": "processor time; the CSV files have the figures",
+    r" \| column (reaction_s|response_time)\b": "how long an answer took",
     r"\.zarr \| seconds$": "processor time of each task",
 }
 """Names of figures that differ from run to run, and why. Everything else is alike in two runs of one commit."""
@@ -113,7 +115,7 @@ def of_file(path: Path, place: str) -> Iterator[tuple[str, str]]:
         text = path.read_text(encoding="utf-8")
         lines = csv.reader(io.StringIO(text), delimiter="\t" if path.suffix == ".tsv" else ",")
         for at, cells in enumerate(zip_longest(*lines, fillvalue="")):
-            yield from _column(cells, f"{place} | column {at}")
+            yield from _column(cells, f"{place} | column {at if numbers(cells[0]) else cells[0]}")
     elif path.suffix == ".wav":
         samples, rate = soundfile.read(path, dtype="int32")
         yield f"{place} | samples", f"{rate} Hz {digest(samples)}"
