@@ -34,7 +34,7 @@ UNSTEADY = {
     r"^sweep-(patterns|recordings) \| out \|": "processor time; the report of the sweep has the rest",
     r"^show-\w+ \| out \|": "how long it took; the file that is written has the figures",
     r"^sweep-[\w-]*report \| out \| /words": "processor time; the CSV files have the figures",
-    r" \| column (reaction_s|response_time)\b": "how long an answer took",
+    r"^study-export.* \| column (reaction_s|response_time|time)\b": "when an answer came, and how long it took",
     r"\.zarr \| seconds$": "processor time of each task",
 }
 """Names of figures that differ from run to run, and why. Everything else is alike in two runs of one commit."""

@@ -3,7 +3,9 @@
 import argparse
 import atexit
 import glob
+import hashlib
 import importlib
+import importlib.util
 import json
 import os
 import platform
@@ -148,6 +150,15 @@ def machine() -> dict[str, str]:
     }
 
 
+def source() -> str:
+    """SHA-256 of the code that runs: of every Python file of midair."""
+    (folder,) = importlib.util.find_spec("midair").submodule_search_locations
+    whole = hashlib.sha256()
+    for path in sorted(Path(folder).rglob("*.py")):
+        whole.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+    return whole.hexdigest()
+
+
 def command_line() -> int:
     """Record, and compare where a reference is given; 1 where something differs or failed."""
     parser = argparse.ArgumentParser(
@@ -181,17 +192,20 @@ def command_line() -> int:
     if asked.keep:
         asked.keep.mkdir(parents=True)
     # Not a TemporaryDirectory: each forked process would remove it when it ends.
-    work = asked.keep.absolute() if asked.keep else Path(tempfile.mkdtemp())
+    code, work = source(), asked.keep.absolute() if asked.keep else Path(tempfile.mkdtemp())
     try:
         figures, taken = record(table, work)
     finally:
         if not asked.keep:
             shutil.rmtree(work)
+    if source() != code:
+        print("midair's source files changed while its commands ran: nothing is recorded or compared; run again")
+        return 1
     failed = [name for name in figures if name.endswith("| exit status") and figures[name] != "0"]
     spent = sum(taken.values())
     print(f"{len(table)} commands, {len(failed)} failed, {len(figures)} figures, {spent:.0f} s of processor time")
     if asked.write:
-        whole = {"machine": machine(), "figures": figures}
+        whole = {"machine": machine(), "source": code, "figures": figures}
         asked.write.write_text(json.dumps(whole, indent=0, sort_keys=True) + "\n", encoding="utf-8")
     if reference is None:
         return int(bool(failed))
