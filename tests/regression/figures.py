@@ -115,7 +115,8 @@ def of_file(path: Path, place: str) -> Iterator[tuple[str, str]]:
         text = path.read_text(encoding="utf-8")
         lines = csv.reader(io.StringIO(text), delimiter="\t" if path.suffix == ".tsv" else ",")
         for at, cells in enumerate(zip_longest(*lines, fillvalue="")):
-            yield from _column(cells, f"{place} | column {at if numbers(cells[0]) else cells[0]}")
+            named = re.fullmatch(r"[A-Za-z_][\w. ]*", cells[0]) and not numbers(cells[0])
+            yield from _column(cells, f"{place} | column {cells[0] if named else at}")
     elif path.suffix == ".wav":
         samples, rate = soundfile.read(path, dtype="int32")
         yield f"{place} | samples", f"{rate} Hz {digest(samples)}"
