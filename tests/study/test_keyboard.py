@@ -32,6 +32,9 @@ def asked(terminal, question, *typed, width=100):
     master, slave = terminal
 
     def type_all():
+        # Keys from before the question answer nothing, and a busy machine takes its time to ask.
+        while question.keys and "Press " not in console.export_text(clear=False):
+            time.sleep(0.005)
         for after, keys in typed:
             time.sleep(after)
             os.write(master, keys)

@@ -218,6 +218,7 @@ def test_without_pyserial_the_extra_is_named(monkeypatch):
         OpenMpdArray(["/dev/nothing"]).open()
 
 
+@pytest.mark.long  # The board's stand-in has to keep its time beside other work.
 def test_a_computer_that_hesitates_leaves_a_frame_standing_and_says_so(stand_ins):
     (port,) = stand_ins()
     boards = [measured_board()]
