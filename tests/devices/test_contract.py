@@ -1,7 +1,5 @@
 """What every array keeps to, whoever made it. A new one is one more entry in a table. Sensors: live/."""
 
-import time
-
 import numpy as np
 import pytest
 
@@ -62,17 +60,10 @@ def array(request):
         board.close()
 
 
-def attempts(seconds=60.0):
-    """Attempts for a minute: a computer that others keep busy sends a frame late, and says so, but not for ever."""
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        yield
-
-
-def test_an_array_tells_what_it_played(array):
+def test_an_array_tells_what_it_played(array, attempts):
     seen = []
     with array:
-        for _ in attempts():
+        for _ in attempts:
             report = array.play(overridden(drive(array), array), progress=lambda *so_far: seen.append(so_far))
             if report.late == 0:
                 break
@@ -116,9 +107,9 @@ def test_a_closed_array_does_not_play(array):
         array.play(overridden(drive(array), array))
 
 
-def test_repeats_and_a_delay_are_played(array):
+def test_repeats_and_a_delay_are_played(array, attempts):
     with array:
-        for _ in attempts():
+        for _ in attempts:
             report = array.play(overridden(drive(array), array, repeats=3), delay=0.01)
             if report.late == 0:
                 break

@@ -43,13 +43,13 @@ def phases(stand_in, board):
 
 
 @pytest.mark.parametrize("count", [1, 2], ids=["one", "twin"])
-def test_every_frame_of_a_drive_sounds_once_in_its_order(stand_ins, count):
+def test_every_frame_of_a_drive_sounds_once_in_its_order(stand_ins, count, attempts):
     boards = [measured_board(number) for number in range(count)]
     ports = stand_ins(count)
     drive = some_drive(boards, frames=120)
     device = array_at(ports, boards)
     with device:
-        for _ in range(8):
+        for _ in attempts:
             report = device.play(overridden(drive, device, repeats=2))
             # On a busy computer a frame stands on for one that came too late, and the report says so.
             if report.late == 0:
