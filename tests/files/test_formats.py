@@ -58,7 +58,7 @@ def recordings(draw: st.DrawFn) -> Recording:
     return Recording(
         samples=draw(arrays.arrays(np.float64, shape, elements=numbers)),
         rate=draw(st.floats(1e-3, 1e6)),
-        sensor=SensorGrid(rows=shape[1], columns=shape[2], pitch=draw(st.floats(1e-6, 1)), name=draw(names)),
+        sensor=SensorGrid(rows=shape[1], columns=shape[2], pitch=draw(st.floats(1e-6, 0.2)), name=draw(names)),
         unit=draw(st.sampled_from(["V", "count", "Pa"])),
         provenance=life.then(
             draw(st.text(max_size=6)), draw(st.dictionaries(st.text(max_size=6), setting, max_size=3))

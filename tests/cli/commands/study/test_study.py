@@ -246,7 +246,9 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))
     monkeypatch.setattr("sys.stdin", io.StringIO("\nbrush\ntowel\n"))
     told = []
-    monkeypatch.setattr("midair.cli.commands.study.running.say_how_long", lambda drive, _: told.append(drive.frames))
+    monkeypatch.setattr(
+        "midair.cli.commands.study.running.say_how_long", lambda drive, *_, **__: told.append(drive.frames)
+    )
     assert study("run", folder, "--participant", 1, "--array", array) == 0
     assert told == [10], "how long its exposure takes is said of the drive beforehand, and once"
     events = [(entry["event"], entry["drive"], entry["device"]) for entry in played(tmp_path)]
