@@ -29,6 +29,7 @@ def bench(*said):
         pytest.param("torch", "torch", 64, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.long
 def test_a_small_run_on_the_cpu(name, needed, patterns):
     pytest.importorskip(needed)
     made = bench("--backend", name, "--patterns", str(patterns))

@@ -49,6 +49,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.long
 def test_the_script_of_the_readme_is_short_and_prints_how_close_it_came(folder):
     (script,) = blocks("README.md", "python")
     assert len(script.splitlines()) <= 15
@@ -118,6 +119,7 @@ def test_the_doctests_of_the_sensor_page_hold():
     assert runner.tries > 0
 
 
+@pytest.mark.long
 def test_the_page_on_seeing_hearing_and_watching_runs(folder):
     (script,) = blocks("docs/show.md", "python")
     names = {}

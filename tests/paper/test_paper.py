@@ -75,6 +75,7 @@ def test_both_modes_are_compared_at_the_same_strength():
 @pytest.mark.parametrize(
     ("mode", "shown"), [("paper", {"paper"}), pytest.param("quick", {"paper", "quick"}, marks=pytest.mark.slow)]
 )
+@pytest.mark.long
 def test_figure_9_shows_the_mode_of_a_name_beside_the_paper_s(mode, shown):
     assert {row["mode"] for row in figure_9(takes=1, mode=mode).rows} == shown
 

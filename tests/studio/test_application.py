@@ -131,6 +131,7 @@ def test_a_stroke_is_shown_before_there_is_a_sample_and_then_the_sample(studio, 
     assert made["stamp"] != row["stamp"]
 
 
+@pytest.mark.long
 def test_a_drive_and_its_re_recording_are_replaced_by_consent_alone(studio, talk):
     """Whatever a page says: the order has to name by its stamp what it replaces, as it is now."""
     folder = studio.folder.path

@@ -53,6 +53,7 @@ def test_a_drive_that_appears_while_another_is_solved_stays(solved):
     assert sorted(path.name for path in drive.parent.iterdir()) == ["towel.drive.h5", "towel.h5"]
 
 
+@pytest.mark.long
 def test_a_re_recording_of_another_drive_is_recognised(solved, tmp_path):
     again, kept = tmp_path / "towel.rerecorded.h5", tmp_path / "kept.npz"
     heard = play(load_solution(solved.drive), "virtual").take

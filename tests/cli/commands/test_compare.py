@@ -105,6 +105,7 @@ def test_a_drive_of_another_recording_and_a_palm_without_a_drive_are_refused(cap
     assert run(["compare", "short.h5", "other.drive.h5"]) == 1
 
 
+@pytest.mark.long
 def test_a_drive_s_palm_can_be_filmed(capsys):
     assert run(["solve", "take.h5", "--mode", "paper", *COARSE, "--start-at", "0.5s", "--duration", "0.01s", "-f"]) == 0
     Path("coarse.toml").write_text("disc_mm = 85\npitch_mm = 5")

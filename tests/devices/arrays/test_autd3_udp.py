@@ -242,7 +242,9 @@ def test_units_that_are_too_hot_from_the_start_never_sound_and_play_once_they_ha
         assert device.play(overridden(noise(20), device)).units == "not too hot, no errors"
 
 
-@pytest.mark.parametrize(("tap", "rate"), [(2, 1000.0), (1, 0.625)], indirect=["tap"])
+@pytest.mark.parametrize(
+    ("tap", "rate"), [(2, 1000.0), pytest.param(1, 0.625, marks=pytest.mark.long)], indirect=["tap"]
+)
 def test_a_unit_that_gets_too_hot_silences_all_units_at_once(tap, rate):
     """Units are asked each quarter of a second, also within a frame that lasts longer."""
     placement, began = Placement.grid(columns=tap.units, rows=1), []

@@ -138,7 +138,11 @@ def attack(wanted, looked_at, steps):
 
 @pytest.mark.parametrize(
     ("surface", "count", "steps"),
-    [(False, 4, 40), (True, 4, 40), pytest.param(True, 24, 600, marks=pytest.mark.slow)],
+    [
+        (False, 4, 40),
+        pytest.param(True, 4, 40, marks=pytest.mark.long),
+        pytest.param(True, 24, 600, marks=pytest.mark.slow),
+    ],
 )
 def test_a_search_for_gaps_finds_none_of_half_a_decibel(surface, count, steps):
     rng = np.random.default_rng(3)

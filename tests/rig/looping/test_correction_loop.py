@@ -52,6 +52,7 @@ def check(done, stimulus):
 @pytest.mark.parametrize(
     "stimulus", [pytest.param(each, marks=[] if each == "am-iii" else pytest.mark.slow) for each in PEAKS]
 )
+@pytest.mark.long
 def test_right_place_right_frequency_and_better_after_correction(stimulus):
     check(loop(stimulus, COARSE, 0.12), stimulus)
 

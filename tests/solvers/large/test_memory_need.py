@@ -41,6 +41,7 @@ print(solved(units, side, frames) - before)
         ),
     ],
 )
+@pytest.mark.long
 def test_what_is_told_is_what_the_system_sees(units, side, frames, method):
     words = [sys.executable, "-c", GROWTH, str(units), str(side), str(frames), method]
     seen = int(subprocess.run(words, check=True, capture_output=True, text=True, timeout=300).stdout)
