@@ -112,15 +112,20 @@ def put_some(put, units, count, *, first=0, lead=6 * MS, intensity=200):
     return begin
 
 
-def test_the_wire_carries_every_frame_with_its_instant_and_then_silence(tap):
+def test_the_wire_carries_every_frame_with_its_instant_and_then_silence(tap, attempts):
     device = autd3_immediate(tap.address, ONE)
     with device:
-        with device.frames_to_come(answered(device)) as put:
-            begin = put_some(put, device.units, 40)
-            assert device.emitting
-        told = device.units.told()
-        assert not device.emitting
-    seen = frames_on(tap)
+        # One run of some leaves out less than half: a computer that others keep busy does so more often.
+        for _ in attempts:
+            before, already = device.units.told(), len(frames_on(tap))
+            with device.frames_to_come(answered(device)) as put:
+                begin = put_some(put, device.units, 40)
+                assert device.emitting
+            told = {name: count - before[name] for name, count in device.units.told().items()}
+            assert not device.emitting
+            if told["late"] + told["crowded"] < 20:
+                break
+    seen = frames_on(tap)[already:]
     # A computer that others keep busy leaves frames out, and says how many: those that went were right, and in order.
     which = [phase for _, phase, _ in seen]
     assert which == sorted(set(which))
@@ -128,7 +133,7 @@ def test_the_wire_carries_every_frame_with_its_instant_and_then_silence(tap):
     assert np.array([at for at, _, _ in seen]) == pytest.approx(begin + np.array(which) * MS, abs=1000)
     assert (told["sent"], told["answered"], told["lost"]) == (len(which), len(which), 0)
     assert len(which) + told["late"] + told["crowded"] == 40
-    assert len(which) > 1
+    assert told["late"] + told["crowded"] < 20
     assert tap.frames()[-1][3] in silences(tap)
 
 
