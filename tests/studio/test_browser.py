@@ -254,7 +254,7 @@ def test_every_key_of_the_transport(studio_at, look):
         press(f"Alt+{number}")
         page.until(f"studio.name === {room!r}")
     press("Alt+1")
-    page.until("studio.link.state.record?.state === 'listening'")
+    page.until("studio.name === 'record' && studio.room?.big && !studio.room.big.disabled")
     press("r")
     page.until("studio.link.state.record.state === 'recording'")
     press("r")

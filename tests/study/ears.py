@@ -4,12 +4,27 @@ Arguments: where to write what it heard, shape (frame, channel), once a line com
 """
 
 import sys
+import time
 
 import jack
 import numpy as np
 
 jack.set_error_function(lambda _: None)
-client = jack.Client("ears", no_start_server=True)
+
+
+def connected():
+    """A client of the server, which may have been started a moment ago."""
+    limit = time.monotonic() + 60
+    while True:
+        try:
+            return jack.Client("ears", no_start_server=True)
+        except jack.JackOpenError:
+            if time.monotonic() > limit:
+                raise
+            time.sleep(0.05)
+
+
+client = connected()
 ports = [client.inports.register(f"in_{channel}") for channel in range(2)]
 heard = []
 

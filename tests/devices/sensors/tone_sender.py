@@ -27,7 +27,7 @@ def frames(begin, end):
 
 def connected(connect, error):
     """What `connect` gives once the server is there."""
-    limit = time.monotonic() + 20
+    limit = time.monotonic() + 60
     while True:
         try:
             return connect()
