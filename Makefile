@@ -30,7 +30,7 @@ demo: $(VENV)/run
 	$(BIN)/midair demo --force
 
 test: $(VENV)/dev
-	@echo "The fast tests take three to four minutes on two quiet cores, longer on a busy machine."
+	@echo "The fast tests take three minutes on two quiet cores, longer on a busy machine."
 	@$(BIN)/python -m pytest $(PARALLEL) $(COVER) || { echo "Some tests failed. Type 'make test-again' to run those alone.\
 	 If they fail again, please report it with these lines and the output of $(BIN)/midair doctor."; exit 1; }
 

@@ -61,6 +61,7 @@ def test_the_script_of_the_readme_is_short_and_prints_how_close_it_came(folder):
     assert 0.1 < gain < 1
 
 
+@pytest.mark.long
 def test_the_python_of_the_tutorial_runs(folder):
     assert run(["record", "virtual:towel", "stroke.h5"]) == 0
     (script,) = blocks("docs/tutorial.md", "python")
@@ -215,6 +216,8 @@ def test_the_table_of_settings_has_every_choice_in_every_mode():
 
 
 OFFERED = {*COMMANDS, *FOLDERS}
+HELP = {}
+"""The help of each command that a page has named so far."""
 PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").glob("*.md")))]
 
 
@@ -222,7 +225,6 @@ PAGES = ["README.md", *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "
 def test_every_option_that_a_page_names_is_one(page, capsys):
     """Each `midair COMMAND ... --option` of a page names a command and options that are there."""
     text = (ROOT / page).read_text(encoding="utf-8")
-    known = {}
     for line in re.findall(r"(?:`|^\$ |^)(midair [a-z][^`\n]*)", text, re.MULTILINE):
         words = line.split()[1:]
         name = [word for word in words[:2] if re.fullmatch(r"[a-z]+", word)]
@@ -230,14 +232,14 @@ def test_every_option_that_a_page_names_is_one(page, capsys):
         if not names or names[0] not in OFFERED:
             continue
         key = tuple(names)
-        if key not in known:
+        if key not in HELP:
             status = run([*names, "--help"])
             if status and len(names) > 1:
                 status = run([names[0], "--help"])
             assert status == 0, line
-            known[key] = capsys.readouterr().out
+            HELP[key] = capsys.readouterr().out
         for option in re.findall(r"(?<!\S)--[a-z][a-z-]*", line):
-            assert option in known[key] or option == "--help", f"{page}: {line}"
+            assert option in HELP[key] or option == "--help", f"{page}: {line}"
 
 
 @pytest.mark.slow

@@ -29,6 +29,7 @@ ARRAY = TransducerArray.autd3()
 PROFILE = profile_named("occupational-110")
 CHOICES = ExposureChoices(profile=PROFILE)
 WEAKER = ExposureChoices(profile=PROFILE, attenuate=True)
+LONG = pytest.mark.long
 
 
 class Loud(VirtualArray):
@@ -158,8 +159,12 @@ def hiding(airs, air, point):
     return Drive(phase=phase[None], level=amplitude_of(steps)[None], rate=1000.0, array=ARRAY)
 
 
-@pytest.mark.parametrize("known", ["the paper's air", "all airs that are measured"])
-@pytest.mark.parametrize("degrees", [20.0, 25.0, 29.0])
+@pytest.mark.parametrize(
+    "known", ["the paper's air", pytest.param("all airs that are measured", marks=pytest.mark.long)]
+)
+@pytest.mark.parametrize(
+    "degrees", [20.0, pytest.param(25.0, marks=pytest.mark.long), pytest.param(29.0, marks=pytest.mark.long)]
+)
 def test_what_is_hidden_in_other_airs_is_measured_in_that_of_the_room(degrees, known):
     """In the paper's air alone, levels of up to 9.8 dB too low came out."""
     here, ear = Acoustics(medium=Medium.at(temperature=degrees)), PROFILE.places[0]
@@ -277,6 +282,7 @@ def test_levels_that_make_no_sense_are_refused(level):
         admit_level(level, Loud(ARRAY), CHOICES, rate=1000.0)
 
 
+@pytest.mark.long
 def test_what_an_attenuation_leaves_to_feel_is_said():
     """.6 Pa around a mean of .6 are just felt at 250 Hz: .1 um * 50 kPa / (2 * .84 * 5 mm)."""
     admission = admit(focus(), Loud(ARRAY), WEAKER)

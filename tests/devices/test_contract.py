@@ -50,7 +50,13 @@ def drive(device, frames=5, rate=1000.0):
     return Drive(phase=phase, level=np.ones(frames), rate=rate, array=array)
 
 
-@pytest.fixture(params=ARRAYS)
+SLOWER = {"autd3, a frame that stands", "openmpd twin"}
+"""Those that wait longest, or differ little from another: they are in the long suite."""
+
+
+@pytest.fixture(
+    params=[pytest.param(name, marks=pytest.mark.long if name in SLOWER else ()) for name in ARRAYS], ids=list(ARRAYS)
+)
 def array(request):
     boards = [OpenMpdStandIn() for _ in range(BOARDS.get(request.param, 0))]
     yield ARRAYS[request.param](*boards)

@@ -44,6 +44,7 @@ def test_every_template_goes_from_plan_to_report(done):
     assert not [words for words in said if words.startswith("Not computed")]
 
 
+@pytest.mark.long
 def test_training_ends_and_thresholds_are_those_of_the_observer(done):
     template, plan, sessions = done
     if template not in ("detection", "intervals"):

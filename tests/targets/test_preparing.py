@@ -130,6 +130,7 @@ def test_wrong_settings_say_what_was_expected(options, message):
         prepare(frames(np.ones((1, 4, 4))), **options)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mapping", MAPPINGS)
 @pytest.mark.parametrize("circle", [None, Circle()], ids=["still", "on a circle"])
 @pytest.mark.parametrize("compensate", ["not", "pressure", "sound"])

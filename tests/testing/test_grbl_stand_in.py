@@ -59,6 +59,7 @@ def test_it_greets_and_is_locked_until_it_was_homed():
         assert talk.report().groups()[:4] == ("Idle", "-1.000", "-1.000", "-1.000")
 
 
+@pytest.mark.long
 def test_a_line_takes_the_time_of_a_trapezoid():
     with line() as talk:
         talk.say(b"G21G90G94G53G1X-121Y-1Z-1F3000\nG4P0.01\n")

@@ -258,7 +258,7 @@ def test_a_computer_that_stands_still_for_a_second_ends_the_play_with_status_1_a
     assert log()[-1]["reason"].startswith("SilentFramesError")
 
 
-@pytest.mark.parametrize("after", [0, 400])
+@pytest.mark.parametrize("after", [0, pytest.param(400, marks=pytest.mark.long)])
 def test_units_that_are_too_hot_end_the_play_with_status_1_and_the_log_says_why(tap, capsys, after):
     """From the start, and from 400 ms after the first switch on."""
     make("three.drive.h5", level=0.005, frames=3000)
@@ -330,6 +330,7 @@ def test_what_a_file_says_of_the_strength_changes_no_exposure(capsys):
     assert "no search for a gap found 0.5 dB above this" in page
 
 
+@pytest.mark.long
 def test_a_drive_that_nobody_would_feel_is_said(capsys):
     focus = make("loud.drive.h5", level=1.0)
     assert run(["play", focus, *EMULATOR]) == 1

@@ -86,6 +86,7 @@ def test_five_strokes_of_the_paper_in_one_command(machine, capsys):
     assert len(along) == 5
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("near")
 def test_an_alarm_in_the_middle_leaves_what_came_before(machine, capsys):
     class Trap(list):
@@ -135,6 +136,7 @@ def test_control_c_holds_the_stage_and_ends_with_130(machine):
     assert len(steps("out.h5")["events"]["strokes"]) == 1
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("near")
 def test_a_locked_machine_is_not_moved_but_by_home(capsys):
     machine = GrblStandIn(homed=False)

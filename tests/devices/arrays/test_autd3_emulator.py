@@ -87,6 +87,7 @@ def test_five_seconds_on_four_units_without_a_break():
     assert_exact(drive, report, out, 4)
 
 
+@pytest.mark.long
 def test_repeats_follow_each_other_without_a_gap():
     drive = noise(130)
     report, out = played(drive, repeats=4)

@@ -74,7 +74,7 @@ def assert_stays_silent(board):
     assert len(board.heard) == count
 
 
-@pytest.mark.parametrize("kills", [2, pytest.param(30, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [pytest.param(2, marks=pytest.mark.long), pytest.param(30, marks=pytest.mark.slow)])
 def test_a_program_that_is_killed_at_any_moment_leaves_silence(board, player, kills):
     rng = random.Random(7)
     for _ in range(kills):

@@ -61,6 +61,7 @@ def test_a_python_that_hangs_is_silent_though_its_process_lives(tap):
         assert device.play(overridden(stands(20), device)).frames == 20
 
 
+@pytest.mark.long
 def test_with_the_sdk_s_heartbeat_it_would_sound_on(tap):
     """Why it is off: the same hang, longer than the failsafe, and nobody silences."""
     from midair.devices.arrays.autd3_udp import Autd3Udp

@@ -134,6 +134,7 @@ def test_frames_that_were_left_out_are_found_from_stamps_where_nobody_counts(how
     assert abs(int((steps > 1).argmax()) - int((true > 1).argmax())) <= 500
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("how", ["cast", "sum"])
 def test_a_float32_counter_goes_on_above_its_limit(how, lsl_sender):
     """At 48 kHz it comes there after 5.8 minutes."""

@@ -108,6 +108,7 @@ def test_its_own_soft_limits_are_told_too():
         machine.close()
 
 
+@pytest.mark.long
 def test_a_machine_that_falls_silent_is_held_and_given_up(machine):
     with GrblStage(machine.port) as stage:
         stage.ready(homing=True)

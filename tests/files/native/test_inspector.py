@@ -187,6 +187,7 @@ def test_drives_are_looked_at_too(tmp_path, solution):
         load_solution(tmp_path / "a.drive.h5")
 
 
+@pytest.mark.long
 def test_names_that_are_looked_up_in_no_tree_do_not_end_us(tmp_path, solution):
     """A tree of attributes that has none, and 16398 at its root: whatever name is asked for, HDF5 dies of it."""
     from midair.files import save_solution

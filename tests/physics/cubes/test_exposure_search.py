@@ -95,6 +95,7 @@ def test_foci_anywhere_in_the_cube(place):
     assert over.max() < TOO_MUCH
 
 
+@pytest.mark.long
 def test_sound_that_is_loud_just_outside_the_cube_does_not_count():
     place = small()
     beside = np.array([[place.reach + 3e-3, 0, 0], [0, -place.reach - 3e-3, 4e-3]])

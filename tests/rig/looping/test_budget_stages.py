@@ -60,6 +60,7 @@ def test_every_stage_has_its_line(paper, best):
     assert len(json.loads(json.dumps(paper.plain()))["stages"]) == 8
 
 
+@pytest.mark.long
 def test_rectification_costs_what_it_must(paper):
     """Half a wave: as much power in harmonics as is left over; 5 to 8 dB remain in the band, whatever comes after."""
     assert 4 < paper.stage("mapping").alone.distortion_ratio < 9
@@ -67,10 +68,12 @@ def test_rectification_costs_what_it_must(paper):
     assert paper.stage("mapping").alone.gain == pytest.approx(0.5, abs=0.05)
 
 
+@pytest.mark.long
 def test_a_slow_bias_costs_next_to_nothing(best):
     assert best.stage("mapping").alone.distortion_ratio > 25
 
 
+@pytest.mark.long
 def test_what_follows_its_drive_later_than_the_target_is_not_distorted_by_that(best):
     """Cut out before its delay was, a perfect piece came to 30 dB; and all that was played seemed a moment early."""
     moving = best.stage("transducers")

@@ -127,6 +127,7 @@ def test_the_steps_of_a_rerecording_tell_its_life():
     assert stages == ["calibrate", "settings", "prepare", "solve", "play", "calibrate"]
 
 
+@pytest.mark.long
 def test_a_real_sensor_cannot_hear_a_virtual_array():
     from midair.devices import ReplaySensor, admit
 

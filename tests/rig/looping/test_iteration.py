@@ -56,12 +56,14 @@ def test_each_of_more_than_five_passes_is_better_than_the_one_before():
     assert after.distortion_ratio > before.distortion_ratio + 6
 
 
+@pytest.mark.long
 def test_the_second_step_is_better_than_the_first_and_that_than_none(corrected):
     errors = [one.comparison.waveform_error for one in corrected.passes[1:]]
     assert len(errors) == 3
     assert (np.diff(errors) < 0).all()
 
 
+@pytest.mark.long
 def test_the_delay_does_not_drift(corrected):
     delays = [one.comparison.delay for one in corrected.passes]
     assert np.ptp(delays) < 1e-4

@@ -35,11 +35,13 @@ def test_holds_its_pictures_and_needs_nothing_from_outside(loop, tmp_path):
     assert page.count("data:image/png;base64,") == 7
 
 
+@pytest.mark.long
 def test_can_be_watched_and_heard(page):
     assert set(re.findall(r'data-name="(\w+)"', page)) == {"about", "samples", "again", "wanted", "played", "phases"}
     assert page.count('src="data:audio/wav;base64,') == 2
 
 
+@pytest.mark.long
 def test_may_ask_for_nothing(page):
     (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
     assert policy.startswith("default-src 'none'; img-src data:; media-src data:;")

@@ -128,6 +128,7 @@ def test_a_drive_that_is_too_loud_is_refused_before_the_session_and_never_sounds
         assert not device.emitting
 
 
+@pytest.mark.long
 def test_the_failsafe_of_real_units_spoils_a_presentation_and_the_next_one_sounds():
     pytest.importorskip("autd3")
     from autd3 import Duration

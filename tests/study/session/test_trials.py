@@ -384,7 +384,7 @@ def witnessed(path, what):
     return [tuple(rest) for said, *rest in map(json.loads, lines) if said == what]
 
 
-@pytest.mark.parametrize("kills", [2, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [pytest.param(2, marks=pytest.mark.long), pytest.param(200, marks=pytest.mark.slow)])
 def test_no_kill_loses_an_answer_or_asks_twice(tmp_path, kills):
     text = paper_design_text().replace("repetitions = 4", "repetitions = 40")
     # Some sessions end before their kill, about one in ten: enough people to outlast the kills.

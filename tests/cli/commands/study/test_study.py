@@ -258,6 +258,7 @@ def test_drives_play_on_any_array_and_are_logged(array, tmp_path, monkeypatch):
     assert progress.simulated
 
 
+@pytest.mark.long
 def test_too_loud_a_drive_stops_the_session_before_it_begins(tmp_path, monkeypatch):
     folder = study_of_drives(tmp_path, level=1.0)
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path))

@@ -63,7 +63,11 @@ def test_from_patterns_to_a_report(capsys):
         pytest.param(
             "--temperature 25C --humidity 30%", Medium.at(temperature=25.0, humidity=0.3), marks=pytest.mark.slow
         ),
-        ("--temperature 25C --attenuation 0", replace(Medium.at(temperature=25.0), attenuation=0.0)),
+        pytest.param(
+            "--temperature 25C --attenuation 0",
+            replace(Medium.at(temperature=25.0), attenuation=0.0),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_the_air_of_patterns_is_the_paper_s_or_the_stated_one(words, medium):
