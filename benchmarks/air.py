@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 import midair
-from midair.evaluate import error_in_air
+from midair.evaluate import error_at_temperature
 from midair.figures import png
 from midair.figures.style import Style, new_figure, plain
-from midair.flow import Reproduction, felt, reproduce, wanted
 from midair.model import Acoustics, Medium, TransducerArray
 from midair.physics import focus_amplitude
+from midair.pipeline import Reproduction, calibrated_pressure, reproduce, target_amplitude
 from midair.settings import MODES, Settings
 
 ARRAY = TransducerArray.autd3()
@@ -62,9 +62,9 @@ def solved(
     take: midair.files.OpenedTake, settings: Settings, duration: float, strength: float
 ) -> tuple[Reproduction, float]:
     """The reproduction at a strength, and its CPU time in ms a frame."""
-    pressure = felt(take.recording, take.calibration, settings).cut(0.45, duration)
+    pressure = calibrated_pressure(take.recording, take.calibration, settings).cut(0.45, duration)
     focus = focus_amplitude(settings.target.grid, ARRAY, acoustics=settings.acoustics)
-    now = float(wanted(pressure, settings).amplitude.max() / focus)
+    now = float(target_amplitude(pressure, settings).amplitude.max() / focus)
     start = time.process_time()
     made = reproduce(pressure, ARRAY, settings.but(gain=(strength / now) ** 2))
     return made, 1e3 * (time.process_time() - start) / pressure.frames
@@ -73,7 +73,7 @@ def solved(
 def error(made: Reproduction, temperature: float) -> float:
     """Mean E in air of this temperature."""
     room = Medium.at(temperature=temperature, humidity=0.5)
-    return float(error_in_air(made.solution.drive, made.target, room).mean())
+    return float(error_at_temperature(made.solution.drive, made.target, room).mean())
 
 
 def drawn(curves: Mapping[tuple[str, float, str], np.ndarray], heights: list[float]) -> bytes:

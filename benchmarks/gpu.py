@@ -19,7 +19,7 @@ from benchmarks.clock import heading, line
 from benchmarks.recordings import pressure_of, problem, wander
 from benchmarks.targets import binary, problem_of
 from midair.errors import MidairError
-from midair.flow import at_rate
+from midair.pipeline import at_rate
 from midair.settings import best_mode
 from midair.solvers import Fast, Problem, error_of, one_blas_thread
 from midair.solvers.backend import Backend, backend

@@ -294,7 +294,7 @@ def bands() -> None:
 
 def spectra() -> None:
     """What a virtual sensor gets of towel, sponge and brush: played live, and by the best offline mode."""
-    from midair.flow import felt, reproduce
+    from midair.pipeline import calibrated_pressure, reproduce
     from midair.rig.live_touch import Touch, TouchSettings
     from midair.settings import MODES
 
@@ -312,7 +312,7 @@ def spectra() -> None:
         cell = cell_weights(SensorModel.usual(recording.sensor), grid, between="waves")[5:6]
         played = Drive(phase=phase, level=level, rate=1000.0, array=array, acoustics=settings.acoustics)
         best = MODES["best"]()
-        made = reproduce(felt(recording, calibration, best), array, best)
+        made = reproduce(calibrated_pressure(recording, calibration, best), array, best)
         live, offline = _pressed(played, grid, cell), _pressed(made.solution.drive, grid, cell)
         own = wanted.reshape(len(wanted), -1)[:, 5]
         for name, got in (("live", live), ("best offline", offline)):

@@ -18,9 +18,9 @@ from benchmarks.clock import load, timed
 from midair.calibration import ArrayPlan
 from midair.devices import ExposureChoices
 from midair.files import DEFAULT_PROFILE, load_array_calibration, profile_named, save_array_calibration
-from midair.flow import lead_of
 from midair.model import Acoustics, ArrayCalibration, Medium
 from midair.paper.modes_compared import OBJECTS, SIGNALS, FidelityPlan, at_strength, original_of
+from midair.pipeline import lead_of
 from midair.rig import BudgetPlan, VirtualRig, calibrate_array, error_budget
 from midair.settings import best_mode
 from midair.solvers import one_blas_thread

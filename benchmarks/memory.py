@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from midair.files import save, save_solutions
+from midair.lazy_frames import LazyFrames
 from midair.model import Drive, Provenance, Recording, SensorGrid, Solution, TransducerArray
-from midair.reel import Reel
 
 RATE, FRAME_RATE = 48_000, 1000
 
@@ -116,7 +116,7 @@ def make_recording(path: Path, seconds: float) -> None:
     from midair.files import RecordingWriter
 
     frames = round(seconds * RATE)
-    reel: Any = Reel(lambda a, b: noise(a, b, RATE), (frames, 4, 4), stored="f4")
+    reel: Any = LazyFrames(lambda a, b: noise(a, b, RATE), (frames, 4, 4), stored="f4")
     life = Provenance(source="noise", simulated=True)
     save(Recording(samples=reel, rate=RATE, provenance=life), path)
     child = os.fork()

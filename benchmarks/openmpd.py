@@ -11,12 +11,12 @@ import dataclasses
 import numpy as np
 
 from midair.datasets import stroke
-from midair.devices import ExposureChoices, OpenMpdArray, admit
+from midair.devices import ExposureChoices, OpenMpdArray, check_exposure
 from midair.devices.arrays.openmpd_frames import START, STEPS, drive_frames
 from midair.files import profile_named
-from midair.flow import reproduce
 from midair.model import AmplitudeFrames, Board, Drive, array_of_boards
 from midair.physics import transfer_matrix
+from midair.pipeline import reproduce
 from midair.settings import paper_mode
 from midair.testing import measured_board
 from midair.testing.openmpd_stand_in import CommandReader
@@ -39,7 +39,7 @@ def main() -> None:
             error(put_out(drive, board), made.target, drive),
             error(spread(drive, board), made.target, drive),
         ]
-        loud = admit(drive, OpenMpdArray(["nowhere"], [board]), ALWAYS).exposure.peak.max()
+        loud = check_exposure(drive, OpenMpdArray(["nowhere"], [board]), ALWAYS).exposure.peak.max()
         said = "".join(f"{100 * each:9.1f} %" for each in found)
         print(f"{level:5.2f}   {made.strength():8.3f} {said}   {loud:10.1f}")
 

@@ -21,9 +21,9 @@ from benchmarks.palm_floor import floor
 from midair.datasets import sample
 from midair.devices import measure
 from midair.files import profile_named
-from midair.flow import felt, lead_of, reproduce
 from midair.model import Acoustics, Calibration, Palm, PressureFrames, Progress
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
+from midair.pipeline import calibrated_pressure, lead_of, reproduce
 from midair.rig import BudgetPlan, VirtualRig, error_budget
 from midair.settings import Settings, best_mode, finest_mode, paper_mode
 from midair.solvers import Fast, Guard
@@ -69,7 +69,7 @@ def original(thing: str, plan: FidelityPlan, settings: Settings) -> PressureFram
     # Its taxels give 36 values a second, which is below the band: 570 a second is a slide at .8 m/s.
     fast = replace(taxels, rate=16 * taxels.rate)
     flat = Calibration.flat(fast.sensor, sensitivity=float(abs(fast.samples).max()) / 30, unit=fast.unit)
-    return felt(fast, flat, settings.but(band=(20.0, 250.0))).cut(0.1, plan.duration)
+    return calibrated_pressure(fast, flat, settings.but(band=(20.0, 250.0))).cut(0.1, plan.duration)
 
 
 @dataclass

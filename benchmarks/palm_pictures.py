@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from benchmarks.palm import MODES, ROOM, original
 from midair.evaluate import PalmFrames
 from midair.figures.style import Style, new_figure, png
-from midair.flow import lead_of, reproduce
 from midair.model import Palm
 from midair.paper.modes_compared import FidelityPlan, at_strength
 from midair.physics import SKINS
+from midair.pipeline import lead_of, reproduce
 from midair.rig import VirtualRig, palm_frames_of_drive, played_chain
 from midair.targets import led_in
 from midair.view import PalmMaps, film_of_palm, write_gif

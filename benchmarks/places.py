@@ -16,10 +16,10 @@ import numpy as np
 from benchmarks.clock import load, timed
 from midair.evaluate import advance, find_delay, leak
 from midair.evaluate.distortion import decibels, in_band
-from midair.flow import lead_of, reproduce, to_play
 from midair.model import Acoustics, Drive, PressureFrames
 from midair.paper.modes_compared import OBJECTS, SIGNALS, FidelityPlan, at_strength, original_of
 from midair.physics import PlaybackChain, Transducers, cell_weights, simulate, transfer_matrix
+from midair.pipeline import compensate_pressure, lead_of, reproduce
 from midair.rig import run_loop
 from midair.settings import Settings, best_mode
 from midair.solvers import Glide, one_blas_thread
@@ -99,7 +99,7 @@ def ratio_at(
 ) -> float:
     """Signal over distortion of what a sensor reads there, with the best gain of each cell or as it is."""
     grid, points, model = settings.target.grid, plan.rig.skin().points, plan.rig.sensor_model
-    signed = to_play(asked, settings).pressure.reshape(asked.frames, -1)
+    signed = compensate_pressure(asked, settings).pressure.reshape(asked.frames, -1)
     wanted = signed @ interpolation_matrix(asked.sensor, grid).T @ _on(model, grid, place, "lines").T
     G = transfer_matrix(points, drive.array, acoustics=drive.acoustics)
     read = simulate(drive, G, chain=chain, rate=2 * drive.rate, weights=_on(model, points, place, "waves"))

@@ -19,11 +19,11 @@ import numpy as np
 from benchmarks.clock import load, timed
 from benchmarks.places import ratio_at
 from midair.files import open_take, save
-from midair.flow import lead_of, reproduce
 from midair.model import Calibration, Recording
 from midair.paper import FidelityPlan, MaterialsPlan, fidelity_table, materials_table
 from midair.paper.modes_compared import at_strength, original_of
 from midair.physics import PlaybackChain, Transducers
+from midair.pipeline import lead_of, reproduce
 from midair.recordings import Footprint, footprint_field
 from midair.settings import Mode, paper_mode
 from midair.solvers import one_blas_thread

@@ -23,15 +23,15 @@ from benchmarks.targets import ARRAY, moving_blob, problem_of, towel
 from benchmarks.yardstick import plain
 from midair.datasets import sample, stroke
 from midair.dsp import resample
-from midair.flow import at_rate, felt, lead_of, wanted
 from midair.model import Calibration, PressureFrames, Provenance, SensorGrid
 from midair.paper.modes_compared import FidelityPlan, at_strength, original_of
 from midair.physics import focus_amplitude, transfer_matrix
+from midair.pipeline import at_rate, calibrated_pressure, lead_of, target_amplitude
 from midair.rig import BudgetPlan, error_budget
 from midair.settings import Settings, best_mode, paper_mode
 from midair.solvers import Fast, Glide, Guard, Live, Problem, Windows, error_of, one_blas_thread, spreading_phase
 from midair.solvers.backend import backend
-from midair.solvers.moves import Machine
+from midair.solvers.field_operators import FieldOperators
 from midair.solvers.terms.guard import GuardField
 
 RATE = 8000.0
@@ -65,7 +65,7 @@ def sequences(settings: Settings, seconds: float) -> Iterator[tuple[str, Pressur
     change = float(np.abs(np.asarray(recording.samples) - np.median(recording.samples, axis=0)).max())
     # As `midair import sample:denim --peak 30Pa` and `solve --band 0.5Hz 15Hz` would: its taxels give 36 frames/s.
     flat = Calibration.flat(recording.sensor, sensitivity=change / 30.0, unit=recording.unit)
-    slow = felt(recording, flat, settings.but(band=(0.5, 15.0)))
+    slow = calibrated_pressure(recording, flat, settings.but(band=(0.5, 15.0)))
     yield "sample:denim", slow.cut(3.0, seconds)
 
 
@@ -105,7 +105,7 @@ def problem(pressure: PressureFrames, settings: Settings, strength: float) -> Pr
     """The settings' problem with the peak of the target at a strength; frames that nobody feels are left out."""
     grid, air = settings.target.grid, settings.acoustics
     focus = focus_amplitude(grid, ARRAY, acoustics=air)
-    amplitude = np.asarray(wanted(pressure, settings).amplitude)
+    amplitude = np.asarray(target_amplitude(pressure, settings).amplitude)
     amplitude = amplitude[amplitude.max(axis=1) > 0.01 * amplitude.max()]
     guard = settings.solver.guard
     ring = None
@@ -258,7 +258,7 @@ def pressure_of(samples: np.ndarray) -> PressureFrames:
 
 def _product(asked: Problem, method: Glide) -> float:
     """Milliseconds a frame of the four products of one cost and its gradient, in batches as glide has them."""
-    machine = Machine.of(
+    machine = FieldOperators.of(
         asked, backend("numpy"), tolerance=method.tolerance, memory=method.memory, outside=method.outside
     )
     rows = method.rows or machine.backend.rows

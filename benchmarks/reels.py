@@ -18,8 +18,8 @@ import numpy as np
 
 from benchmarks.clock import load
 from benchmarks.scale import resident
+from midair.lazy_frames import LazyFrames
 from midair.model import AmplitudeFrames, ControlGrid, Provenance, TransducerArray
-from midair.reel import Reel
 from midair.solvers import memory_of, one_blas_thread, solve_parts
 
 RATE = 1000.0
@@ -76,7 +76,7 @@ def spot(grid: ControlGrid, frames: int) -> AmplitudeFrames:
         return 400 * (1 - np.cos(2 * np.pi * 40 * at)) * np.exp(-apart / (2 * 9e-3**2))
 
     origin = Provenance(source="virtual:benchmark", simulated=True)
-    amplitude: np.ndarray = Reel(read, (frames, grid.count))  # pyright: ignore[reportAssignmentType]
+    amplitude: np.ndarray = LazyFrames(read, (frames, grid.count))  # pyright: ignore[reportAssignmentType]
     return AmplitudeFrames(amplitude=amplitude, rate=RATE, grid=grid, provenance=origin)
 
 

@@ -24,7 +24,7 @@ from benchmarks.clock import load
 from midair.model import Acoustics, ControlGrid, Medium, SensorGrid, TransducerArray
 from midair.physics import transfer_matrix
 from midair.solvers import Live, Problem, memory_needed, one_blas_thread, placed, problem_at, solver
-from midair.solvers.lens import spreading_phase
+from midair.solvers.initial_phase import spreading_phase
 from midair.solvers.modes import modes
 from midair.targets import interpolation_matrix
 

@@ -129,18 +129,20 @@ class Browser:
 def solved_take(folder):
     """A towel stroke and its drive, so that no studio has to solve first."""
     from midair.rig import record
-    from midair.studio.work import SolveWish, solve_take
+    from midair.studio.work import SolveRequest, solve_take
 
     record("virtual:towel", 0.5, path=folder / "towel.h5", seed=1)
     choices = (("method", "live"), ("level", "auto"))
-    solve_take(SolveWish(take=str(folder / "towel.h5"), drive=str(folder / "towel.drive.h5"), choices=choices), _untold)
+    solve_take(
+        SolveRequest(take=str(folder / "towel.h5"), drive=str(folder / "towel.drive.h5"), choices=choices), _untold
+    )
 
 
 def _untold(*_):
     """Nobody looks on."""
 
 
-class Sounding:
+class ArrayInfo:
     """A studio whose units sound because a page in sight armed them."""
 
     def __init__(self, folder, units=4):
@@ -304,7 +306,7 @@ def deaths(names=DEATHS, say=print):
         solved_take(Path(folder))
         for name in names:
             if at is None:
-                at = held.enter_context(contextlib.closing(Sounding(Path(folder))))
+                at = held.enter_context(contextlib.closing(ArrayInfo(Path(folder))))
             took, by = found[name] = death(name, at)
             say(f"  {name:30}{1e3 * took:6.0f} ms   by {by}")
             if not mends(name, at):

@@ -22,8 +22,8 @@ import numpy as np
 
 from benchmarks.clock import heading, line, load, timed
 from midair.datasets import stroke
-from midair.flow import at_rate, wanted
-from midair.reel import Reel, blocks
+from midair.lazy_frames import LazyFrames, blocks
+from midair.pipeline import at_rate, target_amplitude
 from midair.settings import best_mode, paper_mode
 from midair.sweep import PatternSweep, load_sweep, run_sweep
 from midair.sweep.run import cluster
@@ -74,8 +74,8 @@ def targets() -> None:
     for name, settings in (("paper", paper_mode()), ("best", best_mode())):
         felt = at_rate(stroke("towel"), settings.target.rate)
         cells = np.tile(felt.pressure, (4, 1, 1))
-        reel: np.ndarray = Reel(lambda first, last, cells=cells: cells[first:last], cells.shape)  # pyright: ignore[reportAssignmentType]
-        target = wanted(replace(felt, pressure=reel), settings).amplitude
+        reel: np.ndarray = LazyFrames(lambda first, last, cells=cells: cells[first:last], cells.shape)  # pyright: ignore[reportAssignmentType]
+        target = target_amplitude(replace(felt, pressure=reel), settings).amplitude
         _, cost = timed(lambda target=target: [block.any(axis=1) for block in blocks(target, 256)])
         print(f"{name}: {1e3 * cost / len(cells):.0f} us a frame")
 

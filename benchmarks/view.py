@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import midair
-from midair.flow import felt
-from midair.rig import watched
+from midair.pipeline import calibrated_pressure
+from midair.rig import view_of_loop
 from midair.settings import MODES
-from midair.view import WEB, Film, Showing, show_page, size_of, write_gif
+from midair.view import WEB, Film, ViewData, show_page, size_of, write_gif
 
 TICKS = """async (seconds) => {
   const {transport} = document.querySelector(".midair-view").midair;
@@ -65,16 +65,18 @@ def main() -> None:
         keep_pictures(drive, both, said.pictures)
 
 
-def towel() -> tuple[Showing, Showing]:
+def towel() -> tuple[ViewData, ViewData]:
     """What a loop played of a virtual towel stroke; and the same between what was felt, and what was felt of it."""
     take = midair.record("virtual:towel", 1.28)
     settings = MODES["best"]().but(rate=1000.0)
-    both = watched(midair.loop(felt(take.recording, take.calibration, settings).cut(0.4, 0.5), settings))
+    both = view_of_loop(
+        midair.loop(calibrated_pressure(take.recording, take.calibration, settings).cut(0.4, 0.5), settings)
+    )
     drive = replace(both, samples=None, again=None, sensor=None)
     return drive, both
 
 
-def watch(shown: Showing, seconds: float) -> None:
+def watch(shown: ViewData, seconds: float) -> None:
     with browser() as page:
         begun = time.monotonic()
         opened(page, shown)
@@ -85,7 +87,7 @@ def watch(shown: Showing, seconds: float) -> None:
             print(f"  {label:26} {spent:5.2f} ms a picture of 17 frames")
 
 
-def keep_pictures(drive: Showing, both: Showing, folder: Path) -> None:
+def keep_pictures(drive: ViewData, both: ViewData, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, shown, how in (
         ("show-both", both, {}),
@@ -98,7 +100,7 @@ def keep_pictures(drive: Showing, both: Showing, folder: Path) -> None:
     Film(drive).picture(both.frames // 2).save(folder / "show-film.png")
 
 
-def opened(page: Any, shown: Showing) -> None:
+def opened(page: Any, shown: ViewData) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "page.html"
         path.write_text(show_page(shown), encoding="utf-8")

@@ -9,7 +9,7 @@ skin make of the two, if everything else were perfect?
 from dataclasses import replace
 
 from midair.datasets import probe_signal
-from midair.evaluate import fidelity, in_band, perceptual_card
+from midair.evaluate import fidelity, in_band, perceptual_metrics
 from midair.figures import card_figure
 from midair.targets import MAPPINGS
 
@@ -21,7 +21,7 @@ for name in ("half-wave", "slow-bias"):
     found = fidelity(felt, pushed)
     print(f"{name}: {found.distortion_ratio:.1f} dB of signal over distortion, gain {found.gain:.2f}")
     heard = replace(felt, pressure=in_band(pushed.pressure, felt.rate, (20.0, 470.0)) / found.gain)
-    cards[name] = perceptual_card(felt, heard)
+    cards[name] = perceptual_metrics(felt, heard)
 
 # %%
 # At the same strength in the band, each number of the card has its own answer.

@@ -12,8 +12,8 @@ import numpy as np
 import midair
 from midair.datasets import sample
 from midair.figures import traces_figure
-from midair.flow import at_rate
 from midair.model import Calibration, ControlGrid, TransducerArray
+from midair.pipeline import at_rate
 
 recording = sample("denim")
 print(f"{recording.frames} frames at {recording.rate:.2f} Hz, in {recording.unit}s")

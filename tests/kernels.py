@@ -23,7 +23,7 @@ NUMERICAL = [
     "tests/sweep",
     "tests/targets",
     "tests/test_blas.py",
-    "tests/test_flow.py",
+    "tests/test_pipeline.py",
 ]
 
 NAME = "import numpy; from threadpoolctl import threadpool_info as info; print(info()[0].get('architecture'))"

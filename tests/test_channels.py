@@ -3,12 +3,12 @@
 import numpy as np
 
 from midair.channels import channels
-from midair.reel import Reel
+from midair.lazy_frames import LazyFrames
 
 
 def test_each_channel_comes_in_its_order_of_arrays_and_of_reels():
     x = np.random.default_rng(0).standard_normal((100_000, 4, 3))
-    reel = Reel(lambda first, last: x[first:last], x.shape)
+    reel = LazyFrames(lambda first, last: x[first:last], x.shape)
     for given in (x, reel):
         np.testing.assert_array_equal(np.stack(list(channels(given)), axis=1), x.reshape(len(x), 12))
 

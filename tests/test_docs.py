@@ -17,7 +17,7 @@ from midair.cli.commands import COMMANDS, FOLDERS
 from midair.settings import CHOICES, MODES, Settings, choices_table
 from midair.study import (
     Design,
-    NoPresenter,
+    SilentPresenter,
     StudyFolder,
     draw_plan,
     paper_design_text,
@@ -179,7 +179,7 @@ def test_the_runner_of_the_page_on_studies_runs(folder):
     script = next(one for one in blocks("docs/study.md", "python") if "with Session(" in one)
     design = read_design(paper_design_text().replace("repetitions = 4", "repetitions = 1"), participants=3)
     plan, told = draw_plan(design), []
-    names = {"plan": plan, "folder": StudyFolder(folder), "presenter": NoPresenter(), "show": told.append}
+    names = {"plan": plan, "folder": StudyFolder(folder), "presenter": SilentPresenter(), "show": told.append}
     exec(script, names | {"ask": lambda text: "AB12" if "pseudonym" in text else "1"})
     found = replay(read_events(folder / "sessions" / "sub-03.jsonl"), plan, 3)
     assert found.next_trial == len(found.trials)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from midair.headroom import _at_point, headroom, level_of, linear_range, thinned
+from midair.lazy_frames import BYTES, LazyFrames
 from midair.model import AmplitudeFrames, ControlGrid, Medium, Provenance, TransducerArray
 from midair.physics import radiation_pressure, sound_amplitude, transfer_matrix
-from midair.reel import BYTES, Reel
 from midair.solvers import solve
 
 ARRAY = TransducerArray.autd3()
@@ -108,7 +108,9 @@ def test_one_point_of_many_does_not_keep_the_frames_it_was_read_from():
     def read(first, last):
         return np.ones((last - first, 16))
 
-    target = AmplitudeFrames(amplitude=Reel(read, (200_000, 16)), rate=1000.0, grid=ControlGrid(rows=4, columns=4))
+    target = AmplitudeFrames(
+        amplitude=LazyFrames(read, (200_000, 16)), rate=1000.0, grid=ControlGrid(rows=4, columns=4)
+    )
     tracemalloc.start()
     wave = _at_point(target, slice(0, 200_000), 3)
     most = tracemalloc.get_traced_memory()[1]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from midair.lazy_frames import LazyFrames
 from midair.medians import medians
-from midair.reel import Reel
 
 RNG = np.random.default_rng(0)
 STEPS = np.round(RNG.standard_normal((30_000, 2, 2)) * 3) / 3
@@ -24,8 +24,8 @@ SIGNALS = {
 @pytest.mark.parametrize("x", SIGNALS.values(), ids=list(SIGNALS))
 def test_they_are_numpy_s_to_the_last_bit(x, few, monkeypatch):
     monkeypatch.setattr("midair.medians._FEW", few)
-    monkeypatch.setattr("midair.reel.BYTES", 2**15)
-    reel = Reel(lambda first, last: x[first:last], x.shape)
+    monkeypatch.setattr("midair.lazy_frames.BYTES", 2**15)
+    reel = LazyFrames(lambda first, last: x[first:last], x.shape)
     with np.errstate(over="ignore"):
         np.testing.assert_array_equal(medians(reel), np.median(x, axis=0))
         np.testing.assert_array_equal(medians(x), np.median(x, axis=0))

@@ -13,7 +13,7 @@ NAMES = {
     "Settings Solution TransducerArray",
     "verbs": "calibrate compare live load load_calibration loop open_rig open_take play prepare propagate record "
     "save solve",
-    "rooms": "calibration correct datasets devices dsp errors evaluate figures files flow model paper physics "
+    "rooms": "calibration correct datasets devices dsp errors evaluate figures files model paper physics pipeline "
     "recordings rig settings solvers studio study sweep targets testing view",
 }
 
@@ -74,7 +74,9 @@ def test_import_loads_nothing_heavy():
 def types_of(*verbs):
     """What they are in a program that has imported every room before."""
     rooms = ", ".join(f"midair.{room}" for room in names("rooms") if room != "testing")
-    code = f"import {rooms}, midair.rig.looping, midair; print(*(type(getattr(midair, n)).__name__ for n in {verbs}))"
+    code = (
+        f"import {rooms}, midair.rig.correction, midair; print(*(type(getattr(midair, n)).__name__ for n in {verbs}))"
+    )
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
 
 

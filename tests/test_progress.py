@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from midair.lazy_frames import LazyFrames, blocks
 from midair.progress import passing, watched
-from midair.reel import Reel, blocks
 
 
 def test_only_the_outermost_loop_is_told_and_the_next_one_after_it():
@@ -32,6 +32,6 @@ def test_a_loop_that_is_left_makes_room_for_the_next():
 def test_going_through_frames_is_told_in_frames(reel):
     x, told = np.arange(20.0).reshape(10, 2), []
     with watched(lambda done, total: told.append((done, total))):
-        parts = list(blocks(Reel(lambda a, b: x[a:b], x.shape) if reel else x, 4))
+        parts = list(blocks(LazyFrames(lambda a, b: x[a:b], x.shape) if reel else x, 4))
     assert told == [(4, 10), (8, 10), (10, 10)]
     assert np.array_equal(np.concatenate(parts), x)

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.reel import Reel, blocks
+from midair.lazy_frames import LazyFrames, blocks
 
 Array = NDArray[np.float64]
 
 
-def channels(x: "NDArray[Any] | Reel") -> Iterator[Array]:
+def channels(x: "NDArray[Any] | LazyFrames") -> Iterator[Array]:
     """Each channel of an array or a reel of (frame, ...), shape (frame,), in the order of its other axes.
 
-    A reel is read once for each channel: keep in a `Spool` what takes long to work out.
+    A reel is read once for each channel: keep in a `TempFrames` what takes long to work out.
     """
     for number in range(int(np.prod(x.shape[1:], dtype=np.int64))):
         whole, first = np.empty(len(x)), 0

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BandError, InputError
-from midair.reel import BYTES, Reel, taken
-from midair.segments import convolved, extend, filtered, resampled
+from midair.lazy_filters import convolve_lazily, extend, filter_lazily, resample_lazily
+from midair.lazy_frames import BYTES, LazyFrames, read_frames
 from midair.validation import positive
 
 Array = NDArray[np.float64]
@@ -107,8 +107,8 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
-    if isinstance(x, Reel):
-        return cast("Array", filtered(x, rate, response, reach=reach))
+    if isinstance(x, LazyFrames):
+        return cast("Array", filter_lazily(x, rate, response, reach=reach))
     pad = int(np.ceil(reach * rate)) + 1
     x = np.asarray(x, float)
     # Taken out, so that what is added at the ends fades to the mean and not to 0.
@@ -166,13 +166,13 @@ def filter_fir(x: Array, fir: Array) -> Array:
 
     if len(fir) % 2 == 0:
         raise InputError(f"taps: expected an odd number, got {len(fir)}")
-    if isinstance(x, Reel):
-        return cast("Array", convolved(x, fir))
+    if isinstance(x, LazyFrames):
+        return cast("Array", convolve_lazily(x, fir))
     pad = len(fir) - 1
     return np.asarray(oaconvolve(extend(x, pad), fir, mode="same", axes=0)[pad : pad + len(x)], np.float64)
 
 
-def welch(x: Array | Reel, rate: float, *, resolution: float = 4.0) -> tuple[Array, Array]:
+def welch(x: Array | LazyFrames, rate: float, *, resolution: float = 4.0) -> tuple[Array, Array]:
     """One-sided power spectral density by Welch's method: Hann segments that overlap by half, mean removed.
 
     Parameters
@@ -196,12 +196,14 @@ def welch(x: Array | Reel, rate: float, *, resolution: float = 4.0) -> tuple[Arr
     segment = min(len(x), max(2, round(rate / positive(resolution, "resolution", "Hz"))))
     step = segment - segment // 2
     count = (len(x) - segment // 2) // step
-    together = count if not isinstance(x, Reel) else max(1, BYTES // (8 * step * max(1, int(np.prod(x.shape[1:])))))
+    together = (
+        count if not isinstance(x, LazyFrames) else max(1, BYTES // (8 * step * max(1, int(np.prod(x.shape[1:])))))
+    )
     frequency, density = np.zeros(0), 0.0
     # Of a reel some segments at a time: the mean of all is that of the parts.
     for first in range(0, count, together):
         last = min(first + together, count)
-        part = taken(x, first * step, (last - 1) * step + segment)
+        part = read_frames(x, first * step, (last - 1) * step + segment)
         frequency, found = scipy_welch(part, rate, nperseg=segment, axis=0, detrend="constant")
         density = density + found * ((last - first) / count)
     return np.asarray(frequency, np.float64), np.asarray(density, np.float64)
@@ -266,12 +268,12 @@ def resample(x: Array, rate: float, new_rate: float) -> Array:
     ratio = Fraction(fast / slow).limit_denominator(1000)
     up, down = (ratio.numerator, ratio.denominator) if new_rate > rate else (ratio.denominator, ratio.numerator)
     if up == down:
-        return x if isinstance(x, Reel) else np.array(x, float)
+        return x if isinstance(x, LazyFrames) else np.array(x, float)
     slower = max(up, down)
     # Kaiser's beta for a stop band of 80 dB is 8; 64 frames of the slower rate on either side give the edge its width.
     fir = firwin(128 * slower + 1, 1 / slower, window=("kaiser", 8.0))
-    if isinstance(x, Reel):
-        return cast("Array", resampled(x, up, down, fir))
+    if isinstance(x, LazyFrames):
+        return cast("Array", resample_lazily(x, up, down, fir))
     x = np.asarray(x, float)
     # The stubs know windows by name only; the function takes coefficients too.
     y = resample_poly(x, up, down, window=fir, padtype="edge")  # pyright: ignore[reportCallIssue, reportArgumentType]

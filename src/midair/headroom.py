@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.evaluate import in_band
+from midair.lazy_frames import blocks, read_frames
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, SensorGrid, Solution, TransducerArray
 from midair.physics import focus_amplitude, radiation_pressure, sound_amplitude, transfer_matrix
-from midair.reel import blocks, taken
 from midair.settings import Settings
 from midair.solvers import solve
 from midair.targets import interpolation_matrix, piece_of
@@ -181,7 +181,7 @@ def level_of(
     wave = _at_point(target, piece, point)
     pressure = radiation_pressure(wave, medium)
     vibration = in_band(pressure[:, None], target.rate, (band[0], min(band[1], target.rate / 2)))
-    pattern = taken(target.amplitude, loudest, loudest + 1)[0]
+    pattern = read_frames(target.amplitude, loudest, loudest + 1)[0]
     room = headroom(drive.array, target.grid, drive.acoustics)
     asked = float(radiation_pressure(np.array(sums.max()), medium))
     linear, _ = linear_range(drive.array, target.grid, pattern**2, drive.acoustics)
@@ -307,7 +307,7 @@ def _comes(drive: Drive, target: AmplitudeFrames, frames: list[int]) -> float:
     """Best factor from asked to pressed over some frames, as if every frame lasted for ever."""
     medium = drive.acoustics.medium
     phase, level, wanted = (
-        np.concatenate([taken(each, one, one + 1) for one in frames])
+        np.concatenate([read_frames(each, one, one + 1) for one in frames])
         for each in (drive.phase, drive.level, target.amplitude)
     )
     part = Drive(phase=phase, level=level, rate=drive.rate, array=drive.array, acoustics=drive.acoustics)

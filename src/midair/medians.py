@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.reel import Reel, moments
+from midair.lazy_frames import LazyFrames, moments
 
 Array = NDArray[np.float64]
 
@@ -14,7 +14,7 @@ _FEW = 2**16
 """Numbers of one channel that are held and sorted."""
 
 
-def medians(x: "NDArray[Any] | Reel") -> Array:
+def medians(x: "NDArray[Any] | LazyFrames") -> Array:
     """Median of each channel along the frames: `numpy.median`, to the last bit.
 
     A reel is read three or four times: for the range of each channel, for the counts of 16384 parts of that range, and
@@ -29,7 +29,7 @@ def medians(x: "NDArray[Any] | Reel") -> Array:
     -------
     ndarray, shape (...)
     """
-    if not isinstance(x, Reel):
+    if not isinstance(x, LazyFrames):
         return np.asarray(np.median(x, axis=0), np.float64)
     found = moments(x)
     ends = zip(found.least.ravel(), found.greatest.ravel(), strict=True)

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from midair.errors import InputError, NonFiniteError, ShapeError
-from midair.reel import Reel
+from midair.lazy_frames import LazyFrames
 
 
 def frozen_array(
-    value: "ArrayLike | Reel",
+    value: "ArrayLike | LazyFrames",
     name: str,
     axes: Sequence[str | int],
     dtype: DTypeLike = np.float64,
@@ -45,7 +45,7 @@ def frozen_array(
     NonFiniteError
         If a number is NaN or infinite.
     """
-    if isinstance(value, Reel):
+    if isinstance(value, LazyFrames):
         _check_shape(value.shape, name, axes)
         # To a type checker a reel is the array that it stands for.
         return cast("NDArray[Any]", value)

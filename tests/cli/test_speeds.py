@@ -1,8 +1,8 @@
 import pytest
 
-from midair.cli.speeds import Speeds, Work, spoken, told
+from midair.cli.speeds import Speeds, Work, duration_text, estimate_text
 from midair.cli.terminal import console
-from midair.cli.terminal.console import stages, work_of
+from midair.cli.terminal.console import progress_bars, work_of
 
 SOLVE, PLAY = Work(kind="solve exact 256", frames=3000), Work(kind="play", frames=3000)
 
@@ -12,9 +12,9 @@ def test_what_is_not_known_is_not_told_and_what_is_known_adds_up():
     assert speeds.seconds([SOLVE]) == pytest.approx(300)
     assert speeds.seconds([SOLVE, PLAY]) is None
     assert speeds.learnt(Work(kind="play", frames=500), 1.0).seconds([SOLVE, PLAY]) == pytest.approx(306)
-    assert "not known" in told(speeds, [SOLVE, PLAY])
-    assert told(speeds, [SOLVE]) == "this takes about 5 min, as fast as the last time on this machine"
-    assert told(speeds, [Work(kind=SOLVE.kind, frames=30)]) == ""
+    assert "not known" in estimate_text(speeds, [SOLVE, PLAY])
+    assert estimate_text(speeds, [SOLVE]) == "this takes about 5 min, as fast as the last time on this machine"
+    assert estimate_text(speeds, [Work(kind=SOLVE.kind, frames=30)]) == ""
 
 
 def test_a_busy_day_is_forgotten_by_half():
@@ -26,7 +26,7 @@ def test_a_busy_day_is_forgotten_by_half():
     ("seconds", "words"), [(3.4, "3 s"), (44.4, "44 s"), (100, "1.7 min"), (3300, "55 min"), (9000, "2.5 h")]
 )
 def test_durations_are_told_in_two_digits(seconds, words):
-    assert spoken(seconds) == words
+    assert duration_text(seconds) == words
 
 
 def test_the_pace_is_kept_between_programs_and_a_broken_file_is_no_matter(monkeypatch, tmp_path):
@@ -42,18 +42,18 @@ def test_the_pace_is_kept_between_programs_and_a_broken_file_is_no_matter(monkey
 
 def test_a_stage_teaches_how_fast_it_went_and_the_next_time_it_is_told(monkeypatch, capsys):
     monkeypatch.setattr(console, "MEASURED", 0.0)
-    with stages([work_of("solve", "exact", 3000)]) as stage:
+    with progress_bars([work_of("solve", "exact", 3000)]) as stage:
         stage("solve, pass 1", "exact")(3000, 3000)
     assert "not known here yet" in capsys.readouterr().err
     rate = Speeds.known().rates["solve exact"]
-    with stages([work_of("solve", "exact", round(40 * rate))]):
+    with progress_bars([work_of("solve", "exact", round(40 * rate))]):
         pass
     assert "this takes about 40 s" in capsys.readouterr().err
 
 
 def test_work_that_was_stopped_teaches_nothing(monkeypatch):
     monkeypatch.setattr(console, "MEASURED", 0.0)
-    with pytest.raises(KeyboardInterrupt), stages() as stage:
+    with pytest.raises(KeyboardInterrupt), progress_bars() as stage:
         stage("solve", "exact")(10, 3000)
         raise KeyboardInterrupt
     assert Speeds.known().rates == {}

@@ -7,7 +7,7 @@ import pytest
 from midair.calibration import calibrate
 from midair.datasets.catalogue import SAMPLES, credited, sample, sample_path, samples
 from midair.errors import InputError
-from midair.evaluate import perceptual_card
+from midair.evaluate import perceptual_metrics
 from midair.files import open_take
 from midair.model import PressureFrames, SensorGrid
 from midair.recordings import Footprint, footprint_field, resample
@@ -55,7 +55,7 @@ def test_denim_is_a_real_recording_that_names_its_origin():
 def felt_by(recording):
     """The card of a recording that comes back as it was."""
     pressure = calibrate(recording)
-    return perceptual_card(pressure, pressure)
+    return perceptual_metrics(pressure, pressure)
 
 
 def test_ridges_are_a_real_recording_that_can_be_felt_and_say_what_was_chosen():
@@ -91,7 +91,7 @@ def test_denim_is_not_felt_at_the_level_of_its_example_as_the_docs_say():
     change = np.asarray(recording.samples) - np.median(recording.samples, axis=0)
     slow = replace(recording, samples=30 * change / np.abs(change).max(), unit="Pa")
     pressure = calibrate(resample(slow, 1000.0), band=(0.5, 15.0))
-    assert perceptual_card(pressure, pressure).verdict().startswith("A palm would not feel it")
+    assert perceptual_metrics(pressure, pressure).verdict().startswith("A palm would not feel it")
 
 
 def test_a_file_of_a_sample_that_was_read_with_options_names_its_licence():
@@ -115,7 +115,7 @@ def test_connect_is_the_original_and_is_felt_under_a_palm():
     assert not effect.provenance.simulated
     field = footprint_field(effect, Footprint(shape="circle", size=20e-3, speed=0.0), SensorGrid())
     frames = PressureFrames(pressure=field.samples, rate=field.rate, band=(20.0, 470.0))
-    assert perceptual_card(frames, frames).figure("Pacinian power, original").overall > 10
+    assert perceptual_metrics(frames, frames).figure("Pacinian power, original").overall > 10
 
 
 @pytest.mark.parametrize("name", MADE)
@@ -125,6 +125,6 @@ def test_what_is_made_says_so_and_can_be_felt(name):
     assert recording.unit == "Pa"
     assert 30 <= recording.samples.max() <= 61
     frames = PressureFrames(pressure=recording.samples, rate=recording.rate, band=(20.0, 470.0))
-    assert perceptual_card(frames, frames).figure("Pacinian power, original").overall > 2
+    assert perceptual_metrics(frames, frames).figure("Pacinian power, original").overall > 2
     with pytest.raises(InputError, match="made by"):
         sample_path(name)

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.devices import FrameBlock
-from midair.devices.reading import Seam
+from midair.devices.reading import GapFiller
 from midair.errors import DeviceError
 
 
@@ -14,7 +14,7 @@ def block(first, count):
 
 
 def test_a_gap_is_held_at_the_last_frame():
-    seam = Seam("bench", 1000)
+    seam = GapFiller("bench", 1000)
     assert seam.add(block(0, 3)).lost == 0
     part = seam.add(block(5, 2))
     assert (part.first, part.lost) == (3, 2)
@@ -25,7 +25,7 @@ def test_a_gap_is_held_at_the_last_frame():
 @given(st.lists(st.tuples(st.integers(0, 50), st.integers(1, 40)), min_size=1, max_size=20))
 def test_frame_i_stays_frame_i(pieces):
     """Each piece: so many lost frames, then so many that came."""
-    seam, parts, lost, at = Seam("bench", 1000), [], 0, 0
+    seam, parts, lost, at = GapFiller("bench", 1000), [], 0, 0
     for gap, count in pieces:
         at += gap
         part = seam.add(block(at, count))
@@ -39,7 +39,7 @@ def test_frame_i_stays_frame_i(pieces):
 
 
 def test_an_empty_block_changes_nothing():
-    seam = Seam("bench", 1000)
+    seam = GapFiller("bench", 1000)
     seam.add(block(0, 3))
     assert seam.add(block(3, 0)).lost == 0
     assert seam.add(block(3, 1)).lost == 0
@@ -47,7 +47,7 @@ def test_an_empty_block_changes_nothing():
 
 @pytest.mark.parametrize("first", [0, 9, 60_011])
 def test_a_sensor_that_began_anew_is_refused(first):
-    seam = Seam("bench", 1000)
+    seam = GapFiller("bench", 1000)
     seam.add(block(0, 10))
     with pytest.raises(DeviceError, match="expected frame 10 or one soon after"):
         seam.add(block(first, 1))

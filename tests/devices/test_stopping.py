@@ -11,8 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from midair.devices import BankedArray, ExposureChoices, VirtualArray, admit, ordered_at, state_folder, stop_playing
-from midair.devices.safety.stop_lines import uptime
+from midair.devices import (
+    BankedArray,
+    ExposureChoices,
+    VirtualArray,
+    check_exposure,
+    ordered_at,
+    state_folder,
+    stop_playing,
+)
+from midair.devices.safety.stop_channel import uptime
 from midair.errors import DeviceError, HeldError, StoppedError
 from midair.files import profile_named, save_solution
 from midair.model import Drive, Placement, Solution
@@ -197,7 +205,7 @@ class Loud(VirtualArray):
 
 def quiet(array):
     exposure = ExposureChoices(profile=profile_named("occupational-110"), attenuate=True)
-    return admit(noise(300), array, exposure)
+    return check_exposure(noise(300), array, exposure)
 
 
 def test_what_plays_from_python_is_logged_and_can_be_stopped():

@@ -7,8 +7,8 @@ from scipy.signal import firwin
 from midair.dsp import filter_fir, welch
 from midair.errors import MismatchError, RateError
 from midair.evaluate import advance, compare, dominant_frequency, find_delay, in_band, spectral_error
+from midair.lazy_frames import LazyFrames
 from midair.model import PressureFrames, Provenance, SensorGrid
-from midair.reel import Reel
 
 
 def frames(scale=1.0, rate=1000.0, channel=5, frequency=100.0, simulated=False):
@@ -117,13 +117,13 @@ def test_other_cells_and_other_rates_are_refused():
 
 def reeled(pressure):
     x = pressure.pressure
-    return dataclasses.replace(pressure, pressure=Reel(lambda first, last: x[first:last], x.shape))
+    return dataclasses.replace(pressure, pressure=LazyFrames(lambda first, last: x[first:last], x.shape))
 
 
 @pytest.mark.parametrize(("highest", "apart"), [(470.0, 1e-6), (500.0, 2e-4)])
 def test_of_reels_all_figures_are_the_same(highest, apart, monkeypatch):
     """But for what lies near half the rate, since a delay that is no whole number of frames never ends there."""
-    monkeypatch.setattr("midair.segments.BYTES", 2**17)
+    monkeypatch.setattr("midair.lazy_filters.BYTES", 2**17)
     rng = np.random.default_rng(0)
     noise = rng.standard_normal((2, 20_000, 4, 4))
     if highest < 500:

@@ -3,7 +3,7 @@ import pytest
 
 from midair.evaluate import dominant_frequency, pacinian_level, spectral_error
 from midair.evaluate.spectrum import long_stretches, power_spectrum
-from midair.reel import Reel
+from midair.lazy_frames import LazyFrames
 
 
 def test_equal_spectra_do_not_differ():
@@ -48,7 +48,7 @@ def test_long_signals_are_as_strong_as_their_stretches_on_the_mean(monkeypatch):
     wave = np.sin(2 * np.pi * 125 * time)[:, None] * [1.0, 3.0] + 5
     whole = pacinian_level(wave, 1000.0)
     monkeypatch.setattr("midair.evaluate.spectrum.LONGEST", 1000)
-    reel = Reel(lambda a, b: wave[a:b], wave.shape)
+    reel = LazyFrames(lambda a, b: wave[a:b], wave.shape)
     power, frames = power_spectrum(reel)
     assert (frames, np.argmax(power)) == (1000, 125)
     assert dominant_frequency(reel, 1000.0) == 125.0

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.evaluate import PressedPalm
-from midair.figures.palm_maps import Way, palm_figure, strongest_moment
+from midair.figures.palm_maps import PalmPanel, palm_figure, strongest_moment
 from midair.model import PressureFrames
 
 PALM = PressedPalm(
@@ -26,7 +26,10 @@ def test_the_window_lies_around_the_strongest_moment():
 
 
 def test_every_way_has_a_map_and_its_own_trace_whatever_its_rate():
-    ways = [Way(name="fast", felt=pressed(4000.0), pressed=PALM), Way(name="slow", felt=pressed(1000.0), pressed=PALM)]
+    ways = [
+        PalmPanel(name="fast", felt=pressed(4000.0), pressed=PALM),
+        PalmPanel(name="slow", felt=pressed(1000.0), pressed=PALM),
+    ]
     above, below = palm_figure(pressed(4000.0), ways).subfigs
     assert [axis.get_title("left") for axis in above.axes[:3]] == ["wanted", "fast", "slow"]
     assert len({axis.images[0].get_clim() for axis in above.axes[:3]}) == 1

@@ -23,9 +23,9 @@ from midair.errors import (
     UnknownFormatError,
 )
 from midair.files import FORMATS, load, open_take, save, save_calibration, save_solution
+from midair.lazy_frames import LazyFrames
 from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings import cut
-from midair.reel import Reel
 
 BOTH = [ending for ending, form in FORMATS.items() if form.write and not form.effect]
 IN = [ending for ending, form in FORMATS.items() if not form.effect]
@@ -281,7 +281,7 @@ def test_a_streamed_recording_is_written_as_one_in_memory(tmp_path, ending):
     samples = np.random.default_rng(0).standard_normal((5000, 4, 4))
     save(Recording(samples=samples, rate=1000), tmp_path / "a.h5")
     streamed = open_take(tmp_path / "a.h5", streamed=True).recording
-    assert isinstance(streamed.samples, Reel)
+    assert isinstance(streamed.samples, LazyFrames)
     save(streamed, tmp_path / f"b{ending}")
     again = load(tmp_path / f"b{ending}")
     np.testing.assert_array_equal(again.samples, samples)
@@ -331,10 +331,10 @@ def test_a_streamed_number_that_is_none_is_refused_when_it_is_read(tmp_path):
 @each_writer
 def test_a_reel_is_written_as_an_array_is(ending, tmp_path, monkeypatch):
     """With runs of one value, which MPEG haptics leaves out, over the ends of blocks."""
-    monkeypatch.setattr("midair.reel.BYTES", 2**10)
+    monkeypatch.setattr("midair.lazy_frames.BYTES", 2**10)
     samples = np.round(np.random.default_rng(3).normal(size=(700, 3, 5)).cumsum(axis=0))
     whole = Recording(samples=samples, rate=1000.0, sensor=SensorGrid(rows=3, columns=5), unit="V")
-    reel = Reel(lambda first, last: samples[first:last], samples.shape, stored="f4")
+    reel = LazyFrames(lambda first, last: samples[first:last], samples.shape, stored="f4")
     read = Recording(samples=reel, rate=1000.0, sensor=whole.sensor, unit="V")
     one, two = tmp_path / f"one{ending}", tmp_path / f"two{ending}"
     assert save(whole, one) == save(read, two)

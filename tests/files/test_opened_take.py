@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midair.errors import InputError, MismatchError, NonFiniteError, RateError, ShapeError, UnitError
-from midair.files.opened_take import Foreign, Given
+from midair.files.opened_take import ImportedData, ImportOptions
 from midair.model import SensorGrid
 from midair.recordings import Mending
 
@@ -14,24 +14,24 @@ def path(tmp_path):
 
 
 def foreign(shape, **says):
-    return Foreign(samples=np.zeros(shape), form="bin", **says)
+    return ImportedData(samples=np.zeros(shape), form="bin", **says)
 
 
 def test_what_the_file_says_needs_nothing_given(path):
     sensor = SensorGrid(rows=1, columns=3)
-    seen = foreign((5, 3), rate=10.0, unit="V", sensor=sensor).settle(Given(), path)
+    seen = foreign((5, 3), rate=10.0, unit="V", sensor=sensor).settle(ImportOptions(), path)
     assert (seen.recording.rate, seen.recording.unit, seen.recording.sensor) == (10, "V", sensor)
     assert seen.report == ()
 
 
 def test_what_the_file_does_not_say_is_taken_as_given(path):
-    given = Given(rate=10.0, unit="Pa", sensor=SensorGrid(rows=3, columns=1))
+    given = ImportOptions(rate=10.0, unit="Pa", sensor=SensorGrid(rows=3, columns=1))
     recording = foreign((5, 3)).settle(given, path).recording
     assert (recording.rate, recording.unit, recording.sensor) == (10, "Pa", given.sensor)
 
 
 def test_the_report_goes_into_the_provenance(path):
-    seen = foreign((5, 16), report=("First.",)).settle(Given(rate=10.0, unit="V"), path)
+    seen = foreign((5, 16), report=("First.",)).settle(ImportOptions(rate=10.0, unit="V"), path)
     assert seen.report[0] == "First."
     assert len(seen.report) == 2
     assert seen.recording.provenance.steps[0].settings["report"] == seen.report
@@ -40,11 +40,11 @@ def test_the_report_goes_into_the_provenance(path):
 @pytest.mark.parametrize(
     ("shape", "given", "error"),
     [
-        ((5, 16), Given(unit="V"), RateError),
-        ((5, 16), Given(rate=10.0), UnitError),
-        ((5, 15), Given(rate=10.0, unit="V"), ShapeError),
-        ((5, 2, 8), Given(rate=10.0, unit="V", sensor=SensorGrid()), MismatchError),
-        ((5, 16), Given(rate=10.0, unit="V", sensor=SensorGrid(rows=4, columns=5)), MismatchError),
+        ((5, 16), ImportOptions(unit="V"), RateError),
+        ((5, 16), ImportOptions(rate=10.0), UnitError),
+        ((5, 15), ImportOptions(rate=10.0, unit="V"), ShapeError),
+        ((5, 2, 8), ImportOptions(rate=10.0, unit="V", sensor=SensorGrid()), MismatchError),
+        ((5, 16), ImportOptions(rate=10.0, unit="V", sensor=SensorGrid(rows=4, columns=5)), MismatchError),
     ],
 )
 def test_refuses_what_nobody_says_or_what_does_not_fit(shape, given, error, path):
@@ -54,41 +54,47 @@ def test_refuses_what_nobody_says_or_what_does_not_fit(shape, given, error, path
 
 def test_channels_are_chosen_by_name_or_number_in_any_order(path):
     samples = np.arange(12.0).reshape(3, 4)
-    file = Foreign(samples=samples, form="bin", rate=10.0, names=("a", "b", "c", "d"), units=("V", "Pa", "V", None))
+    file = ImportedData(
+        samples=samples, form="bin", rate=10.0, names=("a", "b", "c", "d"), units=("V", "Pa", "V", None)
+    )
     pair = SensorGrid(rows=1, columns=2)
-    seen = file.settle(Given(channels=("c", "0"), sensor=pair), path)
+    seen = file.settle(ImportOptions(channels=("c", "0"), sensor=pair), path)
     np.testing.assert_array_equal(seen.recording.samples[:, 0], samples[:, [2, 0]])
     assert seen.recording.unit == "V"
     assert seen.recording.provenance.steps[0].settings["channels"] == ("c", "a")
     with pytest.raises(UnitError):
-        file.settle(Given(channels=("a", "b"), sensor=pair), path)
+        file.settle(ImportOptions(channels=("a", "b"), sensor=pair), path)
 
 
 @pytest.mark.parametrize("channels", [("e",), ("4",), ("-1",), (), ("a", "0")])
 def test_refuses_channels_that_are_not_there_or_there_twice(channels, path):
     file = foreign((3, 4), rate=10.0, unit="V", names=("a", "b", "c", "d"))
     with pytest.raises(ShapeError, match=r"expected (a channel by name|channels that are there once)"):
-        file.settle(Given(channels=channels), path)
+        file.settle(ImportOptions(channels=channels), path)
 
 
 def test_a_chosen_channel_tells_of_rows_that_repeat(path):
     rng = np.random.default_rng(0)
     samples = rng.normal(size=(50, 2))
     samples[[7, 20, 21], 0] = samples[[6, 19, 19], 0]
-    seen = Foreign(samples=samples, form="bin", rate=10.0, unit="V").settle(Given(channels=("0",)), path)
+    seen = ImportedData(samples=samples, form="bin", rate=10.0, unit="V").settle(ImportOptions(channels=("0",)), path)
     assert seen.report == ("3 of 50 rows repeat every channel of the row before, at a later time: they were kept.",)
 
 
 def test_a_scale_makes_pressure_of_any_number(path):
-    recording = Foreign(samples=np.full((3, 1), 2.0), form="bin", rate=10.0).settle(Given(scale=1.5), path).recording
+    recording = (
+        ImportedData(samples=np.full((3, 1), 2.0), form="bin", rate=10.0)
+        .settle(ImportOptions(scale=1.5), path)
+        .recording
+    )
     assert (recording.unit, recording.samples[0, 0, 0]) == ("Pa", 3.0)
     with pytest.raises(MismatchError, match="the file says Pa"):
-        foreign((3, 1), rate=10.0, unit="Pa").settle(Given(scale=2.0), path)
+        foreign((3, 1), rate=10.0, unit="Pa").settle(ImportOptions(scale=2.0), path)
     with pytest.raises(MismatchError, match="leave unit out"):
-        Given(scale=2.0, unit="V")
+        ImportOptions(scale=2.0, unit="V")
     for scale in (0.0, np.nan):
         with pytest.raises(InputError, match="other than 0 Pa"):
-            Given(scale=scale)
+            ImportOptions(scale=scale)
 
 
 PACKED = np.arange(12.0)
@@ -96,9 +102,9 @@ PACKED = np.arange(12.0)
 
 @pytest.mark.parametrize("shape", [(12, 1), (1, 12), (6, 2), (2, 3, 2), (3, 4)])
 def test_packed_samples_are_frames_whatever_axes_the_file_has(shape, path):
-    file = Foreign(samples=PACKED.reshape(shape), form="bin", unit="V")
+    file = ImportedData(samples=PACKED.reshape(shape), form="bin", unit="V")
     pair = SensorGrid(rows=2, columns=2)
-    seen = file.settle(Given(packed=4, sensor=pair, rate=10.0), path)
+    seen = file.settle(ImportOptions(packed=4, sensor=pair, rate=10.0), path)
     np.testing.assert_array_equal(seen.recording.samples, PACKED.reshape(3, 2, 2))
     assert seen.recording.rate == 10
     assert seen.report[-1] == "12 numbers were taken as 3 frames of 4 channels in turn."
@@ -108,32 +114,34 @@ def test_packed_samples_are_frames_whatever_axes_the_file_has(shape, path):
 def test_the_rate_of_a_packed_file_is_that_of_its_rows(path):
     line = SensorGrid(rows=1, columns=4)
     for shape, rate in (((12, 1), 400.0), ((6, 2), 200.0), ((3, 4), 100.0), ((1, 12), 100 / 3)):
-        file = Foreign(samples=PACKED.reshape(shape), form="bin", unit="V", rate=rate)
-        assert file.settle(Given(packed=4, sensor=line), path).recording.rate == pytest.approx(100)
+        file = ImportedData(samples=PACKED.reshape(shape), form="bin", unit="V", rate=rate)
+        assert file.settle(ImportOptions(packed=4, sensor=line), path).recording.rate == pytest.approx(100)
 
 
 def test_packed_channels_can_be_chosen_too(path):
-    file = Foreign(samples=PACKED[:, None], form="bin", unit="V", rate=400.0)
-    seen = file.settle(Given(packed=4, channels=("3", "1"), sensor=SensorGrid(rows=1, columns=2)), path)
+    file = ImportedData(samples=PACKED[:, None], form="bin", unit="V", rate=400.0)
+    seen = file.settle(ImportOptions(packed=4, channels=("3", "1"), sensor=SensorGrid(rows=1, columns=2)), path)
     np.testing.assert_array_equal(seen.recording.samples[:, 0], PACKED.reshape(3, 4)[:, [3, 1]])
 
 
 def test_packed_numbers_that_do_not_come_out_even_are_refused(path):
     with pytest.raises(ShapeError, match="multiple of 5 packed numbers, got 12"):
-        foreign((12, 1), rate=10.0, unit="V").settle(Given(packed=5), path)
+        foreign((12, 1), rate=10.0, unit="V").settle(ImportOptions(packed=5), path)
     with pytest.raises(ShapeError, match="leave the time out"):
-        foreign((12, 1), rate=10.0, unit="V", settings={"interpolation": "linear"}).settle(Given(packed=4), path)
+        foreign((12, 1), rate=10.0, unit="V", settings={"interpolation": "linear"}).settle(
+            ImportOptions(packed=4), path
+        )
     with pytest.raises(InputError, match="from 1 on"):
-        Given(packed=0)
+        ImportOptions(packed=0)
 
 
 def test_gaps_are_refused_or_mended_and_told(path):
     samples = np.ones((200, 16))
     samples[50:53, 2] = np.nan
-    file = Foreign(samples=samples, form="bin", rate=1000.0, unit="V")
+    file = ImportedData(samples=samples, form="bin", rate=1000.0, unit="V")
     with pytest.raises(NonFiniteError, match="midair mend"):
-        file.settle(Given(), path)
-    seen = file.settle(Given(mending=Mending(longest=5e-3)), path)
+        file.settle(ImportOptions(), path)
+    seen = file.settle(ImportOptions(mending=Mending(longest=5e-3)), path)
     assert (seen.recording.samples == 1).all()
     assert seen.report[-1] == (
         "3 numbers were missing in 1 gaps and are made up, the longest 3 ms from 0.05 s on in channel 2."

@@ -14,9 +14,9 @@ SRC = Path(__file__).parents[2] / "src" / "midair"
 PROGRAM = Path(__file__).with_name("half_writers.py")
 
 ON_THEIR_OWN = {
-    "devices/safety/held_files.py": "a file that is held while it is written, and whose content dies with its process",
+    "devices/safety/lock_files.py": "a file that is held while it is written, and whose content dies with its process",
     "devices/safety/play_log.py": "a log that grows line by line",
-    "devices/safety/stop_lines.py": "written aside and moved there by itself",
+    "devices/safety/stop_channel.py": "written aside and moved there by itself",
     "files/native/live_file.py": "a recording that grows; written aside before it gets its name",
     "study/session/event_log.py": "a log that grows line by line",
 }

@@ -9,8 +9,8 @@ from midair.files import load_placement, load_profiles, load_sensor
 from midair.model import ControlGrid
 from midair.settings import Settings
 from midair.study import (
-    NoPresenter,
     Session,
+    SilentPresenter,
     SimulatedParticipant,
     SimulatedScreen,
     StudyFolder,
@@ -80,7 +80,7 @@ def _study(path: Path, text: str, name: str) -> StudyFolder:
     folder = StudyFolder.create(path, text, read_design(text, name=name, participants=2))
     plan = folder.plan()
     for number in (1, 2):
-        presenter = NoPresenter()
+        presenter = SilentPresenter()
         with Session(plan, number, folder.log(number), presenter, simulated=True) as session:
             screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter)
             run(session, screen)

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from midair.files.native.unclosed import checksum
+from midair.files.native.hdf5_recovery import checksum
 
 SIGNED = (
     b"OHDR",

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from midair.errors import InputError, MismatchError, ShapeError
 from midair.files.native.provenance_json import from_json, to_json
+from midair.lazy_frames import LazyFrames
 from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings import edit
-from midair.reel import Reel
 
 
 def noise(frames=200, rate=1000.0, **says):
@@ -207,14 +207,14 @@ EDITS = {
 
 @pytest.mark.parametrize("act", EDITS.values(), ids=list(EDITS))
 def test_what_is_read_from_the_disk_is_edited_as_what_is_in_memory(act, monkeypatch):
-    monkeypatch.setattr("midair.reel.BYTES", 2**14)
-    monkeypatch.setattr("midair.segments.BYTES", 2**14)
+    monkeypatch.setattr("midair.lazy_frames.BYTES", 2**14)
+    monkeypatch.setattr("midair.lazy_filters.BYTES", 2**14)
     whole = noise(4001)
     x = whole.samples.astype(np.float32).astype(np.float64)
     whole = replace(whole, samples=x)
-    read = replace(whole, samples=Reel(lambda a, b: x[a:b], x.shape, stored="f4"))
+    read = replace(whole, samples=LazyFrames(lambda a, b: x[a:b], x.shape, stored="f4"))
     want, made = act(whole), act(read)
-    assert isinstance(made.samples, Reel)
+    assert isinstance(made.samples, LazyFrames)
     np.testing.assert_array_equal(made.samples, want.samples)
     assert made.provenance == want.provenance
     single = np.array_equal(want.samples.astype(np.float32), want.samples)

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from midair.errors import InputError, ShapeError
+from midair.lazy_frames import LazyFrames
 from midair.model import Provenance, Recording, SensorGrid
 from midair.recordings.footprint import Footprint, covered, disc_in_rectangle, footprint_field
-from midair.reel import Reel
 
 SENSOR = SensorGrid()
 CELL = SENSOR.pitch**2
@@ -193,7 +193,7 @@ def test_the_field_of_a_waveform_on_the_disk_is_made_where_it_is_asked_for():
     footprint = Footprint(speed=0.02, turn="back")
     whole = footprint_field(mono(waveform), footprint)
     asked.clear()
-    field = footprint_field(replace(mono(waveform), samples=Reel(read, waveform.shape)), footprint)
+    field = footprint_field(replace(mono(waveform), samples=LazyFrames(read, waveform.shape)), footprint)
     asked.clear()
     np.testing.assert_array_equal(field.samples[1200:1300], whole.samples[1200:1300])
     assert asked == [(1200, 1300)]

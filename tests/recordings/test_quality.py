@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from midair.lazy_frames import LazyFrames
 from midair.model import Recording
 from midair.physics import SensorModel, channel_response, sense
 from midair.recordings import at_limit, dead_channels, suspicious
-from midair.reel import Reel
 
 
 def recording(samples):
@@ -107,7 +107,7 @@ def test_what_is_held_everywhere_is_a_pattern_and_not_clipped(levels, samples):
 def test_clipping_is_seen_in_a_reel_of_many_blocks(samples):
     samples[:, 5] = np.clip(samples[:, 5], -0.9, 0.9)
     long = np.tile(samples.reshape(-1, 4, 4), (20, 1, 1))
-    reel = Reel(lambda first, last: long[first:last], long.shape)
+    reel = LazyFrames(lambda first, last: long[first:last], long.shape)
     assert suspicious(Recording(samples=reel, rate=1000, unit="count")) == (CLIPPED,)
 
 

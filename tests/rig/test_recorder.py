@@ -115,7 +115,7 @@ def test_names_that_nothing_answers_to_are_refused(make, error, says):
 @pytest.mark.slow
 def test_the_loop_takes_a_take_a_file_or_a_pressure(tmp_path):
     take = record("virtual:am-i", 0.1, path=tmp_path / "take.h5")
-    pressure = midair.flow.felt(take.recording, take.calibration, QUICK).cut(0.02, 0.04)
+    pressure = midair.pipeline.calibrated_pressure(take.recording, take.calibration, QUICK).cut(0.02, 0.04)
     done = midair.loop(pressure, QUICK)
     assert len(done.passes) == 2
     assert done.passes[-1].comparison.correlation > 0.5

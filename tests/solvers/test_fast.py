@@ -5,7 +5,7 @@ import pytest
 
 from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.solvers import Fast, Problem, error_of, solve
-from midair.solvers.lens import spreading_phase
+from midair.solvers.initial_phase import spreading_phase
 from midair.solvers.terms.cells import CellTarget
 from midair.solvers.terms.guard import GuardField
 

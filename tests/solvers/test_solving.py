@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.evaluate import error_in_air
+from midair.evaluate import error_at_temperature
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, TransducerArray
 from midair.physics import SensorModel, cell_weights, focus_amplitude, propagate, radiation_pressure
 from midair.solvers import TAKES, Cells, Guard, memory_of, solve
@@ -148,7 +148,7 @@ ROOM = Acoustics(medium=Medium.at(temperature=22.0))
 def over_the_range(solution, wanted):
     """Mean E at 19 to 25 degrees."""
     return np.array(
-        [error_in_air(solution.drive, wanted, ROOM.medium.warmer(by)).mean() for by in (-3, -1.5, 0, 1.5, 3)]
+        [error_at_temperature(solution.drive, wanted, ROOM.medium.warmer(by)).mean() for by in (-3, -1.5, 0, 1.5, 3)]
     )
 
 

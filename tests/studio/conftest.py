@@ -8,7 +8,7 @@ import time
 import pytest
 
 
-class Opened:
+class LoopStarted:
     """A studio that runs.
 
     Attributes
@@ -49,7 +49,7 @@ def studio_at(tmp_path):
     def open_studio(*words):
         folder = tmp_path / f"folder-{len(made)}"
         folder.mkdir()
-        made.append(Opened(folder, tmp_path / "state", *words))
+        made.append(LoopStarted(folder, tmp_path / "state", *words))
         assert made[-1].link.startswith("http://127.0.0.1:"), "one line with the link, flushed"
         return made[-1]
 

@@ -14,7 +14,7 @@ from midair.datasets import stroke
 from midair.files import save
 from midair.model import Provenance, Recording
 from midair.studio import Studio, StudioPlan
-from midair.studio.work import SolveWish, solve_take
+from midair.studio.work import SolveRequest, solve_take
 from midair.view import unpack
 
 with warnings.catch_warnings():
@@ -57,7 +57,7 @@ def client(studio):
     return client
 
 
-class Talk:
+class Verbosity:
     """A page that says what it likes."""
 
     def __init__(self, socket):
@@ -85,7 +85,7 @@ class Talk:
 @pytest.fixture
 def talk(client):
     with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
-        yield Talk(socket)
+        yield Verbosity(socket)
 
 
 def test_the_page_and_all_its_files_come_from_here(client):
@@ -137,7 +137,7 @@ def test_a_drive_and_its_re_recording_are_replaced_by_consent_alone(studio, talk
     folder = studio.folder.path
     drive, again = folder / "towel.drive.h5", folder / "towel.rerecorded.h5"
     solve_take(
-        SolveWish(take=str(folder / "towel.h5"), drive=str(drive), mode="paper", choices=(("method", "naive"),)),
+        SolveRequest(take=str(folder / "towel.h5"), drive=str(drive), mode="paper", choices=(("method", "naive"),)),
         lambda *_: None,
     )
     again.write_bytes(b"played")
@@ -247,7 +247,7 @@ def test_what_is_no_order_does_no_harm(talk, text):
 
 def test_who_looks_on_may_stop_and_nothing_else(client, talk):
     with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
-        watcher = Talk(socket)
+        watcher = Verbosity(socket)
         before = talk.order("play", "stop")
         assert before["ok"]
         for room, order, given in (
@@ -296,7 +296,7 @@ def test_a_permit_is_renewed_by_the_page_that_armed_it_alone_and_only_while_it_i
 
 def test_a_page_that_goes_takes_its_arming_along(studio, client):
     with client.websocket_connect(SOCKET, headers={"origin": ROOT}) as socket:
-        page = Talk(socket).page
+        page = Verbosity(socket).page
         studio.playing._controls = page
         leave = studio.playing.permit.arm(lasts=5)
     assert studio.playing.permit.refusal(leave) == "stopped"

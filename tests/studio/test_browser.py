@@ -13,7 +13,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 from midair.rig import record
-from midair.studio.work import SolveWish, solve_take
+from midair.studio.work import SolveRequest, solve_take
 
 pytestmark = pytest.mark.browser
 
@@ -184,7 +184,7 @@ def test_every_key_of_the_transport(studio_at, look):
 
     press("Home")
     assert at() == 0
-    for key, frame in ((".", 1), (".", 2), (",", 1), ("Shift+.", 11), ("Shift+,", 1), ("End", 1599)):
+    for key, frame in ((".", 1), (".", 2), (",", 1), ("Shift+.", 11), ("Shift+,", 1), ("WarmStart", 1599)):
         press(key)
         assert at() == frame, key
     for key, speed in (("2", 0.1), ("3", 0.01), ("1", 1)):
@@ -287,7 +287,7 @@ def with_takes(studio_at):
     record("virtual:brush", 0.2, path=studio.folder / "bare.h5")
     choices = (("method", "glide"), ("gain", 1.5), ("height", 0.19))
     files = {"take": str(studio.folder / "solved.h5"), "drive": str(studio.folder / "solved.drive.h5")}
-    solve_take(SolveWish(**files, mode="paper", choices=choices), lambda *_: None)
+    solve_take(SolveRequest(**files, mode="paper", choices=choices), lambda *_: None)
     (studio.folder / "solved.rerecorded.h5").write_bytes(b"heard")
     (studio.folder / "corrupt.h5").write_bytes((studio.folder / "bare.h5").read_bytes()[:9000])
     (studio.folder / "no.h5").write_text("no recording")

@@ -3,8 +3,8 @@ import asyncio
 import numpy as np
 import pytest
 
-from midair.studio.desk import Page
 from midair.studio.feed import Feed
+from midair.studio.studio_state import Page
 from midair.view import unpack
 
 

@@ -5,8 +5,8 @@ import asyncio
 import numpy as np
 import pytest
 
-from midair.studio.desk import Page
 from midair.studio.live_feed import LiveFeed
+from midair.studio.studio_state import Page
 from midair.view import Kind, Section, pack, unpack
 
 

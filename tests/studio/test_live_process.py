@@ -7,7 +7,7 @@ from midair.errors import InputError
 from midair.model import SensorGrid
 from midair.physics import transfer_matrix
 from midair.rig import HELD, LATE, SOUNDS
-from midair.studio.live_process import LiveWish, Remembered, Sight
+from midair.studio.live_process import LiveRequest, LiveView, RecentFrames
 from midair.view import Kind
 
 SLOT = np.dtype(
@@ -23,7 +23,7 @@ SLOT = np.dtype(
 )
 
 
-class Opened:
+class LoopStarted:
     """What the loop's process found, as far as it matters here."""
 
     rate = 1000.0
@@ -43,8 +43,8 @@ def frames(first, count, seed=3):
 
 @pytest.fixture(scope="module")
 def sight():
-    made = Sight(LiveWish(sensor="virtual:towel", device="virtual").session().order)
-    made.found(Opened)
+    made = LiveView(LiveRequest(sensor="virtual:towel", device="virtual").session().order)
+    made.found(LoopStarted)
     return made
 
 
@@ -78,7 +78,7 @@ def test_every_frame_is_there_once_and_phases_now_and_then(sight):
 
 
 def test_a_minute_is_remembered_and_no_more():
-    kept = Remembered(16, 996, 100)
+    kept = RecentFrames(16, 996, 100)
     assert len(kept.last(10).frames) == 0
     for first in range(0, 400, 8):
         kept.add(frames(first, 8, seed=first))
@@ -93,4 +93,4 @@ def test_a_minute_is_remembered_and_no_more():
 
 def test_a_wish_that_means_nothing_is_refused():
     with pytest.raises(InputError, match="sound card"):
-        LiveWish(sensor="audio:0", device="virtual").session()
+        LiveRequest(sensor="audio:0", device="virtual").session()

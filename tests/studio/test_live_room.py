@@ -104,6 +104,6 @@ def test_a_page_that_hides_cannot_begin(client, studio):
 
 
 def _wish():
-    from midair.studio.live_process import LiveWish
+    from midair.studio.live_process import LiveRequest
 
-    return LiveWish(sensor="virtual:towel", device="virtual")
+    return LiveRequest(sensor="virtual:towel", device="virtual")

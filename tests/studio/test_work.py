@@ -9,11 +9,11 @@ import pytest
 from midair.datasets import stroke
 from midair.errors import InputError
 from midair.files import load_solution, open_take, save
-from midair.flow import felt, lead_of
 from midair.model import Palm, Provenance, Recording
-from midair.rig import BudgetPlan, VirtualRig, error_budget, hear_drive, play
+from midair.pipeline import calibrated_pressure, lead_of
+from midair.rig import BudgetPlan, VirtualRig, error_budget, play, rerecord_drive
 from midair.settings import Settings
-from midair.studio.work import SolveWish, budget_of_take, compare_takes, methods_of_modes, palm_of_take, solve_take
+from midair.studio.work import SolveRequest, budget_of_take, compare_takes, methods_of_modes, palm_of_take, solve_take
 from midair.targets import led_in
 
 
@@ -24,7 +24,7 @@ def solved(tmp_path):
     life = Provenance(source="x")
     take = Recording(samples=frames.pressure, rate=frames.rate, sensor=frames.sensor, unit="Pa", provenance=life)
     save(take, tmp_path / "towel.h5")
-    wish = SolveWish(
+    wish = SolveRequest(
         take=str(tmp_path / "towel.h5"),
         drive=str(tmp_path / "towel.drive.h5"),
         choices=(("method", "naive"), ("points", 4)),
@@ -82,7 +82,7 @@ def test_where_the_error_comes_from_is_the_budget_of_the_part_that_was_solved(so
     found = budget_of_take((solved.take, solved.drive), lambda *told: said.append(told))
     drive, opened = load_solution(solved.drive).drive, open_take(solved.take)
     settings = Settings.of(drive.provenance)
-    original = felt(opened.recording, opened.calibration, settings).cut(0.06, 0.06)
+    original = calibrated_pressure(opened.recording, opened.calibration, settings).cut(0.06, 0.06)
     rig = VirtualRig(cells=original.sensor, height=settings.target.grid.height).hearing(settings.calibration.band)
     made = error_budget(original, BudgetPlan(settings=settings, rig=rig, lead=lead_of(settings)))
     assert [row[0] for row in found["rows"]] == [each.name for each in made.stages]
@@ -99,9 +99,9 @@ def test_the_palm_of_a_take_is_that_of_its_drive(solved):
     settings = Settings.of(drive.provenance)
     opened = open_take(wish.take)
     assert found["seconds"] == pytest.approx(0.06)
-    original = felt(opened.recording, opened.calibration, settings).cut(0.06, 0.06)
+    original = calibrated_pressure(opened.recording, opened.calibration, settings).cut(0.06, 0.06)
     rig = VirtualRig(cells=original.sensor, height=settings.target.grid.height).hearing(settings.calibration.band)
-    heard = hear_drive(drive, original, led_in(original, lead_of(settings)), rig, palm=Palm.disc())
+    heard = rerecord_drive(drive, original, led_in(original, lead_of(settings)), rig, palm=Palm.disc())
     assert found["rows"][0][0] == "power outside the square"
     assert found["rows"][0][1] == f"{100 * heard.palm.outside:.3g} %"
     assert found["stamp"] == f"{os.stat(wish.drive).st_mtime_ns:x}"

@@ -17,7 +17,7 @@ from midair.study.design.blocks import Block
 from midair.study.design.question import Question
 from midair.study.design.stimulus import Stimulus
 from midair.study.design.study_design import Design
-from midair.study.drives import check_digests, digest_of_file, gather
+from midair.study.drives import check_digests, digest_of_file, prepare_drives
 
 QUICK = Settings().but(grid=ControlGrid(rows=4, columns=4, pitch=11e-3), method="naive")
 
@@ -43,7 +43,7 @@ def test_drives_that_are_there_are_copied_and_hashed(tmp_path):
     (tmp_path / "to").mkdir()
     for name in "ab":
         save_solution(solution(), tmp_path / "from" / f"{name}.drive.h5")
-    found = gather(design(A, B), tmp_path / "to", found_in=tmp_path / "from")
+    found = prepare_drives(design(A, B), tmp_path / "to", found_in=tmp_path / "from")
     assert [(one.source, one.how, one.duration) for one in found] == [
         ("a.drive.h5", "found", 0.01),
         ("b.drive.h5", "found", 0.01),
@@ -63,27 +63,27 @@ def test_a_recording_of_that_name_is_solved_and_a_stroke_is_made(tmp_path):
         assert calibrate(recording, touched.calibration).frames
     made = replace(B, made_from="virtual:brush")
     with pytest.raises(MissingFileError, match=r"expected b\.drive\.h5 in .*b\.h5 and so on.*--drives"):
-        gather(design(A, made), tmp_path / "to", found_in=tmp_path, settings=QUICK)
-    (virtual,) = gather(design(made), tmp_path / "to", found_in=None, settings=QUICK)
+        prepare_drives(design(A, made), tmp_path / "to", found_in=tmp_path, settings=QUICK)
+    (virtual,) = prepare_drives(design(made), tmp_path / "to", found_in=None, settings=QUICK)
     assert (virtual.how, load_solution(tmp_path / "to" / "b.drive.h5").drive.provenance.simulated) == ("virtual", True)
     assert virtual.duration > 1.28
 
 
 def test_what_is_not_there_is_named_all_at_once(tmp_path):
     with pytest.raises(MissingFileError, match=r"expected a\.drive\.h5, b\.drive\.h5 anywhere"):
-        gather(design(A, B), tmp_path, found_in=None)
+        prepare_drives(design(A, B), tmp_path, found_in=None)
 
 
 def test_silent_drives_and_those_of_another_array_are_refused(tmp_path):
     (tmp_path / "to").mkdir()
     save_solution(solution(level=0.0, status="silent"), tmp_path / "a.drive.h5")
     with pytest.raises(BrokenFileError, match=r"a\.drive\.h5: expected a drive that sounds"):
-        gather(design(A), tmp_path / "to", found_in=tmp_path)
+        prepare_drives(design(A), tmp_path / "to", found_in=tmp_path)
     (tmp_path / "a.drive.h5").unlink()
     save_solution(solution(), tmp_path / "a.drive.h5")
     save_solution(solution(array=TransducerArray.autd3(columns=1, rows=1)), tmp_path / "b.drive.h5")
     with pytest.raises(MismatchError, match=r"b\.drive\.h5: expected a drive for AUTD3 2 x 2 .* got one for .* 249"):
-        gather(design(A, B), tmp_path / "to", found_in=tmp_path)
+        prepare_drives(design(A, B), tmp_path / "to", found_in=tmp_path)
 
 
 def test_a_drive_that_was_changed_is_told(tmp_path):

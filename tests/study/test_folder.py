@@ -8,7 +8,7 @@ import pytest
 from midair.errors import BrokenFileError, FileError, InputError, MissingFileError
 from midair.study.design.answers import answers_table
 from midair.study.folder import StudyFolder, paper_design_text, read_design
-from midair.study.session import NoPresenter, Session, read_events
+from midair.study.session import Session, SilentPresenter, read_events
 from midair.study.tables import read_csv, write_csv
 
 
@@ -73,7 +73,7 @@ def test_a_study_of_before_is_read_and_goes_on(tmp_path):
         name: then[name].tolist() for name in set(then) - {"time"}
     }
     assert (np.diff(now["time"]) > 0).all()
-    with Session(plan, 1, folder.log(1), NoPresenter(), simulated=True) as session:
+    with Session(plan, 1, folder.log(1), SilentPresenter(), simulated=True) as session:
         assert session.step.kind == "done"
     assert read_events(folder.log(1))[-1]["event"] == "done"
     folder.log(1).write_bytes(folder.log(1).read_bytes().replace(b'"towel"', b'"brush"', 1))

@@ -12,7 +12,7 @@ from midair.study.findings import analyse, data_of_answers
 from midair.study.findings.threshold_findings import adaptive
 from midair.study.folder import StudyFolder, read_design, template_text
 from midair.study.registration import plan_parts
-from midair.study.session import NoPresenter, Session, SimulatedParticipant, SimulatedScreen, StillClock, run
+from midair.study.session import Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, StillClock, run
 from midair.study.statistics import f_measure, proportion_correct
 
 STUDIES = 80
@@ -29,7 +29,7 @@ def table_of(tmp_path_factory):
             folder = StudyFolder.create(path, text, read_design(text))
             plan = folder.plan()
             for number in range(1, plan.design.participants + 1):
-                presenter = NoPresenter()
+                presenter = SilentPresenter()
                 screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter)
                 with Session(plan, number, folder.log(number), presenter, simulated=True, clock=StillClock()) as one:
                     run(one, screen)

@@ -10,7 +10,7 @@ from midair.errors import BrokenFileError, FileError, InputError, MissingFileErr
 from midair.study.design.answers import answers_table
 from midair.study.folder import StudyFolder, paper_design_text, read_design
 from midair.study.session.participant import SimulatedParticipant
-from midair.study.session.presenters import NoPresenter
+from midair.study.session.presenters import SilentPresenter
 from midair.study.session.simulated_screen import SimulatedScreen
 from midair.study.session.trials import Session, run
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
@@ -24,7 +24,7 @@ def study(tmp_path_factory):
     )
     plan = folder.plan()
     for number in (1, 2):
-        with Session(plan, number, folder.log(number), NoPresenter(), simulated=True) as session:
+        with Session(plan, number, folder.log(number), SilentPresenter(), simulated=True) as session:
             run(session, SimulatedScreen(plan=plan, participant=SimulatedParticipant()))
     return plan, answers_table(plan, folder.sessions())
 
@@ -67,7 +67,7 @@ def datasets(study, tmp_path_factory):
     design = read_design(text.replace("seed = 2020", stated, 1), participants=1)
     several = StudyFolder.create(folder / "s", text, design)
     for _ in (1, 2):
-        with Session(several.plan(), 1, several.log(1), NoPresenter(), simulated=True) as session:
+        with Session(several.plan(), 1, several.log(1), SilentPresenter(), simulated=True) as session:
             run(session, SimulatedScreen(plan=several.plan(), participant=SimulatedParticipant()))
     write_bids(answers_table(several.plan(), several.sessions()), several.plan().design, folder / "two")
     return folder

@@ -9,10 +9,10 @@ from midair.study.design.adaptive_block import thresholds_of
 from midair.study.design.answers import answers_table
 from midair.study.design.exclusions import left_out
 from midair.study.design.plan import draw_plan
-from midair.study.drives import gather
+from midair.study.drives import prepare_drives
 from midair.study.findings import analyse, data_of_answers
 from midair.study.folder import StudyFolder, Template, read_design, template_text
-from midair.study.session import NoPresenter, Session, SimulatedParticipant, SimulatedScreen, StillClock, run
+from midair.study.session import Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, StillClock, run
 
 PEOPLE = 6
 
@@ -24,7 +24,7 @@ def done(request, tmp_path_factory):
     folder = StudyFolder.create(tmp_path_factory.mktemp("t") / "s", text, read_design(text, participants=PEOPLE))
     plan = folder.plan()
     for number in range(1, PEOPLE + 1):
-        presenter = NoPresenter()
+        presenter = SilentPresenter()
         screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(spread=0, taste=0), presenter=presenter)
         with Session(plan, number, folder.log(number), presenter, simulated=True, clock=StillClock()) as session:
             assert run(session, screen).kind == "done"
@@ -79,6 +79,6 @@ def test_every_drive_of_a_template_says_what_it_is_made_from(template):
 @pytest.mark.slow
 def test_the_vibration_of_the_thresholds_is_made(tmp_path):
     plan = draw_plan(read_design(template_text("detection")))
-    (made,) = gather(plan.design, tmp_path, found_in=None)
+    (made,) = prepare_drives(plan.design, tmp_path, found_in=None)
     assert made.how == "virtual"
     assert 0.5 < made.duration < 1.5

@@ -10,9 +10,9 @@ import pytest
 from midair.cli import run as midair
 from midair.errors import DeviceStateError, FileError, InputError
 from midair.study.folder import StudyFolder, paper_design_text, read_design
-from midair.study.session import NoPresenter, Session, SimulatedParticipant, SimulatedScreen, StillClock, run
+from midair.study.session import Session, SilentPresenter, SimulatedParticipant, SimulatedScreen, StillClock, run
 from midair.study.tables import read_bids, read_csv
-from midair.study.withdrawal import MADE, remember_made, withdraw, withdrawn
+from midair.study.withdrawal import MADE, log_derived_file, withdraw, withdrawn
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def made(tmp_path_factory):
     folder = StudyFolder.create(root / "s", text, read_design(text, name="s", participants=3))
     plan = folder.plan()
     for number in (1, 2, 3):
-        presenter = NoPresenter()
+        presenter = SilentPresenter()
         with Session(plan, number, folder.log(number), presenter, simulated=True, clock=StillClock()) as session:
             run(session, SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter))
     for line in (f"analyse {root}/s --draws 20", f"export {root}/s {root}/bids"):
@@ -93,7 +93,7 @@ def test_whoever_is_not_there_cannot_go_and_nobody_goes_unasked(study, tmp_path,
 
 @pytest.mark.skipif(sys.platform == "win32", reason="locks of POSIX")
 def test_a_session_that_runs_is_not_deleted(study):
-    presenter = NoPresenter()
+    presenter = SilentPresenter()
     with Session(study.plan(), 2, study.log(2), presenter), pytest.raises(DeviceStateError, match="another program"):
         withdraw(study, 2)
     assert withdrawn(study) == set()
@@ -117,15 +117,15 @@ def test_a_disk_that_fills_up_leaves_no_half_a_line(tmp_path):
     """Half a line was written without a word, and the study could not be analysed again."""
     resource = pytest.importorskip("resource")
     folder = StudyFolder(tmp_path)
-    remember_made(folder, tmp_path / "a.html", "report")
+    log_derived_file(folder, tmp_path / "a.html", "report")
     before = (tmp_path / MADE).read_bytes()
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 10, hard))
     try:
         with pytest.raises(FileError, match=r"made\.jsonl: cannot be written: No space left on device; .* taken out"):
-            remember_made(folder, tmp_path / "b.html", "report")
+            log_derived_file(folder, tmp_path / "b.html", "report")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert (tmp_path / MADE).read_bytes() == before
-    remember_made(folder, tmp_path / "b.html", "report")
+    log_derived_file(folder, tmp_path / "b.html", "report")
     assert len((tmp_path / MADE).read_bytes().splitlines()) == 2

@@ -9,9 +9,9 @@ import pytest
 from midair.datasets import am_stimulus
 from midair.errors import InputError, MismatchError
 from midair.evaluate import relative_error
-from midair.flow import reproduce
 from midair.model import ControlGrid, TransducerArray
 from midair.physics import propagate, quantise_phase
+from midair.pipeline import reproduce
 from midair.settings import Settings
 from midair.sweep.recording_sweep import RecordingSweep, SweepTrial
 from midair.sweep.run import do, run_sweep

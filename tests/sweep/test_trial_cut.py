@@ -16,9 +16,9 @@ import zarr
 from midair.datasets import am_stimulus
 from midair.errors import InputError, MismatchError
 from midair.files import load_solution
-from midair.flow import reproduce_parts
+from midair.lazy_frames import LazyFrames
 from midair.model import ControlGrid, TransducerArray
-from midair.reel import Reel
+from midair.pipeline import reproduce_stream
 from midair.settings import Settings
 from midair.solvers import Glide
 from midair.sweep.recording_report import trial_report
@@ -36,7 +36,7 @@ def trial(name, frames, settings=SETTINGS):
     pressure = am_stimulus("i", peak=30.0, duration=frames / 1000, rate=1000.0)
     if settings.solver.name == "glide":
         samples = pressure.pressure
-        pressure = replace(pressure, pressure=Reel(lambda first, last: samples[first:last], samples.shape))
+        pressure = replace(pressure, pressure=LazyFrames(lambda first, last: samples[first:last], samples.shape))
     return SweepTrial(recording=name, variant="", pressure=pressure, settings=settings)
 
 
@@ -50,7 +50,7 @@ SWEEP = RecordingSweep(
 
 def alone(one):
     """E of every frame of a trial, solved by one process from one end to the other."""
-    _, parts = reproduce_parts(one.pressure, UNIT, one.settings.but(jobs=1))
+    _, parts = reproduce_stream(one.pressure, UNIT, one.settings.but(jobs=1))
     return np.concatenate([part.error for part in parts])
 
 

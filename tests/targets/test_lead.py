@@ -7,8 +7,8 @@ import pytest
 
 from midair.dsp import band_energy
 from midair.errors import InputError
+from midair.lazy_frames import LazyFrames
 from midair.model import PressureFrames
-from midair.reel import Reel
 from midair.targets import led_in, mapping_of, usual_lead, without_lead
 
 RATE = 1000.0
@@ -36,7 +36,7 @@ def test_it_swells_from_silence_and_keeps_the_middle():
 @pytest.mark.parametrize("lead", [0.02, 0.0437, 0.15])
 def test_of_a_reel_it_is_the_same(lead):
     whole = piece()
-    reel = Reel(lambda first, last: whole.pressure[first:last], whole.pressure.shape)
+    reel = LazyFrames(lambda first, last: whole.pressure[first:last], whole.pressure.shape)
     longer = led_in(replace(whole, pressure=reel), lead)
     want = led_in(whole, lead).pressure
     np.testing.assert_array_equal(np.asarray(longer.pressure), want)

@@ -4,9 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from midair.errors import InputError
+from midair.lazy_frames import LazyFrames
 from midair.model import ControlGrid, Medium, PressureFrames, SensorGrid
 from midair.physics import sound_amplitude
-from midair.reel import Reel
 from midair.targets import (
     MAPPINGS,
     Circle,
@@ -139,11 +139,11 @@ def test_pressure_on_disk_becomes_the_target_of_the_same_in_memory(mapping, circ
 
     White noise has all of that there is.
     """
-    monkeypatch.setattr("midair.segments.BYTES", 2**17)
+    monkeypatch.setattr("midair.lazy_filters.BYTES", 2**17)
     pressure = frames(20 * np.random.default_rng(0).standard_normal((5000, 4, 4)))
-    reel = Reel(lambda first, last: pressure.pressure[first:last], pressure.pressure.shape)
+    reel = LazyFrames(lambda first, last: pressure.pressure[first:last], pressure.pressure.shape)
     whole, made = (_target(each, mapping, circle, compensate) for each in (pressure, frames_of(reel)))
-    assert isinstance(made.amplitude, Reel)
+    assert isinstance(made.amplitude, LazyFrames)
     assert made.provenance == whole.provenance
     tolerance = {"not": 1e-9, "pressure": 1e-3, "sound": 1e-2}[compensate]
     difference = np.linalg.norm(np.asarray(made.amplitude) - whole.amplitude)

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from cyclopts import App, CycloptsError, Parameter
 
 from midair.cli.commands import COMMANDS, FOLDERS, PASSES, command_of
-from midair.cli.terminal import GROUPS, err, flags_of, offer, seen_waiting, talk, talking
+from midair.cli.terminal import GROUPS, busy_bar, err, flags_of, offer, verbosity, with_verbosity
 from midair.errors import MidairError, UnknownDeviceError
 from midair.version import __version__
 
@@ -99,7 +99,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
 def run(tokens: Sequence[str]) -> int:
     """Run a command line; its exit status."""
     how, tokens = flags_of(tokens)
-    with talking(how):
+    with with_verbosity(how):
         began = time.monotonic()
         status = _status(tokens)
         if how.verbose:
@@ -124,7 +124,7 @@ def _status(tokens: Sequence[str]) -> int:
 def _status_of(tokens: Sequence[str], files: Sequence[Path]) -> int:
     try:
         name = command_of(tokens)
-        with seen_waiting(name, PASSES[name]) if name else nullcontext():
+        with busy_bar(name, PASSES[name]) if name else nullcontext():
             status = app(list(tokens), exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as wrong:
         return _say(f"{str(wrong).strip()} (see midair --help)", 2)
@@ -152,7 +152,7 @@ def _kept(files: Sequence[Path]) -> str:
 
 def _unforeseen(wrong: Exception) -> int:
     """Say in one line what nobody foresaw: people see what failed, not our code."""
-    if os.environ.get(TRACEBACK) or talk().verbose:
+    if os.environ.get(TRACEBACK) or verbosity().verbose:
         raise wrong
     if isinstance(wrong, MemoryError):
         return _say("there is not enough memory for this; cut the recording (midair cut) or take a larger computer", 1)

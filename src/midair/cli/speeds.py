@@ -93,17 +93,17 @@ def workload_of(settings: "Settings", transducers: int) -> str:
     return " ".join([*parts, f"jobs {solver.jobs or 1}"])
 
 
-def told(speeds: Speeds, works: Sequence[Work]) -> str:
+def estimate_text(speeds: Speeds, works: Sequence[Work]) -> str:
     """One line before long work; empty for short."""
     seconds = speeds.seconds(works)
     if seconds is None:
         return "how long it takes is not known here yet: the bar tells, and the next time this line"
     if seconds < LONG:
         return ""
-    return f"this takes about {spoken(seconds)}, as fast as the last time on this machine"
+    return f"this takes about {duration_text(seconds)}, as fast as the last time on this machine"
 
 
-def spoken(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """A duration in two digits at most: 40 s, 3 min, 2.5 h."""
     if seconds < 90:
         return f"{float(f'{seconds:.1g}' if seconds < 10 else f'{seconds:.2g}'):g} s"

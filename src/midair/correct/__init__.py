@@ -1,13 +1,13 @@
 """Correct: what was re-recorded, or foreseen, tells what to change; gains (paper, 5.2), iteration, and foresight."""
 
-from midair.correct.foresight import Foresight
+from midair.correct.envelope_prediction import EnvelopePrediction
 from midair.correct.gains import BeamGain, amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure
 from midair.correct.iterative import IterativeCorrection, Response, measured_response
 from midair.correct.minimum_norm import MinimumNorm
 
 __all__ = [
     "BeamGain",
-    "Foresight",
+    "EnvelopePrediction",
     "IterativeCorrection",
     "MinimumNorm",
     "Response",

@@ -1,6 +1,5 @@
 """Devices: the only files that touch hardware, and the virtual rig, which is a driver like any other."""
 
-from midair.devices.admission import Admission, ExposureChoices, admit, admit_level, admit_parts, feeling, measure
 from midair.devices.arrays import (
     BankedArray,
     ImmediateArray,
@@ -14,9 +13,19 @@ from midair.devices.arrays import (
     choose_silencer,
     pyautd3_array,
 )
+from midair.devices.exposure_check import (
+    ExposureChoices,
+    ExposureClearance,
+    check_exposure,
+    check_exposure_level,
+    check_exposure_parts,
+    felt_pressure_text,
+    measure,
+)
 from midair.devices.frame_bytes import amplitude_of, intensity_bytes, phase_bytes
 from midair.devices.interface import ArrayDevice, FrameBlock, PlayReport, SensorDevice
-from midair.devices.reading import Seam, gapless, read_frames
+from midair.devices.motion_stages import StageDevice
+from midair.devices.reading import GapFiller, fill_gaps, read_frames
 from midair.devices.safety import (
     Stopped,
     device_lock,
@@ -32,17 +41,16 @@ from midair.devices.sensors import (
     Chunk,
     Decimated,
     PacedSensor,
+    RemappedSensor,
     ReplaySensor,
-    Rewired,
     Source,
     Stream,
     StreamedSensor,
 )
-from midair.devices.stages import StageDevice
 from midair.devices.virtual import VirtualArray, VirtualSensor, VirtualSkin, VirtualUnits, virtual_immediate
 
 __all__ = [
-    "Admission",
+    "ExposureClearance",
     "ArrayDevice",
     "BankedArray",
     "Chunk",
@@ -54,8 +62,8 @@ __all__ = [
     "PlayReport",
     "Put",
     "ReplaySensor",
-    "Rewired",
-    "Seam",
+    "RemappedSensor",
+    "GapFiller",
     "SensorDevice",
     "SilencerChoice",
     "Source",
@@ -67,19 +75,19 @@ __all__ = [
     "VirtualSensor",
     "VirtualSkin",
     "VirtualUnits",
-    "admit",
-    "admit_level",
-    "admit_parts",
+    "check_exposure",
+    "check_exposure_level",
+    "check_exposure_parts",
     "ExposureChoices",
     "amplitude_of",
-    "feeling",
+    "felt_pressure_text",
     "measure",
     "autd3_array",
     "autd3_firmware",
     "autd3_immediate",
     "autd3_standing",
     "choose_silencer",
-    "gapless",
+    "fill_gaps",
     "intensity_bytes",
     "phase_bytes",
     "read_frames",

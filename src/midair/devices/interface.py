@@ -16,12 +16,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices.admission import Admission
+from midair.devices.exposure_check import ExposureClearance
 from midair.devices.frame_bytes import PHASE_STEPS
-from midair.devices.safety import Ending, Order, log_end, log_order
+from midair.devices.safety import Ending, StopGuard, log_end, log_order
 from midair.errors import DeviceError, DeviceStateError, InputError
+from midair.lazy_frames import Stored
 from midair.model import Calibration, Drive, Medium, Progress, SensorGrid, SensorWiring, TransducerArray, Unit
-from midair.reel import Stored
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -198,7 +198,7 @@ class ArrayDevice(ABC):
     exclusive: str | None = None
     streams: bool = False
     steps_a_turn: int = PHASE_STEPS
-    _order: Order
+    _order: StopGuard
     _entered: contextlib.ExitStack
     _plays: bool
     _allowed: Callable[[], None] | None
@@ -206,7 +206,7 @@ class ArrayDevice(ABC):
     def __new__(cls, *_: Any, **__: Any) -> Self:
         """Every array has its order from the beginning, whatever a driver's __init__ does."""
         made = super().__new__(cls)
-        made._order, made._entered, made._plays = Order(), contextlib.ExitStack(), False
+        made._order, made._entered, made._plays = StopGuard(), contextlib.ExitStack(), False
         made._allowed = None
         return made
 
@@ -235,7 +235,7 @@ class ArrayDevice(ABC):
 
     def play(
         self,
-        admission: Admission,
+        admission: ExposureClearance,
         *,
         source: str | Path = "python",
         delay: float = 0.0,
@@ -279,7 +279,7 @@ class ArrayDevice(ABC):
         FileError
             If the log or the state folder cannot be written.
         """
-        if not isinstance(admission, Admission):  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not isinstance(admission, ExposureClearance):  # pyright: ignore[reportUnnecessaryIsInstance]
             kind = type(admission).__name__
             raise DeviceStateError(
                 f"{self.name}: expected an admission from admit(), got a {kind}; nothing plays unchecked"

@@ -16,7 +16,7 @@ LONGEST = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Seamless:
+class FilledBlock:
     """Frames of which none is missing.
 
     Attributes
@@ -34,7 +34,7 @@ class Seamless:
     lost: int
 
 
-class Seam:
+class GapFiller:
     """Puts blocks together; frames that never came are held at the last one that did: frame i stays at i / rate.
 
     Parameters
@@ -55,7 +55,7 @@ class Seam:
         """How many frames there are so far, held ones included."""
         return self._next
 
-    def add(self, block: FrameBlock) -> Seamless:
+    def add(self, block: FrameBlock) -> FilledBlock:
         """The block with what was lost before it.
 
         Raises
@@ -76,10 +76,10 @@ class Seam:
             self._next = block.first + len(samples)
             if lost:
                 samples = np.concatenate([np.broadcast_to(held, (lost, *held.shape[1:])), samples])
-        return Seamless(samples=samples, first=first, lost=lost if len(samples) else 0)
+        return FilledBlock(samples=samples, first=first, lost=lost if len(samples) else 0)
 
 
-def gapless(sensor: SensorDevice, frames: int, *, block: int | None = None) -> Iterator[Array]:
+def fill_gaps(sensor: SensorDevice, frames: int, *, block: int | None = None) -> Iterator[Array]:
     """The first `frames` frames after a start, piece by piece; fewer if the source ends.
 
     Parameters
@@ -122,7 +122,7 @@ def read_frames(sensor: SensorDevice, frames: int) -> Array:
     DeviceError
         If the sensor loses frames or ends before.
     """
-    parts = list(gapless(sensor, frames))
+    parts = list(fill_gaps(sensor, frames))
     have = sum(len(part) for part in parts)
     if have < frames:
         raise DeviceError(f"{sensor.name}: expected {frames} frames, got {have}; is it still connected?")

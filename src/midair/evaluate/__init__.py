@@ -1,31 +1,31 @@
 """Evaluate: errors of a field, spectra, places of peaks, original against reproduction, what skin makes of it."""
 
 from midair.evaluate.alignment import advance, find_delay
-from midair.evaluate.card import CardFigure, PerceptualCard, perceptual_card
 from midair.evaluate.comparison import Comparison, compare
 from midair.evaluate.distortion import Fidelity, fidelity, image_level, in_band
-from midair.evaluate.energy_error import Met, met
+from midair.evaluate.energy_error import SolveError, error_by_energy
+from midair.evaluate.error_budget import Budget, StageLoss, StageOutput, budget
 from midair.evaluate.field import peak_position
-from midair.evaluate.heard_again import heard_perfectly, resting
+from midair.evaluate.ideal_rerecording import apply_band_twice, is_silent
 from midair.evaluate.leakage import Leak, leak, surroundings
-from midair.evaluate.other_air import error_in_air
+from midair.evaluate.palm_metrics import PalmFidelity, PalmFrames, PressedPalm, palm_fidelity, palm_frames
 from midair.evaluate.perception import SkinModel, pacinian_level, spqi, st_sim
+from midair.evaluate.skin_metrics import PerceptualFigure, PerceptualMetrics, perceptual_metrics
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
-from midair.evaluate.stage_loss import Budget, StageLoss, StageOutput, budget
+from midair.evaluate.temperature_error import error_at_temperature
 from midair.evaluate.timbre import THIRD_OCTAVES, third_octaves
-from midair.evaluate.whole_palm import PalmFidelity, PalmFrames, PressedPalm, palm_fidelity, palm_frames
 from midair.physics import printed_error, relative_error
 
 __all__ = [
     "Budget",
-    "CardFigure",
+    "PerceptualFigure",
     "Comparison",
     "Fidelity",
     "Leak",
-    "Met",
+    "SolveError",
     "PalmFidelity",
     "PalmFrames",
-    "PerceptualCard",
+    "PerceptualMetrics",
     "PressedPalm",
     "SkinModel",
     "StageLoss",
@@ -35,22 +35,22 @@ __all__ = [
     "budget",
     "compare",
     "dominant_frequency",
-    "error_in_air",
+    "error_at_temperature",
     "fidelity",
     "find_delay",
-    "heard_perfectly",
+    "apply_band_twice",
     "image_level",
     "in_band",
     "leak",
-    "met",
+    "error_by_energy",
     "pacinian_level",
     "palm_fidelity",
     "palm_frames",
     "peak_position",
-    "perceptual_card",
+    "perceptual_metrics",
     "printed_error",
     "relative_error",
-    "resting",
+    "is_silent",
     "spectral_error",
     "spqi",
     "st_sim",

@@ -5,13 +5,13 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.reel import Reel, stretches, taken
-from midair.segments import advanced
+from midair.lazy_filters import shift_earlier
+from midair.lazy_frames import LazyFrames, block_ranges, read_frames
 
 Array = NDArray[np.float64]
 
 
-def find_delay(original: Array | Reel, later: Array | Reel, rate: float, *, longest: float = 0.05) -> float:
+def find_delay(original: Array | LazyFrames, later: Array | LazyFrames, rate: float, *, longest: float = 0.05) -> float:
     """How much later `later` is, from the peak of the cross-correlation summed over the channels.
 
     The part of a frame is that of the peak of the curve through the values (band-limited interpolation).
@@ -63,19 +63,19 @@ _SINC, _FINE = 16, 50
 """Values to either side that a curve between them is told from, and its steps a frame."""
 
 
-def _correlation(original: Array | Reel, later: Array | Reel, reach: int) -> Array:
+def _correlation(original: Array | LazyFrames, later: Array | LazyFrames, reach: int) -> Array:
     """Sum of the products of both, `later` moved by -reach to reach frames, shape (2 reach + 1,); block by block."""
     from scipy.fft import irfft, next_fast_len, rfft
 
     total = np.zeros(2 * reach + 1)
-    for first, last in stretches(original.shape):
-        a = taken(original, first, last).reshape(last - first, -1)
+    for first, last in block_ranges(original.shape):
+        a = read_frames(original, first, last).reshape(last - first, -1)
         # Zeros where there is nothing, so that no delay that is looked at wraps round.
         b = np.zeros((len(a) + 2 * reach, a.shape[1]))
         begin, end = max(0, first - reach), max(0, min(len(later), last + reach))
         if begin < end:
             at = begin - first + reach
-            b[at : at + end - begin] = taken(later, begin, end).reshape(end - begin, -1)
+            b[at : at + end - begin] = read_frames(later, begin, end).reshape(end - begin, -1)
         length = next_fast_len(len(b), real=True)
         both = np.conj(rfft(a, length, axis=0)) * rfft(b, length, axis=0)
         total += irfft(both.sum(axis=1), length)[: 2 * reach + 1]
@@ -88,7 +88,7 @@ def advance(samples: Array, delay: float, rate: float) -> Array:
     Parameters
     ----------
     samples : ndarray or Reel, shape (frame, ...)
-        Samples at `rate`; of a reel what comes is a reel, see `midair.segments.advanced`.
+        Samples at `rate`; of a reel what comes is a reel, see `midair.lazy_filters.shift_earlier`.
     delay : float
         In s, of any sign, not necessarily whole frames.
     rate : float
@@ -98,8 +98,8 @@ def advance(samples: Array, delay: float, rate: float) -> Array:
     -------
     ndarray, same shape
     """
-    if isinstance(samples, Reel):
-        return cast("Array", advanced(samples, delay * rate))
+    if isinstance(samples, LazyFrames):
+        return cast("Array", shift_earlier(samples, delay * rate))
     length = 2 * len(samples)
     turn = np.exp(2j * np.pi * np.fft.rfftfreq(length, 1 / rate) * delay)
     moved = np.empty((len(samples), int(np.prod(samples.shape[1:], dtype=np.int64))))

@@ -12,8 +12,8 @@ from midair.evaluate.alignment import advance, find_delay
 from midair.evaluate.distortion import decibels
 from midair.evaluate.field import peak_position
 from midair.evaluate.spectrum import dominant_frequency, spectral_error
+from midair.lazy_frames import LazyFrames, blocks
 from midair.model import PressureFrames, SensorGrid
-from midair.reel import Reel, blocks
 
 Array = NDArray[np.float64]
 
@@ -172,7 +172,7 @@ class _Sums:
     densities: tuple[Array, Array]
 
     @classmethod
-    def of(cls, original: Array | Reel, reproduced: Array | Reel, rate: float) -> "_Sums":
+    def of(cls, original: Array | LazyFrames, reproduced: Array | LazyFrames, rate: float) -> "_Sums":
         """Block by block."""
         width = int(np.prod(original.shape[1:], dtype=np.int64))
         xx, yy, xy, error = (np.zeros(width) for _ in range(4))
@@ -194,7 +194,7 @@ class _Sums:
         )
 
 
-def _pairs(x: Array | Reel, y: Array | Reel) -> Iterator[tuple[Array, Array]]:
+def _pairs(x: Array | LazyFrames, y: Array | LazyFrames) -> Iterator[tuple[Array, Array]]:
     """Blocks of both, shape (frame, channel)."""
     for a, b in zip(blocks(x), blocks(y), strict=True):
         yield a.reshape(len(a), -1), b.reshape(len(b), -1)

@@ -12,7 +12,7 @@ FAINT = 1e-2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Met:
+class SolveError:
     """The error of a piece of target.
 
     Attributes
@@ -56,7 +56,7 @@ class Met:
         }
 
 
-def met(error: Array, power: Array) -> Met:
+def error_by_energy(error: Array, power: Array) -> SolveError:
     """What the errors of frames come to.
 
     Parameters
@@ -69,9 +69,9 @@ def met(error: Array, power: Array) -> Met:
     plays = power > 0
     error, power = error[plays], power[plays]
     if not len(error):
-        return Met(energy=0.0, mean=0.0, worst=0.0, faint=0, frames=0, faint_mean=0.0)
+        return SolveError(energy=0.0, mean=0.0, worst=0.0, faint=0, frames=0, faint_mean=0.0)
     faint = power < FAINT * power.max()
-    return Met(
+    return SolveError(
         energy=float(np.sqrt((error**2 * power).sum() / power.sum())),
         mean=float(error[~faint].mean()),
         worst=float(error[~faint].max()),

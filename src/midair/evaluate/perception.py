@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from midair.errors import ShapeError
 from midair.evaluate.spectrum import long_stretches
-from midair.reel import Reel, taken
+from midair.lazy_frames import LazyFrames, read_frames
 
 Array = NDArray[np.float64]
 
@@ -190,7 +190,7 @@ def spqi(reference: Array, distorted: Array, *, eta: float = 0.3, threshold: flo
 
 
 def similarities(
-    reference: Array | Reel, distorted: Array | Reel, *, compared: NDArray[np.bool_], block: int = 512
+    reference: Array | LazyFrames, distorted: Array | LazyFrames, *, compared: NDArray[np.bool_], block: int = 512
 ) -> Array:
     """ST-SIM and SPQI, shape (2, channel), of the channels that are to be compared; NaN of the others.
 
@@ -274,7 +274,7 @@ class _Spqi:
         return self._total / self._count
 
 
-def pacinian_level(pressure: Array | Reel, rate: float, skin: SkinModel | None = None) -> Array:
+def pacinian_level(pressure: Array | LazyFrames, rate: float, skin: SkinModel | None = None) -> Array:
     """Level of the power that Pacinian corpuscles take up, ``10 log10 sum |X|^2 / T_P^2``, in dB over the threshold.
 
     Bensmaia and Hollins (Percept. Psychophys. 65(6), 2003) found that it orders how rough textures feel. X are the peak
@@ -301,7 +301,7 @@ def pacinian_level(pressure: Array | Reel, rate: float, skin: SkinModel | None =
     weight = 1 / skin.threshold(np.asarray(frequency, np.float64)) ** 2
     power = np.zeros(int(np.prod(pressure.shape[1:], dtype=np.int64)))
     for first, last in parts:
-        for channel, values in enumerate(taken(pressure, first, last).reshape(frames, -1).T):
+        for channel, values in enumerate(read_frames(pressure, first, last).reshape(frames, -1).T):
             spectrum = np.fft.rfft(skin.displacement(values))[1:] * 2 / frames
             power[channel] += weight @ np.abs(spectrum) ** 2
     with np.errstate(divide="ignore"):
@@ -318,11 +318,13 @@ def _standard(rows: Array) -> Array:
     return (rows - rows.mean(axis=1, keepdims=True)) / (rows.std(axis=1, keepdims=True) + np.finfo(float).eps)
 
 
-def _stretches(reference: Array | Reel, distorted: Array | Reel, block: int) -> Iterator[tuple[Array, Array]]:
+def _stretches(
+    reference: Array | LazyFrames, distorted: Array | LazyFrames, block: int
+) -> Iterator[tuple[Array, Array]]:
     """Two signals in stretches of whole blocks, four megabytes each; the first one holds the end of a short signal."""
     frames = min(len(reference), len(distorted))
     whole = max(frames // block, 1) * block
     step = max(1, _STRETCH // int(np.prod(reference.shape[1:], dtype=np.int64)) // block) * block
     for first in range(0, whole, step):
         last = min(first + step, whole, frames)
-        yield taken(reference, first, last), taken(distorted, first, last)
+        yield read_frames(reference, first, last), read_frames(distorted, first, last)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.reel import Reel, taken
+from midair.lazy_frames import LazyFrames, read_frames
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def long_stretches(frames: int) -> list[tuple[int, int]]:
     return [(number * (frames // count), (number + 1) * (frames // count)) for number in range(count)]
 
 
-def power_spectrum(samples: Array | Reel) -> tuple[Array, int]:
+def power_spectrum(samples: Array | LazyFrames) -> tuple[Array, int]:
     """Power of the spectrum of samples (frame, ...) without their means, summed over channels, and its frames.
 
     Of more than `LONGEST` frames it is the sum over stretches.
@@ -60,12 +60,12 @@ def power_spectrum(samples: Array | Reel) -> tuple[Array, int]:
     frames = parts[0][1]
     power = np.zeros(frames // 2 + 1)
     for first, last in parts:
-        for channel in taken(samples, first, last).reshape(frames, -1).T:
+        for channel in read_frames(samples, first, last).reshape(frames, -1).T:
             power += np.abs(np.fft.rfft(channel - channel.mean())) ** 2
     return power, frames
 
 
-def dominant_frequency(samples: Array | Reel, rate: float) -> float:
+def dominant_frequency(samples: Array | LazyFrames, rate: float) -> float:
     """Frequency of the strongest bin of `power_spectrum`, in Hz."""
     power, frames = power_spectrum(samples)
     return float(np.fft.rfftfreq(frames, 1 / rate)[int(np.argmax(power))])

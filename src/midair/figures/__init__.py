@@ -1,30 +1,30 @@
-"""Figures: Matplotlib figures of nouns, each with units on its axes. Nothing here writes a file."""
+"""Figures: Matplotlib figures of nouns, each with units on its axes. NoArguments here writes a file."""
 
 from midair.figures.calibration_sheet import calibration_figure
 from midair.figures.card_maps import card_figure
+from midair.figures.confusion_matrices import ConfusionPanel, confusion_figures
+from midair.figures.correction_passes import passes_figure
+from midair.figures.error_budget import budget_figure
 from midair.figures.error_spread import ErrorSpread, trials_figure
-from midair.figures.loudness import exposure_figure
+from midair.figures.exposure import exposure_figure
 from midair.figures.maps import maps_figure, phase_figure
-from midair.figures.mistaken import Mistaken, mistaken_figure
 from midair.figures.page import Picture, render_page
-from midair.figures.palm_maps import Way, palm_figure
+from midair.figures.palm_maps import PalmPanel, palm_figure
 from midair.figures.paper_figures import FieldRow, fields_figure, objects_figure, stimuli_figure
 from midair.figures.pattern_curves import Curve, Example, curve_figure, examples_figure, histogram_figure
-from midair.figures.progress_by_pass import passes_figure
 from midair.figures.solve_errors import error_figure
 from midair.figures.style import Style, new_figure, plain, png
 from midair.figures.traces import beam_figure, spectra_figure, traces_figure
-from midair.figures.waterfall import budget_figure
 
 __all__ = [
     "Curve",
     "ErrorSpread",
     "Example",
     "FieldRow",
-    "Mistaken",
+    "ConfusionPanel",
     "Picture",
     "Style",
-    "Way",
+    "PalmPanel",
     "beam_figure",
     "budget_figure",
     "calibration_figure",
@@ -36,7 +36,7 @@ __all__ = [
     "fields_figure",
     "histogram_figure",
     "maps_figure",
-    "mistaken_figure",
+    "confusion_figures",
     "new_figure",
     "objects_figure",
     "palm_figure",

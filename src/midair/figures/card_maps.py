@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from midair.evaluate import CardFigure, PerceptualCard
+from midair.evaluate import PerceptualFigure, PerceptualMetrics
 from midair.figures.style import Style, new_figure
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ SHOWN = ("ST-SIM", "SPQI", "Pacinian power, original", "Pacinian power, reproduc
 """The figures that have a map; the others follow from them."""
 
 
-def card_figure(card: PerceptualCard, *, style: Style | None = None) -> Figure:
+def card_figure(card: PerceptualMetrics, *, style: Style | None = None) -> Figure:
     """Each number of a card, cell by cell, laid out like the sensor; a dash where there is nothing to compare with."""
     style = style or Style()
     figure = new_figure(2.15 * len(SHOWN), 3.2, simulated=card.simulated, style=style)
@@ -27,7 +27,7 @@ def card_figure(card: PerceptualCard, *, style: Style | None = None) -> Figure:
     return figure
 
 
-def _map(axis: Axes, figure: CardFigure, style: Style) -> None:
+def _map(axis: Axes, figure: PerceptualFigure, style: Style) -> None:
     values = np.where(np.isfinite(figure.channels), figure.channels, np.nan)
     low, high, colours = (0.0, 1.0, style.quantity)
     if "difference" in figure.name:

@@ -40,7 +40,7 @@ def render_page(template: str, **values: Any) -> str:
     Parameters
     ----------
     template : str
-        Its place below the package, such as ``rig/looping/report.html.j2``.
+        Its place below the package, such as ``rig/correction/report.html.j2``.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Way:
+class PalmPanel:
     """One way of playing, as it is drawn.
 
     Attributes
@@ -41,7 +41,7 @@ class Way:
 
 
 def palm_figure(
-    original: PressureFrames, ways: Sequence[Way], *, window: float = 0.1, style: Style | None = None
+    original: PressureFrames, ways: Sequence[PalmPanel], *, window: float = 0.1, style: Style | None = None
 ) -> Figure:
     """Maps of the palm, what is wanted first and then each way; below them the strongest cell of each for a moment.
 
@@ -63,7 +63,7 @@ def palm_figure(
     return figure
 
 
-def _draw_maps(figure: SubFigure, ways: Sequence[Way], style: Style) -> None:
+def _draw_maps(figure: SubFigure, ways: Sequence[PalmPanel], style: Style) -> None:
     maps = [("wanted", ways[0].pressed.wanted), *((way.name, way.pressed.delivered) for way in ways)]
     top = max(float(np.nanmax(values)) for _, values in maps) or 1.0
     axes = figure.subplots(1, len(maps), sharex=True, sharey=True, squeeze=False)[0]
@@ -94,7 +94,9 @@ def _draw_palm(axis: Axes, values: Array, palm: PressedPalm, top: float, style: 
     return image
 
 
-def _draw_traces(figure: SubFigure, original: PressureFrames, ways: Sequence[Way], window: float, style: Style) -> None:
+def _draw_traces(
+    figure: SubFigure, original: PressureFrames, ways: Sequence[PalmPanel], window: float, style: Style
+) -> None:
     cell, begin = strongest_moment(original, window)
     axes = figure.subplots(1, len(ways), sharex=True, sharey=True, squeeze=False)[0]
     for axis, way in zip(axes, ways, strict=True):

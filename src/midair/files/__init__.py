@@ -1,13 +1,11 @@
 """Files: recordings, calibrations and drives in HDF5, and recordings in the formats of other programs."""
 
 from midair.files.atomic import files_noted, refusing, whole_file, whole_folder, writable_path
-from midair.files.fitting import check_fits
-from midair.files.foreign import load_board
+from midair.files.file_locks import NoLocksWarning, check_unclaimed, hold_open
+from midair.files.format_loss import FormatLoss
 from midair.files.formats import FORMATS, format_of, load, open_take, save
-from midair.files.harmless import no_formula, printable
-from midair.files.holding import NoLocksWarning, check_unclaimed, hold
+from midair.files.importers import load_board
 from midair.files.listing import Contents, contents
-from midair.files.loss import Loss
 from midair.files.native import (
     ARRAY_SUFFIX,
     CALIBRATION_SUFFIX,
@@ -29,7 +27,9 @@ from midair.files.native import (
 )
 from midair.files.opened_take import OpenedTake
 from midair.files.report_rows import csv_text, for_json
-from midair.files.texts import json_of, read_text, read_toml, toml_of
+from midair.files.sanitise_text import no_formula, printable
+from midair.files.size_check import check_fits
+from midair.files.text_files import json_of, read_text, read_toml, toml_of
 from midair.files.toml import (
     DEFAULT_PROFILE,
     from_plain,
@@ -51,7 +51,7 @@ __all__ = [
     "DRIVE_SUFFIX",
     "FORMATS",
     "OpenedTake",
-    "Loss",
+    "FormatLoss",
     "NoLocksWarning",
     "RecordingWriter",
     "check_fits",
@@ -62,7 +62,7 @@ __all__ = [
     "for_json",
     "format_of",
     "from_plain",
-    "hold",
+    "hold_open",
     "json_of",
     "load",
     "load_board",

@@ -15,7 +15,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from midair.errors import BrokenFileError, FileError, MidairError, MissingFileError
-from midair.files.holding import check_unclaimed
+from midair.files.file_locks import check_unclaimed
 
 PARSER_FAILURES = (
     ArithmeticError,

@@ -10,8 +10,8 @@ import numpy as np
 from midair.errors import InputError, UnknownFormatError
 from midair.files.atomic import existing_file, refusing
 from midair.files.effects import read_ahap, read_hjif, write_ahap, write_hjif
-from midair.files.fitting import check_fits
-from midair.files.foreign import (
+from midair.files.format_loss import FormatLoss
+from midair.files.importers import (
     read_csv,
     read_mat,
     read_mcap,
@@ -26,7 +26,6 @@ from midair.files.foreign import (
     write_npz,
     write_wav,
 )
-from midair.files.loss import Loss
 from midair.files.native import (
     ARRAY_SUFFIX,
     CALIBRATION_SUFFIX,
@@ -36,13 +35,14 @@ from midair.files.native import (
     write_netcdf,
     write_recording,
 )
-from midair.files.opened_take import Given, OpenedTake
+from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.size_check import check_fits
+from midair.lazy_frames import LazyFrames
 from midair.model import Calibration, Event, PressureFrames, Recording, SensorGrid, Solution, Unit
 from midair.recordings import Mending, suspicious
-from midair.reel import Reel
 
-Reader = Callable[[Path, Given], OpenedTake]
-Writer = Callable[[Recording, Path, Calibration | None], tuple[Loss, ...]]
+Reader = Callable[[Path, ImportOptions], OpenedTake]
+Writer = Callable[[Recording, Path, Calibration | None], tuple[FormatLoss, ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -226,7 +226,7 @@ def open_take(
     # Damaged numbers may overflow on the way; the recording refuses what is not finite.
     with refusing(file, f"a {form.name} file"), np.errstate(all="ignore"):
         chosen = None if channels is None else tuple(channels)
-        given = Given(
+        given = ImportOptions(
             rate=rate,
             unit=unit,
             sensor=sensor,
@@ -239,7 +239,7 @@ def open_take(
         )
         imported = form.read(file, given)
     # To look at all of a reel would be to read all of it.
-    if isinstance(imported.recording.samples, Reel):
+    if isinstance(imported.recording.samples, LazyFrames):
         return imported
     return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
 
@@ -251,7 +251,7 @@ def save(
     calibration: Calibration | None = None,
     pressure: PressureFrames | None = None,
     journal: Sequence[Event] = (),
-) -> tuple[Loss, ...]:
+) -> tuple[FormatLoss, ...]:
     """Write a recording in the format that the ending of `path` tells, whole or not at all.
 
     Parameters
@@ -290,7 +290,10 @@ def save(
     if form is HDF5:
         return write_recording(recording, Path(path), calibration, pressure)
     lost = form.write(recording, Path(path), calibration)
-    return (*lost, Loss(what="pressure", text="The calibrated pressure was left out; --pressure exports it instead."))
+    return (
+        *lost,
+        FormatLoss(what="pressure", text="The calibrated pressure was left out; --pressure exports it instead."),
+    )
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:

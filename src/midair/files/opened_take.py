@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, MismatchError, RateError, ShapeError, UnitError
-from midair.files.stamps import held
+from midair.files.timestamps import held
+from midair.lazy_frames import blocks, each_frame
 from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, Setting, Unit
 from midair.recordings import Mended, Mending, mend
-from midair.reel import blocks, each_frame
 
 ONE = SensorGrid(rows=1, columns=1)
 """What a file of one channel is taken for."""
@@ -48,7 +48,7 @@ class OpenedTake:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Given:
+class ImportOptions:
     """What a person says about a file that does not say it itself; None where they say nothing.
 
     Attributes
@@ -116,7 +116,7 @@ class Given:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Foreign:
+class ImportedData:
     """What a file of another program says.
 
     Attributes
@@ -150,7 +150,7 @@ class Foreign:
     settings: Mapping[str, Setting] = field(default_factory=dict[str, Setting])
     report: tuple[str, ...] = ()
 
-    def settle(self, given: Given, path: Path) -> OpenedTake:
+    def settle(self, given: ImportOptions, path: Path) -> OpenedTake:
         """The recording, once every gap of the file is filled by what was given or by a stated assumption.
 
         Raises
@@ -189,7 +189,7 @@ class Foreign:
         whole = np.asarray(self.samples, np.float64)
         return mend(whole.reshape(len(whole), -1), rate, mending)
 
-    def _unpacked(self, channels: int, path: Path) -> "Foreign":
+    def _unpacked(self, channels: int, path: Path) -> "ImportedData":
         """Frames of so many channels, of numbers that stand one after another: c0 c1 c2 ... c0 c1 c2 ..."""
         whole = np.asarray(self.samples, np.float64)
         wide = int(np.prod(whole.shape[1:]))
@@ -216,7 +216,7 @@ class Foreign:
             report=(*self.report, sentence),
         )
 
-    def _rate(self, given: Given, path: Path) -> float:
+    def _rate(self, given: ImportOptions, path: Path) -> float:
         rate = given.rate if self.rate is None else self.rate
         if rate is None:
             raise RateError(f"{path}: the file does not say its frame rate; give it, such as rate=1000 (Hz)")
@@ -224,7 +224,7 @@ class Foreign:
             raise MismatchError(f"{path}: the file says {rate:g} Hz, got rate={given.rate:g}; leave rate out")
         return rate
 
-    def _unit(self, given: Given, path: Path) -> Unit:
+    def _unit(self, given: ImportOptions, path: Path) -> Unit:
         stated = self.unit
         if self.units and len(set(self.units)) == 1:
             stated = self.units[0]
@@ -242,7 +242,7 @@ class Foreign:
             raise MismatchError(f"{path}: the file says {unit}, got unit={given.unit!r}; leave unit out")
         return unit
 
-    def _sensor(self, given: Given, path: Path) -> tuple[SensorGrid, str]:
+    def _sensor(self, given: ImportOptions, path: Path) -> tuple[SensorGrid, str]:
         channels = int(np.prod(self.samples.shape[1:]))
         if given.sensor is not None:
             rows_differ = self.samples.ndim == 3 and self.samples.shape[1:] != given.sensor.shape
@@ -271,7 +271,7 @@ class Foreign:
             "give sensor=SensorGrid(rows=..., columns=..., pitch=...), or choose some with channels=(...)"
         )
 
-    def _chosen(self, channels: tuple[str, ...], path: Path) -> "Foreign":
+    def _chosen(self, channels: tuple[str, ...], path: Path) -> "ImportedData":
         """Only these channels, of which nobody says any more how they lie."""
         places = [self._place(channel, int(np.prod(self.samples.shape[1:])), path) for channel in channels]
         if not places or len(set(places)) != len(places):

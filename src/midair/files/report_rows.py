@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from midair.files.harmless import no_formula
+from midair.files.sanitise_text import no_formula
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
+from midair.lazy_frames import LazyFrames
 from midair.model.acoustics import Acoustics
 from midair.model.geometry import TransducerArray
 from midair.model.pictures import curve, dots, framed
 from midair.model.provenance import Provenance
 from midair.model.reprs import came_from, clipped, counted, lasting, span, told
-from midair.reel import Reel
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ class Drive:
             raise ShapeError(f"level: expected shape {(len(phase),)} or {phase.shape}, got {shape}")
         level = frozen_array(self.level, "level", shape)
         # A reel's numbers are looked at when they are read.
-        if not isinstance(level, Reel) and (level.min() < 0 or level.max() > 1):
+        if not isinstance(level, LazyFrames) and (level.min() < 0 or level.max() > 1):
             raise InputError(f"level: expected 0 to 1 of full drive, got {level.min():g} to {level.max():g}")
         object.__setattr__(self, "phase", phase)
         object.__setattr__(self, "level", level)

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
+from midair.lazy_frames import LazyFrames
 from midair.model.geometry import ControlGrid, SensorGrid
 from midair.model.pictures import framed, heat_map, sparklines
 from midair.model.provenance import Provenance
 from midair.model.reprs import came_from, lasting, span, told
-from midair.reel import Reel
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -111,7 +111,7 @@ class AmplitudeFrames:
     def __post_init__(self) -> None:
         amplitude = frozen_array(self.amplitude, "amplitude", ("frame", self.grid.count))
         # A reel's numbers are looked at when they are read.
-        if not isinstance(amplitude, Reel) and (amplitude < 0).any():
+        if not isinstance(amplitude, LazyFrames) and (amplitude < 0).any():
             raise InputError(f"amplitude: expected 0 Pa or more, got {amplitude.min():g} Pa; it is a magnitude")
         object.__setattr__(self, "amplitude", amplitude)
         object.__setattr__(self, "rate", positive(self.rate, "rate", "Hz"))

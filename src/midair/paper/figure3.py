@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from midair.datasets import channel_amplitudes
 from midair.evaluate import Leak, leak, printed_error, relative_error
 from midair.figures import FieldRow, fields_figure, png
-from midair.flow import solved
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, Provenance, SensorGrid, TransducerArray
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude, propagate
+from midair.pipeline import solve_with
 from midair.progress import passing
 from midair.settings import MODES, Mode, Settings, beside_paper, paper_mode
 from midair.targets import interpolation_matrix
@@ -63,7 +63,7 @@ def figure_3(
         target = AmplitudeFrames(
             amplitude=amplitude, rate=1.0, grid=grid, provenance=Provenance(source="patterns", simulated=True)
         )
-        drive = solved(target, array, settings).drive
+        drive = solve_with(target, array, settings).drive
         field = propagate(drive, grid)
         error, printed = relative_error(field, amplitude), printed_error(field, amplitude)
         if not shown:

@@ -7,11 +7,11 @@ from types import MappingProxyType
 import numpy as np
 
 from midair.errors import InputError
-from midair.evaluate import perceptual_card
+from midair.evaluate import perceptual_metrics
 from midair.figures import png, stimuli_figure
-from midair.flow import felt, lead_of
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
+from midair.pipeline import calibrated_pressure, lead_of
 from midair.rig import Loop, Stage, VirtualRig, capture_recording, quiet, run_loop
 from midair.settings import Mode, Settings, beside_paper, paper_mode
 
@@ -92,7 +92,7 @@ def recorded(rig: VirtualRig, thing: str, settings: Settings, duration: float) -
     """What the virtual sensor feels of something, without the first 80 ms in which the sensor settles."""
     settle = 0.08
     with rig.touched_by(thing, duration=duration + settle) as sensor:
-        pressure = felt(capture_recording(sensor, duration + settle), sensor.calibration, settings)
+        pressure = calibrated_pressure(capture_recording(sensor, duration + settle), sensor.calibration, settings)
     return pressure.cut(settle, duration)
 
 
@@ -114,7 +114,7 @@ def reproduced(original: PressureFrames, plan: StimuliPlan, settings: Settings, 
 
 def _row(thing: str, mode: str, loop: Loop) -> Row:
     last = loop.passes[-1]
-    comparison, card = last.comparison, perceptual_card(loop.original, last.felt)
+    comparison, card = last.comparison, perceptual_metrics(loop.original, last.felt)
     return {
         "stimulus": thing,
         "mode": mode,

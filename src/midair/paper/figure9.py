@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from midair.datasets import Object
 from midair.dsp import band_energy
 from midair.figures import objects_figure, png
-from midair.flow import felt
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
+from midair.pipeline import calibrated_pressure
 from midair.progress import passing
 from midair.rig import VirtualRig, capture_recording
 from midair.settings import Mode, Settings, beside_paper, paper_mode
@@ -68,7 +68,7 @@ def figure_9(
 def _stroke(name: str, surface: str, settings: Settings, seed: int) -> PressureFrames:
     rig = VirtualRig(seed=seed)
     with rig.touched_by(name + ("+groove" if surface == "groove" else "")) as sensor:
-        return felt(capture_recording(sensor, 1.26), sensor.calibration, settings)
+        return calibrated_pressure(capture_recording(sensor, 1.26), sensor.calibration, settings)
 
 
 def _pushed(stroke: PressureFrames, mapping: str) -> PressureFrames:

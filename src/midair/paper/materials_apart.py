@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 
 from midair.calibration import CausalInverse
 from midair.datasets import Object, stroke
-from midair.devices import admit
+from midair.devices import check_exposure
 from midair.dsp import resample
 from midair.errors import InputError, MissingExtraError
 from midair.evaluate import THIRD_OCTAVES, third_octaves
-from midair.figures import Mistaken, mistaken_figure, png
+from midair.figures import ConfusionPanel, confusion_figures, png
 from midair.files import contents, open_take
-from midair.flow import at_strength, felt, lead_of, reproduce
 from midair.model import Calibration, PressureFrames, Recording
 from midair.paper.modes_compared import strongest_begins
 from midair.paper.result import PaperResult, Row
+from midair.pipeline import at_strength, calibrated_pressure, lead_of, reproduce
 from midair.rig import Stage, VirtualRig, capture_recording, quiet, rerecord, usual_exposure
 from midair.settings import Mode, Settings, beside_paper, paper_mode
 from midair.targets import led_in
@@ -60,14 +60,14 @@ class Stroke:
 
     def original(self, settings: Settings, duration: float) -> PressureFrames:
         """What was felt of its part, in the band and at the rate of settings."""
-        whole = felt(*self.take(), settings)
+        whole = calibrated_pressure(*self.take(), settings)
         return whole.cut(self.begins(whole), min(duration, whole.frames / whole.rate))
 
     def live(self, settings: Settings, duration: float) -> PressureFrames:
         """The same part as the causal inverse of `midair live` gives it, frame by frame; its delay taken out."""
         recording, calibration = self.take()
         rate, band = settings.target.rate, settings.calibration.band
-        whole = felt(recording, calibration, settings)
+        whole = calibrated_pressure(recording, calibration, settings)
         samples = recording.samples
         if not np.isclose(recording.rate, rate, rtol=1e-9):
             samples = resample(samples, recording.rate, rate)
@@ -154,7 +154,7 @@ def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = quiet) 
                 progress(number + 1, len(strokes))
     known = np.array(heard["original"])
     rows: list[Row] = []
-    matrices: list[Mistaken] = []
+    matrices: list[ConfusionPanel] = []
     for mode, shapes in heard.items():
         named = left_out_names(known, np.array(shapes), truth)
         apart = left_out_names(np.array(shapes), np.array(shapes), truth)
@@ -179,12 +179,12 @@ def materials_table(plan: MaterialsPlan | None = None, *, stage: Stage = quiet) 
                 },
             }
         )
-        matrices.append(Mistaken(title=f"{mode}\n{right} of {len(truth)} right", names=names, counts=counts))
+        matrices.append(ConfusionPanel(title=f"{mode}\n{right} of {len(truth)} right", names=names, counts=counts))
     return PaperResult(
         name="materials",
         title="Do materials stay apart? What a classifier that knows the originals takes each stroke for",
         rows=tuple(rows),
-        pictures={"materials.png": png(mistaken_figure(matrices, simulated=True))},
+        pictures={"materials.png": png(confusion_figures(matrices, simulated=True))},
         about={
             "materials": list(names),
             "strokes": [one.name for one in strokes],
@@ -258,8 +258,8 @@ def through(original: PressureFrames, settings: Settings, plan: MaterialsPlan) -
     made = reproduce(asked, rig.array, at_strength(asked, rig.array, settings.but(strength=plan.strength)))
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
-        again = rerecord(admit(made.solution.drive, array, usual_exposure()), array, sensor)
-        heard = felt(again, sensor.calibration, settings, from_rest=True)
+        again = rerecord(check_exposure(made.solution.drive, array, usual_exposure()), array, sensor)
+        heard = calibrated_pressure(again, sensor.calibration, settings, from_rest=True)
     return heard.cut(lead, original.frames / original.rate)
 
 

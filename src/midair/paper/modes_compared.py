@@ -11,10 +11,10 @@ from midair.errors import InputError
 from midair.evaluate import Budget, in_band
 from midair.figures import budget_figure, passes_figure, png
 from midair.files import open_take
-from midair.flow import felt, lead_of, wanted
 from midair.model import PressureFrames
 from midair.paper.result import PaperResult, Row
 from midair.physics import focus_amplitude
+from midair.pipeline import calibrated_pressure, lead_of, target_amplitude
 from midair.rig import (
     BudgetPlan,
     Loop,
@@ -134,14 +134,14 @@ def original_of(thing: str, plan: FidelityPlan, settings: Settings) -> PressureF
     rig, skin = plan.rig, plan.rig.skin()
     if thing not in (*SIGNALS, *OBJECTS):
         take = open_take(thing)
-        return strongest_part(felt(take.recording, take.calibration, settings), plan.duration)
+        return strongest_part(calibrated_pressure(take.recording, take.calibration, settings), plan.duration)
     if thing in OBJECTS:
         with rig.touched_by(thing) as sensor:
-            pressure = felt(capture_recording(sensor, 1.26), sensor.calibration, settings)
+            pressure = calibrated_pressure(capture_recording(sensor, 1.26), sensor.calibration, settings)
         return pressure.cut(0.55, plan.duration)
     touch = probe_signal(thing, duration=plan.duration, rate=skin.rate, sensor=skin.model.grid, seed=rig.seed)
     with rig.sensor(skin, touch=touch, name=f"virtual:{thing}") as sensor:
-        pressure = felt(capture_recording(sensor, plan.duration + 0.2), sensor.calibration, settings)
+        pressure = calibrated_pressure(capture_recording(sensor, plan.duration + 0.2), sensor.calibration, settings)
     return pressure.cut(0.1, plan.duration)
 
 
@@ -171,7 +171,7 @@ def at_strength(original: PressureFrames, settings: Settings, plan: FidelityPlan
 
 def target_strength(asked: PressureFrames, settings: Settings, rig: VirtualRig) -> float:
     """Strength of the target that is made of a pressure."""
-    target = wanted(asked, settings)
+    target = target_amplitude(asked, settings)
     focus = focus_amplitude(settings.target.grid, rig.array, acoustics=settings.acoustics)
     return float(target.amplitude.max() / focus)
 

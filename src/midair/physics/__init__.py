@@ -2,11 +2,11 @@
 
 from midair.physics.cell_means import Between, cell_weights
 from midair.physics.chain import Moment, PlaybackChain, radiate
-from midair.physics.cubes import airs_of_room, searched_points
 from midair.physics.directivity import off_axis
 from midair.physics.dynamics import TransducerDynamics, envelope
 from midair.physics.exposure_level import Exposure, exposure, greatest_exposure, sound_level
 from midair.physics.exposure_places import ExposureProfile, Place
+from midair.physics.exposure_search import airs_of_room, searched_points
 from midair.physics.field_error import printed_error, relative_error
 from midair.physics.narrow_cone import cone_points
 from midair.physics.playback import Spread, check_frame_rate, playback_response, simulate, steps_a_frame
@@ -22,10 +22,10 @@ from midair.physics.radiation import radiation_pressure, sound_amplitude
 from midair.physics.sensing import (
     SensorModel,
     calibration_of,
+    cell_pressure,
     channel_response,
-    felt_by_cells,
     sense,
-    spoken,
+    sensor_output,
 )
 from midair.physics.sensing_by_channel import channel_volts
 from midair.physics.skin import SKINS, Tissue, skin_compliance
@@ -59,7 +59,7 @@ __all__ = [
     "searched_points",
     "envelope",
     "exposure",
-    "felt_by_cells",
+    "cell_pressure",
     "greatest_exposure",
     "focus_amplitude",
     "focus_phase",
@@ -76,7 +76,7 @@ __all__ = [
     "skin_compliance",
     "sound_amplitude",
     "sound_level",
-    "spoken",
+    "sensor_output",
     "steps_a_frame",
     "transfer_matrix",
     "wavenumber",

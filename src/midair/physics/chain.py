@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
+from midair.lazy_frames import read_frames
 from midair.model import Drive
 from midair.physics.propagation import quantise_phase
 from midair.physics.transducers import Transducers
-from midair.reel import taken
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -111,9 +111,9 @@ def radiate(
     pull = _Pull.of(chain.transducers, 1 / (drive.rate * steps), drive.array.count)
     for first in range(0, drive.frames, block):
         last = min(first + block, drive.frames)
-        phase = taken(drive.phase, first, last)
+        phase = read_frames(drive.phase, first, last)
         phase = phase if chain.phase_bits is None else quantise_phase(phase, bits=chain.phase_bits)
-        level = np.broadcast_to(taken(drive.level, first, last).reshape(len(phase), -1), phase.shape)
+        level = np.broadcast_to(read_frames(drive.level, first, last).reshape(len(phase), -1), phase.shape)
         nodes, phase_now, level_now = _command(phase, level, chain, drive.rate, steps, moment, exact)
         q = pull.follow(nodes, moment.q)
         moment = Moment(phase=phase_now, level=level_now, q=np.asarray(q[-1], np.complex128))

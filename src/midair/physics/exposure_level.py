@@ -14,8 +14,8 @@ from threadpoolctl import threadpool_limits
 
 from midair.errors import InputError
 from midair.model import Acoustics, Drive, Medium, TransducerArray
-from midair.physics.cubes import Searches, Workspace, ceiling, drive_parts, point_search, searches_of
 from midair.physics.exposure_places import ExposureProfile, Place
+from midair.physics.exposure_search import Searches, Workspace, ceiling, drive_parts, point_search, searches_of
 from midair.physics.propagation import transfer_matrix
 from midair.physics.radiation import radiation_pressure
 from midair.progress import passing

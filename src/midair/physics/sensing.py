@@ -203,10 +203,10 @@ def sense(
         raise ShapeError(
             f"pressure: expected shape (frame, {model.grid.rows}, {model.grid.columns}), got {pressure.shape}"
         )
-    return spoken(model, _respond(model, felt_by_cells(model, pressure), rate, oversample), rate, rng=rng)
+    return sensor_output(model, _respond(model, cell_pressure(model, pressure), rate, oversample), rate, rng=rng)
 
 
-def spoken(model: SensorModel, volts: Array, rate: float, *, rng: np.random.Generator | None = None) -> Array:
+def sensor_output(model: SensorModel, volts: Array, rate: float, *, rng: np.random.Generator | None = None) -> Array:
     """What amplifier, noise and converter make of volts, shape (frame, row, column), in V; as in `sense`."""
     if np.isfinite(model.saturation):
         # Before the noise, and the converter last: the order in which a signal meets them.
@@ -245,7 +245,7 @@ def calibration_of(model: SensorModel, *, highest: float = 4000.0, bins: int = 1
     )
 
 
-def felt_by_cells(model: SensorModel, pressure: Array) -> Array:
+def cell_pressure(model: SensorModel, pressure: Array) -> Array:
     """What the cells feel of the pressure on all of them, shape (frame, row, column)."""
     if (model.crosstalk == np.eye(model.grid.count)).all():
         return pressure
@@ -255,8 +255,8 @@ def felt_by_cells(model: SensorModel, pressure: Array) -> Array:
 def _respond(model: SensorModel, pressure: Array, rate: float, oversample: int) -> Array:
     from scipy.fft import irfft, next_fast_len, rfft
 
-    frames, settle = -(-len(pressure) // oversample), settling(model, rate)
-    held = np.concatenate([pressure, fading(settle * oversample)[:, None, None] * pressure[-1]])
+    frames, settle = -(-len(pressure) // oversample), settling_frames(model, rate)
+    held = np.concatenate([pressure, fade_window(settle * oversample)[:, None, None] * pressure[-1]])
     length = next_fast_len(frames + 2 * settle, real=True)
     bins = length // 2 + 1
     # Cutting the bins above half the output's rate is the ideal anti-alias filter.
@@ -265,7 +265,7 @@ def _respond(model: SensorModel, pressure: Array, rate: float, oversample: int) 
     return irfft(spectrum * response, length, axis=0)[:frames]
 
 
-def settling(model: SensorModel, rate: float) -> int:
+def settling_frames(model: SensorModel, rate: float) -> int:
     """Frames after which the slowest part of every channel's answer has died away, with its delay."""
     slowest = (
         1 / (2 * np.pi * model.high_pass * model.corner.min()) + model.relaxation + model.quality / model.resonance
@@ -274,7 +274,7 @@ def settling(model: SensorModel, rate: float) -> int:
     return int(np.ceil((20 * slowest + model.delay.max()) * rate)) + 1
 
 
-def fading(length: int) -> Array:
+def fade_window(length: int) -> Array:
     """What is left of the last pressure in each step after it, shape (length - 1,)."""
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.arange(1, length) / length), np.float64)
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.physics.sensing import SensorModel, channel_response, fading, settling
+from midair.physics.sensing import SensorModel, channel_response, fade_window, settling_frames
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -42,10 +42,10 @@ def channel_volts(
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
-    frames, settle = -(-steps // oversample), settling(model, rate)
+    frames, settle = -(-steps // oversample), settling_frames(model, rate)
     length = next_fast_len(frames + 2 * settle, real=True)
     # The last pressure, held and fading after the end; it lies in the phase of the last step.
-    last, fade = float(every((steps - 1) % oversample)[-1]), fading(settle * oversample)
+    last, fade = float(every((steps - 1) % oversample)[-1]), fade_window(settle * oversample)
     turn = np.exp(-2j * np.pi * np.arange(length // 2 + 1) / (length * oversample))
     spectrum = np.zeros(length // 2 + 1, np.complex128)
     for phase in reversed(range(oversample)):

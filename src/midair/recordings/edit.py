@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from midair import dsp
 from midair.errors import InputError, MismatchError, ShapeError
+from midair.lazy_frames import LazyFrames, blocks, concatenate_lazy, each_frame, moments
 from midair.medians import medians
 from midair.model import Provenance, Recording, Setting, Step
-from midair.reel import Reel, blocks, chained, each_frame, moments
 from midair.validation import frozen_array, positive
 
 Array = NDArray[np.float64]
@@ -75,7 +75,7 @@ def join(recordings: Sequence[Recording]) -> Recording:
                 raise MismatchError(
                     f"join: expected {name} {want} as in the first, got {have} in number {number}{advice}"
                 )
-    samples = chained([recording.samples for recording in recordings])
+    samples = concatenate_lazy([recording.samples for recording in recordings])
     return replace(first, samples=samples, provenance=_joined(recordings))
 
 
@@ -220,7 +220,7 @@ def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") 
     return replace(recording, samples=samples, provenance=provenance)
 
 
-def _loud(samples: "Array | Reel", rest: Array, limit: float) -> tuple[int, int] | None:
+def _loud(samples: "Array | LazyFrames", rest: Array, limit: float) -> tuple[int, int] | None:
     """First and last frame in which a channel is further from its rest than a limit; None where none is."""
     first, last, before = -1, -1, 0
     for block in blocks(samples):

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
+from midair.lazy_frames import LazyFrames
 from midair.model import Recording, SensorGrid, Setting
-from midair.reel import Reel
 from midair.validation import positive
 
 Array = NDArray[np.float64]
@@ -148,8 +148,8 @@ def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGr
         "pitch_m": sensor.pitch,
     }
     provenance = recording.provenance.then("footprint", settings, simulated=True)
-    samples = Reel(field, (recording.frames, *sensor.shape))
-    if not isinstance(recording.samples, Reel):
+    samples = LazyFrames(field, (recording.frames, *sensor.shape))
+    if not isinstance(recording.samples, LazyFrames):
         samples = np.asarray(samples)
     return replace(recording, samples=samples, sensor=sensor, provenance=provenance)
 

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.lazy_frames import LazyFrames, Moments, blocks, moments
 from midair.model import Recording
-from midair.reel import Moments, Reel, blocks, moments
 
 
 def dead_channels(recording: Recording) -> NDArray[np.bool_]:
@@ -75,7 +75,7 @@ def _folded(found: Moments) -> bool:
     return bool(lively.any() and (found.least >= 0).all() and low[lively].mean() > 0.5)
 
 
-def _flat_tops(samples: NDArray[np.float64] | Reel, found: Moments) -> NDArray[np.bool_]:
+def _flat_tops(samples: NDArray[np.float64] | LazyFrames, found: Moments) -> NDArray[np.bool_]:
     """Which channels clip, shape (channel,): one pass along the frames."""
     count = found.least.size
     least, greatest = found.least.ravel(), found.greatest.ravel()

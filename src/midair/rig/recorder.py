@@ -6,10 +6,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from midair.devices import ArrayDevice, ExposureChoices, PlayReport, SensorDevice, SilencerChoice, admit
+from midair.devices import ArrayDevice, ExposureChoices, PlayReport, SensorDevice, SilencerChoice, check_exposure
 from midair.errors import InputError
 from midair.files import OpenedTake, load_calibration, open_take
-from midair.flow import felt, lead_of
 from midair.model import (
     Acoustics,
     Calibration,
@@ -22,9 +21,10 @@ from midair.model import (
     Solution,
     TransducerArray,
 )
-from midair.rig.looping import Loop, Stage, quiet, run_loop
+from midair.pipeline import calibrated_pressure, lead_of
+from midair.rig.correction import Loop, Stage, quiet, run_loop
 from midair.rig.names import VirtualRig, array_named, sensor_named
-from midair.rig.playing import play_admitted, rerecord, usual_exposure
+from midair.rig.playing import play_cleared, rerecord, usual_exposure
 from midair.rig.takes import capture_recording
 from midair.settings import MODES, Mode, Settings
 
@@ -253,10 +253,10 @@ def play(
         with open_rig(rig, exposure=exposure) as opened:
             return play(what, opened, repeats=repeats, source=source, progress=progress)
     drive = what.drive if isinstance(what, Solution) else what
-    admission = admit(drive, rig.array, exposure or rig.exposure, repeats=repeats)
+    admission = check_exposure(drive, rig.array, exposure or rig.exposure, repeats=repeats)
     played = admission.check_for(rig.array)
     if rig.sensor is None:
-        report = play_admitted(admission, rig.array, source=source, progress=progress)
+        report = play_cleared(admission, rig.array, source=source, progress=progress)
         return Played(drive=played, outcome=admission.outcome, report=report)
     heard = rerecord(admission, rig.array, rig.sensor, source=source, progress=progress)
     take = OpenedTake(recording=heard, calibration=rig.sensor.calibration)
@@ -303,7 +303,7 @@ def loop(
     if isinstance(original, str | Path):
         original = open_take(original)
     if isinstance(original, OpenedTake):
-        original = felt(original.recording, original.calibration, chosen)
+        original = calibrated_pressure(original.recording, original.calibration, chosen)
     if isinstance(rig, str):
         height, band = chosen.target.grid.height, chosen.calibration.band
         with open_rig(rig, height=height, cells=original.sensor, band=band) as opened:

@@ -4,15 +4,15 @@ from midair.solvers.amplitudes import Amplitudes
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.glide import Glide, Piece, pieces
+from midair.solvers.initial_phase import spreading_phase
 from midair.solvers.large import check_memory, memory_needed, placed, problem_at
-from midair.solvers.lens import spreading_phase
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt
-from midair.solvers.live import Follower, Live, folded_modes
+from midair.solvers.live import FrameTracker, Live, symmetric_modes
 from midair.solvers.methods import METHODS, TAKES, Method, check_terms, name_of, solver, terms_of
-from midair.solvers.ordering import read_as_solved, solve_parts, solve_piece
+from midair.solvers.planning import read_as_solved, solve_parts, solve_piece
 from midair.solvers.problem import Answer, Problem, Solver, Start, error_of
 from midair.solvers.solving import memory_of, solve
-from midair.solvers.terms import Cells, Fit, Guard, QuietPalm, Windows, means_of
+from midair.solvers.terms import Cells, Fit, Guard, QuietPalm, Windows, pressure_means
 from midair.solvers.threads import one_blas_thread
 
 __all__ = [
@@ -22,7 +22,7 @@ __all__ = [
     "Exact",
     "Fast",
     "Fit",
-    "Follower",
+    "FrameTracker",
     "Glide",
     "Guard",
     "LevenbergMarquardt",
@@ -38,13 +38,13 @@ __all__ = [
     "Windows",
     "check_memory",
     "check_terms",
-    "means_of",
+    "pressure_means",
     "memory_needed",
     "memory_of",
     "name_of",
     "one_blas_thread",
     "error_of",
-    "folded_modes",
+    "symmetric_modes",
     "pieces",
     "placed",
     "problem_at",

@@ -16,7 +16,7 @@ from midair.solvers.fast import Fast
 from midair.solvers.levenberg_marquardt import LevenbergMarquardt, damped
 from midair.solvers.mode_system import System
 from midair.solvers.modes import modes
-from midair.solvers.problem import Answer, End, Problem, Start
+from midair.solvers.problem import Answer, Problem, Start, WarmStart
 from midair.solvers.sequence import FrameAnswer, solve_in_turn
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ class Exact:
     step_tolerance: float = 1e-9
     cost_tolerance: float = 1e-10
 
-    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame, one after another."""
         system = System.of(modes(problem.G, tolerance=self.tolerance), problem.level, self.precision)
         # Left-out modes and single precision set a floor under the error; the plain method's step goes below it.

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from midair.model import Progress
 from midair.solvers.backend import Rows, backend
-from midair.solvers.moves import Batch, Machine
+from midair.solvers.field_operators import Batch, FieldOperators
 from midair.solvers.phases import hold
-from midair.solvers.problem import Answer, End, Problem, status_of
+from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ class Fast:
     precision: Literal["single", "double"] = "single"
     backend: str = "numpy"
 
-    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame; silent ones keep those of the frame before them.
 
         The iterations that are reported are those of all three moves, without what the worst quarter gets on top.
@@ -95,21 +95,21 @@ class Fast:
         made = np.zeros(len(phase), np.int64)
         if len(audible):
             with there.at_work():
-                machine = Machine.of(problem, there, tolerance=self.tolerance, memory=self.memory)
+                machine = FieldOperators.of(problem, there, tolerance=self.tolerance, memory=self.memory)
                 self._fill(phase, machine, audible, after, progress)
             made[audible] = self._iterations(problem)
             if progress is not None:
                 progress(len(phase), len(phase))
-        end = End(theta=phase[audible[-1]]) if len(audible) else after
+        end = WarmStart(theta=phase[audible[-1]]) if len(audible) else after
         held = hold(phase, audible, None if after is None else after.theta)
         return Answer(phase=held, iterations=made, status=status_of(len(phase), audible), end=end)
 
     def _fill(
         self,
         phase: NDArray[np.float64],
-        machine: Machine,
+        machine: FieldOperators,
         audible: NDArray[np.int64],
-        after: End | None,
+        after: WarmStart | None,
         progress: Progress | None,
     ) -> None:
         """Phases of the audible frames, batch by batch."""
@@ -124,7 +124,7 @@ class Fast:
             if progress is not None:
                 progress(int(some[-1]) + 1, len(phase))
 
-    def _phases(self, machine: Machine, batch: Batch, before: Rows) -> Rows:
+    def _phases(self, machine: FieldOperators, batch: Batch, before: Rows) -> Rows:
         """The three moves for some frames: phases (row, transducer), in rad."""
         field = machine.best_field(
             batch, self.field_iterations, loudness=self.loudness, floor=self.floor, every=self.every

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Progress, Status
-from midair.solvers.problem import Answer, End, Problem, Start, jacobian, residual
+from midair.solvers.problem import Answer, Problem, Start, WarmStart, jacobian, residual
 from midair.solvers.sequence import FrameAnswer, solve_in_turn
 from midair.solvers.terms import excess_rows
 
@@ -95,7 +95,7 @@ class LevenbergMarquardt:
     step_tolerance: float = 1e-9
     cost_tolerance: float = 1e-10
 
-    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame, one after another."""
 
         def one(p: Array, x: Array, iterations: int) -> FrameAnswer:

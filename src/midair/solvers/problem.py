@@ -119,11 +119,11 @@ class Answer:
     iterations: NDArray[np.int64]
     status: tuple[Status, ...]
     level: Array | None = None
-    end: "End | None" = None
+    end: "WarmStart | None" = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class End:
+class WarmStart:
     """What the frames after a part of a recording go on from; only the method that made it knows more of it.
 
     Attributes
@@ -141,7 +141,7 @@ class End:
 class Solver(Protocol):
     """Settings only; frozen. It never raises for not converging and never returns NaN."""
 
-    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame of the problem, which goes on from where the part before it ended."""
         ...
 

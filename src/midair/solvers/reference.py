@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from midair.model import Progress, Status
 from midair.solvers.phases import hold, unit
-from midair.solvers.problem import Answer, End, Problem
+from midair.solvers.problem import Answer, Problem, WarmStart
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
@@ -25,7 +25,7 @@ class Naive:
 
     iterations: int = 1
 
-    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame on its own."""
         return _shape_only(
             problem, unit(problem.amplitude.astype(complex) @ problem.G.conj()), self.iterations, after, progress
@@ -43,7 +43,7 @@ class GerchbergSaxton:
 
     iterations: int = 100
 
-    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame on its own."""
         p = problem.amplitude
         u = np.ones(p.shape, complex)
@@ -62,7 +62,7 @@ class WeightedGerchbergSaxton:
 
     iterations: int = 100
 
-    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame on its own."""
         p = problem.amplitude
         sounding = p > 0
@@ -87,7 +87,7 @@ class GSPAT:
 
     iterations: int = 100
 
-    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame on its own."""
         p = problem.amplitude
         power = (np.abs(problem.G) ** 2).sum(axis=1, keepdims=True)
@@ -123,7 +123,7 @@ class Greedy:
     iterations: int = 1
     seed: int = 0
 
-    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame on its own."""
         choices = np.exp(2j * np.pi * np.arange(self.levels) / self.levels)
         p, G = problem.amplitude, problem.level * problem.G
@@ -150,12 +150,16 @@ def best_level(problem: Problem, theta: Array) -> Array:
     return np.clip(fit / np.where(power > 0, power, 1), 0, 1)
 
 
-def _shape_only(problem: Problem, q: Complex, iterations: int, after: End | None, progress: Progress | None) -> Answer:
+def _shape_only(
+    problem: Problem, q: Complex, iterations: int, after: WarmStart | None, progress: Progress | None
+) -> Answer:
     answer = _answer(problem, q, iterations, after, progress)
     return replace(answer, level=best_level(problem, answer.phase))
 
 
-def _answer(problem: Problem, q: Complex, iterations: int, after: End | None, progress: Progress | None) -> Answer:
+def _answer(
+    problem: Problem, q: Complex, iterations: int, after: WarmStart | None, progress: Progress | None
+) -> Answer:
     """Phases of q; silent frames hold those of the frame before."""
     frames = len(q)
     audible = np.flatnonzero(problem.amplitude.any(axis=1))
@@ -167,5 +171,5 @@ def _answer(problem: Problem, q: Complex, iterations: int, after: End | None, pr
     if progress is not None:
         progress(frames, frames)
     phase = hold(np.angle(q).astype(np.float64), audible, None if after is None else after.theta)
-    end = End(theta=phase[-1]) if len(audible) else after
+    end = WarmStart(theta=phase[-1]) if len(audible) else after
     return Answer(phase=phase, iterations=made, status=tuple(status), end=end)

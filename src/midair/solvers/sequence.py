@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.model import Progress, Status
-from midair.solvers.problem import Answer, End, Problem, Start
+from midair.solvers.problem import Answer, Problem, Start, WarmStart
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def solve_in_turn(
     iterations: tuple[int, int],
     start: Start,
     first: Array | None = None,
-    after: End | None = None,
+    after: WarmStart | None = None,
     progress: Progress | None = None,
 ) -> Answer:
     """Solve each frame with `one`; a frame without any target is silent and hands the phases on as they are.
@@ -79,5 +79,5 @@ def solve_in_turn(
         phase[frame] = x[: problem.transducers]
         if progress is not None:
             progress(frame + 1, frames)
-    end = End(theta=x[: problem.transducers], known=x) if warm else None
+    end = WarmStart(theta=x[: problem.transducers], known=x) if warm else None
     return Answer(phase=phase, iterations=made, status=tuple(status), end=end)

@@ -7,7 +7,7 @@ from midair.solvers.amplitudes import Amplitudes
 from midair.solvers.large import memory_needed
 from midair.solvers.methods import Method, name_of
 from midair.solvers.methods import solver as solver_of
-from midair.solvers.ordering import SolveOrder, together
+from midair.solvers.planning import SolvePlan, frames_per_part
 from midair.solvers.problem import Start
 from midair.solvers.terms import Fit, Guard, QuietPalm, airs_around
 
@@ -102,7 +102,7 @@ def solve(
     MissingExtraError
         If a backend, or Numba for "live", is not installed.
     """
-    order = SolveOrder.of(
+    order = SolvePlan.of(
         target,
         array,
         method=method,
@@ -152,7 +152,7 @@ def memory_of(
     palm = quiet_palm if isinstance(quiet_palm, QuietPalm) else QuietPalm() if quiet_palm > 0 else None
     quiet = [] if ring is None else [ring.ring(target.grid)]
     quiet += [] if palm is None else [palm.points(target.grid)]
-    whole = together(solver_of(method, backend=backend, jobs=jobs)) if parts else target.frames
+    whole = frames_per_part(solver_of(method, backend=backend, jobs=jobs)) if parts else target.frames
     return memory_needed(
         target.grid.count,
         array.count * (2 if amplitudes == "bounded" else 1),

@@ -19,15 +19,23 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from midair.errors import InputError, MidairError
 from midair.files import DEFAULT_PROFILE
-from midair.studio.asking import asked
-from midair.studio.desk import LARGEST_ORDER, Desk, Page
-from midair.studio.doorkeeper import Doorkeeper, DoorKeys
-from midair.studio.first_stroke import FirstStroke
+from midair.studio.demo_stroke import DemoStroke
 from midair.studio.folders import OneFolder
+from midair.studio.job_call import result_of
 from midair.studio.jobs import Jobs, StudioJob
+from midair.studio.panels import (
+    CalibratePanel,
+    ComparePanel,
+    LivePanel,
+    PlayPanel,
+    RecordPanel,
+    ReproducePanel,
+    StudyPanel,
+)
 from midair.studio.player import PlayerPlan
-from midair.studio.rooms import CalibrateRoom, CompareRoom, LiveRoom, PlayingRoom, RecordRoom, ReproduceRoom, StudyRoom
-from midair.studio.scenes import TakeScene, frames_of
+from midair.studio.request_guard import LoginTokens, RequestGuard
+from midair.studio.studio_state import LARGEST_ORDER, Page, StudioState
+from midair.studio.take_data import TakeData, frames_of
 from midair.studio.takes_list import TakesList
 from midair.studio.web_files import WebFiles
 from midair.studio.work import make_sample, methods_of_modes, warm_up
@@ -73,12 +81,12 @@ class Studio:
     """
 
     def __init__(self, plan: StudioPlan, samples: Path, port: int) -> None:
-        self.plan, self.keys = plan, DoorKeys(port=port)
+        self.plan, self.keys = plan, LoginTokens(port=port)
         self.folder = OneFolder.at(plan.folder)
         self.takes = TakesList(self.folder, samples)
-        self.first = FirstStroke.load()
+        self.first = DemoStroke.load()
         self._files = WebFiles.of((OWN, WEB))
-        self.desk = Desk(lambda: self.playing.sounding)
+        self.desk = StudioState(lambda: self.playing.sounding)
         self.loop: asyncio.AbstractEventLoop | None = None
         self.jobs = Jobs(self._job_changed, name="work", warm=warm_up)
         self.reading = Jobs(_nobody, name="reading")
@@ -87,13 +95,13 @@ class Studio:
         self._began = False
         token = secrets.token_urlsafe(24)
         player = PlayerPlan(device=plan.device, seed=plan.seed, token=token)
-        self.playing = PlayingRoom(self.desk, self.takes, player, self.later, profile=DEFAULT_PROFILE)
-        self.reproduce = ReproduceRoom(self.desk, self.takes, self.jobs, self.reading, self.later, self.first.facts)
-        self.compare = CompareRoom(self.desk, self.takes, self.jobs, self.playing, self.later)
-        self.record = RecordRoom(self.desk, self.takes, plan.sensor, plan.seed, self.later, self.reproduce.show)
-        CalibrateRoom(self.desk, self.takes, self.reading)
-        self.study = StudyRoom(self.desk, self.folder, self.jobs, self.playing, self.later)
-        self.live = LiveRoom(
+        self.playing = PlayPanel(self.desk, self.takes, player, self.later, profile=DEFAULT_PROFILE)
+        self.reproduce = ReproducePanel(self.desk, self.takes, self.jobs, self.reading, self.later, self.first.facts)
+        self.compare = ComparePanel(self.desk, self.takes, self.jobs, self.playing, self.later)
+        self.record = RecordPanel(self.desk, self.takes, plan.sensor, plan.seed, self.later, self.reproduce.show)
+        CalibratePanel(self.desk, self.takes, self.reading)
+        self.study = StudyPanel(self.desk, self.folder, self.jobs, self.playing, self.later)
+        self.live = LivePanel(
             self.desk, self.takes, self.playing, self.record, plan.seed, self.later, self.reproduce.show
         )
         self.desk.put(
@@ -140,7 +148,7 @@ class Studio:
             self.jobs.close()
             self.reading.close()
 
-    def application(self) -> Doorkeeper:
+    def application(self) -> RequestGuard:
         """The ASGI application, guarded."""
         routes = [
             Route("/", self._index),
@@ -153,7 +161,7 @@ class Studio:
             WebSocketRoute("/socket", self._socket),
         ]
         app = Starlette(routes=routes, lifespan=self.running)
-        return Doorkeeper(app, self.keys, stop_port=self.playing.port)
+        return RequestGuard(app, self.keys, stop_port=self.playing.port)
 
     def _begin(self) -> None:
         """Somebody looks: the array is opened, after the picture that is seen first."""
@@ -209,7 +217,9 @@ class Studio:
             if key not in self._kept:
                 while len(self._kept) > 64:
                     self._kept.pop(next(iter(self._kept)))
-                self._kept[key] = await asked(self.reading, f"frames of {take}", _frames_of, (scene, stream, second))
+                self._kept[key] = await result_of(
+                    self.reading, f"frames of {take}", _frames_of, (scene, stream, second)
+                )
         except MidairError as wrong:
             return PlainTextResponse(f"{wrong}\n", 404)
         return Response(self._kept[key], media_type="application/octet-stream")
@@ -284,5 +294,5 @@ async def _send(page: Page) -> None:
             await page.wire.send_text(await page.waiting.get())
 
 
-def _frames_of(order: tuple[TakeScene, Any, int], _: Any) -> bytes:
+def _frames_of(order: tuple[TakeData, Any, int], _: Any) -> bytes:
     return frames_of(order)

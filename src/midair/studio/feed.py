@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.studio.desk import Page
+from midair.studio.studio_state import Page
 from midair.view import Kind, counted, pack
 
 LOOK = 0.05

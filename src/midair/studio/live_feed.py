@@ -10,7 +10,7 @@ from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, field
 
-from midair.studio.desk import Page
+from midair.studio.studio_state import Page
 
 KEPT = 60.0
 """Seconds of sections that wait for a page that is behind; the oldest are left out then, which it sees as a gap."""

@@ -25,7 +25,19 @@ from midair.errors import DeviceStateError, ExposureError, InputError, MidairErr
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import ControlGrid, Placement, TransducerArray
 from midair.physics import airs_of_room, greatest_exposure, transfer_matrix
-from midair.rig import HELD, LATE, SOUNDS, Leave, LiveOrder, LiveSession, LiveTake, Opened, Permit, live, live_admission
+from midair.rig import (
+    HELD,
+    LATE,
+    SOUNDS,
+    LeaseToken,
+    LiveSession,
+    LiveSettings,
+    LiveTake,
+    LoopStarted,
+    PlayLease,
+    live,
+    live_clearance,
+)
 from midair.solvers import one_blas_thread
 from midair.studio.player import exposed
 from midair.view import Kind, Section, counted, finer, pack
@@ -41,7 +53,7 @@ REMEMBERED = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LiveWish:
+class LiveRequest:
     """Live touch as somebody wants it; names and units as in `midair.live`."""
 
     sensor: str
@@ -58,7 +70,7 @@ class LiveWish:
     override: str = ""
     seed: int = 0
 
-    def session(self, permit: Any = None, leave: Leave | None = None) -> LiveSession:
+    def session(self, permit: Any = None, leave: LeaseToken | None = None) -> LiveSession:
         """What this means, not yet begun; InputError where it means nothing."""
         choices = ExposureChoices(
             profile=profile_named(self.profile or DEFAULT_PROFILE),
@@ -82,7 +94,7 @@ class LiveWish:
         )
 
 
-def run_live(pipe: Connection, permit: Permit) -> None:
+def run_live(pipe: Connection, permit: PlayLease) -> None:
     """What runs in the process, until its studio is gone.
 
     Parameters
@@ -101,7 +113,7 @@ def run_live(pipe: Connection, permit: Permit) -> None:
         _LiveWatch(pipe, permit).serve()
 
 
-def _end_with_the_studio(permit: Permit) -> None:
+def _end_with_the_studio(permit: PlayLease) -> None:
     studio = parent_process()
     if studio is None:
         return
@@ -112,7 +124,7 @@ def _end_with_the_studio(permit: Permit) -> None:
     os._exit(0)
 
 
-class Remembered:
+class RecentFrames:
     """The last minute of a run, for a take that is wanted only afterwards.
 
     Parameters
@@ -169,7 +181,7 @@ class LastMinute:
         return self.frames[seen:], len(self.frames), 0
 
 
-class Sight:
+class LiveView:
     """Frames of the ring as sections for the page.
 
     Parameters
@@ -178,7 +190,7 @@ class Sight:
         What is played.
     """
 
-    def __init__(self, order: LiveOrder) -> None:
+    def __init__(self, order: LiveSettings) -> None:
         self.array: TransducerArray = (order.placement or Placement.grid()).array()
         self.grid: ControlGrid = order.touch.grid
         self._acoustics, self._rate, self._channels = order.touch.acoustics, 1000.0, 1
@@ -190,7 +202,7 @@ class Sight:
         self._before = np.zeros((1, self.grid.count), np.complex64)
         self._phases_due = 0
 
-    def found(self, opened: Opened) -> None:
+    def found(self, opened: LoopStarted) -> None:
         """Know the sensor, once it is open."""
         self._rate, self._channels = opened.rate, opened.sensor.count
 
@@ -238,12 +250,12 @@ class Sight:
 class _LiveWatch:
     """Serves the studio's orders, and one run of live touch at a time."""
 
-    def __init__(self, pipe: Connection, permit: Permit) -> None:
+    def __init__(self, pipe: Connection, permit: PlayLease) -> None:
         self._pipe, self._permit = pipe, permit
         self._telling = threading.Lock()
-        self._checked: dict[int, LiveWish] = {}
+        self._checked: dict[int, LiveRequest] = {}
         self._number = self._seen = 0
-        self._past: tuple[LiveOrder, Opened, Remembered] | None = None
+        self._past: tuple[LiveSettings, LoopStarted, RecentFrames] | None = None
 
     def serve(self) -> None:
         """One order after the other."""
@@ -271,11 +283,11 @@ class _LiveWatch:
             said = f"this is an error in midair, please report it: {type(wrong).__name__}: {wrong}"
             self._tell("wrong", id=order["id"], error=said, of="unforeseen")
 
-    def _check(self, wish: LiveWish) -> dict[str, Any]:
+    def _check(self, wish: LiveRequest) -> dict[str, Any]:
         """What the worst of the level would expose people to; a number by which it may be begun."""
         order = wish.session().order
         try:
-            admission = live_admission(order)
+            admission = live_clearance(order)
         except ExposureError as wrong:
             # The page shows by how much, and what can be done about it.
             array = (order.placement or Placement.grid()).array()
@@ -302,14 +314,14 @@ class _LiveWatch:
         self._past = None
         session = wish.session(self._permit, order["leave"])
         # Before the first frame: those that came meanwhile would come all at once.
-        sight = Sight(session.order)
+        sight = LiveView(session.order)
         about = sight.about()
         error = ""
         try:
             with session:
                 opened = session.opened
                 sight.found(opened)
-                kept = Remembered(opened.sensor.count, sight.array.count, round(REMEMBERED * opened.rate))
+                kept = RecentFrames(opened.sensor.count, sight.array.count, round(REMEMBERED * opened.rate))
                 self._past = session.order, opened, kept
                 self._tell("answer", id=order["id"], value={**_found(session), **about})
                 order = {}
@@ -323,7 +335,7 @@ class _LiveWatch:
             self._hand_on(session, sight, self._past[2])
         self._tell("ended", error=error, goes=_goes(session))
 
-    def _watch(self, session: LiveSession, sight: Sight, kept: Remembered) -> None:
+    def _watch(self, session: LiveSession, sight: LiveView, kept: RecentFrames) -> None:
         told, emitting = 0.0, False
         self._seen = 0
         while session.wait(EVERY):
@@ -338,7 +350,7 @@ class _LiveWatch:
                     return
                 self._do(order)
 
-    def _hand_on(self, session: LiveSession, sight: Sight, kept: Remembered) -> NDArray[Any]:
+    def _hand_on(self, session: LiveSession, sight: LiveView, kept: RecentFrames) -> NDArray[Any]:
         """Frames that are new, shown and remembered."""
         found, self._seen, missed = session.since(self._seen)
         if missed:

@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from midair.studio.masking import HeldNoise
+from midair.studio.noise_process import NoiseProcess
 from midair.studio.stop_port import StopPort
 
 TRIALS = 32
@@ -77,7 +77,7 @@ class _Player:
     array: Any = None
     admitted: dict[int, tuple[Any, Path]] = field(default_factory=dict[int, tuple[Any, Path]])
     trials: dict[tuple[str, float], dict[str, Any]] = field(default_factory=dict[tuple[str, float], dict[str, Any]])
-    noise: HeldNoise = field(default_factory=HeldNoise)
+    noise: NoiseProcess = field(default_factory=NoiseProcess)
     number: int = 0
     emits: bool = False
 
@@ -165,7 +165,7 @@ class _Player:
 
     def _admit(self, order: Mapping[str, Any], held: ExitStack) -> dict[str, Any]:
         """Measure the exposure of a drive's file on this array, before any sound, and keep the admission."""
-        from midair.devices import ExposureChoices, admit
+        from midair.devices import ExposureChoices, check_exposure
         from midair.errors import ExposureError
         from midair.files import load_solution, profile_named
 
@@ -182,7 +182,7 @@ class _Player:
         profile = profile_named(order["profile"])
         choices = ExposureChoices(profile=profile, attenuate=order["attenuate"], override=order["override"] or None)
         try:
-            admission = admit(drive, array, choices, repeats=order["repeats"])
+            admission = check_exposure(drive, array, choices, repeats=order["repeats"])
         except ExposureError as wrong:
             # The page shows by how much, and what can be done about it: measured once more, for nobody's playing.
             return {"number": 0, "refused": str(wrong), **exposed(_measured(drive, array, profile))}
@@ -239,19 +239,19 @@ class _Player:
 
     def _let_sound(self, order: Mapping[str, Any], admission: Any, path: Path) -> dict[str, Any]:
         from midair.files import save
-        from midair.rig import permitted, play_admitted, rerecord
+        from midair.rig import play_cleared, rerecord, under_lease
 
         leave, output = order["leave"], order["output"]
         if self.plan.device != "virtual":
-            with permitted(self.array, self.permit, leave):
-                report = play_admitted(admission, self.array, source=path, progress=self._progress(leave))
+            with under_lease(self.array, self.permit, leave):
+                report = play_cleared(admission, self.array, source=path, progress=self._progress(leave))
             return {"output": "", **asdict(report)}
         rig = self._virtual(admission.drive)
         skin = rig.skin()
         with rig.array_device(skin) as array, rig.sensor(skin) as sensor:
             self.array = array
             try:
-                with permitted(array, self.permit, leave):
+                with under_lease(array, self.permit, leave):
                     paced = self._progress(leave, paced=admission.drive.rate)
                     heard = rerecord(admission, array, sensor, source=path, progress=paced)
             finally:

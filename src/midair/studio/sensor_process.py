@@ -25,12 +25,12 @@ from midair.rig import (
     TapTest,
     View,
     VirtualRig,
+    event_message,
     findings,
     identify_by_taps,
     problems,
     record_take,
     sensor_named,
-    told,
 )
 
 STEP = 1 / 120
@@ -89,7 +89,7 @@ class StrokesAgain(SensorDevice):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TakeWish:
+class TakeRequest:
     """A take that somebody ordered.
 
     Attributes
@@ -117,7 +117,7 @@ def run_listening(pipe: Connection, name: str, seed: int) -> None:
     Parameters
     ----------
     pipe : Connection
-        Orders come by it: a `TakeWish`, "toggle", "quit", "taps"; frames, levels and words go by it.
+        Orders come by it: a `TakeRequest`, "toggle", "quit", "taps"; frames, levels and words go by it.
     name : str
         Of the sensor.
     seed : int
@@ -211,7 +211,7 @@ class _Listening:
                 return
             if wish == "taps":
                 self._taps()
-            elif isinstance(wish, TakeWish):
+            elif isinstance(wish, TakeRequest):
                 self._take(wish)
 
     def _wait(self) -> Any:
@@ -228,7 +228,7 @@ class _Listening:
                     return self._pipe.recv()
         return watcher.wish
 
-    def _take(self, wish: TakeWish) -> None:
+    def _take(self, wish: TakeRequest) -> None:
         plan = TakePlan(
             path=Path(wish.path),
             start=wish.start,
@@ -316,7 +316,7 @@ class _Watching:
 
     def tell(self, event: Event, drift: Drift | None = None) -> None:
         """Something happened."""
-        said = told(event, self._sensor.rate, self._sensor.grid, drift)
+        said = event_message(event, self._sensor.rate, self._sensor.grid, drift)
         _say(self._pipe, "event", event=event.kind, channel=event.channel, said=said)
 
 

@@ -10,8 +10,8 @@ import uvicorn
 
 from midair.errors import DeviceError, InputError
 from midair.studio.application import Studio, StudioPlan
-from midair.studio.desk import LARGEST_ORDER
 from midair.studio.folders import folder_of_session
+from midair.studio.studio_state import LARGEST_ORDER
 
 
 def listen(port: int) -> socket.socket:

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from midair.errors import InputError
-from midair.studio.first_stroke import FIRST
+from midair.studio.demo_stroke import FIRST
 from midair.studio.folders import OneFolder
-from midair.studio.scenes import TakeScene
+from midair.studio.take_data import TakeData
 from midair.studio.work import stamp_of
 
 SAMPLE = "sample:"
@@ -79,14 +79,14 @@ class TakesList:
         """Where the drive of the second that is in sight goes, until the whole one is there."""
         return str(self.samples / ("in-sight-" + name.replace(":", "-").replace("/", "-") + ".drive.h5"))
 
-    def scene(self, name: str) -> TakeScene:
+    def scene(self, name: str) -> TakeData:
         """Everything that the page shows of a take; the second in sight, where only that was solved anew."""
         path, drive, kept = self.path(name), self.beside(name, ".drive.h5"), self.kept(name)
         part = Path(self.part(name))
         if part.exists():
             drive = part
         there = [each for each in (path, drive, kept) if each.exists()]
-        return TakeScene(
+        return TakeData(
             take=str(path),
             drive=str(drive) if drive in there else "",
             comparison=str(kept) if kept in there else "",

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 
 from midair.errors import InputError, ShapeError
-from midair.evaluate import compare, perceptual_card
+from midair.evaluate import compare, perceptual_metrics
 from midair.files import DRIVE_SUFFIX, load_solution, open_take, save_solutions
-from midair.flow import felt, lead_of, reproduce_parts
 from midair.headroom import level_of
 from midair.model import Palm, PressureFrames, Progress, Provenance
+from midair.pipeline import calibrated_pressure, lead_of, reproduce_stream
 from midair.rig import (
     BudgetPlan,
     VirtualRig,
+    aligned_pair,
     array_of_kind,
     asked_of,
-    brought_together,
     error_budget,
     loop,
     palm_of_drive,
@@ -29,12 +29,12 @@ from midair.rig import (
 from midair.settings import CHOICES, MODES, Mode, Settings
 from midair.solvers import TAKES, check_terms, terms_of
 from midair.studio.jobs import Progressed
-from midair.study import StudyFolder, Template, gather, read_design, template_text
+from midair.study import StudyFolder, Template, prepare_drives, read_design, template_text
 from midair.targets import led_in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SolveWish:
+class SolveRequest:
     """What to solve, how, and where to.
 
     Attributes
@@ -70,7 +70,7 @@ def stamp_of(path: str | Path) -> str:
         return ""
 
 
-def settings_of(order: SolveWish) -> Settings:
+def settings_of(order: SolveRequest) -> Settings:
     """The settings of an order.
 
     Raises
@@ -88,15 +88,15 @@ def settings_of(order: SolveWish) -> Settings:
     return settings
 
 
-def solve_take(order: SolveWish, progress: Progressed) -> dict[str, Any]:
+def solve_take(order: SolveRequest, progress: Progressed) -> dict[str, Any]:
     """Solve a take into a drive's file; how well it is met."""
     settings, take = settings_of(order), open_take(order.take)
     progress("reading the take", 0, 1)
-    pressure = felt(take.recording, take.calibration, settings)
+    pressure = calibrated_pressure(take.recording, take.calibration, settings)
     if order.duration is not None:
         pressure = pressure.cut(order.start, min(order.duration, pressure.frames / pressure.rate - order.start))
     led, array = led_in(pressure, lead_of(settings)), array_of_kind("autd3")
-    target, parts = reproduce_parts(led, array, settings, progress=_stage("solving", progress))
+    target, parts = reproduce_stream(led, array, settings, progress=_stage("solving", progress))
     drive = Path(order.drive)
     fresh = drive.with_name(f".{secrets.token_hex(4)}{DRIVE_SUFFIX}")
     try:
@@ -132,12 +132,12 @@ def compare_takes(order: tuple[str, str, str, str], progress: Progressed) -> dic
     progress("comparing", 0, 3)
     take = open_take(again)
     settings = Settings.of(take.recording.provenance) or Settings()
-    pair = brought_together(_felt(original, settings), take, settings)
+    pair = aligned_pair(_felt(original, settings), take, settings)
     before, after = pair.original, pair.piece
     progress("comparing", 1, 3)
     found = compare(before, pair.heard, first=pair.first)
     try:
-        card = perceptual_card(before, after)
+        card = perceptual_metrics(before, after)
         verdict, rows = (
             card.verdict(),
             [[each.name, _figure(each.overall, each.unit), each.meaning] for each in card.figures],
@@ -228,14 +228,14 @@ _PALM_SECONDS = 2.0
 
 def _felt(take: str, settings: Settings) -> PressureFrames:
     source = open_take(take)
-    return felt(source.recording, source.calibration, settings)
+    return calibrated_pressure(source.recording, source.calibration, settings)
 
 
-def report_loop(order: tuple[SolveWish, str], progress: Progressed) -> dict[str, Any]:
+def report_loop(order: tuple[SolveRequest, str], progress: Progressed) -> dict[str, Any]:
     """Solve, play, re-record, correct, compare on the virtual rig, and write the report of it."""
     solve, path = order
     settings, take = settings_of(solve), open_take(solve.take)
-    pressure = felt(take.recording, take.calibration, settings)
+    pressure = calibrated_pressure(take.recording, take.calibration, settings)
     made = loop(pressure, settings, "virtual", stage=lambda name: _stage(name, progress))
     progress("drawing the report", 0, 1)
     commands = (f"midair loop {Path(solve.take).name}",)
@@ -254,7 +254,7 @@ def make_sample(order: tuple[str, str], progress: Progressed) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StudyWish:
+class StudyRequest:
     """A study to draw: one that is shipped, for some people, into a folder that is not there yet."""
 
     path: str
@@ -262,14 +262,14 @@ class StudyWish:
     participants: int
 
 
-def draw_study(wish: StudyWish, progress: Progressed) -> str:
+def draw_study(wish: StudyRequest, progress: Progressed) -> str:
     """Draw the plan of a study, and make its drives of virtual strokes; the name of its folder."""
     text, path = template_text(wish.template), Path(wish.path)
     kept = "".join(letter for letter in path.name if letter.isascii() and letter.isalnum()) or "study"
     design = read_design(text, name=kept, participants=wish.participants)
 
     def drives(into: Path) -> dict[str, str]:
-        made = gather(design, into, found_in=None, seed=design.seed, stage=lambda name: _stage(name, progress))
+        made = prepare_drives(design, into, found_in=None, seed=design.seed, stage=lambda name: _stage(name, progress))
         return {one.source: one.digest for one in made}
 
     StudyFolder.create(path, text, design, drives=drives)

@@ -4,17 +4,17 @@ from midair.study.design import (
     Analysis,
     Block,
     Design,
-    Foils,
     Incomplete,
     Plan,
     Policy,
     PowerTest,
     Question,
     QuestPlus,
+    SessionState,
     Staircase,
-    Standing,
     Stimulus,
     Trial,
+    UnpresentedAnswers,
     answers_table,
     balanced_latin_square,
     block_order,
@@ -24,7 +24,7 @@ from midair.study.design import (
     replay,
     thresholds_of,
 )
-from midair.study.drives import StudyDrive, check_digests, gather
+from midair.study.drives import StudyDrive, check_digests, prepare_drives
 from midair.study.findings import Report, StudyData, analyse, data_of_answers, data_of_columns
 from midair.study.folder import StudyFolder, Template, paper_design_text, read_design, template_text
 from midair.study.headphones import Headphones
@@ -33,16 +33,16 @@ from midair.study.registration import plan_page
 from midair.study.session import (
     ArrayPresenter,
     MaskedPresenter,
-    NoPresenter,
     Presenter,
     Reply,
     Session,
+    SilentPresenter,
     SimulatedParticipant,
     SimulatedScreen,
     StillClock,
+    chain_hash,
     read_events,
     run,
-    seal_of,
 )
 from midair.study.statistics import (
     Chance,
@@ -96,14 +96,14 @@ from midair.study.study_report import report_json, report_page, report_text, stu
 from midair.study.tables import read_bids, read_csv, write_bids, write_csv
 from midair.study.terminal_screen import TerminalScreen, stops_on_signals
 from midair.study.verification import Verification, data_of_study, noted_seals, verify_study
-from midair.study.withdrawal import check_not_withdrawn, remember_made, withdraw, withdrawn
+from midair.study.withdrawal import check_not_withdrawn, log_derived_file, withdraw, withdrawn
 
 __all__ = [
     "analysis_notebook",
     "load_study",
     "load_table",
     "study_pictures",
-    "Foils",
+    "UnpresentedAnswers",
     "Headphones",
     "check_digests",
     "Incomplete",
@@ -121,7 +121,7 @@ __all__ = [
     "IdentificationExperiment",
     "Interval",
     "MaskedPresenter",
-    "NoPresenter",
+    "SilentPresenter",
     "PairedT",
     "Plan",
     "Policy",
@@ -140,7 +140,7 @@ __all__ = [
     "SimulatedParticipant",
     "SimulatedScreen",
     "Staircase",
-    "Standing",
+    "SessionState",
     "StillClock",
     "Stimulus",
     "StimulusRig",
@@ -176,7 +176,7 @@ __all__ = [
     "draw_plan",
     "equivalence",
     "f_measure",
-    "gather",
+    "prepare_drives",
     "keyboard_of_terminal",
     "fit_psychometric",
     "holm",
@@ -197,7 +197,7 @@ __all__ = [
     "read_csv",
     "read_design",
     "read_events",
-    "remember_made",
+    "log_derived_file",
     "replay",
     "report_json",
     "report_page",
@@ -205,7 +205,7 @@ __all__ = [
     "rm_anova",
     "run",
     "scores",
-    "seal_of",
+    "chain_hash",
     "sign_flip",
     "simulated_power",
     "stops_on_signals",

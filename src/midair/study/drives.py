@@ -9,8 +9,8 @@ from typing import Literal
 
 from midair.errors import BrokenFileError, MismatchError, MissingFileError
 from midair.files import load_solution, open_take, save_solutions
-from midair.flow import felt, lead_of, reproduce_parts
 from midair.model import PressureFrames, Progress, TransducerArray
+from midair.pipeline import calibrated_pressure, lead_of, reproduce_stream
 from midair.rig import VirtualRig, capture_recording, sensor_named
 from midair.settings import MODES, Mode, Settings
 from midair.study.design import Design, Stimulus
@@ -58,7 +58,7 @@ def digest_of_file(path: Path) -> str:
         raise MissingFileError(f"{path.name}: expected the drive beside the plan, found none; copy it back") from wrong
 
 
-def gather(
+def prepare_drives(
     design: Design,
     into: Path,
     *,
@@ -113,7 +113,7 @@ def gather(
         elif recording is not None:
             how, chosen = "solved", settings or MODES[mode]()
             take = open_take(recording)
-            _solve(felt(take.recording, take.calibration, chosen), chosen, target, stage(source))
+            _solve(calibrated_pressure(take.recording, take.calibration, chosen), chosen, target, stage(source))
         else:
             # At 4 kHz a drive for no skin would take four times as long and as much of the disk.
             how, chosen = "virtual", settings or MODES[mode]().but(rate=1000.0)
@@ -174,12 +174,12 @@ def _virtual(name: str, settings: Settings, seed: int) -> PressureFrames:
     rig = VirtualRig(seed=seed, height=settings.target.grid.height)
     with sensor_named(name, rig) as touched:
         recording = capture_recording(touched, 1.28 if "am-" not in name else 0.5)
-        return felt(recording, touched.calibration, settings)
+        return calibrated_pressure(recording, touched.calibration, settings)
 
 
 def _solve(pressure: PressureFrames, settings: Settings, target: Path, progress: Progress | None) -> None:
     led = led_in(pressure, lead_of(settings))
-    wanted, parts = reproduce_parts(led, TransducerArray.autd3(), settings, progress=progress)
+    wanted, parts = reproduce_stream(led, TransducerArray.autd3(), settings, progress=progress)
     save_solutions(parts, target, frames=wanted.frames, target=wanted)
 
 

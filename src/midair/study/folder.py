@@ -14,7 +14,7 @@ from midair.files import json_of, read_text, toml_of, whole_folder
 from midair.study.design import (
     Design,
     Plan,
-    Standing,
+    SessionState,
     digest_of,
     draw_plan,
     replay,
@@ -135,12 +135,12 @@ class StudyFolder:
         """Where the log of a participant is."""
         return self.path / "sessions" / f"sub-{participant:02d}.jsonl"
 
-    def sessions(self) -> list[Standing]:
+    def sessions(self) -> list[SessionState]:
         """Where every session that was begun stands."""
         plan = self.plan()
         return [self.session(plan, n) for n in range(1, plan.design.participants + 1) if self.log(n).exists()]
 
-    def session(self, plan: Plan, participant: int) -> Standing:
+    def session(self, plan: Plan, participant: int) -> SessionState:
         """Where the session of one participant stands.
 
         Raises

@@ -11,11 +11,11 @@ from midair.study.design import (
     Block,
     Design,
     Exclusions,
-    Foils,
     Incomplete,
     Plan,
     PlannedPower,
     Question,
+    UnpresentedAnswers,
     block_order,
 )
 from midair.study.statistics import (
@@ -32,7 +32,7 @@ _INCOMPLETE: Mapping[Incomplete, str] = {
     "leave out": "People who lack a cell of the analysis of variance are left out of it.",
     "refuse": "No analysis of variance is made if somebody lacks a cell.",
 }
-_FOILS: Mapping[Foils, str] = {
+_FOILS: Mapping[UnpresentedAnswers, str] = {
     "wrong": "Answers that name what was never presented count as wrong.",
     "leave out": "Answers that name what was never presented are left out.",
     "refuse": "No analysis of choices is made if an answer names what was never presented.",

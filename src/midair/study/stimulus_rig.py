@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from midair.devices import Admission, ExposureChoices, VirtualArray, admit
+from midair.devices import ExposureChoices, ExposureClearance, VirtualArray, check_exposure
 from midair.errors import InputError
 from midair.files import load_solution, load_target, printable
 from midair.model import Drive, Medium, TransducerArray
@@ -99,14 +99,14 @@ def _array_presenter(
     drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
 
     @lru_cache(maxsize=32)
-    def admitted_share(source: str, share: float) -> Admission:
+    def admitted_share(source: str, share: float) -> ExposureClearance:
         drive = load_solution(folder.path / source).drive
         if share == 1 and before is not None:
             before(drive)
         # Radiation pressure goes with the square of the sound's, which goes with the level.
-        return admit(drive if share == 1 else replace(drive, level=drive.level * share**0.5), device, choices)
+        return check_exposure(drive if share == 1 else replace(drive, level=drive.level * share**0.5), device, choices)
 
-    def admitted(stimulus: Stimulus) -> Admission:
+    def admitted(stimulus: Stimulus) -> ExposureClearance:
         return admitted_share(stimulus.source, stimulus.share)
 
     with device:

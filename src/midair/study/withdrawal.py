@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from midair.errors import FileError, InputError
-from midair.files import hold, json_of, whole_file
+from midair.files import hold_open, json_of, whole_file
 from midair.study.folder import StudyFolder
 
 MADE = "made.jsonl"
@@ -18,7 +18,7 @@ WITHDRAWN = "withdrawn.jsonl"
 """Numbers of people who withdrew, one line each."""
 
 
-def remember_made(folder: StudyFolder, path: Path, kind: str) -> None:
+def log_derived_file(folder: StudyFolder, path: Path, kind: str) -> None:
     """Note that a report, a BIDS dataset or a table was made of the answers of a study."""
     known = [(entry["path"], entry["kind"]) for entry in _entries(folder.path / MADE)]
     if (entry := (str(path.resolve()), kind)) not in known:
@@ -70,7 +70,7 @@ def withdraw(folder: StudyFolder, participant: int) -> list[str]:
     if log.exists():
         handle = os.open(log, os.O_RDWR)
         try:
-            hold(handle, f"{log.name}: another program is running this session; end it first")
+            hold_open(handle, f"{log.name}: another program is running this session; end it first")
             if not before:
                 _append(folder.path / WITHDRAWN, {"participant": participant})
             lines = log.read_bytes().count(b"\n")

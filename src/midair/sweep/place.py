@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from midair.errors import BrokenFileError, FileError, InputError, MidairError, MissingExtraError
-from midair.files import hold, refusing, writable_path
+from midair.files import hold_open, refusing, writable_path
 
 
 class SweepPlace(Protocol):
@@ -102,7 +102,7 @@ class SweepFolder:
             return
         held = os.open(self.path, os.O_RDONLY)
         try:
-            hold(held, f"{self}: another program is writing to this sweep; wait for it")
+            hold_open(held, f"{self}: another program is writing to this sweep; wait for it")
             yield
         finally:
             os.close(held)
@@ -148,7 +148,7 @@ class SweepBucket:
 
     @contextmanager
     def alone(self) -> Generator[None]:
-        """Nothing: see the class."""
+        """NoArguments: see the class."""
         yield
 
     @contextmanager

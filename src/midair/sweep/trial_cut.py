@@ -6,10 +6,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.flow import wanted
+from midair.lazy_frames import blocks
 from midair.model import AmplitudeFrames, PressureFrames, TransducerArray
 from midair.physics import check_frame_rate, focus_amplitude, propagate, quantise_phase, relative_error
-from midair.reel import blocks
+from midair.pipeline import target_amplitude
 from midair.settings import Settings
 from midair.solvers import Glide, Piece, pieces, read_as_solved, solve_piece, solver
 from midair.sweep.task import Found
@@ -45,7 +45,7 @@ class TrialCut:
             If the array cannot take frames at the pressure's rate.
         """
         check_frame_rate(pressure.rate, array.frequency)
-        target = wanted(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
+        target = target_amplitude(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
         sounds = np.concatenate([block.any(axis=1) for block in blocks(target.amplitude, 256)])
         return cls(
             target=target, settings=settings, pieces=tuple(pieces(method_of(settings), sounds, together=together))

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
+from midair.lazy_filters import pad_with_fade
 from midair.model import PressureFrames, Provenance
-from midair.segments import swelling
 from midair.targets.mapping import SlowBias, mapping_of
 
 Array = NDArray[np.float64]
@@ -42,7 +42,9 @@ def led_in(pressure: PressureFrames, lead: float) -> PressureFrames:
         return pressure
     provenance = pressure.provenance.then("lead", {"lead_s": pad / pressure.rate})
     swell = round(_swell(pressure.band or (20.0, 470.0)) * pressure.rate)
-    return replace(pressure, pressure=cast("Array", swelling(pressure.pressure, pad, swell)), provenance=provenance)
+    return replace(
+        pressure, pressure=cast("Array", pad_with_fade(pressure.pressure, pad, swell)), provenance=provenance
+    )
 
 
 def without_lead(pressure: PressureFrames, frames: int) -> PressureFrames:

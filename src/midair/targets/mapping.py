@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
-from midair.reel import Reel, each_frame
-from midair.segments import surrounded
+from midair.lazy_filters import with_context
+from midair.lazy_frames import LazyFrames, each_frame
 from midair.validation import positive
 
 Array = NDArray[np.float64]
@@ -113,8 +113,8 @@ class SlowBias:
     def __call__(self, pressure: Array, rate: float) -> Array:
         """Pressure that pushes, same shape, in Pa; beyond its ends the signal is taken as held."""
         reach = self.reach(rate)
-        if isinstance(pressure, Reel):
-            return cast("Array", surrounded(pressure, reach, lambda around: self.lift(around, rate)))
+        if isinstance(pressure, LazyFrames):
+            return cast("Array", with_context(pressure, reach, lambda around: self.lift(around, rate)))
         ends = [np.repeat(end, reach, axis=0) for end in (pressure[:1], pressure[-1:])]
         return self.lift(np.concatenate([ends[0], pressure, ends[1]]), rate)
 

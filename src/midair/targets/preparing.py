@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import InputError
+from midair.lazy_frames import LazyFrames
 from midair.model import AmplitudeFrames, ControlGrid, Medium, PressureFrames, Provenance, SensorGrid, Setting
 from midair.physics import sound_amplitude
-from midair.reel import Reel
 from midair.targets.interpolation import interpolation_matrix, moved_interpolation
 from midair.targets.mapping import mapping_of
 from midair.targets.motion import Circle
@@ -78,8 +78,8 @@ def prepare(
         return sound_amplitude(_spread(pushed, pressure.sensor, grid, circle, places), medium)
 
     amplitude = (
-        Reel(lambda a, b: wanted(pushes.read(a, b), a), (pressure.frames, grid.count))
-        if isinstance(pushes, Reel)
+        LazyFrames(lambda a, b: wanted(pushes.read(a, b), a), (pressure.frames, grid.count))
+        if isinstance(pushes, LazyFrames)
         else wanted(pushes, 0)
     )
     settings: dict[str, Setting] = {

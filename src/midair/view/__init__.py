@@ -1,25 +1,25 @@
 """The view: frames on canvases, the same in the studio, in notebooks and in pages that stand alone."""
 
+from midair.view.audio import AudibleChannel, audible, heard_together
 from midair.view.colours import TABLES, colour_table
 from midair.view.film import Film, ffmpeg, write_gif, write_mp4
-from midair.view.finer_field import Finer, finer, finer_points
-from midair.view.hearing import AudibleChannel, audible, heard_together
+from midair.view.frame_encoding import Kind, Section, counted, pack, phase_counts, unpack
+from midair.view.interpolated_field import InterpolatedField, finer, finer_points
+from midair.view.page_payload import check_size, metadata, sections, size_of
 from midair.view.pages import WEB, inlined, one_module, sealed, show_page, style
 from midair.view.palm_film import PalmMaps, film_of_palm
-from midair.view.showing import (
+from midair.view.view_data import (
     Channels,
     Part,
-    Showing,
     Sound,
+    ViewData,
     played_field,
     show_comparison,
     show_drive,
     show_recording,
     show_target,
 )
-from midair.view.told import about, check_size, sections, size_of
 from midair.view.widget import framed_page, in_notebook
-from midair.view.wire import Kind, Section, counted, pack, phase_counts, unpack
 
 __all__ = [
     "check_size",
@@ -35,14 +35,14 @@ __all__ = [
     "audible",
     "AudibleChannel",
     "Channels",
-    "Finer",
+    "InterpolatedField",
     "Kind",
     "Section",
-    "Showing",
+    "ViewData",
     "Sound",
     "TABLES",
     "WEB",
-    "about",
+    "metadata",
     "colour_table",
     "counted",
     "finer",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from midair.errors import InputError, MissingExtraError
 from midair.model import SensorGrid
 from midair.view.colours import colour_table
-from midair.view.showing import Channels, Showing, Sound
+from midair.view.view_data import Channels, Sound, ViewData
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -80,7 +80,7 @@ class Film:
 
     def __init__(
         self,
-        showing: Showing,
+        showing: ViewData,
         *,
         side: int = 256,
         groups: Sequence[Sequence[Tile]] | None = None,
@@ -282,7 +282,7 @@ def _indexed(picture: "Image.Image", table: NDArray[np.uint8]) -> "Image.Image":
     return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
-def _groups(showing: Showing) -> Iterator[Sequence[Tile]]:
+def _groups(showing: ViewData) -> Iterator[Sequence[Tile]]:
     """Maps that share a scale."""
     if showing.sound is not None and (fields := list(_fields(showing.sound))):
         yield fields

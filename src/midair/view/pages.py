@@ -9,9 +9,9 @@ from html import escape
 from pathlib import Path
 
 from midair.figures import render_page
-from midair.view.hearing import heard_together
-from midair.view.showing import Showing
-from midair.view.told import about, sections
+from midair.view.audio import heard_together
+from midair.view.page_payload import metadata, sections
+from midair.view.view_data import ViewData
 
 WEB = Path(__file__).parent / "web"
 """Folder of view.js (canvases), transport.js (time), page.js (both) and widget.js (for notebooks): ES modules."""
@@ -33,12 +33,12 @@ def style() -> str:
     return (WEB / "page.css").read_text(encoding="utf-8")
 
 
-def inlined(showing: Showing) -> dict[str, str]:
+def inlined(showing: ViewData) -> dict[str, str]:
     """What a page holds of a view: ``style``, ``module`` (its script), ``sounds``, and ``blocks``, the frames.
 
     The script shows every element of class ``midair-view`` from the blocks inside it.
     """
-    held = {"about": json.dumps(about(showing), ensure_ascii=True).replace("<", "\\u003c")}
+    held = {"about": json.dumps(metadata(showing), ensure_ascii=True).replace("<", "\\u003c")}
     held |= {name: base64.b64encode(data).decode() for name, data in sections(showing).items()}
     blocks = "\n".join(
         f'<script type="application/midair" data-name="{name}">{text}</script>' for name, text in held.items()
@@ -47,7 +47,7 @@ def inlined(showing: Showing) -> dict[str, str]:
     return {"style": style(), "module": f"{one_module()}\n{begin}", "sounds": _sounds(showing), "blocks": blocks}
 
 
-def _sounds(showing: Showing) -> str:
+def _sounds(showing: ViewData) -> str:
     """Players of the chosen channel; nothing where there is none."""
     players = [
         f'<label>{escape(name.capitalize())} <audio controls loop preload="auto" src="{sound.source}"></audio></label>'
@@ -56,7 +56,7 @@ def _sounds(showing: Showing) -> str:
     return f'<div class="view-heard">{"".join(players)}</div>' if players else ""
 
 
-def show_page(showing: Showing, *, commands: tuple[str, ...] = (), tables: Tables = ()) -> str:
+def show_page(showing: ViewData, *, commands: tuple[str, ...] = (), tables: Tables = ()) -> str:
     """The view as HTML that needs nothing from outside, and whose browser lets it ask for nothing.
 
     Parameters

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from midair.validation import frozen_array
 from midair.view.film import Film, Tile
-from midair.view.showing import Showing
+from midair.view.view_data import ViewData
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def film_of_palm(
         Of each map, in pixels.
     """
     frames = min(len(each) for group in groups for each in group.maps.values())
-    shown = Showing(title=title, rate=rate, frames=frames, simulated=simulated)
+    shown = ViewData(title=title, rate=rate, frames=frames, simulated=simulated)
     # Red pushes, blue lets go, white is still. What leaks may press many times harder than what is wanted: by roots
     # both are seen.
     return Film(shown, side=side, groups=[_tiles(group) for group in groups], table="RdBu_r")

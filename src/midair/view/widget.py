@@ -5,12 +5,12 @@ from html import escape
 from typing import Any
 
 from midair.errors import MissingExtraError
+from midair.view.page_payload import metadata, sections
 from midair.view.pages import one_module, show_page, style
-from midair.view.showing import Showing
-from midair.view.told import about, sections
+from midair.view.view_data import ViewData
 
 
-def in_notebook(showing: Showing) -> Any:
+def in_notebook(showing: ViewData) -> Any:
     """A widget of what is shown, for the last line of a cell; its `frame` is the playhead, to be read and set.
 
     Raises
@@ -18,10 +18,10 @@ def in_notebook(showing: Showing) -> Any:
     MissingExtraError
         If anywidget is not installed.
     """
-    return _kind()(about=about(showing), tracks=sections(showing))
+    return _kind()(about=metadata(showing), tracks=sections(showing))
 
 
-def framed_page(showing: Showing, *, height: int = 900) -> str:
+def framed_page(showing: ViewData, *, height: int = 900) -> str:
     """The view's page in a frame of its own: it works where there is no widget, such as in an exported notebook."""
     page = escape(show_page(showing), quote=True)
     return f'<iframe srcdoc="{page}" sandbox="allow-scripts" width="100%" height="{height}" style="border: 0"></iframe>'
@@ -39,7 +39,7 @@ def _kind() -> Any:
     class ViewWidget(anywidget.AnyWidget):
         _esm = one_module("widget.js")
         _css = style()
-        about = traitlets.Dict().tag(sync=True)
+        metadata = traitlets.Dict().tag(sync=True)
         tracks = traitlets.Dict().tag(sync=True)
         frame = traitlets.Int(0).tag(sync=True)
 

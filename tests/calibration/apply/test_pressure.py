@@ -9,10 +9,10 @@ from midair.calibration import calibrate
 from midair.datasets import sample
 from midair.dsp import band_edges, band_window, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
+from midair.lazy_frames import LazyFrames
 from midair.model import Calibration, Provenance, Recording, SensorGrid
 from midair.physics import SensorModel, calibration_of, sense
 from midair.recordings import dead_channels
-from midair.reel import Reel
 
 RATE = 1000.0
 BAND = (20.0, 470.0)
@@ -250,12 +250,12 @@ def test_other_settings_are_checked():
 @pytest.mark.parametrize(("method", "tolerance"), [("fft", 2e-5), ("fir", 1e-9)])
 def test_a_recording_on_disk_is_calibrated_as_one_in_memory(method, tolerance, monkeypatch):
     """To what the FFT's answer has left after a reach, four periods of the narrowest edge; the FIR to rounding."""
-    monkeypatch.setattr("midair.segments.BYTES", 2**17)
+    monkeypatch.setattr("midair.lazy_filters.BYTES", 2**17)
     recording = recorded(noise(3, frames=10_000), rng=np.random.default_rng(1))
-    reel = Reel(lambda first, last: recording.samples[first:last], recording.samples.shape)
+    reel = LazyFrames(lambda first, last: recording.samples[first:last], recording.samples.shape)
     whole = calibrate(recording, CALIBRATION, band=BAND, method=method)
     made = calibrate(replace(recording, samples=reel), CALIBRATION, band=BAND, method=method)
-    assert isinstance(made.pressure, Reel)
+    assert isinstance(made.pressure, LazyFrames)
     assert made.provenance == whole.provenance
     pressure = np.asarray(made.pressure)
     assert np.abs(pressure - whole.pressure).max() < tolerance * np.abs(whole.pressure).max()
@@ -265,7 +265,7 @@ def test_a_recording_on_disk_is_calibrated_as_one_in_memory(method, tolerance, m
 @pytest.mark.long
 def test_a_recording_on_disk_with_nothing_in_the_band_is_refused_as_one_in_memory():
     slow = np.sin(2 * np.pi * 2 * np.arange(40_000) / RATE)[:, None, None] * np.ones((4, 4))
-    for samples in (slow, Reel(lambda first, last: slow[first:last], slow.shape)):
+    for samples in (slow, LazyFrames(lambda first, last: slow[first:last], slow.shape)):
         recording = Recording(samples=samples, rate=RATE)
         with pytest.raises(BandError, match="a share of"):
             calibrate(recording, CALIBRATION, band=(200.0, 300.0))

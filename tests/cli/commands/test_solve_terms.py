@@ -6,7 +6,7 @@ import pytest
 
 from midair.cli import run
 from midair.cli.terminal.options import SolveOptions
-from midair.evaluate import error_in_air
+from midair.evaluate import error_at_temperature
 from midair.files import load_solution, load_target
 from midair.model import Medium
 from midair.solvers import Guard
@@ -46,7 +46,7 @@ def test_a_range_of_temperature_reaches_the_drive_and_its_ends_are_told(stroke, 
     assert load_solution(drive).drive.provenance.steps[-1].settings["robust_c"] == 2
     (told,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("E in other air"))
     target = load_target(drive)
-    cold = 100 * error_in_air(load_solution(drive).drive, target, Medium.at(temperature=20.0)).mean()
+    cold = 100 * error_at_temperature(load_solution(drive).drive, target, Medium.at(temperature=20.0)).mean()
     assert f"{cold:.1f} % at 20 °C, " in told
     assert "at 24 °C" in told
 

@@ -4,8 +4,8 @@ import pytest
 from rich.table import Table
 
 from midair.cli import app, run
-from midair.cli.terminal import Talk, flags_of, talk
-from midair.cli.terminal.console import PlainConsole, err, out, print_figures, print_rows, say, stages
+from midair.cli.terminal import Verbosity, flags_of, verbosity
+from midair.cli.terminal.console import PlainConsole, err, out, print_figures, print_rows, progress_bars, say
 
 HOSTILE = "a[/]b[red]c:smile:\x1b]0;title\x07\x1b[2J\u202ed"
 SHOWN = "a[/]b[red]c:smile:\\x1b]0;title\\x07\\x1b[2J\\u202ed"
@@ -47,7 +47,7 @@ def test_a_terminal_gets_our_styles_and_not_those_of_a_file(capsys, monkeypatch)
 
 
 def test_stages_of_any_name(capsys):
-    with stages() as begin:
+    with progress_bars() as begin:
         begin(HOSTILE)(1, 2)
     assert "\x1b]0" not in capsys.readouterr().err
 
@@ -64,9 +64,9 @@ def test_flags_are_taken_out_wherever_they_stand():
 @pytest.fixture
 def working():
     def works() -> None:
-        with stages() as stage:
+        with progress_bars() as stage:
             stage("work")(1, 1)
-        print("done", talk().quiet)
+        print("done", verbosity().quiet)
 
     app.command(works, name="works")
     yield
@@ -87,4 +87,4 @@ def test_verbose_says_what_it_took(working, capsys):
 
 def test_it_holds_for_one_command_only(working, capsys):
     run(["works", "-q"])
-    assert talk() == Talk()
+    assert verbosity() == Verbosity()

@@ -6,7 +6,7 @@ import pytest
 
 from midair.cli import run
 from midair.cli.terminal import ExposureOptions, say_how_long, say_how_long_to_come
-from midair.devices import ExposureChoices, admit
+from midair.devices import ExposureChoices, check_exposure
 from midair.errors import ExposureError, InputError
 from midair.files import profile_named
 from midair.model import Drive, TransducerArray
@@ -50,7 +50,7 @@ def test_what_a_refusal_advises_is_taken_by_every_command_that_refuses(command, 
     loud = Drive(phase=np.zeros((20, array.count)), level=np.ones(20), rate=1000.0, array=array)
     device = SimpleNamespace(array=array, gated=True, steps_a_turn=256)
     with pytest.raises(ExposureError) as refused:
-        admit(loud, device, ExposureChoices(profile=PROFILE))
+        check_exposure(loud, device, ExposureChoices(profile=PROFILE))
     advised = re.findall(r"--[a-z-]+", str(refused.value))
     assert {"--attenuate", "--profile", "--override-exposure"} <= set(advised)
     assert run([*command.split(), "--help"]) == 0

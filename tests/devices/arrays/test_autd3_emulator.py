@@ -8,9 +8,9 @@ import pytest
 from midair.devices import autd3_firmware
 from midair.devices.arrays.silencer import Silencer
 from midair.devices.frame_bytes import amplitude_of, phase_bytes
+from midair.lazy_frames import LazyFrames
 from midair.model import Acoustics, Drive, Medium, Placement
 from midair.physics import focus_phase, quantise_phase, transfer_matrix
-from midair.reel import Reel
 from midair.testing import overridden
 
 pytest.importorskip("autd3_emulator")
@@ -63,7 +63,7 @@ def test_frames_that_are_read_while_they_play_are_the_drive_s():
         asked.append(last - first)
         return drive.phase[first:last]
 
-    report, out = played(replace(drive, phase=Reel(read, drive.phase.shape)))
+    report, out = played(replace(drive, phase=LazyFrames(read, drive.phase.shape)))
     assert (report.frames, report.late, report.gap) == (600, 0, 0)
     assert_exact(drive, report, out, 1)
     assert 0 < max(asked) <= 512

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from midair.devices import ExposureChoices, admit_level, autd3_immediate, stop_playing
+from midair.devices import ExposureChoices, autd3_immediate, check_exposure_level, stop_playing
 from midair.errors import (
     DeviceError,
     DeviceStateError,
@@ -29,9 +29,9 @@ PATTERN, FAILSAFE, MS = 0x16, 0x80, 1_000_000
 
 @pytest.fixture
 def turned():
-    from midair.devices.arrays.autd3_single_frames import TurnedLoop
+    from midair.devices.arrays.autd3_single_frames import ManualEventLoop
 
-    return TurnedLoop()
+    return ManualEventLoop()
 
 
 def test_a_loop_that_is_turned_does_nothing_by_itself_and_then_all_there_is_to_do(turned):
@@ -85,7 +85,7 @@ def test_an_error_that_nobody_knows_reaches_the_next_frame(tap, monkeypatch):
 
 def answered(device, level=1.0):
     choices = ExposureChoices(profile=profile_named(DEFAULT_PROFILE), override="a test")
-    return admit_level(level, device, choices, rate=1000.0)
+    return check_exposure_level(level, device, choices, rate=1000.0)
 
 
 def instant_of(datagram):

@@ -29,7 +29,7 @@ import sys
 import numpy as np
 from midair.devices import autd3_array
 from midair.model import Drive, Placement
-from midair.rig.playing.admitted import signals_end_the_program
+from midair.rig.playing.cleared_play import signals_end_the_program
 from midair.testing import overridden
 
 placement = Placement.grid(columns=1, rows=1)

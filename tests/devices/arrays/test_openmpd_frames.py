@@ -13,8 +13,8 @@ from midair.devices.arrays.openmpd_frames import (
     rate_divider,
 )
 from midair.errors import RateError
+from midair.lazy_frames import LazyFrames
 from midair.model import Board, Drive, array_of_boards
-from midair.reel import Reel
 from midair.testing import measured_board
 from midair.testing.openmpd_stand_in import CommandReader
 
@@ -128,7 +128,7 @@ def test_frames_of_a_file_are_made_a_block_at_a_time_and_are_those_of_the_drive(
         asked.append(last - first)
         return whole.phase[first:last]
 
-    reel = Drive(phase=Reel(read, whole.phase.shape), level=whole.level, rate=1000.0, array=whole.array)
+    reel = Drive(phase=LazyFrames(read, whole.phase.shape), level=whole.level, rate=1000.0, array=whole.array)
     total, taken, rng = repeats * whole.frames, [], np.random.default_rng(0)
     asked.clear()
     with FramesAhead(reel, boards, total) as frames:

@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pytest
 
-from midair.devices import ExposureChoices, VirtualArray, admit, state_folder
+from midair.devices import ExposureChoices, VirtualArray, check_exposure, state_folder
 from midair.devices.safety.play_log import log_end, log_order
 from midair.errors import FileError
 from midair.files import profile_named
@@ -28,7 +28,7 @@ def admitted(level, **choices):
     phase = np.tile(focus_phase(ARRAY, np.array([0, 0, 0.2])), (3, 1))
     drive = Drive(phase=phase, level=np.full(3, level), rate=1000.0, array=ARRAY)
     exposure = ExposureChoices(profile=PROFILE, **choices)
-    return admit(drive, VirtualArray(ARRAY), exposure, repeats=2)
+    return check_exposure(drive, VirtualArray(ARRAY), exposure, repeats=2)
 
 
 @pytest.mark.parametrize("report", [REPORT, None], ids=["played", "broken off"])
@@ -110,7 +110,7 @@ def test_a_profile_that_was_edited_has_another_hash():
     lax = replace(PROFILE, places=(replace(PROFILE.places[0], limit=150.0), *PROFILE.places[1:]))
     drive = admitted(0.01).drive
     for profile in (PROFILE, lax, PROFILE):
-        log_order("x", "autd3", admit(drive, VirtualArray(ARRAY), ExposureChoices(profile=profile)))
+        log_order("x", "autd3", check_exposure(drive, VirtualArray(ARRAY), ExposureChoices(profile=profile)))
     first, second, third = (entry["profile_sha256"] for entry in entries())
     assert first == third != second
     assert len(first) == 64
@@ -120,7 +120,7 @@ def test_what_no_limit_holds_is_null_and_no_word_that_json_lacks():
     from dataclasses import replace
 
     advice = replace(PROFILE, places=tuple(replace(place, enforced=False) for place in PROFILE.places))
-    log_order("x", "autd3", admit(admitted(0.01).drive, VirtualArray(ARRAY), ExposureChoices(profile=advice)))
+    log_order("x", "autd3", check_exposure(admitted(0.01).drive, VirtualArray(ARRAY), ExposureChoices(profile=advice)))
     assert entries()[0]["excess_db"] is None
 
 

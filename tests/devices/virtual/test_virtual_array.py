@@ -5,7 +5,7 @@ import pytest
 
 from midair.devices import VirtualArray, VirtualSkin
 from midair.errors import RateError
-from midair.evaluate import error_in_air
+from midair.evaluate import error_at_temperature
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import (
     PlaybackChain,
@@ -97,7 +97,7 @@ def test_the_error_at_play_in_another_air_is_what_error_in_air_says(warm):
     cold = Acoustics()
     found = error_at_play(solution, target, cold)
     assert found.min() > solution.error.max()
-    np.testing.assert_allclose(found, error_in_air(solution.drive, target, cold.medium), rtol=1e-4)
+    np.testing.assert_allclose(found, error_at_temperature(solution.drive, target, cold.medium), rtol=1e-4)
 
 
 def test_an_array_of_no_stated_air_takes_that_of_each_drive(warm):

@@ -3,9 +3,9 @@ import pytest
 
 from midair.calibration import calibrate
 from midair.devices import VirtualSensor, VirtualSkin
+from midair.lazy_frames import LazyFrames
 from midair.model import PressureFrames, Recording
 from midair.physics.sensing import SensorModel
-from midair.reel import Reel
 
 TIME = np.arange(8000) / 8000
 
@@ -48,5 +48,5 @@ def test_a_long_take_waits_on_the_disk_and_is_the_same():
         with sensor:
             sensor.start()
             heard.append(sensor.read(1100).samples)
-    assert isinstance(heard[1], Reel)
+    assert isinstance(heard[1], LazyFrames)
     np.testing.assert_array_equal(*heard)

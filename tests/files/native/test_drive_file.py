@@ -6,8 +6,8 @@ import pytest
 
 from midair.errors import BrokenFileError, MismatchError, MissingFileError, NonFiniteError, UnknownFormatError
 from midair.files import load_solution, load_target, save_solution, save_solutions
+from midair.lazy_frames import LazyFrames
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Drive, Solution, TransducerArray
-from midair.reel import Reel
 
 
 @pytest.fixture
@@ -143,7 +143,7 @@ def test_a_drive_in_parts_is_stored_as_a_whole_and_read_in_parts(tmp_path, own_l
     save_solutions(parts, tmp_path / "a.drive.h5", frames=2500, target=target)
     for streamed in (False, True):
         again = load_solution(tmp_path / "a.drive.h5", streamed=streamed)
-        assert isinstance(again.drive.phase, Reel) == streamed
+        assert isinstance(again.drive.phase, LazyFrames) == streamed
         np.testing.assert_array_equal(again.drive.phase, drive.phase)
         np.testing.assert_array_equal(again.drive.level, level)
         np.testing.assert_array_equal(again.error, whole.error)

@@ -13,8 +13,8 @@ import pytest
 from midair.errors import BrokenFileError, MidairError
 from midair.files import load, load_calibration, load_pressure, load_solution, open_take, save
 from midair.files.native import inspection
+from midair.files.native.hdf5_recovery import checksum, openable
 from midair.files.native.inspector import refusal
-from midair.files.native.unclosed import checksum, openable
 
 PLAIN = ("v110", "v110")
 

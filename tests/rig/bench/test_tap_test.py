@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from midair.devices import ReplaySensor, Rewired
+from midair.devices import RemappedSensor, ReplaySensor
 from midair.errors import DeviceError, InputError
 from midair.model import Recording, SensorGrid, SensorWiring
 from midair.rig.bench.tap_test import TapTest, identify_by_taps, identify_by_tones
@@ -24,7 +24,7 @@ def tapped():
 def sensor_of(samples, order=ORDER):
     """A sensor whose cell k is wired to channel order[k]: channel order[k] gets cell k's signal."""
     replay = ReplaySensor(Recording(samples=samples, rate=1000.0))
-    return Rewired(replay, SensorWiring(order=tuple(int(c) for c in np.argsort(order)), unit="V"))
+    return RemappedSensor(replay, SensorWiring(order=tuple(int(c) for c in np.argsort(order)), unit="V"))
 
 
 def heard(sensor, test=RHYTHM, skip=lambda: False):
@@ -40,7 +40,7 @@ def test_a_permuted_sensor_is_put_right(test, tapped):
     identity = heard(sensor_of(tapped), test)
     assert identity.channel == ORDER
     assert identity.sound
-    right = Rewired(sensor_of(tapped), SensorWiring(order=identity.order, unit="V"))
+    right = RemappedSensor(sensor_of(tapped), SensorWiring(order=identity.order, unit="V"))
     assert heard(right, test).in_order
 
 
@@ -134,5 +134,5 @@ def test_one_tone_for_each_cell_is_needed():
 
 def test_an_odd_grid_is_identified(tapped):
     grid = SensorGrid(rows=2, columns=8)
-    identity = heard(Rewired(sensor_of(tapped, range(16)), SensorWiring(grid=grid, unit="V")))
+    identity = heard(RemappedSensor(sensor_of(tapped, range(16)), SensorWiring(grid=grid, unit="V")))
     assert identity.in_order

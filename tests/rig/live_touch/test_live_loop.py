@@ -5,7 +5,15 @@ import time
 import numpy as np
 import pytest
 
-from midair.devices import Chunk, ExposureChoices, Stream, StreamedSensor, VirtualUnits, admit_level, virtual_immediate
+from midair.devices import (
+    Chunk,
+    ExposureChoices,
+    Stream,
+    StreamedSensor,
+    VirtualUnits,
+    check_exposure_level,
+    virtual_immediate,
+)
 from midair.errors import DeviceError, StoppedError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import ControlGrid, Placement
@@ -66,7 +74,7 @@ def ran(script, *, duration=None, check=lambda: None, level=lambda: 1.0, **pace)
     problem = None
     with sensor, array:
         choices = ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
-        admission = admit_level(0.5, array, choices, rate=1000.0)
+        admission = check_exposure_level(0.5, array, choices, rate=1000.0)
         touch = Touch(TouchSettings(grid=SMALL), None, sensor.grid, 1000.0, array.array, 0.5)
         loop = LiveLoop(
             sensor,

@@ -7,20 +7,20 @@ from midair.devices import ExposureChoices
 from midair.errors import FileError
 from midair.files import DEFAULT_PROFILE, load_played, open_take, profile_named
 from midair.model import Calibration, Placement, SensorGrid
-from midair.rig.live_touch.live_order import LiveOrder
+from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
-from midair.rig.live_touch.process import Opened
-from midair.rig.live_touch.timing import Granted
+from midair.rig.live_touch.process import LoopStarted
+from midair.rig.live_touch.timing import SchedulerGrant
 from midair.rig.live_touch.touch_ring import HELD, SOUNDS, RingShape, TouchRing
 
 SENSOR, ONE = SensorGrid(rows=2, columns=2), Placement.grid(columns=1, rows=1)
-ORDER = LiveOrder(
+ORDER = LiveSettings(
     sensor="lsl:Skin",
     device="virtual",
     exposure=ExposureChoices(profile=profile_named(DEFAULT_PROFILE)),
     placement=ONE,
 )
-FOUND = Opened(
+FOUND = LoopStarted(
     sensor=SENSOR,
     unit="V",
     rate=1000.0,
@@ -31,7 +31,7 @@ FOUND = Opened(
     exposure="kept",
     level=0.5,
     strongest=127,
-    granted=Granted(priority="", memory=""),
+    granted=SchedulerGrant(priority="", memory=""),
     delay=0.006,
     parts=((20.0, 470.0),),
     error=(0.1,),

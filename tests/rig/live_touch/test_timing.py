@@ -4,7 +4,7 @@ import sys
 import numpy as np
 import pytest
 
-from midair.rig.live_touch.timing import TICK, Granted, Timetable
+from midair.rig.live_touch.timing import TICK, SchedulerGrant, Timetable
 
 MS = 1_000_000
 
@@ -37,9 +37,9 @@ def test_lost_frames_leave_their_place_and_a_long_pause_begins_anew():
 
 
 def test_what_was_not_granted_is_said():
-    both = Granted(priority="Operation not permitted; midair doctor says how", memory="Cannot allocate memory")
+    both = SchedulerGrant(priority="Operation not permitted; midair doctor says how", memory="Cannot allocate memory")
     assert both.words().startswith("no real-time priority (Operation not permitted")
-    assert Granted(priority="", memory="").words() == "real-time priority, memory locked"
+    assert SchedulerGrant(priority="", memory="").words() == "real-time priority, memory locked"
 
 
 def test_asks_for_time_or_says_why_not_and_keeps_no_garbage_collector():

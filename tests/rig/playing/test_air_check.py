@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.evaluate import error_in_air
+from midair.evaluate import error_at_temperature
 from midair.model import Acoustics, AmplitudeFrames, ControlGrid, Medium, TransducerArray
 from midair.rig.playing import room_air
 from midair.solvers import solve
@@ -54,8 +54,8 @@ def test_more_than_two_degrees_are_said_with_what_they_cost(drive, target, tempe
     found = room_air(drive, room, lambda: target)
     assert found.warns
     here, own, frames = re.search(r"E ([\d.]+) % instead of ([\d.]+) %, the mean of (\d+) frames", found.said).groups()
-    assert float(here) == pytest.approx(100 * error_in_air(drive, target, room).mean(), abs=0.05)
-    assert float(own) == pytest.approx(100 * error_in_air(drive, target, OWN).mean(), abs=0.05)
+    assert float(here) == pytest.approx(100 * error_at_temperature(drive, target, room).mean(), abs=0.05)
+    assert float(own) == pytest.approx(100 * error_at_temperature(drive, target, OWN).mean(), abs=0.05)
     assert int(frames) == 5
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from midair.datasets import probe_signal
-from midair.devices import ExposureChoices, admit, state_folder
+from midair.devices import ExposureChoices, check_exposure, state_folder
 from midair.devices.interface import FrameBlock
 from midair.errors import DeviceError, DeviceStateError, InputError
 from midair.files import profile_named
-from midair.flow import felt, reproduce
 from midair.model import ControlGrid
-from midair.rig.looping.passes import Rig, play_pass, quiet
+from midair.pipeline import calibrated_pressure, reproduce
+from midair.rig.correction.passes import Rig, play_pass, quiet
 from midair.rig.names.virtual_rig import VirtualRig
 from midair.rig.playing.rerecording import rerecord, usual_exposure
 from midair.settings import Settings
@@ -58,7 +58,7 @@ def real(latency=0.0, lost=None):
 
 def test_a_real_array_does_not_play_what_was_admitted_on_a_silent_one(drive):
     array, sensor = real()
-    silent = admit(drive, RIG.array_device(), ExposureChoices(profile=PROFILE))
+    silent = check_exposure(drive, RIG.array_device(), ExposureChoices(profile=PROFILE))
     with array, sensor, pytest.raises(DeviceStateError, match="admit again"):
         rerecord(silent, array, sensor)
     assert not array.emitting
@@ -67,14 +67,14 @@ def test_a_real_array_does_not_play_what_was_admitted_on_a_silent_one(drive):
 def test_what_exceeds_the_profile_is_refused_and_nothing_sounds(drive):
     array, sensor = real()
     with array, sensor, pytest.raises(InputError, match="exposure"):
-        rerecord(admit(drive, array, ExposureChoices(profile=PROFILE)), array, sensor)
+        rerecord(check_exposure(drive, array, ExposureChoices(profile=PROFILE)), array, sensor)
     assert not array.emitting
 
 
 def test_what_a_person_answers_for_is_played_and_logged(drive):
     array, sensor = real()
     with array, sensor:
-        heard = rerecord(admit(drive, array, ANSWERED), array, sensor, tail=0.2)
+        heard = rerecord(check_exposure(drive, array, ANSWERED), array, sensor, tail=0.2)
     assert heard.frames >= drive.frames
     assert not heard.provenance.simulated
     log = "".join(path.read_text(encoding="utf-8") for path in state_folder().glob("*.jsonl"))
@@ -85,7 +85,9 @@ def test_what_a_person_answers_for_is_played_and_logged(drive):
 def test_what_is_attenuated_says_so(drive):
     array, sensor = real()
     with array, sensor:
-        heard = rerecord(admit(drive, array, ExposureChoices(profile=PROFILE, attenuate=True)), array, sensor, tail=0.2)
+        heard = rerecord(
+            check_exposure(drive, array, ExposureChoices(profile=PROFILE, attenuate=True)), array, sensor, tail=0.2
+        )
     assert "attenuate" in [step.stage for step in heard.provenance.steps]
 
 
@@ -94,7 +96,7 @@ def test_the_drive_is_found_in_what_a_real_sensor_heard(drive):
     array, sensor = real(latency=0.07)
     with array, sensor:
         rig = Rig(array=array, sensor=sensor, exposure=ANSWERED)
-        heard = rerecord(admit(drive, array, rig.exposure), array, sensor, tail=0.3)
+        heard = rerecord(check_exposure(drive, array, rig.exposure), array, sensor, tail=0.3)
         late = np.argmax(np.abs(heard.samples).max(axis=(1, 2)) > 0.01)
         assert late >= 60
         rig_pass = play_pass_with_tail(rig)
@@ -103,7 +105,7 @@ def test_the_drive_is_found_in_what_a_real_sensor_heard(drive):
 
 
 def play_pass_with_tail(rig, tail=0.3):
-    import midair.rig.looping.passes as passes
+    import midair.rig.correction.passes as passes
 
     kept = passes.rerecord
     passes.rerecord = lambda *arguments, **others: kept(*arguments, tail=tail, **others)
@@ -116,12 +118,12 @@ def play_pass_with_tail(rig, tail=0.3):
 def test_lost_frames_are_an_error(drive):
     array, sensor = real(lost=80)
     with array, sensor, pytest.raises(DeviceError, match="lost frames"):
-        rerecord(admit(drive, array, ANSWERED), array, sensor, tail=0.2)
+        rerecord(check_exposure(drive, array, ANSWERED), array, sensor, tail=0.2)
 
 
 def test_blocks_are_put_together(drive):
     skin = RIG.skin()
     with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
-        whole = rerecord(admit(drive, array, usual_exposure()), array, sensor)
+        whole = rerecord(check_exposure(drive, array, usual_exposure()), array, sensor)
     assert whole.frames == drive.frames + 20
-    assert np.abs(felt(whole, sensor.calibration, SETTINGS).pressure).max() > 1
+    assert np.abs(calibrated_pressure(whole, sensor.calibration, SETTINGS).pressure).max() > 1

@@ -12,9 +12,9 @@ from midair.model import ControlGrid, SensorGrid
 from midair.solvers import Fast, Glide, Problem, spreading_phase
 from midair.solvers.backend import Backend, backend
 from midair.solvers.device import RingLBFGS
-from midair.solvers.glide.stretch import Known, Stretch
+from midair.solvers.field_operators import FieldOperators
+from midair.solvers.glide.frame_block import FrameBlock, SolvedFrames
 from midair.solvers.lbfgs import LBFGS
-from midair.solvers.moves import Machine
 
 ROWS = 512
 VIEWS = {
@@ -106,7 +106,7 @@ def test_nothing_is_asked_of_a_device_on_the_way(patterns, monkeypatch):
     """The standard's own checker, whose arrays here refuse to become a number of the host."""
     pytest.importorskip("array_api_strict")
     there = backend("strict")
-    machine = Machine.of(replace(patterns, amplitude=patterns.amplitude[:8]), there, tolerance=0.1, memory=4)
+    machine = FieldOperators.of(replace(patterns, amplitude=patterns.amplitude[:8]), there, tolerance=0.1, memory=4)
     batch = machine.batch(np.arange(8), faintest=1e-12)
 
     def asked(*_, **__):
@@ -122,7 +122,7 @@ def test_nothing_is_asked_of_a_device_on_the_way(patterns, monkeypatch):
 def test_launches_waits_and_bytes_of_an_iteration(patterns):
     """Before the ring: 88 launches, a wait and .43 MB a row in the polish, 96, a wait and .15 MB in the field."""
     counted, there = launches(), backend("torch")
-    machine = Machine.of(patterns, there, tolerance=5e-3, memory=4)
+    machine = FieldOperators.of(patterns, there, tolerance=5e-3, memory=4)
     batch = machine.batch(np.arange(ROWS), faintest=1e-12)
     function, descent = machine.phase_function(batch), machine.descent
     theta = there.put(np.random.default_rng(0).uniform(0, 6, (ROWS, 996)))
@@ -153,7 +153,7 @@ def test_launches_waits_and_bytes_of_an_iteration(patterns):
 def test_a_batch_of_patterns_waits_for_nothing(patterns):
     """Before: 250 waits, one an iteration; now the host only waits for the phases."""
     counted, there = launches(), backend("torch")
-    machine = Machine.of(replace(patterns, amplitude=patterns.amplitude[:16]), there, tolerance=5e-3, memory=4)
+    machine = FieldOperators.of(replace(patterns, amplitude=patterns.amplitude[:16]), there, tolerance=5e-3, memory=4)
     batch = machine.batch(np.arange(16), faintest=1e-12)
     with counted:
         Fast()._phases(machine, batch, there.xp.zeros_like(machine.lens))
@@ -188,7 +188,7 @@ def test_a_recording_asks_once_for_each_chunk_of_frames(patterns, monkeypatch):
 
         monkeypatch.setattr(kind, name, spy)
 
-    for kind, name in ((Backend, "host"), (Known, "keep"), (Stretch, "_batch")):
+    for kind, name in ((Backend, "host"), (SolvedFrames, "keep"), (FrameBlock, "_batch")):
         spied(kind, name)
     blend = np.linspace(0, 1, 33)[:, None]
     strength = (1 - blend) * patterns.amplitude[6] + blend * patterns.amplitude[200]

@@ -5,9 +5,9 @@ from midair.errors import InputError, ShapeError
 from midair.model import Acoustics, ControlGrid, Drive, Medium, TransducerArray
 from midair.physics import propagate, relative_error
 from midair.solvers import solver
+from midair.solvers.initial_phase import spreading_phase
 from midair.solvers.large import placed, problem_at
 from midair.solvers.large.planes import converging_phase
-from midair.solvers.lens import spreading_phase
 
 SMALL = ControlGrid(rows=6, columns=5)
 LEFT, RIGHT = (-0.05, 0.0, 0.15), (0.05, 0.0, 0.2)

@@ -6,21 +6,21 @@ import pytest
 from midair.errors import InputError
 from midair.study import proportion_correct
 from midair.study.design.adaptive_block import answered, next_stimulus, threshold, thresholds_of
+from midair.study.design.adaptive_levels import stimulus_levels
 from midair.study.design.analysis_plan import Analysis, Exclusions
 from midair.study.design.answers import answers_table
 from midair.study.design.blocks import Block, Extra
 from midair.study.design.exclusions import left_out
-from midair.study.design.ladder import rungs
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question
-from midair.study.design.standing import GivenAnswer, Standing, replay
+from midair.study.design.session_state import GivenAnswer, SessionState, replay
 from midair.study.design.stimulus import Stimulus
 from midair.study.design.study_design import Design
 from midair.study.findings.analysis import analyse
 from midair.study.findings.study_data import data_of_answers
 from midair.study.session.event_log import read_events
 from midair.study.session.participant import SimulatedParticipant
-from midair.study.session.presenters import NoPresenter
+from midair.study.session.presenters import SilentPresenter
 from midair.study.session.simulated_screen import SimulatedScreen
 from midair.study.session.trials import Session, run
 
@@ -46,7 +46,7 @@ def design(adaptive, trials=60, strengths=STRENGTHS, sides=("left", "right")):
 
 
 def session(plan, number, path, stop_after=None):
-    presenter = NoPresenter()
+    presenter = SilentPresenter()
     person = SimulatedParticipant(d_prime=1.0, spread=0, taste=0, lapse=0, seed=number)
     screen = SimulatedScreen(plan=plan, participant=person, presenter=presenter)
     with Session(plan, number, path, presenter, simulated=True) as one:
@@ -73,7 +73,7 @@ def test_finds_the_threshold_of_a_known_observer(tmp_path, adaptive, target):
 def test_the_ladder_goes_down_after_three_and_up_after_one(tmp_path):
     plan = draw_plan(design("staircase"))
     progress = session(plan, 1, tmp_path / "log")
-    ladder, strength = rungs(plan.design, plan.design.block("b"))
+    ladder, strength = stimulus_levels(plan.design, plan.design.block("b"))
     assert strength.tolist() == STRENGTHS
     history = answered(plan, progress, plan.design.block("b"))
     assert len(history) == 60
@@ -100,7 +100,7 @@ def test_says_what_is_wrong(tmp_path):
     with pytest.raises(InputError, match="reversals"):
         threshold(plan, session(plan, 1, tmp_path / "log"), "b")
     with pytest.raises(InputError, match="strengths above 0"):
-        rungs(design("quest+", strengths=[0, 1, 2]), design("quest+", strengths=[0, 1, 2]).blocks[0])
+        stimulus_levels(design("quest+", strengths=[0, 1, 2]), design("quest+", strengths=[0, 1, 2]).blocks[0])
     with pytest.raises(InputError, match="three strengths or more"):
         draw_plan(design("quest+", strengths=[1, 2]))
 
@@ -125,7 +125,7 @@ def test_whoever_always_says_left_is_right_by_chance(adaptive, people):
     right = []
     for number in range(1, people + 1):
         answers, chosen = {}, {}
-        standing = Standing(trials=plan.of(number), answers=answers, chosen=chosen)
+        standing = SessionState(trials=plan.of(number), answers=answers, chosen=chosen)
         for trial in standing.trials:
             chosen[trial.code] = next_stimulus(plan, standing, trial)
             answers[trial.code, "where"] = GivenAnswer(answer="left", reaction_s=1.0, time="")
@@ -188,7 +188,7 @@ def test_a_short_staircase_has_a_note(tmp_path):
 def with_answers(plan, number, answer, **how):
     """A finished session in which every answer is the same, given in the same way."""
     answers, chosen = {}, {}
-    standing = Standing(trials=plan.of(number), answers=answers, chosen=chosen)
+    standing = SessionState(trials=plan.of(number), answers=answers, chosen=chosen)
     for trial in standing.trials:
         chosen[trial.code] = trial.stimulus or next_stimulus(plan, standing, trial)
         given = {"reaction_s": 1.0, "time": "2026-11-22T13:26:06+00:00"} | how

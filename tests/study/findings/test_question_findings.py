@@ -15,7 +15,7 @@ from midair.study.design.question import Question, QuestionKind
 from midair.study.design.stimulus import Stimulus
 from midair.study.design.study_design import Design
 from midair.study.findings.study_data import data_of_answers
-from midair.study.session import NoPresenter, Session, StillClock, read_events
+from midair.study.session import Session, SilentPresenter, StillClock, read_events
 
 KINDS = get_args(QuestionKind)
 PLACES = ("scored", "scored without truth", "unscored", "check", "form", "private", "nowhere")
@@ -53,7 +53,7 @@ def report(made, folder):
     plan = draw_plan(made)
     sessions = []
     for number in range(1, made.participants + 1):
-        presenter, log = NoPresenter(), folder / f"sub-{number:02d}.jsonl"
+        presenter, log = SilentPresenter(), folder / f"sub-{number:02d}.jsonl"
         screen = SimulatedScreen(plan=plan, participant=SimulatedParticipant(), presenter=presenter, number=number)
         with Session(plan, number, log, presenter, simulated=True, clock=StillClock()) as session:
             run(session, screen)

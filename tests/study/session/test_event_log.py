@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from midair.errors import BrokenFileError, DeviceStateError, MissingFileError
-from midair.study.session.event_log import EventLog, read_events, seal_of
+from midair.study.session.event_log import EventLog, chain_hash, read_events
 
 FIRST, SECOND = {"event": "begin", "who": "ä"}, {"event": "answer", "n": 1}
 
@@ -121,12 +121,12 @@ def test_the_links_are_sha256_of_all_that_was_written(path):
     with EventLog(path) as log:
         for event in (FIRST, SECOND):
             log.append(event)
-        assert log.seal == seal_of(path)
+        assert log.seal == chain_hash(path)
     first, second = path.read_bytes().splitlines(keepends=True)
     body = b'{"event": "answer", "n": 1}'
     link = hashlib.sha256(first + body).hexdigest()[:32]
     assert second == body[:-1] + b', "chain": "' + link.encode() + b'"}\n'
-    assert seal_of(path) == link
+    assert chain_hash(path) == link
 
 
 def test_a_log_written_anew_has_another_seal(path, tmp_path):
@@ -135,7 +135,7 @@ def test_a_log_written_anew_has_another_seal(path, tmp_path):
             for event in events:
                 log.append(event)
     read_events(tmp_path / "b")  # the chain holds
-    assert seal_of(tmp_path / "a") != seal_of(tmp_path / "b")
+    assert chain_hash(tmp_path / "a") != chain_hash(tmp_path / "b")
 
 
 def test_a_log_of_before_the_chain_is_read_and_covered_by_what_is_appended(path):

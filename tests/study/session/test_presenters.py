@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midair.devices import VirtualArray, admit, autd3_array
+from midair.devices import VirtualArray, autd3_array, check_exposure
 from midair.errors import ExposureError, InputError, SilentFramesError
 from midair.model import Drive, Placement, TransducerArray
 from midair.rig import usual_exposure
@@ -14,7 +14,7 @@ from midair.study.session.presenters import (
     ArrayPresenter,
     ExperimenterPresenter,
     MaskedPresenter,
-    NoPresenter,
+    SilentPresenter,
 )
 
 ARRAY = TransducerArray.autd3(columns=1, rows=1)
@@ -30,7 +30,9 @@ def drive(array=ARRAY):
 def presenter(device, load, told):
     by_hand = ExperimenterPresenter(tell=told.append, done=lambda: told.append("done"))
     choices = usual_exposure()
-    return ArrayPresenter(array=device, admitted=lambda one: admit(load(one.source), device, choices), by_hand=by_hand)
+    return ArrayPresenter(
+        array=device, admitted=lambda one: check_exposure(load(one.source), device, choices), by_hand=by_hand
+    )
 
 
 def test_an_array_plays_drives_and_the_experimenter_takes_up_objects():
@@ -68,7 +70,7 @@ class Noise:
 def test_noise_covers_what_the_array_plays_and_its_silences_but_no_objects():
     told = []
 
-    class Inner(NoPresenter):
+    class Inner(SilentPresenter):
         def present(self, stimulus):
             told.append(stimulus.name)
             if stimulus.name == "a2":
@@ -110,7 +112,7 @@ def test_nothing_is_told_for_silence_but_to_wait():
     by_hand = ExperimenterPresenter(tell=told.append, done=lambda: None)
     by_hand.present(NOTHING)
     assert told == ["wait, present nothing"]
-    nobody = NoPresenter()
+    nobody = SilentPresenter()
     nobody.present(BRUSH)
     assert nobody.felt == ("b",)
 

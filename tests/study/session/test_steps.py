@@ -11,11 +11,11 @@ from midair.study.design.blocks import Block, Criterion, Extra
 from midair.study.design.exclusions import left_out
 from midair.study.design.plan import draw_plan
 from midair.study.design.question import Question
-from midair.study.design.standing import replay
+from midair.study.design.session_state import replay
 from midair.study.design.stimulus import Stimulus
 from midair.study.design.study_design import Design
 from midair.study.session.event_log import read_events
-from midair.study.session.presenters import NoPresenter
+from midair.study.session.presenters import SilentPresenter
 from midair.study.session.steps import Reply, StillClock
 from midair.study.session.trials import Session
 
@@ -51,7 +51,7 @@ def block(**changes):
 def go(plan, log, answer=lambda trial, question: trial.levels["object"], clock=None, steps=10**9):
     """Drive a session; gives what was due, in order."""
     seen, trials = [], {trial.code: trial for trial in plan.trials}
-    with Session(plan, 1, log, NoPresenter(), clock=clock or StillClock()) as one:
+    with Session(plan, 1, log, SilentPresenter(), clock=clock or StillClock()) as one:
         while one.step.kind != "done" and len(seen) < steps:
             step = one.step
             seen.append(step)
@@ -142,7 +142,7 @@ def test_the_time_before_a_stimulus_is_drawn_and_kept(tmp_path):
 def test_a_cue_comes_with_each_stimulus_and_each_half_of_a_pair(tmp_path):
     pair = Stimulus(name="p", kind="pair", members=("s_a", "s_b"), levels={"object": "a"}, gap_s=0.7)
     plan, told, clock = plan_of(block(stimuli=("p",), repetitions=1), stimuli=(*STIMULI, pair)), [], Slow()
-    with Session(plan, 1, tmp_path / "log", NoPresenter(), clock=clock) as one:
+    with Session(plan, 1, tmp_path / "log", SilentPresenter(), clock=clock) as one:
         assert one.step.text == "Feel now."
         one.present(told.append)
     assert told == ["Feel now. First.", "Feel now. Second.", ""]
@@ -154,7 +154,7 @@ def test_after_its_time_no_answer_counts(tmp_path):
         block(repetitions=1), questions=(replace(WHICH, timeout_s=2.0),), exclusions=Exclusions(timeouts=0.4)
     )
     clock = Slow()
-    with Session(plan, 1, tmp_path / "log", NoPresenter(), clock=clock) as one:
+    with Session(plan, 1, tmp_path / "log", SilentPresenter(), clock=clock) as one:
         one.present()
         clock.time = 2.5
         assert one.answer(Reply(text="a")) == "n/a"
@@ -227,7 +227,7 @@ def test_a_restart_in_the_second_session_leaves_the_first_alone(tmp_path):
     plan = plan_of(block(name="b1"), block(name="b2", session=2))
     go(plan, tmp_path / "log")
     go(plan, tmp_path / "log", steps=4)
-    with Session(plan, 1, tmp_path / "log", NoPresenter(), policy="restart") as one:
+    with Session(plan, 1, tmp_path / "log", SilentPresenter(), policy="restart") as one:
         assert one.step.number == 9
     found = standing(plan, tmp_path / "log")
     assert (len(found.answers), found.interruptions) == (8, 1)

@@ -22,11 +22,11 @@ from midair.errors import (
 from midair.model import Medium
 from midair.study.design.answers import answers_table
 from midair.study.design.plan import draw_plan
-from midair.study.design.standing import replay
+from midair.study.design.session_state import replay
 from midair.study.folder import StudyFolder, paper_design_text, read_design
 from midair.study.session.event_log import EventLog, read_events
 from midair.study.session.participant import SimulatedParticipant
-from midair.study.session.presenters import ExperimenterPresenter, NoPresenter
+from midair.study.session.presenters import ExperimenterPresenter, SilentPresenter
 from midair.study.session.simulated_screen import SimulatedScreen
 from midair.study.session.trials import AGAIN, Reply, Session, run
 
@@ -86,7 +86,7 @@ class Script:
 
 
 def session(plan, path, presenter=None, **options):
-    return Session(plan, 1, path, presenter or NoPresenter(), **options)
+    return Session(plan, 1, path, presenter or SilentPresenter(), **options)
 
 
 def to_the_first_stimulus(one):

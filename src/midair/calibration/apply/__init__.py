@@ -1,7 +1,7 @@
 """Apply a calibration: whole recordings, or block by block while they are made."""
 
 from midair.calibration.apply.causal import CausalInverse, causal_error, causal_fir
-from midair.calibration.apply.crosstalk_undone import undo_matrix
+from midair.calibration.apply.crosstalk_inverse import undo_matrix
 from midair.calibration.apply.inverse import default_taps, inverse_fir, inverse_response
 from midair.calibration.apply.pressure import Method, calibrate, typical_uncertainty
 from midair.calibration.apply.streaming_inverse import StreamingInverse

@@ -10,9 +10,9 @@ from midair.calibration.apply.streaming_inverse import mixing
 from midair.channels import channels
 from midair.dsp import Band, band_edges, band_energy, check_band, filter_fir, filter_response
 from midair.errors import BandError, InputError, MismatchError, UnitError
+from midair.lazy_frames import LazyFrames, blocks, each_frame, moments
 from midair.model import Calibration, PressureFrames, Recording, Setting
 from midair.recordings import dead_channels
-from midair.reel import Reel, blocks, each_frame, moments
 
 Method = Literal["fft", "fir"]
 LEAST = 1e-6
@@ -187,7 +187,7 @@ def _share_inside(recording: Recording, band: Band) -> float:
     """
     variance = np.square(moments(recording.samples).spread)
     inside, share = np.zeros_like(variance), 0.0
-    for block in blocks(recording.samples, _LONG if isinstance(recording.samples, Reel) else recording.frames):
+    for block in blocks(recording.samples, _LONG if isinstance(recording.samples, LazyFrames) else recording.frames):
         # One channel after another: a spectrum takes several times the memory of what it is of.
         found = np.reshape([_inside(one, recording.rate, band) for one in channels(block)], variance.shape)
         inside = inside + found * (len(block) / recording.frames)

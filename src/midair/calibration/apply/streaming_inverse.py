@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.calibration.apply.crosstalk_undone import undo_matrix
+from midair.calibration.apply.crosstalk_inverse import undo_matrix
 from midair.calibration.apply.inverse import check_reach, inverse_fir
 from midair.dsp import Band, band_edges, check_band
 from midair.errors import InputError, ShapeError

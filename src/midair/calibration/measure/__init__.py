@@ -3,7 +3,7 @@
 from midair.calibration.measure.against_reference import measure_calibration, measure_response
 from midair.calibration.measure.array_field import ArrayField, SensorPlace
 from midair.calibration.measure.array_fit import fit_array
-from midair.calibration.measure.array_place import Usual
+from midair.calibration.measure.array_place import TransducerPrior
 from midair.calibration.measure.array_plan import ArrayCodes, ArrayPlan, array_codes
 from midair.calibration.measure.beam import BeamReading, find_lag, measure_beam, tones_of
 from midair.calibration.measure.beam_plan import BeamPlan, BeamSetting, beam_field, focus_of
@@ -30,7 +30,7 @@ __all__ = [
     "Reference",
     "ReferencedTake",
     "SensorPlace",
-    "Usual",
+    "TransducerPrior",
     "anchored",
     "array_codes",
     "beam_field",

@@ -16,7 +16,7 @@ from midair.calibration.measure.array_field import ArrayField, SensorPlace, pole
 from midair.calibration.measure.array_place import (
     DEAD,
     ArrayState,
-    Usual,
+    TransducerPrior,
     find_place,
     from_place,
     from_softness,
@@ -53,7 +53,7 @@ def fit_array(
     samples: Array,
     *,
     dynamics: TransducerDynamics | None = None,
-    usual: Usual | None = None,
+    usual: TransducerPrior | None = None,
     sweeps: int = 4,
     synchronous: bool = True,
     level_uncertainty: float = 0.0,
@@ -92,7 +92,7 @@ def fit_array(
     ShapeError
         If there are fewer samples than codes.
     """
-    usual, nominal = usual or Usual(), pole_of(dynamics or TransducerDynamics())
+    usual, nominal = usual or TransducerPrior(), pole_of(dynamics or TransducerDynamics())
     said = [field.spectrum(samples, group) for group in range(len(field.codes.groups))]
     noise = _noise(field)
     count = field.array.count
@@ -133,7 +133,13 @@ def _noise(field: ArrayField) -> Array:
 
 
 def _slope(
-    field: ArrayField, group: int, state: ArrayState, noise: Array, usual: Usual, strength: float, nominal: complex
+    field: ArrayField,
+    group: int,
+    state: ArrayState,
+    noise: Array,
+    usual: TransducerPrior,
+    strength: float,
+    nominal: complex,
 ) -> _Slope:
     members = field.codes.groups[group]
     G, weights = field.matrix(state.place)
@@ -155,7 +161,7 @@ def _slope(
     return _Slope(jacobian=jacobian, covariance=np.linalg.inv(information))
 
 
-def _belief(members: int, usual: Usual, strength: float) -> Array:
+def _belief(members: int, usual: TransducerPrior, strength: float) -> Array:
     return np.repeat([usual.response * strength, usual.pole], 2 * members)
 
 
@@ -166,7 +172,7 @@ def _step(
     state: ArrayState,
     slope: _Slope,
     noise: Array,
-    usual: Usual,
+    usual: TransducerPrior,
     strength: float,
     nominal: complex,
 ) -> None:
@@ -184,7 +190,7 @@ def _step(
     state.pole[members] = np.minimum(pole.real, 0.2 * nominal.real) + 1j * pole.imag
 
 
-def _balance(field: ArrayField, said: list[Complex], state: ArrayState, noise: Array, usual: Usual) -> Array:
+def _balance(field: ArrayField, said: list[Complex], state: ArrayState, noise: Array, usual: TransducerPrior) -> Array:
     """Fit a factor for each group by what all windows say together; its uncertainty, shape (2, group).
 
     Groups that are fitted in turn come to terms with each other slowly: each takes the rest for right.
@@ -231,7 +237,7 @@ def _result(
     slopes: list[_Slope],
     common: Array,
     noise: Array,
-    usual: Usual,
+    usual: TransducerPrior,
     nominal: complex,
     strength: float,
     level_uncertainty: float,

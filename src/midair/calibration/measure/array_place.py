@@ -22,7 +22,7 @@ DEAD = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Usual:
+class TransducerPrior:
     """What is believed of a transducer before it is measured, as standard deviations.
 
     Attributes
@@ -68,7 +68,9 @@ def sound_of(field: ArrayField, group: int, state: ArrayState, G: Complex, q: Co
     return G @ still + q @ (G[:, members] * state.response[members]).T
 
 
-def find_place(field: ArrayField, heard: Complex, state: ArrayState, usual: Usual, *, synchronous: bool) -> None:
+def find_place(
+    field: ArrayField, heard: Complex, state: ArrayState, usual: TransducerPrior, *, synchronous: bool
+) -> None:
     """Gauss and Newton over what all transducers share, by what the first group's codes told."""
     steps = {"x": 2e-5, "y": 2e-5, "z": 2e-5, "turn": 1e-3, "late": 1e-6, "gain": 1e-3, "spread": 2e-5}
     wide = {"turn": 0.1, "late": 1e-12 if synchronous else 1e-3, "gain": 2.0, "spread": usual.softness}
@@ -111,7 +113,7 @@ def _patterns(field: ArrayField, place: SensorPlace) -> Array:
     return np.column_stack([k * way / np.linalg.norm(way, axis=1, keepdims=True), np.ones(len(way))])
 
 
-def settle_place(field: ArrayField, state: ArrayState, strength: float, usual: Usual) -> None:
+def settle_place(field: ArrayField, state: ArrayState, strength: float, usual: TransducerPrior) -> None:
     """Take what looks like another place of the sensor out of the phases: transducers do not know where it lies.
 
     The sound at the sensor stays what it is, to first order.
@@ -150,7 +152,9 @@ def _softness(field: ArrayField, state: ArrayState) -> Array:
     return (now.conj() * change).real.sum(axis=0) / step / np.square(np.abs(now)).sum(axis=0)
 
 
-def from_softness(field: ArrayField, state: ArrayState, dead: NDArray[np.bool_], usual: Usual) -> tuple[Array, float]:
+def from_softness(
+    field: ArrayField, state: ArrayState, dead: NDArray[np.bool_], usual: TransducerPrior
+) -> tuple[Array, float]:
     """What is uncertain of each strength, and of all, since the gel's spread is known by the strengths alone."""
     soft = _softness(field, state)
     alive, size = soft[~dead] - soft[~dead].mean(), np.abs(state.response[~dead])
@@ -159,7 +163,9 @@ def from_softness(field: ArrayField, state: ArrayState, dead: NDArray[np.bool_],
     return np.abs(soft - soft[~dead].mean()) * float(size.mean() * spread), float(abs(soft[~dead].mean()) * spread)
 
 
-def from_place(field: ArrayField, state: ArrayState, response: Complex, dead: NDArray[np.bool_], usual: Usual) -> Array:
+def from_place(
+    field: ArrayField, state: ArrayState, response: Complex, dead: NDArray[np.bool_], usual: TransducerPrior
+) -> Array:
     """What is uncertain of each phase since the sensor's place is known by the transducers' own phases only.
 
     A sensor that lies elsewhere makes phases late by k times what it is further away. The place was found as if all

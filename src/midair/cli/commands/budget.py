@@ -19,9 +19,9 @@ from midair.cli.terminal import (
     print_json,
     print_palm,
     print_rows,
+    progress_bars,
     quantity,
     say_air,
-    stages,
     work_of,
     workload_of,
 )
@@ -29,7 +29,7 @@ from midair.devices import SilencerChoice
 from midair.evaluate import Budget
 from midair.figures import budget_figure, png
 from midair.files import open_take, whole_file
-from midair.flow import lead_of
+from midair.pipeline import lead_of
 from midair.rig import BudgetPlan, VirtualRig, error_budget, kept_in_band
 
 
@@ -100,7 +100,7 @@ def budget_command(
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
     workload = workload_of(settings, measured.count)
     frames = round((original.frames / original.rate + 2 * plan.lead) * settings.target.rate)
-    with stages([work_of(name, workload, frames) for name in _STAGES]) as stage:
+    with progress_bars([work_of(name, workload, frames) for name in _STAGES]) as stage:
         paced = partial(stage, workload=workload)
         made = error_budget(original, plan, kept=kept_in_band(open_take(source).recording, band), stage=paced)
     if figure is not None:

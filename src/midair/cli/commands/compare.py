@@ -20,17 +20,17 @@ from midair.cli.terminal import (
     print_figures,
     print_json,
     print_palm,
+    progress_bars,
     say,
-    stages,
-    talk,
+    verbosity,
     work_of,
     workload_of,
 )
 from midair.errors import InputError
-from midair.evaluate import Comparison, PalmFidelity, PalmFrames, PerceptualCard, compare
+from midair.evaluate import Comparison, PalmFidelity, PalmFrames, PerceptualMetrics, compare
 from midair.files import DRIVE_SUFFIX, OpenedTake, load_palm, load_solution, open_take, whole_file
 from midair.model import Palm, PressureFrames, Progress
-from midair.rig import VirtualRig, asked_of, brought_together, hear_drive, palm_frames_of_drive, played_chain
+from midair.rig import VirtualRig, aligned_pair, asked_of, palm_frames_of_drive, played_chain, rerecord_drive
 from midair.settings import Settings
 from midair.view import PalmMaps, check_size, ffmpeg, film_of_palm, show_comparison, show_page, write_gif, write_mp4
 
@@ -103,7 +103,7 @@ def compare_command(
             )
         settings = made_with(take.recording.provenance, (options or BandOptions()).settings())
     with ExitStack() as stack:
-        pair = brought_together(felt_part(original, settings, streamed=True), take, settings)
+        pair = aligned_pair(felt_part(original, settings, streamed=True), take, settings)
         before, heard = (stack.enter_context(kept_aside(each)) for each in (pair.original, pair.heard))
         comparison, after = compare(before, heard, first=pair.first), replace(pair, heard=heard).piece
         card = card_of(before, after)
@@ -130,7 +130,7 @@ def _write_report(
     before: PressureFrames,
     after: PressureFrames,
     comparison: Comparison,
-    card: PerceptualCard | None,
+    card: PerceptualMetrics | None,
     palm: PalmFidelity | None,
 ) -> None:
     """Figures, and both recordings to be watched and heard."""
@@ -142,7 +142,7 @@ def _write_report(
     if palm is not None:
         rows = [(name.removeprefix("palm: "), f"{value:.3g}", unit) for name, (value, unit) in palm.figures().items()]
         tables.append((f"What a whole palm gets, {palm.palm}", rows))
-    page = show_page(shown, tables=tables, commands=(talk().line,))
+    page = show_page(shown, tables=tables, commands=(verbosity().line,))
     with whole_file(path) as partial:
         partial.write_text(page, encoding="utf-8")
 
@@ -183,12 +183,12 @@ def _played(
     outline = Palm.disc() if palm is None else load_palm(palm)
     workload = workload_of(settings, drive.array.count)
     works = [work_of(name, workload, drive.frames) for name in ("play and re-record", "palm")]
-    with stages(works) as stage:
+    with progress_bars(works) as stage:
         if film is not None:
             lead = (asked.frames - piece.frames) // 2 / piece.rate
             judged, chain = (lead, piece.frames / piece.rate), played_chain(drive, rig)
             frames = palm_frames_of_drive(asked, drive, outline, chain=chain, rig=rig, judged=judged, band=band)
             _write_film(film, frames, stage("film"))
         paced = partial(stage, workload=workload)
-        heard = hear_drive(drive, piece, asked, rig, palm=outline, band=band, stage=paced)
+        heard = rerecord_drive(drive, piece, asked, rig, palm=outline, band=band, stage=paced)
     return settings, OpenedTake(recording=heard.recording, calibration=heard.calibration), heard.palm

@@ -9,8 +9,8 @@ from typing import Annotated
 
 from midair.cli.terminal import (
     Force,
+    ProgressBars,
     SolveOptions,
-    Stages,
     Time,
     Work,
     banner,
@@ -21,18 +21,18 @@ from midair.cli.terminal import (
     print_palm,
     print_rows,
     print_side_by_side,
+    progress_bars,
     quantity,
     say_air,
-    stages,
     way_of,
     work_of,
     workload_of,
 )
 from midair.errors import InputError
 from midair.files import check_unclaimed, save, save_solution, whole_file
-from midair.flow import felt, lead_of
 from midair.headroom import level_of
 from midair.model import Calibration, Palm, Progress, Recording
+from midair.pipeline import calibrated_pressure, lead_of
 from midair.rig import Outcome, VirtualRig, capture_recording, open_rig, palm_of_loop, verdict, write_report
 from midair.rig import loop as go_round
 from midair.settings import Settings
@@ -116,7 +116,7 @@ def demo_command(
     say_air(settings.acoustics.medium, stated=options.air_is_stated)
     paper = paper_beside(options)
     ways = [options] if paper is None else [options, paper]
-    with stages([work for each in ways for work in _works(each.settings(), piece)]) as stage:
+    with progress_bars([work for each in ways for work in _works(each.settings(), piece)]) as stage:
         with touched_by as touched:
             recording = capture_recording(
                 touched, _STROKE, path=output / "stroke.h5", notes={"object": object_name}, progress=stage("record")
@@ -127,12 +127,12 @@ def demo_command(
 
 
 def _outcome(
-    recording: Recording, calibration: Calibration | None, options: SolveOptions, piece: _Touched, stage: Stages
+    recording: Recording, calibration: Calibration | None, options: SolveOptions, piece: _Touched, stage: ProgressBars
 ) -> Outcome:
     """One way through the loop."""
     settings = options.settings()
     paced = partial(stage, workload=workload_of(settings, piece.rig.array.count))
-    original = felt(recording, calibration, settings).cut(piece.start_at, piece.duration)
+    original = calibrated_pressure(recording, calibration, settings).cut(piece.start_at, piece.duration)
     with open_rig("virtual", height=settings.target.grid.height, seed=piece.rig.seed) as opened:
         loop = go_round(original, settings, opened, stage=paced)
     return Outcome.of(

@@ -13,14 +13,14 @@ from midair.cli.terminal import (
     Frequency,
     Json,
     Time,
-    keep,
     may_write,
     parse_names,
     parsed,
+    print_written,
     quantity,
     recording_figures,
     recording_rows,
-    say_kept,
+    write_recording,
 )
 from midair.errors import InputError
 from midair.files import contents, open_take
@@ -236,9 +236,9 @@ def _write(recording: Recording, sources: list[Path], output: Path, *, json: boo
         notes.append("The calibrated pressure was left out: it belongs to the whole; run midair calibrate again.")
     # Before it is written, which may replace the very file that it is read from.
     rows = [("recording", str(output)), *recording_rows(recording)]
-    lost = keep(recording, output, calibration=calibration)
+    lost = write_recording(recording, output, calibration=calibration)
     figures = {"recording": str(output), **recording_figures(recording)}
-    say_kept(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
+    print_written(rows, figures, notes, lost, simulated=recording.provenance.simulated, json=json)
 
 
 def _same(calibrations: list[Calibration | None]) -> bool:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import get_args
 
 from midair.cli.terminal import AirOptions, Force, Json, may_write, print_figures, print_json, print_rows, say_how_long
-from midair.devices import feeling, measure
+from midair.devices import felt_pressure_text, measure
 from midair.errors import InputError
 from midair.figures import exposure_figure, png
 from midair.files import DEFAULT_PROFILE, load_placement, load_solution, profile_named, whole_file
@@ -83,7 +83,7 @@ def exposure_command(
             ("measured in", found.measured_in),
             ("for", _for(drive, array)),
             ("resolution", found.resolution),
-            ("felt", feeling(found) or f"up to {found.pressure:.3g} Pa on the palm"),
+            ("felt", felt_pressure_text(found) or f"up to {found.pressure:.3g} Pa on the palm"),
             ("nonlinearity", f"sigma {found.nonlinearity:.2f}; above 1 the real sound is weaker and harsher than this"),
             ("limits from", chosen.source),
             ("evidence", chosen.evidence),
@@ -145,7 +145,7 @@ def _plain(found: Exposure) -> dict[str, object]:
         "excess_db": found.excess,
         "nonlinearity": found.nonlinearity,
         "palm_pressure_pa": found.pressure,
-        "felt": not feeling(found),
+        "felt": not felt_pressure_text(found),
         "duration_s": found.duration,
         "airs": [_air(each.medium) for each in found.airs],
         "loudest_air": _air(found.loudest_air),

@@ -10,19 +10,19 @@ from midair.cli.terminal import (
     Json,
     Time,
     as_recording,
-    bring,
     calibrated_by,
     calibration_figures,
-    keep,
+    calibration_from_options,
+    import_recording,
     may_write,
-    nominal_calibration,
     out,
     print_rows,
+    print_written,
     quantity,
     recording_figures,
     recording_rows,
-    say_kept,
     scale_by,
+    write_recording,
 )
 from midair.datasets import SAMPLES, credited, sample, sample_path
 from midair.errors import InputError
@@ -159,13 +159,15 @@ def _take_in(
         file = sample_path(name) if source.startswith("sample:") else Path(source)
     target = output or Path(file.with_suffix(".h5").name)
     may_write(target, force)
-    imported = OpenedTake(recording=sample(name)) if ready else bring(file, options, streamed=True, mending=mending)
+    imported = (
+        OpenedTake(recording=sample(name)) if ready else import_recording(file, options, streamed=True, mending=mending)
+    )
     if name in SAMPLES:
         imported, notes = _credited(name, imported), (*notes, *_known_of(name))
     calibration = imported.calibration
-    stated = nominal_calibration(imported.recording, sensitivity, peak)
+    stated = calibration_from_options(imported.recording, sensitivity, peak)
     pressure = load_pressure(file, streamed=True) if imported.stored and stated is None else None
-    lost = keep(
+    lost = write_recording(
         imported.recording, target, calibration=stated or calibration, pressure=pressure, journal=imported.journal
     )
     rows = [("recording", str(target)), *recording_rows(imported.recording)]
@@ -176,7 +178,7 @@ def _take_in(
         **recording_figures(imported.recording),
         "calibration": calibration_figures(stated or calibration),
     }
-    say_kept(
+    print_written(
         rows, figures, (*notes, *imported.report), lost, simulated=imported.recording.provenance.simulated, json=json
     )
 
@@ -223,9 +225,9 @@ def export_command(
         if made is None:
             raise InputError(f"{source}: expected calibrated pressure in it, got none; run midair calibrate first")
         recording, calibration, made = as_recording(made), None, None
-    lost = keep(recording, output, calibration=calibration, pressure=made)
+    lost = write_recording(recording, output, calibration=calibration, pressure=made)
     rows = [("written", str(output)), ("format", format_of(output).name)]
-    say_kept(
+    print_written(
         rows,
         {"written": str(output), "format": format_of(output).name},
         (),

@@ -30,8 +30,8 @@ from midair.files import (
     load_target,
     open_take,
 )
+from midair.lazy_frames import moments
 from midair.model import Provenance, Setting
-from midair.reel import moments
 from midair.rig import calibration_rows, uncertainty_of
 from midair.settings import spelt_setting
 from midair.targets import piece_of

@@ -23,12 +23,12 @@ from midair.cli.terminal import (
     print_rows,
     quantity,
     signals_noted,
-    talk,
+    verbosity,
 )
 from midair.errors import InputError
 from midair.files import load_placement, load_sensor
 from midair.model import Acoustics, Medium
-from midair.rig import LiveSession, LiveStatistics, make_key, speak
+from midair.rig import LiveSession, LiveStatistics, make_key, send_touch
 from midair.rig import live as begin
 
 
@@ -230,7 +230,7 @@ def _speak(options: LiveOptions, network: NetworkOptions, duration: float | None
         raise InputError("--to: expected --key with the file that both sides share, and no --listen")
     with (
         signals_noted() as signals,
-        speak(
+        send_touch(
             options.sensor,
             network.to or "",
             network.key,
@@ -253,7 +253,7 @@ def _speak(options: LiveOptions, network: NetworkOptions, duration: float | None
 
 def _watch(session: LiveSession, signals: Signals, *, quiet: bool) -> None:
     """Until it ends, with a line that moves where somebody can see it."""
-    shown = not quiet and not talk().quiet and sys.stderr.isatty()
+    shown = not quiet and not verbosity().quiet and sys.stderr.isatty()
     with Screen(console=err(), refresh_per_second=10, transient=True) if shown else _Nothing() as screen:
         while session.wait(0.1) and not signals.came:
             screen.update(Text(_line(session.statistics)))

@@ -22,11 +22,11 @@ from midair.cli.terminal import (
     print_figures,
     print_json,
     print_rows,
+    progress_bars,
     quantity,
     say_air,
     say_how_long_to_come,
-    stages,
-    talk,
+    verbosity,
     warn_level,
     work_of,
     workload_of,
@@ -34,10 +34,10 @@ from midair.cli.terminal import (
 from midair.devices import SilencerChoice
 from midair.errors import InputError
 from midair.files import load_placement
-from midair.flow import lead_of
 from midair.headroom import level_of
 from midair.model import Medium, SensorGrid
-from midair.rig import Loop, OpenRig, card_of_loop, open_rig, write_report
+from midair.pipeline import lead_of
+from midair.rig import Loop, OpenRig, metrics_of_loop, open_rig, write_report
 from midair.rig import loop as go_round
 from midair.settings import Settings
 
@@ -160,15 +160,15 @@ def loop_command(
     say_how_long_to_come(frames, opened.array.array, room, opened.exposure.profile)
     workload = workload_of(settings, opened.array.array.count)
     works = [work_of(name, workload, frames) for name in ("solve", "play and re-record")]
-    with stages(works) as stage, opened:
+    with progress_bars(works) as stage, opened:
         paced = partial(stage, workload=workload)
         loop = go_round(original, settings, opened, corrections=corrections, iterate=iterate, lead=lead, stage=paced)
-        write_report(loop, target, commands=(talk().line,), progress=stage("draw"))
+        write_report(loop, target, commands=(verbosity().line,), progress=stage("draw"))
     _print(loop, target, json)
 
 
 def _print(loop: Loop, target: Path, json: bool) -> None:
-    card, made = card_of_loop(loop), loop.passes[-1].reproduction
+    card, made = metrics_of_loop(loop), loop.passes[-1].reproduction
     level = level_of(made.solution, made.target, band=loop.settings.calibration.band)
     warn_level(level)
     if json:

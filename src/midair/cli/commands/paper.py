@@ -14,9 +14,9 @@ from midair.cli.terminal import (
     out,
     print_json,
     print_rows,
+    progress_bars,
     quantity,
     say_air,
-    stages,
 )
 from midair.model import Acoustics
 from midair.paper import (
@@ -114,7 +114,7 @@ def paper_command(
     if 4 in chosen:
         # Before anything is worked on: it refuses what has no whole periods.
         stimuli = StimuliPlan(duration=duration, iterate=min(iterate, 1), rig=rig, mode=mode, paper=paper)
-    with stages() as stage:
+    with progress_bars() as stage:
         if 3 in chosen:
             _check(folder, "figure3", force)
             with watched(stage("figure 3")):

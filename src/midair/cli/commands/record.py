@@ -28,7 +28,7 @@ from midair.cli.terminal import (
     quantity,
     signals_noted,
     take_rows,
-    talk,
+    verbosity,
 )
 from midair.devices import PacedSensor, SensorDevice
 from midair.errors import DeviceError, InputError
@@ -151,7 +151,7 @@ def record_command(
     $ midair record virtual:towel towel.h5 --duration 1s
     $ midair record "lsl:Skin?unit=V" --object towel --repeats 5
     """
-    options, quiet = options or TakeOptions(), quiet or talk().quiet
+    options, quiet = options or TakeOptions(), quiet or verbosity().quiet
     if options.repeats < 1:
         raise InputError(f"--repeats: expected 1 or more, got {options.repeats}")
     subject = subject or SubjectOptions()

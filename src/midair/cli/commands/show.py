@@ -21,18 +21,18 @@ from midair.cli.terminal import (
     may_write,
     out,
     print_rows,
+    progress_bars,
     quantity,
-    stages,
     work_of,
 )
 from midair.errors import InputError
 from midair.files import contents, load_solution, load_target, open_take, whole_file
-from midair.flow import wanted
-from midair.rig import brought_together
+from midair.pipeline import target_amplitude
+from midair.rig import aligned_pair
 from midair.view import (
     Film,
     Part,
-    Showing,
+    ViewData,
     audible,
     check_size,
     ffmpeg,
@@ -116,23 +116,23 @@ def show_command(
         webbrowser.open(path.resolve().as_uri())
 
 
-def _shown(source: Path, again: Path | None, part: Part, *, target: bool, options: BandOptions) -> Showing:
+def _shown(source: Path, again: Path | None, part: Part, *, target: bool, options: BandOptions) -> ViewData:
     if again is not None:
         take = open_take(again)
         settings = made_with(take.recording.provenance, options.settings())
-        pair = brought_together(felt_part(source, settings), take, settings)
+        pair = aligned_pair(felt_part(source, settings), take, settings)
         return show_comparison(pair.original, pair.piece, part=part)
     if source.name.lower().endswith((".h5", ".hdf5", ".nc")) and contents(source).kind == "drive":
         return show_drive(load_solution(source, streamed=True), target=load_target(source, streamed=True), part=part)
     settings = options.settings()
     if target:
-        return show_target(wanted(felt_part(source, settings), settings), part=part)
+        return show_target(target_amplitude(felt_part(source, settings), settings), part=part)
     take = open_take(source)
     felt = None if take.calibration is None else felt_part(source, settings)
     return show_recording(take.recording, pressure=felt, part=part)
 
 
-def _page(shown: Showing, path: Path) -> list[tuple[str, str]]:
+def _page(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     check_size(shown)
     page = show_page(shown)
     with whole_file(path) as partial:
@@ -140,19 +140,19 @@ def _page(shown: Showing, path: Path) -> list[tuple[str, str]]:
     return []
 
 
-def _film(write: Callable[..., None]) -> Callable[[Showing, Path], list[tuple[str, str]]]:
-    def write_film(shown: Showing, path: Path) -> list[tuple[str, str]]:
+def _film(write: Callable[..., None]) -> Callable[[ViewData, Path], list[tuple[str, str]]]:
+    def write_film(shown: ViewData, path: Path) -> list[tuple[str, str]]:
         film = Film(shown)
         out().print(f"film of {len(film)} pictures, {film.seconds:.3g} s, {film.slower:.4g} times slower")
         kind = path.suffix.lower()
-        with stages([work_of("film", kind, len(film))]) as stage, whole_file(path) as partial:
+        with progress_bars([work_of("film", kind, len(film))]) as stage, whole_file(path) as partial:
             write(film, partial, progress=stage("film", kind))
         return []
 
     return write_film
 
 
-def _wave(shown: Showing, path: Path) -> list[tuple[str, str]]:
+def _wave(shown: ViewData, path: Path) -> list[tuple[str, str]]:
     if shown.samples is None:
         raise InputError(f"{path}: expected a recording to hear a channel of, got a drive; save a page or a film of it")
     heard = audible(shown.samples, shown.channel, shown.rate)

@@ -23,21 +23,21 @@ from midair.cli.terminal import (
     play_on_array,
     print_json,
     print_rows,
+    progress_bars,
     quantity,
     say_air,
     say_room,
-    stages,
     warn_level,
     work_of,
     workload_of,
 )
 from midair.errors import InputError
-from midair.evaluate import error_in_air
+from midair.evaluate import error_at_temperature
 from midair.files import load_array_calibration, load_placement, load_solution, load_target, save, save_solutions
-from midair.flow import Reproduction, lead_of, reproduce_parts
 from midair.headroom import level_of
 from midair.model import Acoustics
 from midair.physics import Transducers
+from midair.pipeline import Reproduction, lead_of, reproduce_stream
 from midair.rig import ArrayKind, VirtualRig, array_of_kind, rerecord
 from midair.settings import Settings
 from midair.targets import cells_of, led_in, piece_of
@@ -103,8 +103,8 @@ def solve_command(
         round(pressure.frames / pressure.rate * settings.target.rate),
         workload_of(settings, transducers.count),
     )
-    with stages([work_of("solve", workload, frames)]) as stage:
-        wanted, parts = reproduce_parts(pressure, transducers, settings, progress=stage("solve", workload))
+    with progress_bars([work_of("solve", workload, frames)]) as stage:
+        wanted, parts = reproduce_stream(pressure, transducers, settings, progress=stage("solve", workload))
         save_solutions(parts, target, frames=wanted.frames, target=wanted)
     # What was written: to look at the reels again would be to make them again.
     solution = load_solution(target, streamed=True)
@@ -143,7 +143,7 @@ def _over_the_range(made: Reproduction, settings: Settings) -> list[tuple[str, s
     if not by:
         return []
     ends = [drive.acoustics.medium.warmer(degrees) for degrees in (-by, by)]
-    errors = [error_in_air(drive, made.target, medium, frames=256) for medium in ends]
+    errors = [error_at_temperature(drive, made.target, medium, frames=256) for medium in ends]
     told = [f"{100 * error.mean():.1f} % at {end.degrees:.3g} °C" for error, end in zip(errors, ends, strict=True)]
     return [("E in other air", ", ".join(told))] if all(map(len, errors)) else []
 
@@ -218,7 +218,7 @@ def play_command(
     array = rig.array_device(skin)
     array.silencer = options.silencer
     name, workload = "play and re-record", workload_of(known, drive.array.count)
-    with stages([work_of(name, workload, drive.frames)]) as stage, array, rig.sensor(skin) as sensor:
+    with progress_bars([work_of(name, workload, drive.frames)]) as stage, array, rig.sensor(skin) as sensor:
         sensor.streamed = True
         admission = options.admit(drive, array, room)
         recording = rerecord(admission, array, sensor, source=source, progress=stage(name, workload))

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from midair.cli.speeds import Work, workload_of
     from midair.cli.terminal.air_options import AirOptions, say_air
-    from midair.cli.terminal.bringing import FileOptions, bring, parse_names, parsed
     from midair.cli.terminal.calibration_output import (
         OutputOptions,
         array_rows,
@@ -18,32 +17,32 @@ if TYPE_CHECKING:
         prepare_page,
         tell,
     )
+    from midair.cli.terminal.compare_inputs import felt_part, kept_aside, made_with
     from midair.cli.terminal.comparisons import card_of, plain, print_card, print_palm, print_side_by_side
     from midair.cli.terminal.console import (
         PlainConsole,
-        Stages,
-        Talk,
+        ProgressBars,
+        Verbosity,
         banner,
+        busy_bar,
         err,
         flags_of,
         out,
         print_figures,
         print_json,
         print_rows,
+        progress_bars,
         say,
-        seen_waiting,
-        stages,
-        talk,
-        talking,
+        verbosity,
         warn_simulated,
+        with_verbosity,
         work_of,
     )
     from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long, say_how_long_to_come
-    from midair.cli.terminal.keeping import as_recording, keep, may_write, say_kept
+    from midair.cli.terminal.help_text import GROUPS, epilogue, examples_of, imported, offer
+    from midair.cli.terminal.import_options import FileOptions, import_recording, parse_names, parsed
     from midair.cli.terminal.keys import Keys, Signals, signals_noted
     from midair.cli.terminal.meter_screen import MeterScreen
-    from midair.cli.terminal.nominal import nominal_calibration, scale_by, stated_sensitivity
-    from midair.cli.terminal.offering import GROUPS, epilogue, examples_of, imported, offer
     from midair.cli.terminal.options import (
         BandOptions,
         Force,
@@ -56,7 +55,7 @@ if TYPE_CHECKING:
         paper_beside,
         way_of,
     )
-    from midair.cli.terminal.originals import felt_part, kept_aside, made_with
+    from midair.cli.terminal.output import as_recording, may_write, print_written, write_recording
     from midair.cli.terminal.play_options import PlayOptions, play_on_array, say_room
     from midair.cli.terminal.quantities import parse_quantity, quantity, spell
     from midair.cli.terminal.rows import (
@@ -70,6 +69,7 @@ if TYPE_CHECKING:
         warn_level,
     )
     from midair.cli.terminal.stage_options import Drawing, StageOptions, stroke_rows, strokes_of
+    from midair.cli.terminal.stated_calibration import calibration_from_options, scale_by, stated_sensitivity
     from midair.cli.terminal.sweep_output import show_patterns, show_trials, swept
     from midair.cli.terminal.take_output import plain_take, take_rows
 
@@ -95,13 +95,13 @@ __all__ = [
     "Signals",
     "SolveOptions",
     "StageOptions",
-    "Stages",
-    "Talk",
+    "ProgressBars",
+    "Verbosity",
     "Work",
     "Time",
     "as_recording",
     "banner",
-    "bring",
+    "import_recording",
     "calibrated_by",
     "calibration_figures",
     "card_of",
@@ -113,14 +113,14 @@ __all__ = [
     "kept_aside",
     "given_calibration",
     "imported",
-    "keep",
+    "write_recording",
     "made_with",
     "level_of_file",
     "level_rows",
     "warn_level",
     "may_write",
     "met_of",
-    "nominal_calibration",
+    "calibration_from_options",
     "offer",
     "out",
     "paper_beside",
@@ -144,22 +144,22 @@ __all__ = [
     "say_how_long",
     "say_how_long_to_come",
     "say_air",
-    "say_kept",
+    "print_written",
     "say_room",
     "scale_by",
     "show_patterns",
     "show_trials",
-    "seen_waiting",
+    "busy_bar",
     "signals_noted",
     "spell",
-    "stages",
+    "progress_bars",
     "stated_sensitivity",
     "stroke_rows",
     "strokes_of",
     "swept",
     "take_rows",
-    "talk",
-    "talking",
+    "verbosity",
+    "with_verbosity",
     "tell",
     "way_of",
     "work_of",
@@ -170,25 +170,25 @@ __all__ = [
 _FROM = {
     "midair.cli.speeds": "Work workload_of",
     "midair.cli.terminal.air_options": "AirOptions say_air",
-    "midair.cli.terminal.bringing": "FileOptions bring parse_names parsed",
+    "midair.cli.terminal.import_options": "FileOptions import_recording parse_names parsed",
     "midair.cli.terminal.calibration_output": (
         "OutputOptions array_rows as_measured given_calibration prepare_page tell"
     ),
     "midair.cli.terminal.comparisons": "card_of plain print_card print_palm print_side_by_side",
     "midair.cli.terminal.console": (
-        "PlainConsole Stages Talk banner err flags_of out print_figures print_json print_rows say seen_waiting "
-        "stages talk talking warn_simulated work_of"
+        "PlainConsole ProgressBars Verbosity banner err flags_of out print_figures print_json print_rows say busy_bar "
+        "progress_bars verbosity with_verbosity warn_simulated work_of"
     ),
     "midair.cli.terminal.exposure_options": "ExposureOptions say_how_long say_how_long_to_come",
-    "midair.cli.terminal.keeping": "as_recording keep may_write say_kept",
+    "midair.cli.terminal.output": "as_recording write_recording may_write print_written",
     "midair.cli.terminal.keys": "Keys Signals signals_noted",
     "midair.cli.terminal.meter_screen": "MeterScreen",
-    "midair.cli.terminal.nominal": "nominal_calibration scale_by stated_sensitivity",
-    "midair.cli.terminal.offering": "GROUPS epilogue examples_of imported offer",
+    "midair.cli.terminal.stated_calibration": "calibration_from_options scale_by stated_sensitivity",
+    "midair.cli.terminal.help_text": "GROUPS epilogue examples_of imported offer",
     "midair.cli.terminal.options": (
         "BandOptions Force Frequency Json Length Quiet SolveOptions Time paper_beside way_of"
     ),
-    "midair.cli.terminal.originals": "felt_part kept_aside made_with",
+    "midair.cli.terminal.compare_inputs": "felt_part kept_aside made_with",
     "midair.cli.terminal.play_options": "PlayOptions play_on_array say_room",
     "midair.cli.terminal.quantities": "parse_quantity quantity spell",
     "midair.cli.terminal.rows": (

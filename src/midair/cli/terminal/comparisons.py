@@ -6,20 +6,20 @@ from rich.table import Table
 
 from midair.cli.terminal.console import out
 from midair.errors import ShapeError
-from midair.evaluate import Comparison, PalmFidelity, PerceptualCard, perceptual_card
+from midair.evaluate import Comparison, PalmFidelity, PerceptualMetrics, perceptual_metrics
 from midair.model import PressureFrames
 from midair.rig import Outcome, side_by_side
 
 
-def card_of(original: PressureFrames, reproduced: PressureFrames) -> PerceptualCard | None:
+def card_of(original: PressureFrames, reproduced: PressureFrames) -> PerceptualMetrics | None:
     """The perceptual card; None for less than the 64 ms that its metrics need."""
     try:
-        return perceptual_card(original, reproduced)
+        return perceptual_metrics(original, reproduced)
     except ShapeError:
         return None
 
 
-def print_card(card: PerceptualCard) -> None:
+def print_card(card: PerceptualMetrics) -> None:
     """Each figure over all cells, and what it means."""
     out().print(f"\n{card.verdict()}")
     out().print("what skin makes of it, over all cells")

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Table
 from rich.text import Text
 
-from midair.cli.speeds import MEASURED, Speeds, Work, told
+from midair.cli.speeds import MEASURED, Speeds, Work, estimate_text
 from midair.cli.waiting import Waiting, waiting
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _FLAGS = {"-q": "quiet", "-v": "verbose", "--verbose": "verbose"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Talk:
+class Verbosity:
     """How much is said.
 
     Parameters
@@ -42,16 +42,16 @@ class Talk:
     line: str = "midair"
 
 
-_talk: ContextVar[Talk | None] = ContextVar("talk", default=None)
+_talk: ContextVar[Verbosity | None] = ContextVar("talk", default=None)
 
 
-def talk() -> Talk:
+def verbosity() -> Verbosity:
     """How much the command that runs is to say."""
-    return _talk.get() or Talk()
+    return _talk.get() or Verbosity()
 
 
 @contextmanager
-def talking(how: Talk) -> Generator[None]:
+def with_verbosity(how: Verbosity) -> Generator[None]:
     """Say so much inside."""
     before = _talk.set(how)
     try:
@@ -60,13 +60,13 @@ def talking(how: Talk) -> Generator[None]:
         _talk.reset(before)
 
 
-def flags_of(tokens: Sequence[str]) -> tuple[Talk, list[str]]:
+def flags_of(tokens: Sequence[str]) -> tuple[Verbosity, list[str]]:
     """What a command line says of it, wherever it stands before ``--``, and the command line without."""
     ends = list(tokens).index("--") if "--" in tokens else len(tokens)
     said = {_FLAGS[token] for token in tokens[:ends] if token in _FLAGS}
     rest = [token for token in tokens[:ends] if token not in _FLAGS]
     rest += tokens[ends:]
-    return Talk(quiet="quiet" in said, verbose="verbose" in said, line=shlex.join(["midair", *rest])), rest
+    return Verbosity(quiet="quiet" in said, verbose="verbose" in said, line=shlex.join(["midair", *rest])), rest
 
 
 class PlainConsole(Console):
@@ -107,7 +107,7 @@ def bars(items: str = "frames", *, width: int = 16, name: str = "<27", digits: i
         TimeRemainingColumn(elapsed_when_finished=True),
         console=err(),
         speed_estimate_period=period,
-        disable=talk().quiet,
+        disable=verbosity().quiet,
     )
 
 
@@ -115,9 +115,9 @@ _waiting: ContextVar[Waiting | None] = ContextVar("waiting", default=None)
 
 
 @contextmanager
-def seen_waiting(words: str, passes: int) -> Generator[None]:
+def busy_bar(words: str, passes: int) -> Generator[None]:
     """A bar after two seconds inside, until results come; nothing with -q."""
-    if talk().quiet:
+    if verbosity().quiet:
         yield
         return
     with waiting(words, PlainConsole(stderr=True), passes=passes) as line:
@@ -152,7 +152,7 @@ def say(line: str) -> None:
     out().print(line)
 
 
-class Stages(Protocol):
+class ProgressBars(Protocol):
     """Told the name of each stage as it begins, and what it works on; gives the progress to report to."""
 
     def __call__(self, name: str, /, workload: str = "") -> "Report":
@@ -166,13 +166,13 @@ def work_of(name: str, workload: str, frames: int) -> Work:
 
 
 @contextmanager
-def stages(works: Sequence[Work] = ()) -> Generator[Stages]:
+def progress_bars(works: Sequence[Work] = ()) -> Generator[ProgressBars]:
     """A progress bar on the error stream with a line for each stage: frames, frames per second, time left.
 
     Before it, how long these works will take; after it, what was learnt of how fast they go here.
     """
     speeds, running = Speeds.known(), list[_Running]()
-    if works and (line := told(speeds, works)) and not talk().quiet:
+    if works and (line := estimate_text(speeds, works)) and not verbosity().quiet:
         err().print(line, style="dim")
     with bars() as shown:
 

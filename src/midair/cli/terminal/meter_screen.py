@@ -15,7 +15,7 @@ from midair.cli.terminal.options import Quiet
 from midair.devices import SensorDevice
 from midair.files import printable
 from midair.model import Event
-from midair.rig import Drift, Levels, TakeOrder, View, told
+from midair.rig import Drift, Levels, TakeOrder, View, event_message
 
 WIDTH = 8
 """Of a bar, in characters."""
@@ -115,7 +115,7 @@ class MeterScreen:
                 return
             self._clipped.add(event.channel)
         if not (self._quiet and event.kind == "trigger"):
-            self._say(told(event, self._sensor.rate, self._sensor.grid, drift))
+            self._say(event_message(event, self._sensor.rate, self._sensor.grid, drift))
 
     def _say(self, line: str) -> None:
         self._console.print(printable(line), markup=False, highlight=False)

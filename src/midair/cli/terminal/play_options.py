@@ -6,14 +6,14 @@ from pathlib import Path
 from cyclopts import Parameter
 
 from midair.cli.terminal.air_options import note_air
-from midair.cli.terminal.console import banner, print_rows, stages
+from midair.cli.terminal.console import banner, print_rows, progress_bars
 from midair.cli.terminal.exposure_options import ExposureOptions, say_how_long
 from midair.cli.terminal.options import Time
 from midair.cli.terminal.rows import level_of_file, level_rows
-from midair.devices import Admission, ArrayDevice, PlayReport, SilencerChoice, admit
+from midair.devices import ArrayDevice, ExposureClearance, PlayReport, SilencerChoice, check_exposure
 from midair.files import check_fits, load_placement, load_solution, load_target
 from midair.model import Drive, Medium
-from midair.rig import array_named, play_admitted, room_air
+from midair.rig import array_named, play_cleared, room_air
 
 
 @Parameter(name="*")
@@ -39,11 +39,11 @@ class PlayOptions(ExposureOptions):
     silencer: SilencerChoice = "auto"
     placement: Path | None = None
 
-    def admit(self, drive: Drive, device: ArrayDevice, room: Medium | None) -> Admission:
+    def admit(self, drive: Drive, device: ArrayDevice, room: Medium | None) -> ExposureClearance:
         """The drive, once its exposure on this device is checked in the air of the room."""
         choices = self.choices(room)
         say_how_long(drive, choices.profile, room=room)
-        return admit(drive, device, choices, repeats=self.repeats)
+        return check_exposure(drive, device, choices, repeats=self.repeats)
 
 
 def say_room(drive: Drive, source: Path, room: Medium | None, *, simulated: bool = False) -> None:
@@ -69,10 +69,10 @@ def play_on_array(source: Path, device: str, options: PlayOptions, room: Medium 
         say_room(drive, source, room)
         rows = [("exposure", admission.verdict()), ("measured in", admission.exposure.measured_in)]
         print_rows([*level_rows(level_of_file(source)), *rows])
-        with stages() as stage, array:
+        with progress_bars() as stage, array:
             # Only now the units have said whether they are real.
             banner(array.simulated)
-            report = play_admitted(
+            report = play_cleared(
                 admission, array, source=source, delay=options.delay, progress=stage("play"), room=room
             )
     print_rows(_rows(report, drive, device))

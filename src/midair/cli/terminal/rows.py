@@ -6,12 +6,12 @@ import numpy as np
 
 from midair.cli.terminal.air_options import note_air
 from midair.cli.terminal.quantities import spell
-from midair.evaluate import Met, met
+from midair.evaluate import SolveError, error_by_energy
 from midair.files import load_solution, load_target
 from midair.headroom import PressureLevel, band_of, level_of
+from midair.lazy_frames import blocks
 from midair.model import AmplitudeFrames, Calibration, Recording, Solution
 from midair.recordings import dead_channels
-from midair.reel import blocks
 from midair.targets import piece_of
 
 
@@ -82,12 +82,12 @@ def level_of_file(source: Path) -> PressureLevel | None:
     return None if target is None else level_of(load_solution(source, streamed=True), target, band=band_of(target))
 
 
-def met_of(solution: Solution, target: AmplitudeFrames) -> Met:
+def met_of(solution: Solution, target: AmplitudeFrames) -> SolveError:
     """How well the piece was met, without its lead, in which there is next to nothing to be met."""
     inside = piece_of(target.provenance, target.frames, target.rate)
     plays = np.array([status != "silent" for status in solution.status])
     power = np.concatenate([(block**2).sum(axis=1) for block in blocks(target.amplitude)])
-    return met(solution.error[inside], (power * plays)[inside])
+    return error_by_energy(solution.error[inside], (power * plays)[inside])
 
 
 def level_rows(level: PressureLevel | None) -> list[tuple[str, str]]:

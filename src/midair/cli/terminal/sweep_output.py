@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 from rich.table import Table as Shown
 
-from midair.cli.speeds import MEASURED, Speeds, Work, told
-from midair.cli.terminal.console import banner, bars, err, out, talk
+from midair.cli.speeds import MEASURED, Speeds, Work, estimate_text
+from midair.cli.terminal.console import banner, bars, err, out, verbosity
 from midair.errors import InputError
 from midair.model import Progress as Advance
 from midair.sweep import PatternReport, PatternSweep, Sweep, TrialReport, run_sweep
@@ -48,8 +48,8 @@ def sweep_bar(items: str, workload: str) -> Generator[Advance]:
             last = (done, time.monotonic())
             if shown.tasks[0].total is None:
                 begun = last
-                line = told(speeds, [Work(kind=kind, frames=total - done)])
-                if line and total > done and not talk().quiet:
+                line = estimate_text(speeds, [Work(kind=kind, frames=total - done)])
+                if line and total > done and not verbosity().quiet:
                     shown.console.print(line, style="dim")
                 shown.reset(task, total=total, completed=done)
             else:

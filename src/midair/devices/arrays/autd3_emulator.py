@@ -19,7 +19,7 @@ from midair.model import Placement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PutOut:
+class EmittedFrames:
     """What the emulated transducers put out, a row each 25 µs.
 
     Attributes
@@ -103,7 +103,7 @@ class Autd3Firmware:
         return self._playing
 
     def state(self) -> None:
-        """Nothing: a recorder answers no questions."""
+        """NoArguments: a recorder answers no questions."""
 
     def release(self) -> None:
         """Nothing to release."""
@@ -120,11 +120,11 @@ class Autd3Firmware:
         """Let go; what was put out is gone."""
         self._recorder = None
 
-    def put_out(self) -> PutOut:
+    def put_out(self) -> EmittedFrames:
         """Everything from the beginning until now. Ends the emulation."""
         recorder, self._recorder = self._open, None
         record = recorder.into_record()
-        return PutOut(
+        return EmittedFrames(
             phase=record.phase().to_numpy().T,
             pulse_width=record.pulse_width().to_numpy().T.astype(np.uint16),
             begin=self._begin,

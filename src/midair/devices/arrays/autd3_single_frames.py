@@ -3,9 +3,9 @@
 A frame is one datagram a unit. The units keep time and queue up to seven; what is sent is not waited for, so that the
 one who makes frames goes on at once, and what became of it is counted when its answer comes.
 
-The SDK speaks asyncio. A loop of asyncio in a thread of its own costs two wakings and two turns of the interpreter's
-lock a frame, which together are more than the phases. So whoever makes frames turns a loop of his own, `TurnedLoop`,
-between two of them: nothing is waited for, and nobody has to be woken.
+The SDK speaks asyncio. A loop of asyncio in a thread of its own costs two context switches and two turns of the
+interpreter's lock a frame, which together take longer than computing the phases. So the caller runs its own loop,
+`ManualEventLoop`, between two frames: it waits for nothing, and no thread has to be woken.
 """
 
 import asyncio
@@ -33,7 +33,7 @@ _KEPT = 64
 """Frames of which is known when they left."""
 
 
-class TurnedLoop(asyncio.AbstractEventLoop):
+class ManualEventLoop(asyncio.AbstractEventLoop):
     """An event loop that never waits: what there is to do is done when somebody turns it.
 
     Only what futures and tasks need of a loop; from another thread, `call_soon_threadsafe` alone.
@@ -103,7 +103,7 @@ class Autd3Immediate(Autd3Udp):
         self._wrong: DeviceError | None = None
         self._asks = 0.0
         self._geometry = commands.geometry(placement)
-        self._turned = TurnedLoop()
+        self._turned = ManualEventLoop()
         self._tasks: set[asyncio.Task[None]] = set()
         super().__init__(placement, place, failsafe=failsafe, heartbeat=False)
 

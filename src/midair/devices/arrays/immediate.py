@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-from midair.devices.admission import Admission
 from midair.devices.arrays.banks import UnitsState
 from midair.devices.arrays.silencer import Silencer
+from midair.devices.exposure_check import ExposureClearance
 from midair.devices.frame_bytes import TICK, Bytes, divider, intensity_bytes, phase_bytes
 from midair.devices.interface import ArrayDevice, PlayReport
 from midair.devices.safety import log_end, log_order
@@ -142,7 +142,7 @@ class ImmediateArray(ArrayDevice):
 
     @contextmanager
     def frames_to_come(
-        self, admission: Admission, *, source: str | Path = "live", room: Medium | None = None
+        self, admission: ExposureClearance, *, source: str | Path = "live", room: Medium | None = None
     ) -> Generator[Put]:
         """While inside, frames no stronger than what `admit_level` was asked for sound when they are put.
 

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from midair.devices.arrays.banks import Banks, TooLateError
-from midair.devices.arrays.heard import Heard
+from midair.devices.arrays.frame_capture import FrameCapture
 from midair.devices.frame_bytes import TICK, Bytes
 from midair.devices.interface import PlayReport
 from midair.errors import DeviceError, SilentFramesError, StoppedError, TooHotError
+from midair.lazy_frames import read_frames
 from midair.model import Progress
-from midair.reel import taken
 
 MS = 1_000_000
 ASKED = 250 * MS
@@ -71,7 +71,7 @@ class DriveStream:
         while first < end:
             at = first % frames
             till = min(frames, at + end - first)
-            parts.append((taken(self.phases, at, till), taken(self.intensity, at, till)))
+            parts.append((read_frames(self.phases, at, till), read_frames(self.intensity, at, till)))
             first += till - at
         return np.concatenate([phases for phases, _ in parts]), np.concatenate([levels for _, levels in parts])
 
@@ -107,7 +107,7 @@ def play_stream(
     DeviceError
         If the link is lost, or the device refuses a switch three times.
     """
-    heard = Heard(banks, stream.period, stream.total)
+    heard = FrameCapture(banks, stream.period, stream.total)
     try:
         return _play(stream, banks, heard, progress, switch or banks.switch)
     except (SilentFramesError, StoppedError, TooHotError):
@@ -116,7 +116,9 @@ def play_stream(
         raise heard.told(wrong) from wrong
 
 
-def _play(stream: DriveStream, banks: Banks, heard: Heard, progress: Progress | None, switch: Switch) -> PlayReport:
+def _play(
+    stream: DriveStream, banks: Banks, heard: FrameCapture, progress: Progress | None, switch: Switch
+) -> PlayReport:
     size, bank, done = stream.frames_in_block(banks.frames_max), 1, 0
     # Before the first block is written, so that a delay counts from the order.
     begin = banks.now()
@@ -147,7 +149,7 @@ def _play(stream: DriveStream, banks: Banks, heard: Heard, progress: Progress | 
     )
 
 
-def _wait(banks: Banks, heard: Heard, instant: int) -> None:
+def _wait(banks: Banks, heard: FrameCapture, instant: int) -> None:
     """Return at an instant; during a delay or a slow frame, keep asking whether a unit is too hot."""
     while instant - banks.now() > ASKED:
         banks.wait_until(banks.now() + ASKED)

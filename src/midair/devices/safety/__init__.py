@@ -1,14 +1,14 @@
 """What keeps playing safe, whoever plays: one program a device, a log, a line by which another terminal silences."""
 
 from midair.devices.safety.device_locks import device_lock
-from midair.devices.safety.orders import Order
 from midair.devices.safety.play_log import Ending, log_end, log_order
 from midair.devices.safety.state_folders import make_state_folder, state_folder
-from midair.devices.safety.stop_lines import Stopped, ordered_at, playing_now, process_began, stop_playing, uptime
+from midair.devices.safety.stop_channel import Stopped, ordered_at, playing_now, process_began, stop_playing, uptime
+from midair.devices.safety.stop_guard import StopGuard
 
 __all__ = [
     "Ending",
-    "Order",
+    "StopGuard",
     "Stopped",
     "device_lock",
     "log_end",

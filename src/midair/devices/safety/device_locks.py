@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote, unquote
 
-from midair.devices.safety.held_files import HeldFile, held_entry
+from midair.devices.safety.lock_files import LockFile, held_entry
 from midair.devices.safety.state_folders import make_state_folder, state_folder
 from midair.errors import HeldError
 
@@ -30,7 +30,7 @@ def device_lock(device: str) -> Generator[None]:
         If the state folder cannot be written.
     """
     path = _path(make_state_folder(), device)
-    held = HeldFile.take(path)
+    held = LockFile.take(path)
     if held is None:
         raise HeldError(_refusal(device, path))
     try:

@@ -13,13 +13,13 @@ from typing import Literal
 
 import numpy as np
 
-from midair.devices.admission import Admission
-from midair.devices.safety.held_files import command, token, user
+from midair.devices.exposure_check import ExposureClearance
+from midair.devices.safety.lock_files import command, token, user
 from midair.devices.safety.state_folders import make_state_folder
 from midair.errors import FileError
+from midair.lazy_frames import blocks
 from midair.model import Drive, Medium
 from midair.physics import ExposureProfile
-from midair.reel import blocks
 from midair.version import __version__
 
 LOG = "played.jsonl"
@@ -30,7 +30,12 @@ Ending = Literal["played", "stopped", "failed"]
 
 
 def log_order(
-    source: str | Path, device: str, admission: Admission, *, simulated: bool = False, room: Medium | None = None
+    source: str | Path,
+    device: str,
+    admission: ExposureClearance,
+    *,
+    simulated: bool = False,
+    room: Medium | None = None,
 ) -> str:
     """Write down what is about to be played, before any sound.
 

@@ -2,8 +2,8 @@
 
 from midair.devices.sensors.decimated import Decimated
 from midair.devices.sensors.paced import PacedSensor
+from midair.devices.sensors.remapped import RemappedSensor
 from midair.devices.sensors.replay import ReplaySensor
-from midair.devices.sensors.rewired import Rewired
 from midair.devices.sensors.sources import Chunk, Source, Stream
 from midair.devices.sensors.streamed_sensor import StreamedSensor
 
@@ -12,7 +12,7 @@ __all__ = [
     "Decimated",
     "PacedSensor",
     "ReplaySensor",
-    "Rewired",
+    "RemappedSensor",
     "Source",
     "Stream",
     "StreamedSensor",

@@ -7,8 +7,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from midair.lazy_frames import Stored
 from midair.model import Unit
-from midair.reel import Stored
 
 Samples = NDArray[Any]
 """Shape (frame, channel), of any number type."""

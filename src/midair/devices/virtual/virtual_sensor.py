@@ -7,10 +7,10 @@ import numpy as np
 from midair.devices.interface import FrameBlock, SensorDevice
 from midair.devices.virtual.virtual_skin import VirtualSkin
 from midair.errors import DeviceStateError
-from midair.long_sensing import sense_reel, stored_of
+from midair.lazy_frames import LazyFrames
+from midair.lazy_sensing import sense_lazily, storage_precision
 from midair.model import PressureFrames
 from midair.physics import calibration_of, sense
-from midair.reel import Reel
 
 
 class VirtualSensor(SensorDevice):
@@ -46,10 +46,10 @@ class VirtualSensor(SensorDevice):
     ) -> None:
         self.name, self.grid, self.rate = name, skin.model.grid, rate
         self.calibration, self.full_scale = calibration_of(skin.model), skin.model.full_scale
-        self.stored = stored_of(skin.model)
+        self.stored = storage_precision(skin.model)
         self._skin, self._touch, self._seed = skin, touch, seed
         self._oversample = round(skin.rate / rate)
-        self._samples: np.ndarray | Reel = np.zeros((0, *self.grid.shape))
+        self._samples: np.ndarray | LazyFrames = np.zeros((0, *self.grid.shape))
         self._taken, self._sampling = 0, False
 
     def open(self) -> None:
@@ -83,9 +83,9 @@ class VirtualSensor(SensorDevice):
     def close(self) -> None:
         """Nothing to let go of."""
 
-    def _sense(self, frames: int) -> np.ndarray | Reel:
+    def _sense(self, frames: int) -> np.ndarray | LazyFrames:
         pressure, over = self._skin.pressure(frames * self._oversample), self._oversample
         felt, rng = pressure[: len(pressure) // over * over], np.random.default_rng(self._seed)
         if self.streamed:
-            return sense_reel(self._skin.model, felt, self.rate, rng=rng, oversample=over)
+            return sense_lazily(self._skin.model, felt, self.rate, rng=rng, oversample=over)
         return sense(self._skin.model, np.asarray(felt), self.rate, rng=rng, oversample=over)

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import RateError, ShapeError
+from midair.lazy_frames import LazyFrames
 from midair.model import ControlGrid, PressureFrames
 from midair.physics import SensorModel, cell_weights
-from midair.reel import Reel
-from midair.spool import Spool
+from midair.temp_frames import TempFrames
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class VirtualSkin:
 
     def clear(self) -> None:
         """Forget all pressure: time begins again at 0."""
-        self._pressed = Spool(*self.model.grid.shape)
+        self._pressed = TempFrames(*self.model.grid.shape)
 
     def touch(self, stroke: PressureFrames) -> None:
         """An object presses on the cells, after all that pressed before.
@@ -62,6 +62,6 @@ class VirtualSkin:
         """Sound presses on the points of the skin, shape (step, point), in Pa, after all that pressed before."""
         self._pressed.append((pressure @ self._weights.T).reshape(-1, *self.model.grid.shape))
 
-    def pressure(self, steps: int) -> Reel:
+    def pressure(self, steps: int) -> LazyFrames:
         """What the cells felt since the last clear, shape (step, row, column), in Pa: at least `steps` of it."""
         return self._pressed.reel().followed(steps)

@@ -57,7 +57,7 @@ class VirtualUnits:
         return dict(self._told)
 
     def state(self) -> None:
-        """Nothing: there is nobody to ask."""
+        """NoArguments: there is nobody to ask."""
 
     def silence(self) -> None:
         """A silent frame at once."""

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.files.atomic import whole_file
-from midair.files.loss import Loss, calibration_lost
+from midair.files.format_loss import FormatLoss, calibration_lost
+from midair.lazy_frames import read_frames, with_cache
 from midair.medians import medians
 from midair.model import Calibration, Recording
-from midair.reel import remembered, taken
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ SHARPNESS = (80.0, 230.0)
 """Frequencies of sharpness 0 and 1, in Hz."""
 
 
-def write_ahap(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
+def write_ahap(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
     """Write intensity and sharpness of the cells together.
 
     Raises
@@ -75,7 +75,7 @@ def envelope(recording: Recording) -> tuple[Array, Array, Array]:
     time = np.linspace(0, recording.duration, count)
     half = max(2, round(STEP * recording.rate))
     window = np.hanning(2 * half + 1)[:, None]
-    samples = remembered(recording.samples)
+    samples = with_cache(recording.samples)
     bins = np.fft.rfftfreq(2 * half + 1, 1 / recording.rate)
     power, frequency = np.zeros(count), np.zeros(count)
     for i, centre in enumerate(np.round(time * recording.rate).astype(int)):
@@ -84,7 +84,7 @@ def envelope(recording: Recording) -> tuple[Array, Array, Array]:
         change = np.zeros((2 * half + 1, len(still)))
         if first < last:
             there = slice(first - centre + half, last - centre + half)
-            change[there] = taken(samples, first, last).reshape(last - first, -1) - still
+            change[there] = read_frames(samples, first, last).reshape(last - first, -1) - still
         spectrum = (np.abs(np.fft.rfft(change * window, axis=0)) ** 2).sum(axis=1)
         power[i] = spectrum.sum()
         frequency[i] = spectrum @ bins / power[i] if power[i] else 0.0
@@ -124,21 +124,25 @@ def _curves(name: str, time: Array, values: Array) -> list[dict[str, Any]]:
     return curves
 
 
-def _losses(recording: Recording) -> tuple[Loss, ...]:
+def _losses(recording: Recording) -> tuple[FormatLoss, ...]:
     low, high = SHARPNESS
     rows, columns = recording.sensor.shape
     found = [
-        Loss(what="channels", text=f"{rows} x {columns} cells became one actuator: where something pressed is lost."),
-        Loss(what="waveform", text=f"The waveform became an intensity and a sharpness every {STEP * 1e3:g} ms."),
-        Loss(what="band", text=f"Sharpness stands for {low:g} to {high:g} Hz; what is outside is moved to its ends."),
-        Loss(what="scale", text="Intensity is a part of the recording's largest: how strong it was is lost."),
-        Loss(what="provenance", text="Sensor and provenance were left out."),
+        FormatLoss(
+            what="channels", text=f"{rows} x {columns} cells became one actuator: where something pressed is lost."
+        ),
+        FormatLoss(what="waveform", text=f"The waveform became an intensity and a sharpness every {STEP * 1e3:g} ms."),
+        FormatLoss(
+            what="band", text=f"Sharpness stands for {low:g} to {high:g} Hz; what is outside is moved to its ends."
+        ),
+        FormatLoss(what="scale", text="Intensity is a part of the recording's largest: how strong it was is lost."),
+        FormatLoss(what="provenance", text="Sensor and provenance were left out."),
     ]
     if recording.provenance.simulated:
-        found.append(Loss(what="provenance", text="The file cannot say that this recording is SIMULATED."))
+        found.append(FormatLoss(what="provenance", text="The file cannot say that this recording is SIMULATED."))
     if recording.duration > LONGEST:
         parts = len(_starts(recording.duration))
         found.append(
-            Loss(what="length", text=f"{recording.duration:g} s became {parts} events of up to {LONGEST:g} s.")
+            FormatLoss(what="length", text=f"{recording.duration:g} s became {parts} events of up to {LONGEST:g} s.")
         )
     return tuple(found)

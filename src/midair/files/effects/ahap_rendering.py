@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
 from midair.files.effects.ahap_file import SHARPNESS
-from midair.files.opened_take import Foreign, Given, OpenedTake
+from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ LONGEST = 600.0
 _CONTROLS = {"HapticIntensityControl": 1.0, "HapticSharpnessControl": 0.0}
 
 
-def read_ahap(path: Path, given: Given) -> OpenedTake:
+def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
     """The wave of an AHAP file as a recording of one channel, 1 being full intensity.
 
     Raises
@@ -64,7 +64,7 @@ def read_ahap(path: Path, given: Given) -> OpenedTake:
     ]
     if len(haptic) < len(events):
         report.append(f"{len(events) - len(haptic)} events of sound were left out.")
-    found = Foreign(
+    found = ImportedData(
         samples=wave[:, None], form="AHAP", rate=rate, settings={"events": len(haptic)}, report=tuple(report)
     )
     return found.settle(given, path)

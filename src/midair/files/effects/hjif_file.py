@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.files.atomic import whole_file
-from midair.files.loss import Loss, calibration_lost
+from midair.files.format_loss import FormatLoss, calibration_lost
+from midair.lazy_frames import block_ranges, moments, read_frames
 from midair.medians import medians
 from midair.model import Calibration, Recording
-from midair.reel import moments, stretches, taken
 from midair.version import __version__
 
 VERSION = "2023"
@@ -29,7 +29,7 @@ _STEPS = 32767  # of the amplitude, each way
 _LATER = "written later"
 
 
-def write_hjif(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
+def write_hjif(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
     """Write the change of every cell from its median as a curve of -1 to 1, 1 being the largest change of any cell.
 
     Raises
@@ -84,10 +84,10 @@ def _channel(recording: Recording, number: int, still: float, peak: float, times
     before, after = _halves(_frame(recording, number))
     yield before
     comma = ""
-    for first, last in stretches(recording.samples.shape):
+    for first, last in block_ranges(recording.samples.shape):
         # With the frames beside, which tell whether the first and the last are inside a run.
         begin, end = max(0, first - 1), min(recording.frames, last + 1)
-        cell = taken(recording.samples, begin, end).reshape(end - begin, -1)[:, number]
+        cell = read_frames(recording.samples, begin, end).reshape(end - begin, -1)[:, number]
         steps = np.round((cell - still) / peak * _STEPS) / _STEPS
         turns = np.arange(begin, end)[_turning(steps)]
         turns = turns[(turns >= first) & (turns < last)]
@@ -149,20 +149,20 @@ def _description(recording: Recording, peak: float) -> str:
     return f"{simulated}{life.source}; 1 stands for {peak:.6g} {recording.unit}; made by midair {__version__}"
 
 
-def _losses(recording: Recording, peak: float, shifted: bool, timescale: int) -> tuple[Loss, ...]:
+def _losses(recording: Recording, peak: float, shifted: bool, timescale: int) -> tuple[FormatLoss, ...]:
     steps = f"{peak / _STEPS:.3g} {recording.unit}"
     found = [
-        Loss(
+        FormatLoss(
             what="scale",
             text=f"Samples are parts of the largest change, {peak:.6g} {recording.unit}, in steps of {steps}.",
         ),
-        Loss(
+        FormatLoss(
             what="sensor", text="Places of the cells are text: an actuator a channel is assumed, no field between them."
         ),
-        Loss(what="provenance", text="The steps and notes of the provenance were left out."),
+        FormatLoss(what="provenance", text="The steps and notes of the provenance were left out."),
     ]
     if shifted:
-        found.append(Loss(what="band", text="The median of each channel was taken away: only changes are kept."))
+        found.append(FormatLoss(what="band", text="The median of each channel was taken away: only changes are kept."))
     if timescale != recording.rate:
-        found.append(Loss(what="rate", text=f"Frames were moved to the nearest of {timescale} ticks a second."))
+        found.append(FormatLoss(what="rate", text=f"Frames were moved to the nearest of {timescale} ticks a second."))
     return tuple(found)

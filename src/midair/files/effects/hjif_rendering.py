@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError
 from midair.files.effects.ahap_rendering import CLICK, LONGEST, RATE
-from midair.files.opened_take import Foreign, Given, OpenedTake
+from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
 
 Array = NDArray[np.float64]
 Plain = Mapping[str, Any]
@@ -34,7 +34,7 @@ def _base(signal: str, turns: Array) -> Array:
     return np.sin(2 * np.pi * turns)
 
 
-def read_hjif(path: Path, given: Given) -> OpenedTake:
+def read_hjif(path: Path, given: ImportOptions) -> OpenedTake:
     """The waves of an MPEG haptics file as a recording, 1 being full scale.
 
     Raises
@@ -63,7 +63,7 @@ def read_hjif(path: Path, given: Given) -> OpenedTake:
     samples = np.stack([_rendered(channel, time, ticks) for channel in channels], axis=1)
     report = [f"Rendered at {rate:g} Hz; curves on straight lines."]
     report += [f"Left out: {', '.join(left_out)}."] if left_out else []
-    found = Foreign(samples=samples, form="MPEG haptics", rate=rate, settings={}, report=tuple(report))
+    found = ImportedData(samples=samples, form="MPEG haptics", rate=rate, settings={}, report=tuple(report))
     return found.settle(given, path)
 
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError
+from midair.lazy_frames import LazyFrames, blocks
 from midair.model import SensorGrid
-from midair.reel import Reel, blocks
 
 
 def time_values(frames: int, rate: float) -> dict[str, Any]:
     """What is stored of `frames` frames at `rate` (Hz)."""
-    return {"rate_hz": rate, "time": Reel(lambda first, last: np.arange(first, last) / rate, (frames,))}
+    return {"rate_hz": rate, "time": LazyFrames(lambda first, last: np.arange(first, last) / rate, (frames,))}
 
 
 def sensor_values(sensor: SensorGrid) -> dict[str, Any]:
@@ -58,9 +58,9 @@ def check_time(values: Mapping[str, Any], path: Path) -> None:
         first += len(block)
 
 
-def single(samples: "np.ndarray | Reel") -> "np.ndarray | Reel":
+def single(samples: "np.ndarray | LazyFrames") -> "np.ndarray | LazyFrames":
     """Samples as float32 where that holds every one of them; as they are otherwise, and reels always."""
-    if isinstance(samples, Reel):
+    if isinstance(samples, LazyFrames):
         return samples
     with np.errstate(over="ignore"):
         small = samples.astype(np.float32)

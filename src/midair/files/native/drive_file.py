@@ -27,6 +27,7 @@ from midair.files.native.hdf5 import (
     write_group,
 )
 from midair.files.native.provenance_json import from_json, to_json
+from midair.lazy_frames import LazyFrames, each_frame, from_iterator
 from midair.model import (
     Acoustics,
     AmplitudeFrames,
@@ -39,8 +40,7 @@ from midair.model import (
     Status,
     TransducerArray,
 )
-from midair.reel import Reel, each_frame, told_in_order
-from midair.spool import Spool
+from midair.temp_frames import TempFrames
 
 DRIVE_SUFFIX = ".drive.h5"
 """Of a drive's file."""
@@ -108,8 +108,8 @@ def save_solutions(
     if target is not None:
         _check_target(target, replace(first.drive, phase=first.drive.phase[:1], level=first.drive.level[:1]), frames)
     told = _Told()
-    with Spool(first.drive.array.count) as spool:
-        phases = told_in_order(told.listen(chain([first], coming), spool), (frames, first.drive.array.count))
+    with TempFrames(first.drive.array.count) as spool:
+        phases = from_iterator(told.listen(chain([first], coming), spool), (frames, first.drive.array.count))
         values = {**_drive_values(first.drive), **_solution_values(first), **time_values(frames, first.drive.rate)}
         # Phases stand first in the table: once they are written, all that is beside them is known.
         values |= {"phase": phases, **told.later(frames, spool, own_level=first.drive.level.ndim == 2)}
@@ -125,7 +125,7 @@ class _Told:
     def __init__(self) -> None:
         self.parts: dict[str, list[np.ndarray]] = {name: [] for name in ("level", "error", "iterations", "status")}
 
-    def listen(self, parts: Iterable[Solution], spool: Spool) -> Iterator[np.ndarray]:
+    def listen(self, parts: Iterable[Solution], spool: TempFrames) -> Iterator[np.ndarray]:
         """The phases of each part; the rest is kept, levels of single transducers on the disk."""
         for part in parts:
             values = _solution_values(part)
@@ -137,11 +137,11 @@ class _Told:
                 self.parts["level"].append(part.drive.level)
             yield part.drive.phase
 
-    def later(self, frames: int, spool: Spool, *, own_level: bool) -> dict[str, Reel]:
+    def later(self, frames: int, spool: TempFrames, *, own_level: bool) -> dict[str, LazyFrames]:
         """What was kept, read once it is all there."""
 
-        def of(name: str) -> Reel:
-            return Reel(lambda first, last: np.concatenate(self.parts[name])[first:last], (frames,))
+        def of(name: str) -> LazyFrames:
+            return LazyFrames(lambda first, last: np.concatenate(self.parts[name])[first:last], (frames,))
 
         level = {"transducer_level": spool.reel(frames)} if own_level else {"level": of("level")}
         return level | {name: of(name) for name in ("error", "iterations", "status")}
@@ -322,7 +322,7 @@ def _drive_from(values: Mapping[str, Any], path: Path) -> Drive:
     )
 
 
-def _levels(level: "np.ndarray | Reel", path: Path) -> NDArray[np.float64]:
+def _levels(level: "np.ndarray | LazyFrames", path: Path) -> NDArray[np.float64]:
     """Levels that are checked when they are read, which the drive itself does of those in memory."""
 
     def checked(block: np.ndarray) -> np.ndarray:
@@ -332,7 +332,7 @@ def _levels(level: "np.ndarray | Reel", path: Path) -> NDArray[np.float64]:
             )
         return block
 
-    return each_frame(level, checked) if isinstance(level, Reel) else level
+    return each_frame(level, checked) if isinstance(level, LazyFrames) else level
 
 
 _AIR = ("directivity", "air_density_kg_m3", "air_speed_m_s", "air_attenuation_np_m", "air_alpha")

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, InputError, UnknownFormatError
 from midair.files.atomic import check_room, existing_file, refusing, whole_file
+from midair.files.native.hdf5_recovery import openable
 from midair.files.native.inspection import get_ready, inspect
-from midair.files.native.patient import Patient
 from midair.files.native.provenance_json import to_json
+from midair.files.native.retrying_file import RetryingFile
 from midair.files.native.schema import FORMAT, TABLE, Entry, Kind
-from midair.files.native.unclosed import openable
-from midair.reel import Reel, stretches
+from midair.lazy_frames import LazyFrames, block_ranges
 from midair.validation import check_finite
 from midair.version import __version__
 
@@ -59,7 +59,7 @@ def new_file(path: "str | os.PathLike[str]", *, room: int = 0) -> "Generator[h5p
 
     with whole_file(path) as partial:
         check_room(partial.parent, room, path)
-        with Patient(partial) as patient:
+        with RetryingFile(partial) as patient:
             try:
                 with h5py.File(patient, "w", libver=LAYOUT) as file:
                     yield file
@@ -232,8 +232,8 @@ def kind_of(group: "h5py.Group") -> str:
 
 def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: bool) -> None:
     # What is single is stored as such where the table allows it; everything else as the table says.
-    data = value if isinstance(value, Reel) else np.asarray(value)
-    single = entry.single and (data.stored if isinstance(data, Reel) else data.dtype) == "f4"
+    data = value if isinstance(value, LazyFrames) else np.asarray(value)
+    single = entry.single and (data.stored if isinstance(data, LazyFrames) else data.dtype) == "f4"
     kind = np.dtype("f4" if single else entry.dtype)
     axes = entry.dimensions or ()
     grows = live and not set(GROWING).isdisjoint(axes)
@@ -242,7 +242,7 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: b
         entry.name,
         shape=data.shape,
         dtype=kind,
-        data=None if isinstance(data, Reel) else data.astype(kind),
+        data=None if isinstance(data, LazyFrames) else data.astype(kind),
         maxshape=tuple(None if axis in GROWING else have for axis, have in zip(axes, data.shape, strict=True))
         if grows
         else None,
@@ -250,7 +250,7 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: b
         fletcher32=None if live or not data.ndim else True,
         fillvalue=np.nan if kind.kind == "f" else None,
     )
-    if isinstance(data, Reel) and chunk is not None:
+    if isinstance(data, LazyFrames) and chunk is not None:
         _fill(dataset, data, chunk[0])
     dataset.attrs["units"] = fixed_text(unit)
     dataset.attrs["long_name"] = fixed_text(entry.what)
@@ -263,9 +263,9 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: b
         dataset.dims[index].attach_scale(group[axis])
 
 
-def _fill(dataset: "h5py.Dataset", reel: Reel, chunk: int) -> None:
+def _fill(dataset: "h5py.Dataset", reel: LazyFrames, chunk: int) -> None:
     """Write a reel block by block, each of whole chunks: a chunk that is written twice is read in between."""
-    size = next(last for _, last in stretches(reel.shape))
+    size = next(last for _, last in block_ranges(reel.shape))
     size = max(chunk, size // chunk * chunk)
     first = 0
     for block in reel.blocks(size):
@@ -328,7 +328,7 @@ def _attribute(group: "h5py.Group", entry: Entry, path: Path) -> Any:
     raise BrokenFileError(f"{path}: expected {entry.name} to be finite {entry.dtype}, got {value!r}")
 
 
-def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, streamed: bool) -> "np.ndarray | Reel":
+def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, streamed: bool) -> "np.ndarray | LazyFrames":
     dataset = stored_dataset(group, entry.name)
     axes = entry.dimensions or ()
     spelled = f"{entry.name}: expected {entry.dtype} with axes ({', '.join(axes)}) in {unit}"
@@ -343,7 +343,7 @@ def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, stream
     return dataset[()].astype(np.float64) if single else dataset[()]
 
 
-def _reel(dataset: "h5py.Dataset", path: Path) -> Reel:
+def _reel(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
     """What a dataset of an open file holds, read from the file when somebody asks for it."""
     import h5py
 
@@ -356,12 +356,12 @@ def _reel(dataset: "h5py.Dataset", path: Path) -> Reel:
                 raise BrokenFileError(f"{path}: expected the file as it was, got another of its name; begin again")
             return stored_dataset(opened, name)[first:last].astype(np.float64)
 
-    return Reel(read, dataset.shape, stored="f4" if dataset.dtype == np.dtype("f4") else "f8")
+    return LazyFrames(read, dataset.shape, stored="f4" if dataset.dtype == np.dtype("f4") else "f8")
 
 
-def finite(reel: "np.ndarray | Reel", name: str) -> "NDArray[np.float64]":
+def finite(reel: "np.ndarray | LazyFrames", name: str) -> "NDArray[np.float64]":
     """A reel whose numbers are checked as they are read: NonFiniteError; an array as it is."""
-    if not isinstance(reel, Reel):
+    if not isinstance(reel, LazyFrames):
         return reel
 
     def read(first: int, last: int) -> np.ndarray:
@@ -370,7 +370,7 @@ def finite(reel: "np.ndarray | Reel", name: str) -> "NDArray[np.float64]":
         return block
 
     # To a type checker a reel is the array that it stands for.
-    return cast("NDArray[np.float64]", Reel(read, reel.shape, stored=reel.stored))
+    return cast("NDArray[np.float64]", LazyFrames(read, reel.shape, stored=reel.stored))
 
 
 def _check_lengths(entries: list[Entry], values: Mapping[str, Any], path: Path) -> None:

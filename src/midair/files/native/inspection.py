@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import Lock, Timer
 
 from midair.errors import BrokenFileError
-from midair.files.native.unclosed import openable
+from midair.files.native.hdf5_recovery import openable
 
 PATIENCE = 120.0
 """Seconds until an answer; the inspector's own limit is of processor time."""

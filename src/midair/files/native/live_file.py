@@ -9,10 +9,10 @@ from pathlib import Path
 
 from midair.errors import FileError
 from midair.files.atomic import reason
-from midair.files.holding import claim
-from midair.files.native.committed import CommittedFile
+from midair.files.file_locks import acquire_for_writing
+from midair.files.native.atomic_hdf5 import AtomicHdf5File
 from midair.files.native.hdf5 import LAYOUT
-from midair.files.native.unclosed import flagged_block
+from midair.files.native.hdf5_recovery import flagged_block
 
 _BINARY = getattr(os, "O_BINARY", 0)
 
@@ -43,8 +43,8 @@ class LiveFile:
             self._handle = os.open(path, os.O_RDWR | _BINARY)
         except OSError as wrong:
             raise FileError(f"{path}: cannot be written: {reason(wrong)}") from wrong
-        claim(self._handle, path)
-        self._bytes = CommittedFile(self._handle)
+        acquire_for_writing(self._handle, path)
+        self._bytes = AtomicHdf5File(self._handle)
         self.file = h5py.File(self._bytes, "r+", libver=LAYOUT)
 
     def commit(self) -> None:

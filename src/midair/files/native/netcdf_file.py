@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from midair.files.loss import Loss
+from midair.files.format_loss import FormatLoss
 from midair.files.native.calibration_file import write_calibration
 from midair.files.native.hdf5 import fixed_text, new_file, write_group
 from midair.files.native.recording_file import recording_values
@@ -13,7 +13,7 @@ from midair.version import __version__
 CONVENTIONS = "CF-1.11"
 
 
-def write_netcdf(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[Loss, ...]:
+def write_netcdf(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
     """Write a recording, whole or not at all; nothing of it is lost, and the calibration is a group."""
     life = recording.provenance
     said: dict[str, str] = {

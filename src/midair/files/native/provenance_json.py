@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError, InputError
-from midair.files.texts import json_of
+from midair.files.text_files import json_of
 from midair.model import Provenance, Setting, Step
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError
-from midair.files.holding import check_unclaimed
-from midair.files.loss import Loss
+from midair.files.file_locks import check_unclaimed
+from midair.files.format_loss import FormatLoss
 from midair.files.native.axes import check_time, sensor_from, sensor_values, single, time_values
 from midair.files.native.calibration_file import read_calibration, write_calibration
 from midair.files.native.events import event_values, events_from, with_events
@@ -24,13 +24,13 @@ from midair.files.native.hdf5 import (
     stored_group,
     write_group,
 )
+from midair.files.native.hdf5_recovery import is_unclosed
 from midair.files.native.played_group import load_played, write_played
 from midair.files.native.provenance_json import from_json
 from midair.files.native.stage_stamps import stamps_from, with_stage
-from midair.files.native.unclosed import is_unclosed
-from midair.files.opened_take import Given, OpenedTake
+from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.lazy_frames import LazyFrames, block_ranges
 from midair.model import Calibration, Event, PlayedTouch, PressureFrames, Recording
-from midair.reel import Reel, stretches
 
 if TYPE_CHECKING:
     import h5py
@@ -44,7 +44,7 @@ def write_recording(
     *,
     journal: Sequence[Event] = (),
     played: PlayedTouch | None = None,
-) -> tuple[Loss, ...]:
+) -> tuple[FormatLoss, ...]:
     """Write a recording and what was made of it, whole or not at all; nothing of it is lost.
 
     Samples that float32 holds, every one of them, are stored in it.
@@ -74,7 +74,7 @@ def write_recording(
     return ()
 
 
-def read_recording(path: Path, given: Given) -> OpenedTake:
+def read_recording(path: Path, given: ImportOptions) -> OpenedTake:
     """The recording of a file, also of one that is being written or whose writer was killed.
 
     A file that is being written may be caught between two of its blocks: it is read again, up to twice. With
@@ -94,7 +94,7 @@ def read_recording(path: Path, given: Given) -> OpenedTake:
     return _read_once(path, given)
 
 
-def _read_once(path: Path, given: Given) -> OpenedTake:
+def _read_once(path: Path, given: ImportOptions) -> OpenedTake:
     with open_file(path) as file:
         check_kind(file, "recording", path)
         live = not stored_dataset(file, "finished")[()]
@@ -134,7 +134,7 @@ def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> Non
     MissingFileError, BrokenFileError, FileError
         If the file cannot be read or written.
     """
-    take = read_recording(Path(path), Given(streamed=True))
+    take = read_recording(Path(path), ImportOptions(streamed=True))
     write_recording(take.recording, Path(path), take.calibration, pressure, played=load_played(path))
 
 
@@ -181,7 +181,7 @@ def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
         If not even its first frame can be read, or it cannot be written, or a program is recording into it.
     """
     check_unclaimed(Path(path))
-    take = read_recording(Path(path), Given(streamed=True))
+    take = read_recording(Path(path), ImportOptions(streamed=True))
     pressure = load_pressure(path, streamed=True)
     write_recording(take.recording, Path(path), take.calibration, pressure, played=load_played(path))
     return take.report
@@ -199,8 +199,8 @@ def recording_values(recording: Recording) -> dict[str, Any]:
     }
 
 
-def _bytes(samples: "np.ndarray | Reel") -> int:
-    return samples.size * np.dtype(samples.stored if isinstance(samples, Reel) else samples.dtype).itemsize
+def _bytes(samples: "np.ndarray | LazyFrames") -> int:
+    return samples.size * np.dtype(samples.stored if isinstance(samples, LazyFrames) else samples.dtype).itemsize
 
 
 def _write_pressure(group: "h5py.Group", pressure: PressureFrames) -> None:
@@ -226,10 +226,10 @@ def _whole_frames(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], t
     return {**values, "samples": samples[:frames], "time": values["time"][:frames]}, (text,)
 
 
-def _written(samples: "np.ndarray | Reel") -> int:
+def _written(samples: "np.ndarray | LazyFrames") -> int:
     """How many frames there are up to the last that is not NaN: what was never written is."""
-    for first, last in reversed(list(stretches(samples.shape))):
-        block = samples.read(first, last) if isinstance(samples, Reel) else samples[first:last]
+    for first, last in reversed(list(block_ranges(samples.shape))):
+        block = samples.read(first, last) if isinstance(samples, LazyFrames) else samples[first:last]
         there = np.asarray(~np.isnan(block).all(axis=(1, 2)))
         if there.any():
             return last - int(np.argmax(there[::-1]))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from midair.errors import InputError
-from midair.files.texts import LARGEST_TOML, read_text, toml_of
+from midair.files.text_files import LARGEST_TOML, read_text, toml_of
 from midair.physics import ExposureProfile, Place
 
 DEFAULT_PROFILE = "occupational-110"

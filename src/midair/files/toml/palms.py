@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, InputError, MissingFileError
-from midair.files.texts import read_toml
+from midair.files.text_files import read_toml
 from midair.files.toml.plain import from_plain
 from midair.model import Palm
 from midair.validation import positive

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from midair.errors import BrokenFileError
-from midair.files.texts import read_toml
+from midair.files.text_files import read_toml
 from midair.model import Placement
 
 

@@ -24,7 +24,7 @@ from typing import Any
 
 from midair.errors import BrokenFileError, InputError
 from midair.files.atomic import whole_file
-from midair.files.texts import read_toml
+from midair.files.text_files import read_toml
 from midair.model import SensorGrid, SensorWiring
 
 _NUMBERS = {"rows", "columns", "pitch_mm", "full_scale", "sensitivity"}

@@ -24,7 +24,7 @@ from collections.abc import Mapping
 from typing import Any, get_args
 
 from midair.errors import BrokenFileError, InputError
-from midair.files.texts import read_toml
+from midair.files.text_files import read_toml
 from midair.model import Heading, StageSetup
 
 NUMBERS = ("contact_mm", "clear_mm", "approach_mm_s", "return_mm_s")

@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from midair.calibration import ArrayField, ArrayPlan, array_codes, find_lag, fit_array, typical_uncertainty
-from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, admit
+from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, check_exposure
 from midair.errors import InputError, RateError
 from midair.model import Acoustics, ArrayCalibration, Drive, Provenance
 from midair.physics import TransducerDynamics, radiation_pressure, transfer_matrix
-from midair.rig.looping import Stage, quiet
+from midair.rig.correction import Stage, quiet
 from midair.rig.playing import rerecord, usual_exposure
 from midair.validation import HEIGHTS, length
 
@@ -78,7 +78,7 @@ def calibrate_array(
         acoustics=acoustics,
         provenance=life,
     )
-    admission = admit(drive, array, exposure or usual_exposure())
+    admission = check_exposure(drive, array, exposure or usual_exposure())
     recording = rerecord(admission, array, sensor, source="array calibration", tail=0.1, progress=stage("play codes"))
     samples = recording.samples.reshape(recording.frames, -1)
     if not sensor.simulated:

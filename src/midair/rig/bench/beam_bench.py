@@ -15,7 +15,7 @@ from midair.calibration import (
     measure_beam,
     tones_of,
 )
-from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, admit, amplitude_of, read_frames
+from midair.devices import ArrayDevice, ExposureChoices, SensorDevice, amplitude_of, check_exposure, read_frames
 from midair.errors import RateError
 from midair.model import Acoustics, Calibration, Drive, Progress, Provenance, Recording
 from midair.physics import TransducerDynamics, envelope, focus_phase
@@ -81,7 +81,7 @@ def calibrate_by_beam(
     cells = sensor.grid.count
     for cell in range(cells):
         drive = _drive(plan, level, array, focus_of(sensor.grid, cell, setting), acoustics)
-        admission = admit(drive, array, exposure or usual_exposure())
+        admission = check_exposure(drive, array, exposure or usual_exposure())
         recording = rerecord(admission, array, sensor, source="beam calibration")
         flat = recording.samples.reshape(recording.frames, -1)
         steps = round(sensor.rate / plan.rate)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import Seam, SensorDevice
+from midair.devices import GapFiller, SensorDevice
 from midair.errors import DeviceError, InputError
 from midair.rig.bench.identify import Identity, identify, tone_answers
 
@@ -42,12 +42,12 @@ class TapTest:
     level: float = 8.0
 
 
-def nobody_skips() -> bool:
+def never_skip() -> bool:
     """Whether a cell is to be left out: never, since nobody looks on."""
     return False
 
 
-def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: Skip = nobody_skips) -> Identity:
+def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: Skip = never_skip) -> Identity:
     """Which channel is which cell, from a tap on each cell in turn, row by row.
 
     Parameters
@@ -109,7 +109,7 @@ class _Ear:
 
     def __init__(self, sensor: SensorDevice, test: TapTest) -> None:
         self._sensor, self._test = sensor, test
-        self._seam = Seam(sensor.name, sensor.rate)
+        self._seam = GapFiller(sensor.name, sensor.rate)
         self._waiting = np.zeros((0, sensor.grid.count))
         self._ended = False
         self.rest = self.noise = np.zeros(sensor.grid.count)

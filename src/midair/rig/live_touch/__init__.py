@@ -1,11 +1,11 @@
 """Live: what a sensor feels now is played now."""
 
+from midair.rig.live_touch.encryption import make_key
 from midair.rig.live_touch.live_loop import LiveLoop, Pace
-from midair.rig.live_touch.live_order import LiveOrder
+from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
-from midair.rig.live_touch.playing_live import live, live_admission, speak
-from midair.rig.live_touch.process import Opened, play_live
-from midair.rig.live_touch.sealed import make_key
+from midair.rig.live_touch.playing_live import live, live_clearance, send_touch
+from midair.rig.live_touch.process import LoopStarted, play_live
 from midair.rig.live_touch.session import LiveSession, LiveStatistics
 from midair.rig.live_touch.touch import Touch, TouchSettings
 from midair.rig.live_touch.touch_ring import HELD, LATE, SOUNDS, RingShape, TouchRing
@@ -15,19 +15,19 @@ __all__ = [
     "LATE",
     "SOUNDS",
     "LiveLoop",
-    "LiveOrder",
+    "LiveSettings",
     "LiveSession",
     "LiveStatistics",
     "LiveTake",
-    "Opened",
+    "LoopStarted",
     "Pace",
     "TouchRing",
     "RingShape",
     "Touch",
     "TouchSettings",
     "live",
-    "live_admission",
+    "live_clearance",
     "make_key",
     "play_live",
-    "speak",
+    "send_touch",
 ]

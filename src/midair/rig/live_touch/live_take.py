@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from midair.errors import MidairError
 from midair.files import RecordingWriter
 from midair.model import Event, Placement, Provenance
-from midair.rig.live_touch.live_order import LiveOrder
-from midair.rig.live_touch.process import Opened
+from midair.rig.live_touch.live_settings import LiveSettings
+from midair.rig.live_touch.process import LoopStarted
 from midair.rig.live_touch.touch_ring import HELD
 
 
@@ -51,8 +51,8 @@ class LiveTake:
     def __init__(
         self,
         path: Path,
-        order: LiveOrder,
-        opened: Opened,
+        order: LiveSettings,
+        opened: LoopStarted,
         ring: TouchFrames,
         notes: Mapping[str, str],
         *,
@@ -130,7 +130,7 @@ def _runs(true: np.ndarray) -> list[tuple[int, int]]:
     return [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _life(order: LiveOrder, opened: Opened, notes: Mapping[str, str]) -> Provenance:
+def _life(order: LiveSettings, opened: LoopStarted, notes: Mapping[str, str]) -> Provenance:
     touch, pace = order.touch, order.pace
     return Provenance(source=order.sensor, simulated=opened.simulated, notes=dict(notes)).then(
         "live",

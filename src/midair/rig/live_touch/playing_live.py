@@ -4,18 +4,18 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from midair.devices import Admission, ExposureChoices, SilencerChoice, admit_level
+from midair.devices import ExposureChoices, ExposureClearance, SilencerChoice, check_exposure_level
 from midair.errors import InputError
 from midair.files import load_calibration
 from midair.model import Acoustics, Calibration, ControlGrid, Placement, SensorWiring
+from midair.rig.live_touch.encryption import read_key
 from midair.rig.live_touch.live_loop import Pace
-from midair.rig.live_touch.live_order import Listening, LiveOrder
+from midair.rig.live_touch.live_settings import LiveSettings, NetworkInput
 from midair.rig.live_touch.process import array_for, calibration_for, check_rate, sensor_for
-from midair.rig.live_touch.sealed import read_key
+from midair.rig.live_touch.sending import FrameSender
 from midair.rig.live_touch.session import LiveSession
-from midair.rig.live_touch.speaking import Speaker
 from midair.rig.live_touch.touch import TouchSettings
-from midair.rig.permit import Leave, Permit
+from midair.rig.play_lease import LeaseToken, PlayLease
 from midair.rig.playing import usual_exposure
 
 
@@ -43,8 +43,8 @@ def live(
     listen: str | None = None,
     key: str | Path | None = None,
     buffer: float = 0.01,
-    permit: Permit | None = None,
-    leave: Leave | None = None,
+    permit: PlayLease | None = None,
+    leave: LeaseToken | None = None,
     priority: int = 20,
     seed: int = 0,
 ) -> LiveSession:
@@ -95,7 +95,7 @@ def live(
     notes : dict of str to str, optional
         For the take.
     listen : str, optional
-        Address and port, such as ``0.0.0.0:5005``, where frames of a `speak` come over a network, and not of a sensor.
+        Address and port, such as ``0.0.0.0:5005``, where frames of `send_touch` arrive over a network.
     key : str or Path, optional
         Of a file that both sides share, see `make_key`.
     buffer : float
@@ -131,7 +131,7 @@ def live(
             f"{'none' if offset is None else 'one'} for {mapping}; measure it on an earlier recording"
         )
     known = calibration if isinstance(calibration, Calibration | None) else load_calibration(calibration)
-    order = LiveOrder(
+    order = LiveSettings(
         sensor=sensor if listen is None else f"listen:{listen}",
         device=device,
         exposure=exposure or usual_exposure(),
@@ -158,7 +158,7 @@ def live(
     return LiveSession(order, keep=None if keep is None else Path(keep), notes=notes, permit=permit, leave=leave)
 
 
-def live_admission(order: LiveOrder, *, rate: float = 1000.0) -> Admission:
+def live_clearance(order: LiveSettings, *, rate: float = 1000.0) -> ExposureClearance:
     """What an order would expose people to, told without opening a device, for whoever has to decide first.
 
     What plays asks once more, of the device itself.
@@ -176,11 +176,11 @@ def live_admission(order: LiveOrder, *, rate: float = 1000.0) -> Admission:
         If the worst that its level can do exceeds the profile, and nobody answers for it.
     """
     array = array_for(order, rate)
-    return admit_level(order.level, array, order.exposure, rate=rate)
+    return check_exposure_level(order.level, array, order.exposure, rate=rate)
 
 
 @contextmanager
-def speak(
+def send_touch(
     sensor: str,
     to: str,
     key: str | Path,
@@ -191,7 +191,7 @@ def speak(
     wiring: SensorWiring | None = None,
     patience: float = 30.0,
     seed: int = 0,
-) -> Generator[Speaker]:
+) -> Generator[FrameSender]:
     """What a sensor feels here, for a `live` that listens elsewhere: greeted when entered, sent by its ``run``.
 
     Parameters
@@ -215,7 +215,7 @@ def speak(
         If an address, a key or a setting cannot be used.
     """
     known = calibration if isinstance(calibration, Calibration | None) else load_calibration(calibration)
-    here = LiveOrder(
+    here = LiveSettings(
         sensor=sensor,
         device="",
         exposure=usual_exposure(),
@@ -229,7 +229,7 @@ def speak(
         check_rate(opened)
         undone = calibration_for(here, opened) or Calibration.flat(opened.grid, unit="Pa")
         address, secret = host_and_port(to, "--to"), read_key(Path(key))
-        speaker = Speaker(opened, undone, address, secret, band=band, delay=delay, patience=patience)
+        speaker = FrameSender(opened, undone, address, secret, band=band, delay=delay, patience=patience)
         try:
             speaker.greet()
             yield speaker
@@ -251,8 +251,8 @@ def host_and_port(text: str, option: str) -> tuple[str, int]:
     return host.removeprefix("[").removesuffix("]"), int(port)
 
 
-def _listening(listen: str, key: str | Path | None, buffer: float) -> Listening:
+def _listening(listen: str, key: str | Path | None, buffer: float) -> NetworkInput:
     if key is None:
         raise InputError("--listen: expected --key with the file that both sides share; --new-key FILE makes one")
     host, port = host_and_port(listen, "--listen")
-    return Listening(host=host, port=port, key=read_key(Path(key)), buffer=buffer)
+    return NetworkInput(host=host, port=port, key=read_key(Path(key)), buffer=buffer)

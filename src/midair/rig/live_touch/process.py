@@ -11,26 +11,26 @@ from types import MappingProxyType
 from typing import Any
 
 from midair.devices import (
-    Admission,
+    ExposureClearance,
     ImmediateArray,
     StreamedSensor,
-    admit_level,
     autd3_immediate,
+    check_exposure_level,
     ordered_at,
     process_began,
     virtual_immediate,
 )
 from midair.errors import DeviceError, InputError, MidairError, StoppedError, UnknownDeviceError
 from midair.model import Calibration, Medium, SensorGrid, Unit
-from midair.rig.live_touch.listening import ListeningSource
 from midair.rig.live_touch.live_loop import LiveLoop
-from midair.rig.live_touch.live_order import RATES, LiveOrder
+from midair.rig.live_touch.live_settings import RATES, LiveSettings
+from midair.rig.live_touch.receiving import NetworkSource
 from midair.rig.live_touch.repeated import streamed
-from midair.rig.live_touch.timing import Granted, ask_for_time
+from midair.rig.live_touch.timing import SchedulerGrant, request_realtime
 from midair.rig.live_touch.touch import Touch
 from midair.rig.live_touch.touch_ring import TouchRing
 from midair.rig.names import VirtualRig, sensor_named
-from midair.rig.permit import Leave, Permit
+from midair.rig.play_lease import LeaseToken, PlayLease
 from midair.solvers import one_blas_thread
 
 ROUND = 3.0
@@ -38,7 +38,7 @@ ROUND = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Opened:
+class LoopStarted:
     """What the process found when its devices were open: said once, before the first frame.
 
     Attributes
@@ -85,7 +85,7 @@ class Opened:
     exposure: str
     level: float
     strongest: int
-    granted: Granted
+    granted: SchedulerGrant
     delay: float
     parts: tuple[tuple[float, float], ...]
     error: tuple[float, ...]
@@ -94,7 +94,7 @@ class Opened:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ended:
+class LoopEnded:
     """How a run ended.
 
     Attributes
@@ -125,7 +125,7 @@ def _as_dict(view: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
 ForkingPickler.register(MappingProxyType, _as_dict)
 
 
-def play_live(order: LiveOrder, ring: TouchRing, permit: Permit, leave: Leave, told: Connection) -> None:
+def play_live(order: LiveSettings, ring: TouchRing, permit: PlayLease, leave: LeaseToken, told: Connection) -> None:
     """What the process does: open, admit, say what was found, play, say how it ended.
 
     Parameters
@@ -137,7 +137,7 @@ def play_live(order: LiveOrder, ring: TouchRing, permit: Permit, leave: Leave, t
     permit, leave
         While they hold, something may sound.
     told : Connection
-        Takes one `Opened` and one `Ended`, or an `Ended` alone.
+        Takes one `LoopStarted` and one `LoopEnded`, or an `LoopEnded` alone.
     """
     # Ctrl-C of the terminal is for whoever started this, who then ends it in order; `midair stop` sends one too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -154,26 +154,26 @@ def play_live(order: LiveOrder, ring: TouchRing, permit: Permit, leave: Leave, t
     except Exception as wrong:  # noqa: BLE001  # a process has nobody above it: whoever started it is told
         error = DeviceError(f"live: this is an error in midair, please report it: {type(wrong).__name__}: {wrong}")
     with suppress(OSError):  # nobody is there any more
-        told.send(Ended(error=error, told=counted, network=network))
+        told.send(LoopEnded(error=error, told=counted, network=network))
 
 
 def _play(
-    order: LiveOrder,
+    order: LiveSettings,
     ring: TouchRing,
-    permit: Permit,
-    leave: Leave,
+    permit: PlayLease,
+    leave: LeaseToken,
     told: Connection,
     counted: dict[str, int],
     network: dict[str, int],
 ) -> None:
     sensor, source = sensor_for(order)
     # Before the SDK starts threads of its own, which then have it too.
-    granted = ask_for_time(order.priority)
+    granted = request_realtime(order.priority)
     with sensor:
         check_rate(sensor)
         calibration = calibration_for(order, sensor)
         with array_for(order, sensor.rate) as array:
-            admission = admit_level(order.level, array, order.exposure, rate=sensor.rate)
+            admission = check_exposure_level(order.level, array, order.exposure, rate=sensor.rate)
             touch = Touch(order.touch, calibration, sensor.grid, sensor.rate, array.array, admission.level)
             if source is not None:
                 touch.delay += source.delay
@@ -200,7 +200,7 @@ def _play(
                     network |= asdict(source.counted)
 
 
-def _checks(permit: Permit, leave: Leave, name: str) -> Callable[[], None]:
+def _checks(permit: PlayLease, leave: LeaseToken, name: str) -> Callable[[], None]:
     parent = os.getppid()
 
     def check() -> None:
@@ -229,23 +229,23 @@ def check_rate(sensor: StreamedSensor) -> None:
         )
 
 
-def room_of(order: LiveOrder) -> Medium | None:
+def room_of(order: LiveSettings) -> Medium | None:
     """The air of the room, where somebody stated it."""
     medium = order.touch.acoustics.medium
     return None if medium.temperature is None else medium
 
 
-def sensor_for(order: LiveOrder) -> tuple[StreamedSensor, ListeningSource | None]:
+def sensor_for(order: LiveSettings) -> tuple[StreamedSensor, NetworkSource | None]:
     """The sensor of an order, not yet open; and where its frames come from, if that is a network."""
     if order.listen is None:
         named = sensor_named(order.sensor, VirtualRig(seed=order.seed), duration=ROUND, wiring=order.wiring)
         return streamed(named, longest=ROUND), None
     heard = order.listen
-    source = ListeningSource((heard.host, heard.port), heard.key, buffer=heard.buffer)
+    source = NetworkSource((heard.host, heard.port), heard.key, buffer=heard.buffer)
     return StreamedSensor(source, name=order.sensor, wire=lambda _: source.wiring), source
 
 
-def calibration_for(order: LiveOrder, sensor: StreamedSensor) -> Calibration | None:
+def calibration_for(order: LiveSettings, sensor: StreamedSensor) -> Calibration | None:
     """The calibration that undoes a sensor; None where it gives pressure already.
 
     Raises
@@ -269,7 +269,7 @@ def calibration_for(order: LiveOrder, sensor: StreamedSensor) -> Calibration | N
     return known or Calibration.flat(sensor.grid, unit="Pa")
 
 
-def array_for(order: LiveOrder, rate: float) -> ImmediateArray:
+def array_for(order: LiveSettings, rate: float) -> ImmediateArray:
     """The array of an order, not yet open.
 
     Raises
@@ -294,11 +294,11 @@ def _found(
     sensor: StreamedSensor,
     calibration: Calibration | None,
     array: ImmediateArray,
-    admission: Admission,
+    admission: ExposureClearance,
     touch: Touch,
-    granted: Granted,
-) -> Opened:
-    return Opened(
+    granted: SchedulerGrant,
+) -> LoopStarted:
+    return LoopStarted(
         sensor=sensor.grid,
         unit=sensor.unit,
         rate=sensor.rate,

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from midair.errors import DeviceError, DeviceStateError
 from midair.model import Placement
-from midair.rig.live_touch.live_order import LiveOrder
+from midair.rig.live_touch.live_settings import LiveSettings
 from midair.rig.live_touch.live_take import LiveTake
-from midair.rig.live_touch.process import Ended, Opened, play_live
+from midair.rig.live_touch.process import LoopEnded, LoopStarted, play_live
 from midair.rig.live_touch.touch_ring import STEP, RingShape, TouchRing
-from midair.rig.permit import Leave, Permit
+from midair.rig.play_lease import LeaseToken, PlayLease
 
 CHANNELS = 64
 """Of a sensor that can be felt live, at most."""
@@ -114,30 +114,30 @@ class LiveSession:
 
     def __init__(
         self,
-        order: LiveOrder,
+        order: LiveSettings,
         *,
         keep: Path | None = None,
         notes: dict[str, str] | None = None,
-        permit: Permit | None = None,
-        leave: Leave | None = None,
+        permit: PlayLease | None = None,
+        leave: LeaseToken | None = None,
         slots: int = 8192,
     ) -> None:
         self.order, self._keep, self._notes = order, keep, notes or {}
         units = (order.placement or Placement.grid()).array().count
         self.ring = TouchRing(RingShape(slots=slots, channels=CHANNELS, transducers=units))
         self._own = permit is None
-        self.permit, self._leave = permit or Permit(), leave
+        self.permit, self._leave = permit or PlayLease(), leave
         self._context = get_context("spawn")
         self._process: Any = None
         self._told: Any = None
-        self._ended: Ended | None = None
-        self._opened: Opened | None = None
+        self._ended: LoopEnded | None = None
+        self._opened: LoopStarted | None = None
         self._take: LiveTake | None = None
         self._over = threading.Event()
         self._threads: list[threading.Thread] = []
 
     @property
-    def opened(self) -> Opened:
+    def opened(self) -> LoopStarted:
         """What the process found; DeviceStateError before it is entered."""
         if self._opened is None:
             raise DeviceStateError("live: expected to be entered before asking what was found")
@@ -177,7 +177,7 @@ class LiveSession:
 
     @property
     def network(self) -> dict[str, int]:
-        """What came over a network, once it has ended: see `Counted`; empty where nothing did."""
+        """What came over a network, once it has ended: see `PacketCounts`; empty where nothing did."""
         return {} if self._ended is None else self._ended.network
 
     def since(self, seen: int) -> tuple[NDArray[Any], int, int]:
@@ -230,7 +230,7 @@ class LiveSession:
         if error is None:
             self._raise()
 
-    def _renew(self, leave: Leave) -> None:
+    def _renew(self, leave: LeaseToken) -> None:
         while self._own and not self._over.wait(0.1):
             if self.permit.refusal(leave) is not None:
                 return
@@ -253,9 +253,9 @@ class LiveSession:
                 f"live: the process that plays ended with status {self._process.exitcode} and without a word; the "
                 "array's own failsafe has silenced it"
             )
-            self._ended = self._ended or Ended(error=lost, told={})
+            self._ended = self._ended or LoopEnded(error=lost, told={})
             return
-        if isinstance(said, Opened):
+        if isinstance(said, LoopStarted):
             self._opened = said
         else:
             self._ended = said

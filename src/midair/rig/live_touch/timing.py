@@ -49,7 +49,7 @@ class Timetable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Granted:
+class SchedulerGrant:
     """What the computer granted to this process.
 
     Attributes
@@ -70,7 +70,7 @@ class Granted:
         return f"{first}, {second}"
 
 
-def ask_for_time(priority: int = 20) -> Granted:
+def request_realtime(priority: int = 20) -> SchedulerGrant:
     """Take real-time priority and lock the memory, where that is granted; the collector of garbage is switched off.
 
     Threads that are started later have the priority too, so this comes before an SDK starts its own.
@@ -84,7 +84,7 @@ def ask_for_time(priority: int = 20) -> Granted:
     gc.disable()
     # Other threads of this process take frames in and send them: they must not wait 5 ms for their turn.
     sys.setswitchinterval(5e-5)
-    return Granted(priority=_take_priority(priority), memory=_lock_memory())
+    return SchedulerGrant(priority=_take_priority(priority), memory=_lock_memory())
 
 
 def _take_priority(priority: int) -> str:

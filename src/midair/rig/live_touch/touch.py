@@ -14,7 +14,7 @@ from midair.dsp import band_edges, check_band
 from midair.errors import InputError
 from midair.model import Acoustics, Calibration, ControlGrid, PressureFrames, SensorGrid, TransducerArray
 from midair.physics import focus_amplitude, sound_amplitude
-from midair.solvers import Follower, Live, folded_modes, problem_at
+from midair.solvers import FrameTracker, Live, problem_at, symmetric_modes
 from midair.targets import MappingStream, decouple, interpolation_matrix
 
 Array = NDArray[np.float64]
@@ -136,8 +136,8 @@ class Touch:
         none = np.zeros((1, grid.count))
         problem = problem_at([grid.position], none, array, acoustics=settings.acoustics)
         problem = replace(problem, level=level)
-        mirrored = folded_modes(grid, array, acoustics=settings.acoustics, tolerance=settings.solver.tolerance)
-        self._follower: Follower = settings.solver.begin(problem, folded=mirrored)
+        mirrored = symmetric_modes(grid, array, acoustics=settings.acoustics, tolerance=settings.solver.tolerance)
+        self._follower: FrameTracker = settings.solver.begin(problem, folded=mirrored)
         self.pressure, self._pushes = np.zeros(sensor.count), np.zeros(sensor.count)
         self._wanted, self._steps = np.zeros(grid.count), np.zeros(array.count)
         self._whole, self.phases = np.zeros(array.count, np.int16), np.zeros(array.count, np.uint8)

@@ -1,6 +1,6 @@
 """Devices by the names that people type: ``virtual:towel``, ``replay:take.h5``, ``lsl:Skin``."""
 
-from midair.devices import ReplaySensor, Rewired, SensorDevice
+from midair.devices import RemappedSensor, ReplaySensor, SensorDevice
 from midair.errors import UnknownDeviceError
 from midair.files import open_take
 from midair.model import SensorWiring
@@ -37,7 +37,7 @@ def sensor_named(
     if kind in KINDS and (rest or kind == "audio"):
         return source_sensor(name, wiring=wiring)
     made = _made(kind, rest, name, rig, duration)
-    return made if wiring is None else Rewired(made, wiring)
+    return made if wiring is None else RemappedSensor(made, wiring)
 
 
 def _made(kind: str, rest: str, name: str, rig: VirtualRig, duration: float | None) -> SensorDevice:

@@ -31,7 +31,7 @@ def stage_named(name: str) -> StageDevice:
     if said or not baud.isdecimal() or not int(baud):
         raise InputError(f"{name}: expected the option baud, bits per second, got {next(iter(said), f'baud={baud}')}")
     try:
-        module = importlib.import_module("midair.devices.stages.grbl")
+        module = importlib.import_module("midair.devices.motion_stages.grbl")
     except ModuleNotFoundError as wrong:
         raise MissingExtraError(
             f'grbl: expected the package {wrong.name}, it is not installed; pip install "midair[serial]"'

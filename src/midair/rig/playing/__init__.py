@@ -1,13 +1,13 @@
 """Play: admitted drives, logged, stopped on demand, and re-recorded."""
 
 from midair.devices import stop_playing
-from midair.rig.playing.admitted import play_admitted
 from midair.rig.playing.air_check import RoomAir, room_air
+from midair.rig.playing.cleared_play import play_cleared
 from midair.rig.playing.rerecording import rerecord, usual_exposure
 
 __all__ = [
     "RoomAir",
-    "play_admitted",
+    "play_cleared",
     "rerecord",
     "room_air",
     "stop_playing",

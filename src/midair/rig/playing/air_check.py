@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from midair.evaluate import error_in_air
+from midair.evaluate import error_at_temperature
 from midair.model import AmplitudeFrames, Drive, Medium
 
 FAR = 2.0
@@ -64,7 +64,7 @@ def room_air(
 def _cost(drive: Drive, room: Medium, target: AmplitudeFrames | None, frames: int) -> str:
     if target is None:
         return "what that costs its file cannot tell, since it has no target"
-    here, own = (error_in_air(drive, target, each, frames=frames) for each in (room, drive.acoustics.medium))
+    here, own = (error_at_temperature(drive, target, each, frames=frames) for each in (room, drive.acoustics.medium))
     if not len(here):
         return "it is silent"
     return f"E {100 * here.mean():.1f} % instead of {100 * own.mean():.1f} %, the mean of {len(here)} frames"

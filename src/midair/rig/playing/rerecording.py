@@ -3,11 +3,11 @@
 import time
 from pathlib import Path
 
-from midair.devices import Admission, ArrayDevice, ExposureChoices, SensorDevice, read_frames
+from midair.devices import ArrayDevice, ExposureChoices, ExposureClearance, SensorDevice, read_frames
 from midair.errors import MismatchError
 from midair.files import DEFAULT_PROFILE, profile_named
 from midair.model import Progress, Provenance, Recording
-from midair.rig.playing.admitted import play_admitted
+from midair.rig.playing.cleared_play import play_cleared
 
 
 def usual_exposure() -> ExposureChoices:
@@ -16,7 +16,7 @@ def usual_exposure() -> ExposureChoices:
 
 
 def rerecord(
-    admission: Admission,
+    admission: ExposureClearance,
     array: ArrayDevice,
     sensor: SensorDevice,
     *,
@@ -60,7 +60,7 @@ def rerecord(
     try:
         began = time.monotonic()
         if array.gated:
-            report = play_admitted(admission, array, source=source, progress=progress)
+            report = play_cleared(admission, array, source=source, progress=progress)
         else:
             # Nothing sounds: passes of a loop on the virtual rig would fill the log of what did.
             report = array.play(admission, progress=progress)

@@ -2,12 +2,12 @@
 
 from midair.rig.takes.capture import capture_recording
 from midair.rig.takes.clocks import Drift
+from midair.rig.takes.event_messages import event_message, problems
 from midair.rig.takes.meters import Levels
 from midair.rig.takes.stroking import Stroking, bring_to_start
 from midair.rig.takes.take import record_take
 from midair.rig.takes.take_names import Subject, remember, remembered, take_path
 from midair.rig.takes.take_plan import Companion, Take, TakeOrder, TakePlan, View
-from midair.rig.takes.words import problems, told
 
 __all__ = [
     "Companion",
@@ -26,5 +26,5 @@ __all__ = [
     "remember",
     "remembered",
     "take_path",
-    "told",
+    "event_message",
 ]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midair.devices import SensorDevice, gapless
+from midair.devices import SensorDevice, fill_gaps
 from midair.errors import DeviceError, InputError
 from midair.files import RecordingWriter, open_take
 from midair.model import Progress, Provenance, Recording
@@ -80,7 +80,7 @@ def _blocks(
     progress: Progress | None,
 ) -> None:
     got = 0
-    for samples in gapless(sensor, frames, block=max(1, round(block * sensor.rate))):
+    for samples in fill_gaps(sensor, frames, block=max(1, round(block * sensor.rate))):
         into.append(samples)
         got += len(samples)
         if progress:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from midair.devices import StageDevice
 from midair.errors import MidairError
 from midair.model import Place, StageSetup, StageStamp
-from midair.rig.takes.take_plan import News
+from midair.rig.takes.take_plan import CompanionReport
 
 
 class Stroking:
@@ -43,12 +43,12 @@ class Stroking:
         self._thread = threading.Thread(target=self._run, name="stroke", daemon=True)
         self._thread.start()
 
-    def news(self) -> News:
+    def news(self) -> CompanionReport:
         """What it did since the last time."""
         with self._lock:
             stamps, self._stamps = tuple(self._stamps), []
             strokes, self._strokes = tuple(self._strokes), []
-            return News(stamps=stamps, strokes=strokes, over=self._over, problem=self._problem)
+            return CompanionReport(stamps=stamps, strokes=strokes, over=self._over, problem=self._problem)
 
     def end(self) -> None:
         """Hold the stage if it moves, and wait until it stands."""

@@ -13,13 +13,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from midair.devices import FrameBlock, Seam, SensorDevice
+from midair.devices import FrameBlock, GapFiller, SensorDevice
 from midair.errors import DeviceError, FileError, InputError
 from midair.files import RecordingWriter
 from midair.model import Event, EventKind, Provenance, Setting
 from midair.rig.takes.clocks import ClockWatch, Drift
 from midair.rig.takes.meters import Meters
-from midair.rig.takes.take_plan import Companion, End, Take, TakeOrder, TakePlan, View, Watcher
+from midair.rig.takes.take_plan import Companion, Take, TakeOrder, TakePlan, View, WarmStart, Watcher
 from midair.rig.takes.trigger import PreRoll, Trigger
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ class _Taking:
     ) -> None:
         self._sensor, self._plan, self._watcher, self._stack = sensor, plan, watcher, stack
         self._companion = companion
-        self._seam = Seam(sensor.name, sensor.rate)
+        self._seam = GapFiller(sensor.name, sensor.rate)
         self._meters = Meters(sensor.grid.count, sensor.rate, full_scale=sensor.full_scale)
         self._rate, self._clock = ClockWatch(), ClockWatch()
         self._trigger = None if plan.level is None else Trigger(plan.level, sensor.rate)
@@ -88,7 +88,7 @@ class _Taking:
 
     def run(self) -> Take:
         """Until the take ends."""
-        end: End | None = None
+        end: WarmStart | None = None
         problem = ""
         while end is None:
             try:
@@ -105,7 +105,7 @@ class _Taking:
     def _frames(self) -> int:
         return 0 if self._writer is None else self._writer.frames
 
-    def _step(self) -> End | None:
+    def _step(self) -> WarmStart | None:
         """Read a block and do what is due; why the take has ended, if it has."""
         if (order := self._watcher.order()) in ("quit", "kill"):
             return order
@@ -125,7 +125,7 @@ class _Taking:
         self._show()
         return end or self._accompany()
 
-    def _accompany(self) -> End | None:
+    def _accompany(self) -> WarmStart | None:
         """Write down what the companion did; the end, when it is over."""
         if self._companion is None or self._writer is None:
             return None
@@ -167,7 +167,7 @@ class _Taking:
             self._tell_drift()
         return seamless.samples
 
-    def _wait(self, samples: Array, order: TakeOrder | None) -> End | None:
+    def _wait(self, samples: Array, order: TakeOrder | None) -> WarmStart | None:
         """Begin if this is the moment, else keep the frames for the pre-roll."""
         past = np.zeros(len(samples), bool) if self._trigger is None else self._trigger.exceeded(samples)
         if self._plan.start == "touch" and order is None:
@@ -228,7 +228,7 @@ class _Taking:
                 self._note([replace(event, frame=max(event.frame, origin), frames=min(event.frames, after))])
         self._early.clear()
 
-    def _keep(self, samples: Array, order: TakeOrder | None, past: NDArray[np.bool_] | None = None) -> End | None:
+    def _keep(self, samples: Array, order: TakeOrder | None, past: NDArray[np.bool_] | None = None) -> WarmStart | None:
         """Write frames; why the take has ended, if it has."""
         if self._wanted is not None:
             samples = samples[: self._wanted - self._frames]
@@ -286,7 +286,7 @@ class _Taking:
             )
         )
 
-    def _close(self, end: End, problem: str) -> Take:
+    def _close(self, end: WarmStart, problem: str) -> Take:
         drifts = self._rate.drift(), self._clock.drift()
         kinds: tuple[EventKind, ...] = ("rate", "clock")
         for kind, drift in zip(kinds, drifts, strict=True):

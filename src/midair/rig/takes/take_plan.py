@@ -13,7 +13,7 @@ from midair.validation import positive
 
 TakeOrder = Literal["toggle", "quit", "kill"]
 """What a person can say: start or stop this take; stop, and no more takes; stop, for a signal came."""
-End = Literal["duration", "source", "toggle", "quiet", "quit", "kill", "companion", "failure"]
+WarmStart = Literal["duration", "source", "toggle", "quiet", "quit", "kill", "companion", "failure"]
 """Why a take ended: its time was over, the source ended, a key, silence, the end of
 what went on beside it, or what was in its way."""
 
@@ -121,7 +121,7 @@ class Take:
     path: Path | None
     frames: int
     lost: int
-    end: End
+    end: WarmStart
     problem: str
     levels: Levels
     lowest: float
@@ -147,7 +147,7 @@ class Watcher(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class News:
+class CompanionReport:
     """What a companion of a take has to say since the last time; times by this computer's steady clock.
 
     Attributes
@@ -175,7 +175,7 @@ class Companion(Protocol):
         """The first frame is in the file."""
         ...
 
-    def news(self) -> News:
+    def news(self) -> CompanionReport:
         """What happened; never waits."""
         ...
 

@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from midair.errors import InputError
 from midair.model import Progress
 from midair.solvers.backend import Backend, backend
-from midair.solvers.glide.glider import Effort, Glider
-from midair.solvers.glide.schedule import Indices, Span, blocks
-from midair.solvers.glide.stretch import Efforts, Known, Stretch, marks_of
-from midair.solvers.moves import Machine
+from midair.solvers.field_operators import FieldOperators
+from midair.solvers.glide.bisection_step import BisectionStep, Effort
+from midair.solvers.glide.frame_block import BlockIterations, FrameBlock, SolvedFrames, marks_of
+from midair.solvers.glide.schedule import BlockRange, Indices, blocks
 from midair.solvers.phases import hold
-from midair.solvers.problem import Answer, End, Problem, status_of
+from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ class Glide:
     wide : int
         As above.
     split, stiffness, hardest, hard_polish : int, float, float, int
-        ADMM between lift and polish of rough frames, see `glider.Glider`.
+        ADMM between lift and polish of rough frames, see `glider.BisectionStep`.
     towards : float
         How much of an even field decides the phases of what is new in a target.
     tolerance : float
@@ -118,7 +118,7 @@ class Glide:
     precision: Literal["single", "double"] = "single"
     backend: str = "numpy"
 
-    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame; silent ones keep those of the frame before them.
 
         After a part of a recording, the problem's first frame is the last of that part, a mark that is solved already.
@@ -150,11 +150,13 @@ class Glide:
             if progress is not None:
                 # Frames after the last audible one need no work: they are done.
                 progress(len(phase), len(phase))
-            after = End(theta=phase[audible[-1]], known=last)
+            after = WarmStart(theta=phase[audible[-1]], known=last)
         held = hold(phase, audible)
         return Answer(phase=held, iterations=made, status=status_of(len(phase), audible), end=after)
 
-    def _stretches(self, glider: Glider, audible: Indices, before: Known | None) -> Iterator[tuple[Indices, Known]]:
+    def _stretches(
+        self, glider: BisectionStep, audible: Indices, before: SolvedFrames | None
+    ) -> Iterator[tuple[Indices, SolvedFrames]]:
         """The blocks in order: which frames they are, and what was found; `before` is known of the first frame."""
         efforts = self._efforts()
         every = list(blocks(len(audible), coarse=self.coarse, size=self.block_on()))
@@ -162,7 +164,7 @@ class Glide:
             every[0] = replace(every[0], marks=every[0].marks[every[0].marks > 0])
         with ThreadPoolExecutor(self.jobs) as pool:
             marks = deque(pool.submit(_quietly, marks_of, glider, efforts, audible[block.marks]) for block in every)
-            walks: deque[Future[Known]] = deque()
+            walks: deque[Future[SolvedFrames]] = deque()
             for block in every:
                 found = marks.popleft().result()
                 frames = audible[block.first : block.last + 1]
@@ -171,7 +173,7 @@ class Glide:
             for block in every:
                 yield audible[block.first : block.last + 1], walks.popleft().result()
 
-    def end_of(self, marks: Problem) -> End:
+    def end_of(self, marks: Problem) -> WarmStart:
         """Where the frames before a block end, known without solving them: from the marks of the block before it.
 
         Parameters
@@ -183,21 +185,21 @@ class Glide:
         with there.at_work():
             glider = self._glider(marks, there)
             last = _quietly(marks_of, glider, self._efforts(), np.arange(len(marks.amplitude))).last()
-        return End(theta=last.theta[0], known=last)
+        return WarmStart(theta=last.theta[0], known=last)
 
     def block_on(self) -> int:
         """Frames of a block: 1024 on a CPU; on a GPU so many that the marks of one block are a batch worth a launch."""
         return self.block or (32 * 1024 if backend(self.backend).on_gpu else 1024)
 
-    def _efforts(self) -> Efforts:
-        own: dict[str, Any] = {one.name: getattr(self, one.name) for one in fields(Efforts)}
+    def _efforts(self) -> BlockIterations:
+        own: dict[str, Any] = {one.name: getattr(self, one.name) for one in fields(BlockIterations)}
         own["rows"] = self.rows or backend(self.backend).rows
-        return Efforts(**own)
+        return BlockIterations(**own)
 
-    def _glider(self, problem: Problem, there: Backend) -> Glider:
-        machine = Machine.of(problem, there, tolerance=self.tolerance, memory=self.memory, outside=self.outside)
+    def _glider(self, problem: Problem, there: Backend) -> BisectionStep:
+        machine = FieldOperators.of(problem, there, tolerance=self.tolerance, memory=self.memory, outside=self.outside)
         seats = spread_out(problem.position, every=self.every, count=problem.transducers)
-        return Glider(
+        return BisectionStep(
             machine=machine,
             field=machine.field_move(loudness=self.loudness, floor=self.floor, seats=seats),
             step=self.step,
@@ -227,10 +229,15 @@ def spread_out(position: NDArray[np.float64] | None, *, every: int, count: int) 
 
 
 def _walked(
-    glider: Glider, efforts: Efforts, frames: Indices, block: Span, before: Known | None, marks: Known
-) -> Known:
+    glider: BisectionStep,
+    efforts: BlockIterations,
+    frames: Indices,
+    block: BlockRange,
+    before: SolvedFrames | None,
+    marks: SolvedFrames,
+) -> SolvedFrames:
     """All frames of a block, from its marks and the last mark of the block before it."""
-    stretch, index = Stretch(glider, efforts, frames), block.marks - block.first
+    stretch, index = FrameBlock(glider, efforts, frames), block.marks - block.first
     stretch.known.put(index, marks)
     if before is not None:
         stretch.known.put(np.zeros(1, np.int64), before)
@@ -239,7 +246,7 @@ def _walked(
     return stretch.known
 
 
-def _quietly(work: Callable[..., Known], *arguments: Any) -> Known:
+def _quietly(work: Callable[..., SolvedFrames], *arguments: Any) -> SolvedFrames:
     """Without NumPy's warnings of what overflows, which counts as a step that failed; each thread has its own."""
     with np.errstate(over="ignore", invalid="ignore"):
         return work(*arguments)

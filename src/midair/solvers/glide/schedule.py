@@ -14,7 +14,7 @@ Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Span:
+class BlockRange:
     """Some of the frames, between two marks.
 
     Attributes
@@ -35,7 +35,7 @@ class Span:
         return self.first == int(self.marks[0])
 
 
-def blocks(frames: int, *, coarse: int, size: int) -> Iterator[Span]:
+def blocks(frames: int, *, coarse: int, size: int) -> Iterator[BlockRange]:
     """All blocks of so many frames, in order.
 
     Parameters
@@ -52,7 +52,7 @@ def blocks(frames: int, *, coarse: int, size: int) -> Iterator[Span]:
         last = min(first + size, frames - 1)
         start = first if first == 0 else first + coarse
         marks = np.unique(np.minimum(np.arange(start, last + coarse, coarse), last))
-        yield Span(first=first, last=last, marks=marks)
+        yield BlockRange(first=first, last=last, marks=marks)
 
 
 def halvings(marks: Indices) -> Iterator[Indices]:

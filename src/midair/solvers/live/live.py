@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from midair.errors import MissingExtraError
 from midair.model import Progress, Status
-from midair.solvers.live.folded import Folded, unfolded
+from midair.solvers.live.mirror_symmetry import SymmetricModes, full_phase
 from midair.solvers.modes import modes
 from midair.solvers.phases import rippled
-from midair.solvers.problem import Answer, End, Problem
+from midair.solvers.problem import Answer, Problem, WarmStart
 
 Array = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class Live:
     memory: int = 6
     faintest: float = 1e-12
 
-    def solve(self, problem: Problem, *, after: End | None = None, progress: Progress | None = None) -> Answer:
+    def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Phases for each frame, one after another."""
         frames = len(problem.amplitude)
         follower = self.begin(problem) if after is None else after.known
@@ -85,9 +85,9 @@ class Live:
             if progress is not None:
                 progress(frame + 1, frames)
         ended: tuple[Status, ...] = tuple(status)
-        return Answer(phase=phase, iterations=made, status=ended, end=End(theta=phase[-1], known=follower))
+        return Answer(phase=phase, iterations=made, status=ended, end=WarmStart(theta=phase[-1], known=follower))
 
-    def begin(self, problem: Problem, *, folded: Folded | None = None) -> "Follower":
+    def begin(self, problem: Problem, *, folded: SymmetricModes | None = None) -> "FrameTracker":
         """A follower for the G of the problem; compiles, so that its first frame is not late.
 
         Parameters
@@ -97,10 +97,10 @@ class Live:
         folded : Folded, optional
             The modes of G as `folded_modes` finds them, for an array that is its own mirror image: half the time.
         """
-        return Follower(problem, self, folded=folded)
+        return FrameTracker(problem, self, folded=folded)
 
 
-class Follower:
+class FrameTracker:
     """Keeps the last frame's field and drive, and turns the next target into phases.
 
     Parameters
@@ -113,7 +113,7 @@ class Follower:
         The modes of G, of an array that is its own mirror image; those of any array if None.
     """
 
-    def __init__(self, problem: Problem, settings: Live, *, folded: Folded | None = None) -> None:
+    def __init__(self, problem: Problem, settings: Live, *, folded: SymmetricModes | None = None) -> None:
         try:
             from midair.solvers.live import live_kernel
         except ImportError as missing:
@@ -121,7 +121,7 @@ class Follower:
         self.iterations = 0
         self._kernel: Any = live_kernel
         self._settings = settings
-        kept = folded or unfolded(modes(problem.G, tolerance=settings.tolerance))
+        kept = folded or full_phase(modes(problem.G, tolerance=settings.tolerance))
         images, each, places = kept.V.shape
         s = problem.level * kept.s
         root = np.sqrt(s)

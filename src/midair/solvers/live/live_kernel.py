@@ -13,7 +13,7 @@ from numba import njit
 def mirror(x, y):
     """Write into y (kind, place) what of x (image, place) is alike in all images, and what of it changes sign; or back.
 
-    Its own inverse. For kinds and images see `Folded`; of one there is only the one.
+    Its own inverse. For kinds and images see `SymmetricModes`; of one there is only the one.
     """
     X, Y = x.view(np.float32), y.view(np.float32)
     if len(x) == 1:

@@ -5,7 +5,7 @@ which term: `midair.solvers.methods.TAKES`.
 """
 
 from midair.solvers.terms.cells import Cells, CellTarget, cell_misfit
-from midair.solvers.terms.fit import Fit, means_of, name_of_means
+from midair.solvers.terms.error_measure import Fit, name_of_pressure_means, pressure_means
 from midair.solvers.terms.guard import Guard, GuardField, excess, excess_rows
 from midair.solvers.terms.level import automatic_level
 from midair.solvers.terms.points import misfit
@@ -30,8 +30,8 @@ __all__ = [
     "change",
     "excess",
     "excess_rows",
-    "means_of",
+    "pressure_means",
     "misfit",
-    "name_of_means",
+    "name_of_pressure_means",
     "psi_in_each",
 ]

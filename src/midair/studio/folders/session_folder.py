@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from midair.errors import DeviceStateError
-from midair.files import hold
+from midair.files import hold_open
 
 PREFIX = "midair-studio-"
 _HELD = "held"
@@ -34,7 +34,7 @@ def folder_of_session(where: Path | None = None) -> Generator[Path]:
         made, folder = Path(name) / f".{_HELD}", Path(name)
         handle = os.open(made, os.O_RDWR | os.O_CREAT, 0o600)
         try:
-            hold(handle, f"{folder}: expected it to be ours")
+            hold_open(handle, f"{folder}: expected it to be ours")
             # It has its name only when it is held, so that nobody finds it free before.
             made.rename(folder / _HELD)
             yield folder
@@ -65,7 +65,7 @@ def _left(folder: Path) -> bool:
         return time.time_ns() / 1e9 - folder.stat().st_mtime > _YOUNG  # noqa: TID251  # compared with a file's time
     handle = os.open(held, os.O_RDWR)
     try:
-        hold(handle, f"{folder}: a studio has it")
+        hold_open(handle, f"{folder}: a studio has it")
     finally:
         os.close(handle)
     # Where there are no such locks, as on Windows, a file that is open cannot be removed.

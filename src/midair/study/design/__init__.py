@@ -2,15 +2,22 @@
 
 from midair.study.design.adaptive import QuestPlus, Staircase
 from midair.study.design.adaptive_block import next_stimulus, thresholds_of
-from midair.study.design.analysis_plan import Analysis, Exclusions, Foils, Incomplete, PlannedPower, PowerTest
+from midair.study.design.adaptive_levels import stimulus_levels
+from midair.study.design.analysis_plan import (
+    Analysis,
+    Exclusions,
+    Incomplete,
+    PlannedPower,
+    PowerTest,
+    UnpresentedAnswers,
+)
 from midair.study.design.answers import answers_table
 from midair.study.design.blocks import Block, Criterion, Extra
 from midair.study.design.exclusions import left_out
-from midair.study.design.ladder import rungs
 from midair.study.design.order import balanced_latin_square, constrained_shuffle
 from midair.study.design.plan import Plan, Trial, block_order, digest_of, draw_plan
 from midair.study.design.question import Question
-from midair.study.design.standing import Policy, Standing, replay, right_of
+from midair.study.design.session_state import Policy, SessionState, replay, right_of
 from midair.study.design.stimulus import Stimulus, right_answer
 from midair.study.design.study_design import Design, MaskingNoise
 
@@ -20,7 +27,7 @@ __all__ = [
     "Criterion",
     "Design",
     "Exclusions",
-    "Foils",
+    "UnpresentedAnswers",
     "Incomplete",
     "Extra",
     "MaskingNoise",
@@ -31,7 +38,7 @@ __all__ = [
     "QuestPlus",
     "Question",
     "Staircase",
-    "Standing",
+    "SessionState",
     "Stimulus",
     "Trial",
     "answers_table",
@@ -45,6 +52,6 @@ __all__ = [
     "replay",
     "right_answer",
     "right_of",
-    "rungs",
+    "stimulus_levels",
     "thresholds_of",
 ]

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError
 from midair.study.design.adaptive import QuestPlus, Staircase
+from midair.study.design.adaptive_levels import stimulus_levels
 from midair.study.design.blocks import Block
 from midair.study.design.exclusions import why_answer_left_out, why_left_out
-from midair.study.design.ladder import rungs
 from midair.study.design.plan import Plan, Trial
-from midair.study.design.standing import Standing
+from midair.study.design.session_state import SessionState
 from midair.study.design.stimulus import right_answer
 from midair.study.design.study_design import Design
 
@@ -27,13 +27,13 @@ History = list[tuple[int, bool]]
 """Rung and whether the answer was right, in order."""
 
 
-def next_stimulus(plan: Plan, progress: Standing, trial: Trial) -> str:
+def next_stimulus(plan: Plan, progress: SessionState, trial: Trial) -> str:
     """Name of the stimulus of a trial; drawn already, or chosen from the answers so far of its block."""
     drawn = trial.stimulus or progress.chosen.get(trial.code, "")
     if drawn:
         return drawn
     block = plan.design.block(trial.block)
-    ladder, strength = rungs(plan.design, block)
+    ladder, strength = stimulus_levels(plan.design, block)
     history = answered(plan, progress, block)
     if block.adaptive == "staircase":
         rung = ladder[round(climb(len(ladder), history).level)]
@@ -43,7 +43,7 @@ def next_stimulus(plan: Plan, progress: Standing, trial: Trial) -> str:
     return rung[trial.variant % len(rung)]
 
 
-def threshold(plan: Plan, progress: Standing, block_name: str) -> tuple[float, float]:
+def threshold(plan: Plan, progress: SessionState, block_name: str) -> tuple[float, float]:
     """Threshold of one participant from an adaptive block, and its standard deviation, in the unit of the strengths.
 
     From QUEST+ mean and deviation of the posterior; from a staircase the mean of the strengths at the last six
@@ -64,7 +64,7 @@ def threshold(plan: Plan, progress: Standing, block_name: str) -> tuple[float, f
     due = sum((trial.code, block.questions[0]) not in progress.answers for trial in tests)
     if due:
         raise InputError(f"not finished: expected {block.repetitions} answers, got {block.repetitions - due}")
-    ladder, strength = rungs(plan.design, block)
+    ladder, strength = stimulus_levels(plan.design, block)
     history = answered(plan, progress, block)
     if not history:
         raise InputError(f"rules of the plan leave out all {block.repetitions} answers of the block")
@@ -76,7 +76,7 @@ def threshold(plan: Plan, progress: Standing, block_name: str) -> tuple[float, f
     return float(np.mean(strength[np.rint(state.turned[-6:]).astype(int)])), float("nan")
 
 
-def thresholds_of(plan: Plan, sessions: Sequence[Standing]) -> DataFrame | None:
+def thresholds_of(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame | None:
     """Thresholds of every adaptive block of every session; None if the plan has no such block.
 
     Columns participant, block, threshold, sd, note; a threshold that cannot be computed, or that the rules of the plan
@@ -98,12 +98,12 @@ def thresholds_of(plan: Plan, sessions: Sequence[Standing]) -> DataFrame | None:
     return DataFrame(rows) if rows else None
 
 
-def answered(plan: Plan, progress: Standing, block: Block) -> History:
+def answered(plan: Plan, progress: SessionState, block: Block) -> History:
     """The answers of a block to its first question, as right or wrong.
 
     Without those to catch trials and such, and without those that a rule of the plan leaves out, as in `answers_table`.
     """
-    ladder, _ = rungs(plan.design, block)
+    ladder, _ = stimulus_levels(plan.design, block)
     place = {name: rung for rung, names in enumerate(ladder) for name in names}
     question = plan.design.question(block.questions[0])
     history: History = []
@@ -130,7 +130,7 @@ def climb(count: int, history: History) -> Staircase:
 
 def ask_quest(design: Design, block: Block, history: History) -> QuestPlus:
     """QUEST+ over a grid of Weibull functions around the ladder's strengths, after the answers so far."""
-    _, strength = rungs(design, block)
+    _, strength = stimulus_levels(design, block)
     question = design.question(block.questions[0])
     guess = 0.05 if question.kind == "yes-no" else 1 / max(len(question.answers), 2)
     state = QuestPlus(

@@ -10,7 +10,7 @@ from midair.study.design.question import one_of
 Incomplete = Literal["leave out", "refuse"]
 """People who lack a cell of the analysis of variance: the others are analysed; nobody is."""
 
-Foils = Literal["wrong", "leave out", "refuse"]
+UnpresentedAnswers = Literal["wrong", "leave out", "refuse"]
 """Answers that name what was never presented: wrong answers; left out; no analysis of choices."""
 
 
@@ -51,14 +51,14 @@ class Analysis:
     within: tuple[str, ...] = ()
     between: tuple[str, ...] = ()
     incomplete: Incomplete = "leave out"
-    foils: Foils = "wrong"
+    foils: UnpresentedAnswers = "wrong"
     strength: str = ""
     guess: float = 0.5
     margin: float = 0.1
 
     def __post_init__(self) -> None:
         one_of(self.incomplete, Incomplete, "analysis: incomplete")
-        one_of(self.foils, Foils, "analysis: foils")
+        one_of(self.foils, UnpresentedAnswers, "analysis: foils")
 
 
 PowerTest = Literal["paired", "identification", "rating", "equivalence", "threshold"]

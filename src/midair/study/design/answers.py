@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from midair.errors import BrokenFileError
 from midair.study.design.exclusions import why_answer_left_out, why_left_out
-from midair.study.design.standing import right_of
+from midair.study.design.session_state import right_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from midair.study.design.plan import Plan, Trial
-    from midair.study.design.standing import Standing
+    from midair.study.design.session_state import SessionState
 
 
-def answers_table(plan: Plan, sessions: Sequence[Standing]) -> DataFrame:
+def answers_table(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
     """Every answer that counts as a row, but for those to private questions, which stay in the log.
 
     Returns
@@ -44,7 +44,7 @@ def answers_table(plan: Plan, sessions: Sequence[Standing]) -> DataFrame:
     return DataFrame(rows)
 
 
-def _answer_row(plan: Plan, session: Standing, trial: Trial, name: str, out: str) -> dict[str, Any]:
+def _answer_row(plan: Plan, session: SessionState, trial: Trial, name: str, out: str) -> dict[str, Any]:
     question = plan.design.question(name)
     given = session.answers[trial.code, name]
     stimulus = plan.design.stimulus(trial.stimulus or session.chosen[trial.code])

@@ -7,7 +7,7 @@ from typing import Literal
 from midair.errors import InputError
 from midair.study.design.question import one_of
 
-Order = Literal["shuffle", "rounds", "fixed"]
+StopGuard = Literal["shuffle", "rounds", "fixed"]
 """All trials of a block mixed; every stimulus once, in a new order, repetition by repetition; as written."""
 
 Adaptive = Literal["", "staircase", "quest+"]
@@ -115,7 +115,7 @@ class Block:
     stimuli: tuple[str, ...]
     questions: tuple[str, ...]
     repetitions: int = 1
-    order: Order = "shuffle"
+    order: StopGuard = "shuffle"
     longest_run: int = 0
     group: str = ""
     scored: bool = True
@@ -132,7 +132,7 @@ class Block:
     session: int = 1
 
     def __post_init__(self) -> None:
-        one_of(self.order, Order, f"block {self.name!r}: order")
+        one_of(self.order, StopGuard, f"block {self.name!r}: order")
         one_of(self.adaptive, Adaptive, f"block {self.name!r}: adaptive")
         if bool(self.adaptive) != bool(self.strength) or (self.adaptive and len(self.stimuli) < 3):
             raise InputError(f"block {self.name!r}: expected adaptive, strength and three stimuli or more, or neither")

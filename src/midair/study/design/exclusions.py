@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from midair.study.design.standing import Standing, right_of
+from midair.study.design.session_state import SessionState, right_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from midair.study.design.plan import Plan
-    from midair.study.design.standing import GivenAnswer
+    from midair.study.design.session_state import GivenAnswer
 
 
-def left_out(plan: Plan, sessions: Sequence[Standing]) -> DataFrame:
+def left_out(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
     """Every participant whom a rule of the plan leaves out.
 
     Returns
@@ -29,12 +29,12 @@ def left_out(plan: Plan, sessions: Sequence[Standing]) -> DataFrame:
     return DataFrame(rows, columns=["participant", "rule", "value", "limit"])
 
 
-def why_left_out(plan: Plan, session: Standing) -> str:
+def why_left_out(plan: Plan, session: SessionState) -> str:
     """The first rule that leaves the participant of a session out; empty if none does."""
     return next((f"participant: {row['rule']}" for row in _broken_rules(plan, session)), "")
 
 
-def why_answer_left_out(plan: Plan, session: Standing, code: str, given: GivenAnswer) -> str:
+def why_answer_left_out(plan: Plan, session: SessionState, code: str, given: GivenAnswer) -> str:
     """The rule that leaves one answer out; empty if none does."""
     rules = plan.design.exclusions
     if given.late:
@@ -46,7 +46,7 @@ def why_answer_left_out(plan: Plan, session: Standing, code: str, given: GivenAn
     return "failed play" if rules.failed_plays and session.failed.get(code) else ""
 
 
-def _broken_rules(plan: Plan, session: Standing) -> list[dict[str, Any]]:
+def _broken_rules(plan: Plan, session: SessionState) -> list[dict[str, Any]]:
     rules = plan.design.exclusions
     person = f"sub-{session.trials[0].participant:02d}"
     found: list[dict[str, Any]] = []
@@ -66,7 +66,7 @@ def _broken_rules(plan: Plan, session: Standing) -> list[dict[str, Any]]:
     return found
 
 
-def _share_right(plan: Plan, session: Standing, role: str) -> float | None:
+def _share_right(plan: Plan, session: SessionState, role: str) -> float | None:
     """Share of right answers in the trials of a role that have a right answer; None if there are none yet."""
     right = [
         session.answers[trial.code, name].answer == truth

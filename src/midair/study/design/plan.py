@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from midair.errors import InputError
+from midair.study.design.adaptive_levels import check_sides, stimulus_levels
 from midair.study.design.blocks import Block
-from midair.study.design.ladder import check_sides, rungs
 from midair.study.design.order import balanced_latin_square, constrained_shuffle
 from midair.study.design.stimulus import both_orders
 from midair.study.design.study_design import Design
@@ -244,7 +244,7 @@ def _places(design: Design, block: Block, rng: np.random.Generator) -> list[_Pla
 
 def _variants(design: Design, block: Block, rng: np.random.Generator) -> list[int]:
     """Which stimulus of a strength comes in each trial of an adaptive block: each equally often, in random order."""
-    many = len(rungs(design, block)[0][0])
+    many = len(stimulus_levels(design, block)[0][0])
     if many == 1:
         return [0] * block.repetitions
     rounds = -(-block.repetitions // many)

@@ -35,7 +35,7 @@ from midair.study.statistics import (
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from midair.study.design import Foils
+    from midair.study.design import UnpresentedAnswers
 
 
 def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
@@ -55,7 +55,7 @@ def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
     return tuple(found), failed
 
 
-def _confusion(name: str, rows: DataFrame, policy: Foils) -> Choices:
+def _confusion(name: str, rows: DataFrame, policy: UnpresentedAnswers) -> Choices:
     labels = sorted(set(rows["presented"].tolist()))
     foils = sorted(set(rows["answered"].tolist()) - set(labels))
     if foils and policy == "refuse":

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-    from midair.study.design import Analysis, Design, Foils, Incomplete
+    from midair.study.design import Analysis, Design, Incomplete, UnpresentedAnswers
 
 
 _SINGLE = ("yes-no", "same-different", "magnitude")
@@ -72,7 +72,7 @@ class StudyData:
     within: tuple[str, ...] = ()
     between: tuple[str, ...] = ()
     incomplete: Incomplete = "leave out"
-    foils: Foils = "wrong"
+    foils: UnpresentedAnswers = "wrong"
     excluded: DataFrame | None = None
     others: DataFrame | None = None
     form: DataFrame | None = None
@@ -170,7 +170,7 @@ def data_of_columns(
     within: Sequence[str] = (),
     between: Sequence[str] = (),
     incomplete: Incomplete = "leave out",
-    foils: Foils = "wrong",
+    foils: UnpresentedAnswers = "wrong",
     margin: float = 0.1,
     simulated: bool = False,
 ) -> StudyData:

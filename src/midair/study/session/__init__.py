@@ -1,14 +1,14 @@
 """A session: present, ask, time, store; and participants who are simulated."""
 
-from midair.study.session.event_log import links_of, read_events, seal_of
+from midair.study.session.event_log import chain_hash, links_of, read_events
 from midair.study.session.participant import SimulatedParticipant
 from midair.study.session.presenters import (
     ArrayPresenter,
     ExperimenterPresenter,
     MaskedPresenter,
     Masking,
-    NoPresenter,
     Presenter,
+    SilentPresenter,
 )
 from midair.study.session.simulated_screen import SimulatedScreen
 from midair.study.session.steps import Clock, Reply, Screen, StillClock, SystemClock, TrialStep
@@ -20,7 +20,7 @@ __all__ = [
     "ExperimenterPresenter",
     "MaskedPresenter",
     "Masking",
-    "NoPresenter",
+    "SilentPresenter",
     "Presenter",
     "Reply",
     "Screen",
@@ -33,5 +33,5 @@ __all__ = [
     "links_of",
     "read_events",
     "run",
-    "seal_of",
+    "chain_hash",
 ]

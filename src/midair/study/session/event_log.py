@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 from midair.errors import BrokenFileError, DeviceStateError, MissingFileError
-from midair.files import hold, json_of
+from midair.files import hold_open, json_of
 
 _LINK = b', "chain": "'
 LINK = 32
@@ -70,11 +70,11 @@ class EventLog:
         self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
         try:
-            hold(self._file, f"{self.path.name}: another program is running this session; end it first")
+            hold_open(self._file, f"{self.path.name}: another program is running this session; end it first")
             _sync_folder(self.path.parent)
             torn = _cut_torn_line(self._file, self.path)
             _, self._chain = _checked(self.path, self._chained)
-            self.seal = seal_of(self.path)
+            self.seal = chain_hash(self.path)
             if torn:
                 self.append({"event": "repair", "torn": torn})
         except BaseException:
@@ -135,7 +135,7 @@ def read_events(path: Path, *, chained: bool = False) -> list[dict[str, Any]]:
     return _checked(path, chained)[0]
 
 
-def seal_of(path: Path) -> str:
+def chain_hash(path: Path) -> str:
     """The last link of a log; empty if it has none."""
     return (links_of(path) or [""])[-1]
 

@@ -6,7 +6,7 @@ from hashlib import sha256
 import numpy as np
 
 from midair.errors import InputError
-from midair.study.design import Design, Plan, Question, Stimulus, Trial, right_answer, right_of, rungs
+from midair.study.design import Design, Plan, Question, Stimulus, Trial, right_answer, right_of, stimulus_levels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +119,7 @@ class SimulatedParticipant:
 def _middles(design: Design) -> dict[str, float]:
     """Geometric middle of the strengths of each factor that an adaptive block climbs."""
     return {
-        block.strength: float(np.exp(np.log(rungs(design, block)[1]).mean()))
+        block.strength: float(np.exp(np.log(stimulus_levels(design, block)[1]).mean()))
         for block in design.blocks
         if block.adaptive
     }

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from threading import Event
 from typing import Protocol
 
-from midair.devices import Admission, ArrayDevice
+from midair.devices import ArrayDevice, ExposureClearance
 from midair.errors import InputError, SilentFramesError
 from midair.model import Medium
-from midair.rig import play_admitted
+from midair.rig import play_cleared
 from midair.study.design import Stimulus
 
 
@@ -70,7 +70,7 @@ class ArrayPresenter:
     """
 
     array: ArrayDevice
-    admitted: Callable[[Stimulus], Admission]
+    admitted: Callable[[Stimulus], ExposureClearance]
     by_hand: Presenter
     room: Medium | None = None
     silence_s: float = 0.0
@@ -105,7 +105,7 @@ class ArrayPresenter:
         elif stimulus.kind == "drive":
             admission = self.admitted(stimulus)
             share = "" if stimulus.share == 1 else f" at {stimulus.share:g} of its pressure"
-            report = play_admitted(admission, self.array, source=stimulus.source + share, room=self.room)
+            report = play_cleared(admission, self.array, source=stimulus.source + share, room=self.room)
             if report.gap:
                 raise SilentFramesError(
                     f"array: expected every frame in time, {report.late} were late after {report.gap:.3f} s of "
@@ -167,7 +167,7 @@ class MaskedPresenter:
         self.noise.off()
 
 
-class NoPresenter:
+class SilentPresenter:
     """Presents nothing: for simulated participants, who ask it what they would have felt.
 
     Attributes

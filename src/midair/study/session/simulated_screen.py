@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from midair.errors import DeviceStateError
 from midair.study.design import Plan, Trial
 from midair.study.session.participant import SimulatedParticipant
-from midair.study.session.presenters import NoPresenter
+from midair.study.session.presenters import SilentPresenter
 from midair.study.session.steps import Reply, TrialStep
 
 
@@ -27,7 +27,7 @@ class SimulatedScreen:
 
     plan: Plan
     participant: SimulatedParticipant
-    presenter: NoPresenter = field(default_factory=NoPresenter)
+    presenter: SilentPresenter = field(default_factory=SilentPresenter)
     number: int = 1
 
     def show(self, text: str) -> None:

@@ -7,7 +7,7 @@ from threading import Event
 from time import monotonic
 from typing import Any, Literal, Protocol
 
-from midair.study.design import Design, Plan, Question, Standing, Trial, right_of
+from midair.study.design import Design, Plan, Question, SessionState, Trial, right_of
 
 
 class Clock(Protocol):
@@ -128,7 +128,7 @@ class Screen(Protocol):
         ...
 
 
-def steps_of(plan: Plan, progress: Callable[[], Standing]) -> Iterator[TrialStep]:
+def steps_of(plan: Plan, progress: Callable[[], SessionState]) -> Iterator[TrialStep]:
     """What is due from where a session stands until it is over, one step after the other.
 
     Parameters
@@ -173,7 +173,7 @@ def _before(design: Design, trials: Sequence[Trial], index: int, first: int, don
 
 
 def _trial(
-    plan: Plan, trial: Trial, total: int, now: Standing, progress: Callable[[], Standing]
+    plan: Plan, trial: Trial, total: int, now: SessionState, progress: Callable[[], SessionState]
 ) -> Iterator[TrialStep]:
     design = plan.design
     place: dict[str, Any] = {"code": trial.code, "number": trial.number, "total": total}
@@ -184,7 +184,7 @@ def _trial(
         yield TrialStep(kind="show", text=_feedback(plan, trial, progress()), **place)
 
 
-def _feedback(plan: Plan, trial: Trial, now: Standing) -> str:
+def _feedback(plan: Plan, trial: Trial, now: SessionState) -> str:
     """Whether the answer to the first question was right, and what would have been."""
     name = trial.questions[0]
     right = right_of(plan, trial, now.chosen, name)

@@ -13,9 +13,9 @@ from typing import Any, Self
 
 from midair.errors import DeviceError, DeviceStateError, InputError, SilentFramesError
 from midair.model import Medium
-from midair.study.design import Plan, Policy, Standing, Stimulus, Trial, next_stimulus, replay
+from midair.study.design import Plan, Policy, SessionState, Stimulus, Trial, next_stimulus, replay
 from midair.study.session.event_log import EventLog, read_events
-from midair.study.session.presenters import NoPresenter, Presenter
+from midair.study.session.presenters import Presenter, SilentPresenter
 from midair.study.session.steps import Clock, Reply, Screen, SystemClock, TrialStep, steps_of
 
 ATTEMPTS = 3
@@ -73,7 +73,7 @@ class Session:
         self.plan = plan
         self.participant = participant
         # Where nothing is presented nobody answers: a model would say the same again.
-        self._log = EventLog(log, synced=not isinstance(presenter, NoPresenter), chained=plan.chain)
+        self._log = EventLog(log, synced=not isinstance(presenter, SilentPresenter), chained=plan.chain)
         self._presenter = presenter
         self._policy: Policy = policy
         self._simulated = simulated
@@ -134,7 +134,7 @@ class Session:
         """The last link of the chain over the whole log: whoever noted it can tell a log that was written anew."""
         return self._log.seal
 
-    def standing(self) -> Standing:
+    def standing(self) -> SessionState:
         """Where the session stands, by its log."""
         return replay(read_events(self._log.path, chained=self.plan.chain), self.plan, self.participant)
 

@@ -1,7 +1,7 @@
 import { BarPicture, CellsPicture, Colours, FieldPicture, OverviewPicture, PhasesPicture, SparseTrack, SpectrogramPicture, Track, TracesPicture, bytesOf, decode } from "./view.js";
 import { Transport, controls } from "./transport.js";
 
-/* A whole view of one take: its pictures in a grid and a transport below. `about` is what view/showing.py tells of it,
+/* A whole view of one take: its pictures in a grid and a transport below. `about` is what view/view_data.py tells of it,
    `bytes` the sections of each track by name: samples, again, wanted, played, phases. */
 
 export function mount(root, about, bytes) {

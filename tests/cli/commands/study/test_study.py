@@ -15,8 +15,8 @@ from midair.files import save_solution
 from midair.model import Drive, Solution, TransducerArray
 from midair.physics import focus_phase
 from midair.study.folder import StudyFolder, paper_design_text
-from midair.study.session.event_log import read_events, seal_of
-from midair.study.session.presenters import NoPresenter
+from midair.study.session.event_log import chain_hash, read_events
+from midair.study.session.presenters import SilentPresenter
 from midair.study.session.trials import Session, run
 from midair.study.tables import read_csv, write_csv
 from midair.study.terminal_screen import TerminalScreen
@@ -165,7 +165,7 @@ def test_a_person_at_the_terminal(tmp_path):
     console = Typist(["", "AB12", "1", "", "cat", "brush", "2", None])
     with (
         pytest.raises(KeyboardInterrupt),
-        Session(plan, 1, folder.log(1), NoPresenter()) as session,
+        Session(plan, 1, folder.log(1), SilentPresenter()) as session,
     ):
         run(session, TerminalScreen(console))
     console.file.close()
@@ -309,7 +309,7 @@ def test_the_printed_next_runs_as_printed(tmp_path, monkeypatch, capsys):
     assert study(*shlex.split(said[0].partition(": midair study ")[2])) == 0
     said = capsys.readouterr().out
     assert "participant 1 was done before" in said
-    assert seal_of(tmp_path / "s" / "sessions" / "sub-01.jsonl") in "".join(said.split())
+    assert chain_hash(tmp_path / "s" / "sessions" / "sub-01.jsonl") in "".join(said.split())
 
 
 def test_a_number_for_which_nothing_was_drawn_leaves_no_file(tmp_path):

@@ -12,17 +12,17 @@ from midair.cli.terminal import (
     Json,
     banner,
     calibrated_by,
+    calibration_from_options,
     given_calibration,
-    keep,
     may_write,
-    nominal_calibration,
     prepare_page,
     print_rows,
     quantity,
     tell,
+    write_recording,
 )
 from midair.files import load_pressure, open_take
-from midair.reel import moments
+from midair.lazy_frames import moments
 from midair.rig import uncertainty_of
 
 Pressure = Annotated[float | None, quantity("Pa")]
@@ -67,14 +67,14 @@ def apply_command(
     may_write(source, force=True)
     take = open_take(source, streamed=True)
     recording = take.recording
-    known = nominal_calibration(recording, sensitivity, peak)
+    known = calibration_from_options(recording, sensitivity, peak)
     known = known or (given_calibration(calibration) if calibration else take.calibration)
     pressure = calibrate(
         recording, known, band=chosen.band, method=chosen.inverse, crosstalk=crosstalk, damping=damping
     )
     # Of a file of midair what was written is looked at afterwards: before, it would have to be worked out twice.
     found = None if take.stored else moments(pressure.pressure)
-    keep(recording, source, calibration=known, pressure=pressure)
+    write_recording(recording, source, calibration=known, pressure=pressure)
     found = found or moments((load_pressure(source, streamed=True) or pressure).pressure)
     banner(pressure.provenance.simulated)
     print_rows(

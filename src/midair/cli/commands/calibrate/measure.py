@@ -17,9 +17,9 @@ from midair.cli.terminal import (
     Time,
     given_calibration,
     out,
+    progress_bars,
     quantity,
     say_air,
-    stages,
     stated_sensitivity,
     work_of,
 )
@@ -226,7 +226,7 @@ def beam_command(
     source = rig.sensor(rig.skin() if skin is None else skin) if sensor == "virtual" else sensor_named(sensor, rig)
     array = rig.array_device(skin) if device == "virtual" else array_named(device)
     say_air(medium, stated=room is not None)
-    with stages() as stage, array, source:
+    with progress_bars() as stage, array, source:
         options.path(source.grid)
         calibration = calibrate_by_beam(
             array,
@@ -264,7 +264,7 @@ def bench_command(
     $ midair calibrate bench bench --kind sweep
     """
     workload = f"{kind} of {duration:g} s"
-    with stages([work_of("simulate", workload, PRACTICE)]) as stage:
+    with progress_bars([work_of("simulate", workload, PRACTICE)]) as stage:
         progress = stage("simulate", workload)
         command = write_practice(folder, kind=kind, duration=duration, seed=seed, progress=progress)
     out().print("now measure:", command, sep="\n")

@@ -18,9 +18,9 @@ from midair.cli.terminal import (
     may_write,
     print_json,
     print_rows,
+    progress_bars,
     quantity,
     say_air,
-    stages,
 )
 from midair.devices import ArrayDevice, SensorDevice
 from midair.errors import MissingFileError
@@ -90,7 +90,7 @@ def array_command(
     target = output or Path(f"{name}-{day}{ARRAY_SUFFIX}")
     may_write(target, force)
     say_air(medium, stated=room is not None)
-    with stages() as stage, array, source:
+    with progress_bars() as stage, array, source:
         found = calibrate_array(
             array,
             source,

@@ -5,7 +5,7 @@ import sys
 from hashlib import sha256
 from pathlib import Path
 
-from midair.cli.terminal import Force, banner, err, say, stages
+from midair.cli.terminal import Force, banner, err, progress_bars, say
 from midair.errors import InputError
 from midair.files import read_text, whole_file
 from midair.settings import Mode
@@ -15,8 +15,8 @@ from midair.study import (
     StudyFolder,
     Template,
     block_order,
-    gather,
     plan_page,
+    prepare_drives,
     read_design,
     template_text,
     withdraw,
@@ -72,8 +72,8 @@ def new_command(
 
     def fill(into: Path) -> dict[str, str]:
         folder = Path(drives) if drives else None if source is None else source.parent
-        with stages() as stage:
-            gathered.extend(gather(design, into, found_in=folder, mode=mode, seed=design.seed, stage=stage))
+        with progress_bars() as stage:
+            gathered.extend(prepare_drives(design, into, found_in=folder, mode=mode, seed=design.seed, stage=stage))
         return {one.source: one.digest for one in gathered}
 
     plan = StudyFolder.create(path, text, design, drives=None if drives == "none" else fill).plan()

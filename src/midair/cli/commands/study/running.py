@@ -5,21 +5,21 @@ from pathlib import Path
 from midair.cli.terminal import AirOptions, ExposureOptions, PlainConsole, say, say_how_long, warn_simulated
 from midair.errors import InputError
 from midair.study import (
-    NoPresenter,
     Plan,
     Policy,
     Session,
+    SessionState,
+    SilentPresenter,
     SimulatedParticipant,
     SimulatedScreen,
-    Standing,
     StillClock,
     StudyFolder,
     TerminalScreen,
+    chain_hash,
     check_not_withdrawn,
     keyboard_of_terminal,
     open_stimulus_rig,
     run,
-    seal_of,
     stops_on_signals,
     withdrawn,
 )
@@ -129,10 +129,10 @@ def _is_done(folder: StudyFolder, plan: Plan, participant: int) -> str:
     if not log.exists():
         return ""
     standing = folder.session(plan, participant)
-    return f"{log.name}: seal {seal_of(log)}" if standing.next_trial == len(standing.trials) else ""
+    return f"{log.name}: seal {chain_hash(log)}" if standing.next_trial == len(standing.trials) else ""
 
 
-def _say_next_session(standing: Standing) -> None:
+def _say_next_session(standing: SessionState) -> None:
     if standing.next_trial < len(standing.trials) and not standing.broken_off:
         due = standing.trials[standing.next_trial].session
         say(f"Session {due} is due: the same command takes the participant through it.")
@@ -145,11 +145,11 @@ def _run_simulated(folder: StudyFolder, plan: Plan, participant: int, policy: Po
     model = SimulatedParticipant(d_prime=d_prime, seed=plan.design.seed)
     for number in numbers:
         check_not_withdrawn(folder, number)
-        presenter, log = NoPresenter(), folder.log(number)
+        presenter, log = SilentPresenter(), folder.log(number)
         screen = SimulatedScreen(plan=plan, participant=model, presenter=presenter, number=number)
         for _ in range(plan.design.sessions):
             with Session(plan, number, log, presenter, policy=policy, simulated=True, clock=StillClock()) as session:
                 run(session, screen)
-        say(f"participant {number}: done; {log.name}: seal {seal_of(log)}")
+        say(f"participant {number}: done; {log.name}: seal {chain_hash(log)}")
     warn_simulated(True)
     return 0

@@ -10,11 +10,11 @@ from midair.cli.terminal import Json, say, warn_simulated
 from midair.errors import InputError
 from midair.files import whole_file
 from midair.study import (
-    Foils,
     Incomplete,
     Report,
     StudyData,
     StudyFolder,
+    UnpresentedAnswers,
     analyse,
     analysis_notebook,
     answers_table,
@@ -22,10 +22,10 @@ from midair.study import (
     data_of_study,
     load_study,
     load_table,
+    log_derived_file,
     noted_seals,
     read_bids,
     read_csv,
-    remember_made,
     report_json,
     report_page,
     report_text,
@@ -54,7 +54,7 @@ def analyse_command(
     within: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
     between: Annotated[tuple[str, ...], Parameter(consume_multiple=True)] = (),
     incomplete: Incomplete = "leave out",
-    foils: Foils = "wrong",
+    foils: UnpresentedAnswers = "wrong",
     margin: float = 0.1,
 ) -> None:
     """Analyse a study, a CSV table, or a BIDS dataset; write an HTML report with a plain word beside each number.
@@ -121,7 +121,7 @@ def analyse_command(
     report = analyse(data, seed=seed, draws=draws)
     if (source / "plan.json").exists():
         for file in (target, target.with_suffix(".ipynb")):
-            remember_made(StudyFolder(source), file, "report")
+            log_derived_file(StudyFolder(source), file, "report")
     page = report_page(report, title=title, within=data.within)
     notebook = analysis_notebook(data, loading, title=title, seed=seed, draws=draws)
     for file, text in ((target, page), (target.with_suffix(".ipynb"), notebook)):
@@ -153,7 +153,7 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
     verified = verify_study(folder)
     if format == "bids":
         # Before it is there: killed in between, it is known all the same to whoever withdraws.
-        remember_made(folder, output, "bids")
+        log_derived_file(folder, output, "bids")
         written = write_bids(
             answers, plan.design, output, files=verified.summary, unfinished=tuple(verified.unfinished)
         )
@@ -161,7 +161,7 @@ def export_command(study: Path, output: Path, /, *, format: Literal["bids", "csv
     else:
         if answers.empty:
             raise InputError("export: expected answers, got none; run a participant first")
-        remember_made(folder, output, "csv")
+        log_derived_file(folder, output, "csv")
         write_csv(answers, output)
         say(f"{output}: {len(answers)} answers.")
     say(" ".join(part for part in (verified.summary, verified.unfinished_words) if part))

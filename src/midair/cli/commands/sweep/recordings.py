@@ -11,8 +11,8 @@ from cyclopts import App, CycloptsError, Parameter
 from midair.cli.terminal import SolveOptions, Time, out, quantity, say_air, show_trials, swept
 from midair.errors import InputError
 from midair.files import open_take
-from midair.flow import at_strength, felt
 from midair.model import TransducerArray
+from midair.pipeline import at_strength, calibrated_pressure
 from midair.sweep import RecordingSweep, SweepTrial, load_sweep, trial_report
 
 Choice = tuple[str, Any]
@@ -86,7 +86,7 @@ def _trial(source: Path, variant: str, options: SolveOptions, start: float, dura
     settings = options.settings()
     # As midair solve reads it where it is cut: the filters of a reel are those of an array to a few parts in a million.
     take = open_take(source, streamed=settings.solver.name == "glide")
-    pressure = felt(take.recording, take.calibration, settings)
+    pressure = calibrated_pressure(take.recording, take.calibration, settings)
     part = pressure if start == 0 and duration is None else pressure.cut(start, duration)
     known = at_strength(part, TransducerArray.autd3(), settings)
     return SweepTrial(recording=source.name, variant=variant, pressure=part, settings=known)

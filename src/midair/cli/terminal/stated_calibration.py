@@ -1,0 +1,98 @@
+"""What is stated instead of measuring a calibration: --sensitivity, --peak, a --reference of something known."""
+
+import re
+from dataclasses import replace
+from pathlib import Path as File
+
+import numpy as np
+
+from midair.calibration import MicrophoneScale, scale_of_drop, scale_of_tone
+from midair.cli.terminal.import_options import FileOptions, import_recording
+from midair.cli.terminal.quantities import parse_quantity
+from midair.errors import InputError, MismatchError
+from midair.lazy_frames import moments
+from midair.medians import medians
+from midair.model import Calibration, Provenance, Recording
+
+
+def calibration_from_options(recording: Recording, sensitivity: str | None, peak: float | None) -> Calibration | None:
+    """The calibration that a stated sensitivity or peak (in Pa) means, if one was stated.
+
+    Raises
+    ------
+    MismatchError
+        If both were.
+    InputError
+        If the sensitivity is no such quantity, or the peak or the recording makes no sense.
+    """
+    if sensitivity is not None and peak is not None:
+        raise MismatchError("expected --sensitivity or --peak, got both; state one")
+    if sensitivity is not None:
+        value = stated_sensitivity(sensitivity, f"{recording.unit}/Pa", "--sensitivity")
+        return Calibration.flat(recording.sensor, sensitivity=value, unit=recording.unit)
+    if peak is None:
+        return None
+    rest, found = medians(recording.samples), moments(recording.samples)
+    change = np.maximum(found.greatest - rest, rest - found.least).max()
+    if change == 0 or peak <= 0:
+        raise InputError(
+            f"--peak: expected a pressure above 0 and a recording that changes, got {peak:g} Pa, {change:g}"
+        )
+    flat = Calibration.flat(recording.sensor, sensitivity=float(change / peak), unit=recording.unit)
+    stated = f"stated: the largest change of any channel, {change:.4g} {recording.unit}, is {peak:g} Pa"
+    return replace(flat, provenance=Provenance(source=stated))
+
+
+def stated_sensitivity(text: str, unit: str, option: str) -> float:
+    """The number of `unit` that an option states.
+
+    Raises
+    ------
+    InputError
+        If it is no quantity of that kind.
+    """
+    try:
+        return parse_quantity(text, unit)
+    except ValueError as wrong:
+        raise InputError(f"{option}: {wrong}") from None
+
+
+def scale_by(reference: File, options: FileOptions, tone: str, drop: str | None) -> MicrophoneScale:
+    """What 1 of a file's numbers means, by a take of the same microphone at the same gain of something known.
+
+    Parameters
+    ----------
+    reference : Path
+        The take.
+    options : FileOptions
+        Which channel of it, and its rate where it does not say.
+    tone : str
+        Level of the tone in it, such as 94dB.
+    drop : str or None
+        Instead of a tone, a weight that drops: its mass, height and the diameter that it hits, such as 2g:50mm:10mm.
+
+    Raises
+    ------
+    InputError
+        If they are no level and no drop, or the take holds neither.
+    """
+    taken = import_recording(
+        reference, replace(options, scale=1.0, unit=None, footprint=None, resample=None, layout=None)
+    )
+    recording = taken.recording
+    if recording.sensor.count != 1:
+        raise InputError(f"{reference}: expected one channel, got {recording.sensor.count}; choose with --channels 0")
+    samples = recording.samples.ravel()
+    if drop is None:
+        level = re.fullmatch(r"([\d.]+)\s*dB", tone)
+        if level is None:
+            raise InputError(f"--tone: expected a level re 20 µPa such as 94dB, got {tone!r}")
+        return scale_of_tone(samples, recording.rate, level=float(level[1]))
+    parts = drop.split(":")
+    try:
+        mass, height, diameter = (
+            parse_quantity(part, unit) for part, unit in zip(parts, ("kg", "m", "m"), strict=True)
+        )
+    except ValueError as wrong:
+        raise InputError(f"--drop: expected MASS:HEIGHT:DIAMETER such as 2g:50mm:10mm, got {drop!r}") from wrong
+    return scale_of_drop(samples, recording.rate, mass=mass, height=height, diameter=diameter)

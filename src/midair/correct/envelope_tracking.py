@@ -1,0 +1,92 @@
+"""What transducers press while they follow their drive, and how that changes with each phase of each frame."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.model import ControlGrid, Drive
+from midair.physics import Transducers, radiation_pressure, transfer_matrix
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+Waves = NDArray[np.complex64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EnvelopeTracking:
+    """The way from phases to the pressure at the end of each frame, in single precision.
+
+    Attributes
+    ----------
+    G : ndarray of complex, shape (transducer, point)
+        Field of each transducer at full drive, in Pa.
+    back : ndarray of complex, shape (point, transducer)
+        Its conjugate transpose.
+    weights : ndarray, shape (point, place)
+        Radiation pressure at each place of 1 Pa of sound at each point, in Pa.
+    stays, comes : ndarray of complex, shape (transducer,)
+        What is left of a transducer's sound after a frame, and what a drive of 1 has made by then.
+    """
+
+    G: Waves
+    back: Waves
+    weights: Single
+    stays: Waves
+    comes: Waves
+
+    @classmethod
+    def of(
+        cls,
+        drive: Drive,
+        transducers: Transducers,
+        grid: ControlGrid,
+        weights: Array,
+    ) -> "EnvelopeTracking":
+        """For a drive's array and air with these transducers, and places of weights (place, point) on a grid."""
+        G = transfer_matrix(grid, drive.array.nominal, acoustics=drive.acoustics)
+        unit = float(radiation_pressure(np.ones(1), drive.acoustics.medium)[0])
+        stays = np.exp(transducers.pole / drive.rate)
+        return cls(
+            G=np.ascontiguousarray(G.T, np.complex64),
+            back=np.ascontiguousarray(G.conj(), np.complex64),
+            weights=np.ascontiguousarray(unit * weights.T, np.float32),
+            stays=stays.astype(np.complex64),
+            comes=((1 - stays) * transducers.response).astype(np.complex64),
+        )
+
+    def radiated(self, told: Waves, start: Waves) -> Waves:
+        """What each transducer radiates at the end of each frame, (frame, transducer); `start` before the first."""
+        q, now = self.comes * told, start
+        for frame in q:
+            frame += self.stays * now
+            now = frame
+        return q
+
+    def missed(self, told: Waves, start: Waves, wanted: Single, metric: Single) -> tuple[float, Single]:
+        """The cost ``sum((P - P') * metric (P - P')) / 2``, and its gradient by the phases, (frame, transducer).
+
+        Parameters
+        ----------
+        told : ndarray of complex, shape (frame, transducer)
+            c, as a part of full drive.
+        start : ndarray of complex, shape (transducer,)
+            What is radiated before the first frame.
+        wanted : ndarray, shape (frame, place)
+            P', in Pa.
+        metric : ndarray, shape (frame, frame)
+            Symmetric: how a difference in one frame counts with one in another.
+        """
+        y = self.radiated(told, start) @ self.G
+        missed = (y.real**2 + y.imag**2) @ self.weights - wanted
+        felt = metric @ missed
+        # The other way round, with the slope of the cost by what each frame radiates.
+        slope: Any = ((2 * (felt @ self.weights.T)) * y) @ self.back
+        later, stays = np.zeros_like(start), self.stays.conj()
+        for frame in slope[::-1]:
+            frame += stays * later
+            later = frame
+        slope *= self.comes.conj()
+        turned = slope.imag * told.real - slope.real * told.imag
+        return 0.5 * float(np.vdot(missed.astype(np.float64), felt)), turned

@@ -1,0 +1,5 @@
+"""ProgressBars: machines that draw an object over the sensor."""
+
+from midair.devices.motion_stages.stage_device import StageDevice
+
+__all__ = ["StageDevice"]

@@ -1,0 +1,357 @@
+"""A stage behind Grbl 1.1, such as a small milling machine, at a serial port. Imports the extra `serial`.
+
+Never more than one move is on its way, so that a machine whose line is cut stops by itself at the end of that move.
+What it is sent and says is from gnea/grbl, doc/markdown, interface.md and commands.md.
+"""
+
+import os
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from typing import Any
+
+import serial
+
+from midair.devices.motion_stages.grbl_words import STATES, Outbox, StatusReport, in_words, status_of
+from midair.devices.motion_stages.stage_device import StageDevice
+from midair.devices.safety import device_lock
+from midair.errors import DeviceError, DeviceStateError, LinkLostError
+from midair.model import Place, StageStamp, check_reached
+
+EVERY = 0.1
+"""Seconds between two questions where it is: Grbl's makers advise against more than ten a second."""
+
+SILENT = 2.0
+"""Seconds without an answer to such a question after which the machine counts as lost."""
+
+HOMING = 120.0
+"""Seconds that it may look for its switches, during which it answers nothing."""
+
+HOLD, RESET, ASK = b"!", b"\x18", b"?"
+
+
+class GrblStage(StageDevice):
+    """A machine with three axes.
+
+    Parameters
+    ----------
+    port : str
+        Such as ``/dev/ttyUSB0`` or ``COM3``.
+    baud : int
+        Bits per second; Grbl 1.1 speaks at 115200.
+    search : float
+        How long to wait for the first answer, in s: opening the port starts many boards anew.
+    """
+
+    def __init__(self, port: str, *, baud: int = 115_200, search: float = 5.0) -> None:
+        self.name = f"grbl:{port}"
+        self._port_name, self._baud, self._search = port, baud, search
+        self._hold_on = ExitStack()
+        self._port: Any = None
+        self._outbox = Outbox()
+        self._partial = b""
+        self._asked: float | None = None
+        self._told = self._when = -1e9
+        self._restarting, self._greeted, self._flushing, self._locked = True, False, False, False
+        self._report: StatusReport | None = None
+        self._offset: Place = (0.0, 0.0, 0.0)
+        self._settings: dict[int, float] = {}
+        self._version = ""
+
+    def open(self) -> None:
+        """Open the port and wait for its first status report."""
+        with ExitStack() as hold:
+            # By its real path, since one port has several names; a sensor at the same port is refused, too.
+            hold.enter_context(device_lock(f"serial:{os.path.realpath(self._port_name)}"))
+            exclusive = True if os.name == "posix" else None
+            try:
+                self._port = serial.Serial(
+                    self._port_name, self._baud, timeout=0.01, write_timeout=1.0, exclusive=exclusive
+                )
+            except (OSError, ValueError) as wrong:
+                raise DeviceError(f"{self.name}: expected a port, got: {wrong}; see midair doctor") from wrong
+            hold.callback(self._release)
+            self._greet()
+            self._hold_on = hold.pop_all()
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self._hold_on.close()
+
+    def describe(self) -> dict[str, str]:
+        """Its firmware, what it does and where it stands."""
+        if self._report is None:
+            return {}
+        return {"firmware": f"Grbl {self._version}", "state": self._report.state, "stands": self._stands()}
+
+    def ready(self, *, homing: bool) -> StageStamp:
+        """Where it stands, once it is known that it may be moved."""
+        report = self._ask()
+        self._check_rest(report)
+        self._query()
+        if pressed := sorted(set(report.pins) & set("XYZ")):
+            raise DeviceError(f"{self.name}: a limit switch is pressed ({', '.join(pressed)}); move it off by hand")
+        if homing and not self._setting(22):
+            raise DeviceError(
+                f"{self.name}: it has no limit switches ($22=0) and takes for 0 where it was switched on; if somebody "
+                'sees to that place each time, write homing = "by hand" into the stage\'s file'
+            )
+        return self._stamp(self._ask())
+
+    def home(self, stopped: Callable[[], bool]) -> None:
+        """Let it find its switches ($H); it answers nothing meanwhile."""
+        if (state := self._ask().state) not in ("Idle", "Alarm"):
+            raise DeviceError(f"{self.name}: expected a machine at rest, got {state}")
+        try:
+            self._send("$H")
+            self._until(lambda: self._outbox.empty, HOMING, stopped)
+        except BaseException:
+            # A hold means nothing while it looks for its switches; a reset does.
+            with suppress(DeviceError):
+                self._write(RESET)
+                self._outbox.forget()
+            raise
+        if not self._outbox.empty:
+            self._write(RESET)
+            self._outbox.forget()
+            raise DeviceError(f"{self.name}: stopped while it looked for its switches; it does not know where it is")
+
+    def check_speed(self, speed: float, way: float, axis: int) -> None:
+        """By its own settings of speed ($110 to $112) and acceleration ($120 to $122)."""
+        largest, growth = self._setting(110 + axis) / 60e3, self._setting(120 + axis) / 1e3
+        check_reached(speed, way, largest=largest, growth=growth)
+
+    def move(
+        self, target: Place, speed: float, *, stamp: Callable[[StageStamp], object], stopped: Callable[[], bool]
+    ) -> tuple[float, float] | None:
+        """One straight line (G1 in machine coordinates), and a dwell whose answer comes when it is over."""
+        x, y, z = (1e3 * part for part in target)
+        try:
+            self._send(f"G21G90G94G53G1X{x:.3f}Y{y:.3f}Z{z:.3f}F{60e3 * speed:.1f}")
+            self._until(lambda: self._outbox.empty, SILENT, stopped, stamp)
+            begin = time.monotonic()
+            self._send("G4P0.01")
+            arrived = self._until(lambda: self._outbox.empty, None, stopped, stamp)
+            end = time.monotonic()
+            if arrived:
+                stamp(self._stamp(self._ask()))
+                return begin, end
+        except DeviceError as wrong:
+            raise type(wrong)(f"{wrong}; {self._hold()}") from wrong
+        except BaseException:
+            self._hold()
+            raise
+        self._hold()
+        return None
+
+    def _greet(self) -> None:
+        """The first report; a board that starts anew greets first."""
+        end = time.monotonic() + self._search
+        while self._report is None:
+            if time.monotonic() > end:
+                raise DeviceError(
+                    f"{self.name}: expected a status report of Grbl 1.1, got none in {self._search:g} s; check the "
+                    "port, and after an alarm reset the machine by its button"
+                )
+            self._write(ASK)
+            self._asked = time.monotonic()
+            self._wait_for_report(0.5)
+        self._restarting = False
+
+    def _check_rest(self, report: StatusReport) -> None:
+        state = report.state.partition(":")[0]
+        if state == "Alarm":
+            raise DeviceError(
+                f"{self.name}: it is locked (Alarm) and does not know where it is; take everything out of its way, "
+                "then let it find its switches: --home"
+            )
+        if state != "Idle":
+            means = STATES.get(state, "it is not at rest")
+            raise DeviceError(f"{self.name}: expected a machine at rest (Idle), got {report.state}: {means}")
+
+    def _query(self) -> None:
+        """Its settings and version."""
+        for line in ("$$", "$I"):
+            self._send(line)
+        self._until(lambda: self._outbox.empty, SILENT)
+        if not self._version.startswith("1.1"):
+            raise DeviceError(f"{self.name}: expected Grbl 1.1, got {self._version or 'no version'}")
+
+    def _setting(self, number: int) -> float:
+        if number not in self._settings:
+            raise DeviceError(
+                f"{self.name}: expected the setting ${number} of Grbl 1.1, got none; what firmware is it?"
+            )
+        return self._settings[number]
+
+    def _until(
+        self,
+        done: Callable[[], bool],
+        limit: float | None,
+        stopped: Callable[[], bool] = lambda: False,
+        stamp: Callable[[StageStamp], object] | None = None,
+    ) -> bool:
+        """Send and read until something is so; False when it was stopped before.
+
+        With `stamp` it is asked where it is all the while; without, it may be silent for as long as `limit`.
+        """
+        end = None if limit is None else time.monotonic() + limit
+        while not done():
+            if stopped():
+                return False
+            if end is not None and time.monotonic() > end:
+                raise LinkLostError(f"{self.name}: expected an answer within {limit:g} s, got none")
+            self._write(self._outbox.due())
+            if stamp is not None:
+                self._ask_in_time()
+            if (report := self._listen()) is not None and stamp is not None:
+                self._check_moving(report)
+                stamp(self._stamp(report))
+        return True
+
+    def _check_moving(self, report: StatusReport) -> None:
+        state = report.state.partition(":")[0]
+        if state == "Alarm":
+            raise DeviceError(f"{self.name}: an alarm while it moved; home it before the next stroke")
+        if state not in ("Idle", "Run"):
+            raise DeviceError(f"{self.name}: expected it to move (Run), got {report.state}: {STATES.get(state, '')}")
+
+    def _ask_in_time(self) -> None:
+        now = time.monotonic()
+        if self._asked is not None:
+            if now - self._asked > SILENT:
+                raise LinkLostError(f"{self.name}: it has said nothing for {SILENT:g} s")
+        elif now - self._told >= EVERY:
+            self._write(ASK)
+            # After the writing: what held this computer up before is no part of the way there and back.
+            self._asked = time.monotonic()
+
+    def _ask(self) -> StatusReport:
+        """A report that is new."""
+        if self._asked is None:
+            self._write(ASK)
+            self._asked = time.monotonic()
+        if (report := self._wait_for_report(SILENT)) is None:
+            raise LinkLostError(f"{self.name}: expected a status report, got none in {SILENT:g} s")
+        return report
+
+    def _wait_for_report(self, limit: float) -> StatusReport | None:
+        end = time.monotonic() + limit
+        while time.monotonic() < end:
+            if (report := self._listen()) is not None:
+                return report
+        return None
+
+    def _listen(self) -> StatusReport | None:
+        """Read what has come, up to a report."""
+        self._partial += self._guarded(lambda: self._opened().read(max(1, self._opened().in_waiting)))
+        while b"\n" in self._partial:
+            line, _, self._partial = self._partial.partition(b"\n")
+            if (report := self._hear(line.decode("ascii", "replace").strip())) is not None:
+                return report
+        return None
+
+    def _hear(self, line: str) -> StatusReport | None:
+        if line == "ok":
+            # In a hold, answers may still come to what was given up.
+            _ = None if self._flushing else self._outbox.answered()
+        elif line.startswith("error:"):
+            raise DeviceError(f"{self.name}: it refused {self._outbox.answered()}: {in_words(line)}")
+        elif line.startswith("ALARM:"):
+            self._locked = True
+            raise DeviceError(f"{self.name}: {in_words(line)}; reset it, look at it, and home it again")
+        elif line.startswith("Grbl "):
+            self._greeted = True
+            self._outbox.forget()
+            if self._restarting:
+                return None
+            raise DeviceError(f"{self.name}: it was reset or switched on anew; home it again")
+        elif line.startswith("$") and "=" in line:
+            number, _, value = line[1:].partition("=")
+            with suppress(ValueError):
+                self._settings[int(number)] = float(value)
+        elif line.startswith("[VER:"):
+            self._version = line[5:].split(":")[0].rstrip("]")
+        elif (report := status_of(line)) is not None:
+            return self._reported(report)
+        return None
+
+    def _reported(self, report: StatusReport) -> StatusReport:
+        self._report, self._told = report, time.monotonic()
+        # It was there at about the middle between question and answer.
+        self._when = self._told if self._asked is None else (self._told + self._asked) / 2
+        self._asked = None
+        self._offset = report.offset or self._offset
+        return report
+
+    def _stamp(self, report: StatusReport) -> StageStamp:
+        scale = 25.4e-3 if self._settings.get(13) else 1e-3
+        x, y, z = report.position
+        if report.work:
+            x, y, z = (part + more for part, more in zip((x, y, z), self._offset, strict=True))
+        return StageStamp(time=self._when, position=(x * scale, y * scale, z * scale), feed=report.feed * scale / 60)
+
+    def _stands(self) -> str:
+        if self._report is None:
+            return "nobody knows where"
+        x, y, z = (1e3 * part for part in self._stamp(self._report).position)
+        return f"x {x:.3f}, y {y:.3f}, z {z:.3f} mm"
+
+    def _hold(self) -> str:
+        """Slow down, stand, and forget what was to come; what is known of that, in words."""
+        self._flushing = True
+        try:
+            self._write(HOLD)
+            self._outbox.forget()
+            if not self._locked:
+                self._come_to_rest()
+                return f"the stage was held and stands at {self._stands()}"
+        except LinkLostError as wrong:
+            return (
+                "the feed hold may not have reached the stage: it may finish the one move that it has; switch it off "
+                f"if it must not ({wrong})"
+            )
+        except DeviceError as wrong:
+            return f"the stage was held, but: {wrong}"
+        finally:
+            self._flushing = False
+        return f"the stage is locked, and was last at {self._stands()}"
+
+    def _come_to_rest(self) -> None:
+        """Wait until it stands, then clear the rest of its way by a reset, which loses the place of what moves."""
+        end = time.monotonic() + 2 * SILENT
+        while (state := self._ask().state) not in ("Hold:0", "Idle"):
+            if state == "Alarm" or time.monotonic() > end:
+                raise DeviceError(f"{self.name}: expected it to stand (Hold:0), got {state}")
+        self._restarting, self._greeted = True, False
+        self._write(RESET)
+        end = time.monotonic() + SILENT
+        while not self._greeted and time.monotonic() < end:
+            self._listen()
+        self._report = self._asked = None
+        self._greet()
+
+    def _send(self, line: str) -> None:
+        self._outbox.add(line)
+        self._write(self._outbox.due())
+
+    def _write(self, data: bytes) -> None:
+        if data:
+            self._guarded(lambda: self._opened().write(data))
+
+    def _guarded(self, call: Callable[[], Any]) -> Any:
+        """What the port answers; pyserial's errors are OSErrors, and TypeError when it was closed meanwhile."""
+        try:
+            return call()
+        except (OSError, TypeError) as wrong:
+            raise LinkLostError(f"{self.name}: lost the port: {wrong}") from wrong
+
+    def _opened(self) -> Any:
+        if self._port is None:
+            raise DeviceStateError(f"{self.name}: expected open first")
+        return self._port
+
+    def _release(self) -> None:
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()

@@ -1,5 +1,0 @@
-"""Stages: machines that draw an object over the sensor."""
-
-from midair.devices.stages.stage_device import StageDevice
-
-__all__ = ["StageDevice"]

@@ -1,0 +1,114 @@
+"""Comma-separated values: midair's own, with a header that makes them exact, and those of others, with their traps."""
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from midair.errors import BrokenFileError
+from midair.files.atomic import whole_file
+from midair.files.format_loss import FormatLoss, calibration_lost
+from midair.files.importers import fabricslide
+from midair.files.importers.header import header_of, parse_header, recording_from
+from midair.files.importers.text_table import TextTable, read_table
+from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.sanitise_text import without_formulas
+from midair.files.timestamps import uniform
+from midair.lazy_frames import blocks
+from midair.model import Calibration, Recording, Unit
+
+MARK = "# midair "
+"""What midair's own files begin with."""
+
+
+def write_csv(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
+    """Write a comment with everything but the samples, a row of names, and a row a frame; every digit that matters."""
+    sensor = recording.sensor
+    cells = [
+        f"row{row}_column{column} [{recording.unit}]" for row in range(sensor.rows) for column in range(sensor.columns)
+    ]
+    with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
+        file.write(f"{MARK}{without_formulas(header_of(recording))}\n")
+        file.write(",".join(["time [s]", *cells]) + "\n")
+        # repr gives the fewest digits that are read back as the same number.
+        first = 0
+        for block in blocks(recording.samples, 4096):
+            time = np.arange(first, first + len(block)) / recording.rate
+            table = np.column_stack([time, block.reshape(len(block), -1)])
+            file.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+            first += len(block)
+    return calibration_lost(calibration, "CSV")
+
+
+def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
+    """The recording in a CSV of midair, of FabricSlide, or of any program that writes one channel a column.
+
+    A column called time, timestamp or t gives the rate; a unit in brackets in every other name gives the unit.
+
+    Raises
+    ------
+    BrokenFileError
+        If a row has too few or too many fields, or a field is no number.
+    InputError
+        Its leaf, if a number is missing or the file does not say enough.
+    """
+    # Some programs begin with a byte-order mark, which would become a part of the first name.
+    text = path.read_bytes().decode("utf-8-sig")
+    if text.startswith(MARK):
+        return _own(text, path, given)
+    table = read_table(text, path, gaps=given.mending is not None)
+    if fabricslide.wrote(table.names):
+        return fabricslide.foreign(table, path, given).settle(given, path)
+    return _foreign(table, given).settle(given, path)
+
+
+def _own(text: str, path: Path, given: ImportOptions) -> OpenedTake:
+    first, _, rest = text.partition("\n")
+    if not text.endswith("\n"):
+        raise BrokenFileError(f"{path}: expected a line end at the end, got a line that was cut; copy the file again")
+    table = read_table(rest, path)
+    recording = recording_from(parse_header(first.removeprefix(MARK), path), table.values[:, 1:], path)
+    given.check(recording, path)
+    return OpenedTake(recording=recording)
+
+
+def _foreign(table: TextTable, given: ImportOptions) -> ImportedData:
+    clock = next((i for i, name in enumerate(table.names) if _TIME.fullmatch(name)), None)
+    if clock is None:
+        return ImportedData(samples=table.values, form="CSV", names=table.names, units=_units(table.names))
+    seconds, report = _seconds(table, clock)
+    names = tuple(name for i, name in enumerate(table.names) if i != clock)
+    even = uniform(seconds, np.delete(table.values, clock, axis=1), rate=given.rate)
+    return ImportedData(
+        samples=even.samples,
+        form="CSV",
+        rate=even.rate,
+        names=names,
+        units=_units(names),
+        settings={"columns": names, "rate_hz": even.rate, "interpolation": "linear"},
+        report=(*report, *even.report),
+    )
+
+
+_TIME = re.compile(r"(?:time|timestamp|t)[\s_]*(?:[\[(/]?\s*(s|sec|seconds|ms|us|µs|μs|ns)\s*[\])]?)?", re.IGNORECASE)
+_SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+
+
+def _seconds(table: TextTable, clock: int) -> tuple[np.ndarray, tuple[str, ...]]:
+    """The stamps in s, and a sentence when their unit had to be guessed: whole numbers two or more apart are ms."""
+    stamps = table.values[:, clock]
+    name = table.names[clock]
+    found = _TIME.fullmatch(name)
+    unit = found.group(1) if found else None
+    if unit is not None:
+        return stamps * _SECONDS[unit.lower()], ()
+    whole = len(stamps) > 1 and (stamps == np.round(stamps)).all() and np.median(np.diff(stamps)) >= 2
+    guessed = "ms" if whole else "s"
+    return stamps * _SECONDS[guessed], (f"Column {name!r} does not say its unit: {guessed} was assumed.",)
+
+
+def _units(names: tuple[str, ...]) -> tuple[Unit | None, ...]:
+    """The unit that stands in brackets behind each name."""
+    units: tuple[Unit, ...] = get_args(Unit)
+    return tuple(next((unit for unit in units if name.endswith(f"[{unit}]")), None) for name in names)

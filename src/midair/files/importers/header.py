@@ -1,0 +1,92 @@
+"""The one line of JSON that midair puts into formats that have no place for rate, unit, sensor and provenance."""
+
+import json
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import BrokenFileError, UnknownFormatError
+from midair.files.native import FORMAT, from_plain, to_plain
+from midair.files.text_files import json_of
+from midair.lazy_frames import each_frame
+from midair.model import Recording, SensorGrid
+from midair.version import __version__
+
+
+def header_of(recording: Recording, *, scale_exponent: int | None = None) -> str:
+    """Everything but the samples of a recording, one line of ASCII.
+
+    Parameters
+    ----------
+    recording : Recording
+        The recording to describe.
+    scale_exponent : int, optional
+        Exponent of the power of two that stands for full scale, where a format has one.
+    """
+    sensor = recording.sensor
+    plain: dict[str, Any] = {
+        "kind": "midair recording",
+        "format": FORMAT,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "created_by": f"midair {__version__}",
+        "frames": recording.frames,
+        "rate_hz": recording.rate,
+        "unit": recording.unit,
+        "sensor": {"rows": sensor.rows, "columns": sensor.columns, "pitch_m": sensor.pitch, "name": sensor.name},
+        "provenance": to_plain(recording.provenance),
+    }
+    if scale_exponent is not None:
+        plain["scale_exponent"] = scale_exponent
+    return json.dumps(plain, allow_nan=False)
+
+
+def parse_header(text: str, path: Path) -> Mapping[str, Any]:
+    """The header as a mapping.
+
+    Raises
+    ------
+    BrokenFileError
+        If it is not one.
+    UnknownFormatError
+        If a newer midair wrote it.
+    """
+    header = json_of(text)
+    if not isinstance(header, dict) or header.get("kind") != "midair recording":
+        raise BrokenFileError(f"{path}: expected the header of a midair recording, got {text[:60]!r}")
+    version = header.get("format")
+    if not isinstance(version, int) or version < 1:
+        raise BrokenFileError(f"{path}: expected a whole number from 1 on as format, got {version!r}")
+    if version > FORMAT:
+        raise UnknownFormatError(f"{path}: expected format {FORMAT}, got {version}, of a newer midair; update midair")
+    return header
+
+
+def recording_from(header: Mapping[str, Any], samples: NDArray[np.float64], path: Path) -> Recording:
+    """The recording that `header` and `samples`, shape (frame, ...), make.
+
+    Raises
+    ------
+    BrokenFileError
+        If there are fewer or more samples than the header says: the file was cut or edited.
+    """
+    part = header["sensor"]
+    if not isinstance(part["name"], str):
+        raise BrokenFileError(f"{path}: expected text as the sensor's name, got {part['name']!r}")
+    sensor = SensorGrid(rows=part["rows"], columns=part["columns"], pitch=part["pitch_m"], name=part["name"])
+    expected = header["frames"] * sensor.count
+    if samples.size != expected or not samples.size:
+        raise BrokenFileError(
+            f"{path}: expected {header['frames']} frames of {sensor.count} channels, got {samples.size} samples "
+            f"instead of {expected}; the file was cut or edited, copy it again"
+        )
+    return Recording(
+        samples=each_frame(samples, lambda block: block.reshape(len(block), *sensor.shape), exact=True),
+        rate=header["rate_hz"],
+        sensor=sensor,
+        unit=header["unit"],
+        provenance=from_plain(header["provenance"]),
+    )

@@ -1,0 +1,227 @@
+"""MCAP, what robots record: the messages of one topic become frames.
+
+Read are messages in JSON that hold one list of numbers (or numbers by name), and the MultiArrays of ROS 2
+(std_msgs/msg/Float32MultiArray and its like, in CDR). A frame's time is its publish time.
+"""
+
+import contextlib
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import BrokenFileError, MismatchError, MissingExtraError
+from midair.files.atomic import reason
+from midair.files.decompression_limits import check_expansion
+from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.text_files import json_of
+from midair.files.timestamps import uniform
+
+_ROS = {
+    f"std_msgs/msg/{name}MultiArray": dtype
+    for name, dtype in (
+        ("Float32", "f4"),
+        ("Float64", "f8"),
+        ("Int8", "i1"),
+        ("Int16", "i2"),
+        ("Int32", "i4"),
+        ("Int64", "i8"),
+        ("UInt8", "u1"),
+        ("UInt16", "u2"),
+        ("UInt32", "u4"),
+        ("UInt64", "u8"),
+    )
+}
+
+_CHUNK = 6
+_EXPANDED_ANYWAY = 2**24  # bytes: text of numbers takes its time
+
+Decoder = Callable[[bytes], dict[str, Any] | list[Any] | NDArray[Any]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Topic:
+    """How to read its messages, None when nobody knows; and (publish time in ns, bytes) of each."""
+
+    decode: Decoder | None
+    messages: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
+
+
+def read_mcap(path: Path, given: ImportOptions) -> OpenedTake:
+    """The one topic of numbers in an MCAP, or the one that `stream` names; also of a file that was not closed.
+
+    Raises
+    ------
+    MissingExtraError
+        If mcap is not installed.
+    BrokenFileError
+        If the file is damaged, or holds no topic that can be a recording, or several, or messages of different lengths.
+    InputError
+        Its leaf, if the file does not say enough or a number cannot be used.
+    """
+    topics, cut = _messages(path)
+    topic, name = _chosen(topics, path, given)
+    decode = topic.decode or _from_json
+    rows, names = _rows([decode(data) for _, data in topic.messages], name, path)
+    # Differences of whole ns first: as float64 today's time is rounded to 256 ns.
+    stamps = np.array([time - topic.messages[0][0] for time, _ in topic.messages], np.float64) * 1e-9
+    even = uniform(stamps, rows.reshape(len(rows), -1), rate=given.rate)
+    return ImportedData(
+        samples=even.samples.reshape(len(even.samples), *rows.shape[1:]),
+        form="MCAP",
+        rate=even.rate,
+        names=names,
+        notes={"topic": name},
+        settings={"topic": name, "rate_hz": even.rate},
+        report=(*(("The file was not closed: what was written whole was read.",) if cut else ()), *even.report),
+    ).settle(given, path)
+
+
+def _chosen(topics: dict[str, _Topic], path: Path, given: ImportOptions) -> tuple[_Topic, str]:
+    usable = [name for name, topic in topics.items() if topic.decode is not None and len(topic.messages) > 1]
+    found = ", ".join(f"{name} ({len(topic.messages)})" for name, topic in topics.items()) or "none"
+    if given.stream is not None:
+        if given.stream not in usable:
+            raise MismatchError(f"{path}: expected a topic {given.stream!r} of numbers, got {found}")
+        return topics[given.stream], given.stream
+    if len(usable) != 1:
+        raise BrokenFileError(f"{path}: expected one topic of numbers, or to be told which (stream), got {found}")
+    return topics[usable[0]], usable[0]
+
+
+def _messages(path: Path) -> tuple[dict[str, _Topic], bool]:
+    """Every topic, and whether the file ends before its end."""
+    try:
+        from mcap.records import Channel, Footer, Message, Schema
+    except ImportError as wrong:
+        raise MissingExtraError(f"{path}: MCAP needs mcap; pip install 'midair[mcap]'") from wrong
+    schemas: dict[int, str] = {}
+    channels: dict[int, _Topic] = {}
+    topics: dict[str, _Topic] = {}
+    # Until the footer comes, which only a closed file has.
+    cut = True
+    for record in _records(path):
+        if isinstance(record, Schema):
+            schemas[record.id] = record.name
+        elif isinstance(record, Channel):
+            decoder = _decoder(record.message_encoding, schemas.get(record.schema_id, ""))
+            channels[record.id] = topics.setdefault(record.topic, _Topic(decode=decoder))
+        elif isinstance(record, Message):
+            channels[record.channel_id].messages.append((record.publish_time, record.data))
+        elif isinstance(record, Footer):
+            cut = False
+    return topics, cut
+
+
+def _check_chunks(path: Path) -> None:
+    """Raise if what the chunks announce, or their zstd frames, is more than a file of this size may hold.
+
+    A record is an opcode, a length of 8 bytes, and content; that of a chunk begins with two times, its size when it is
+    expanded, a checksum, and the name of the compression (MCAP Format Specification, Chunk).
+    """
+    from zstandard import ZstdError, get_frame_parameters
+
+    place, size, expanded = 8, path.stat().st_size, 0
+    with path.open("rb") as file:
+        while place + 9 <= size:
+            file.seek(place)
+            opcode, length = struct.unpack("<BQ", file.read(9))
+            head = file.read(min(length, 128)) if opcode == _CHUNK else b""
+            place += 9 + length
+            if len(head) < 40:
+                continue
+            expanded += struct.unpack_from("<Q", head, 16)[0]
+            start = 40 + struct.unpack_from("<I", head, 28)[0]
+            with contextlib.suppress(ZstdError):
+                stated = get_frame_parameters(head[start:]).content_size if head[32:36] == b"zstd" else 0
+                # All bits of one are "not stated".
+                expanded += stated if stated < 2**64 - 1 else 0
+            check_expansion(path, expanded // 2 if head[32:36] == b"zstd" else expanded, anyway=_EXPANDED_ANYWAY)
+
+
+def _records(path: Path) -> Iterator[Any]:
+    """The records of a file, to its end or to where it was cut."""
+    from mcap.exceptions import EndOfFile, McapError
+    from mcap.stream_reader import StreamReader
+    from zstandard import ZstdError
+
+    _check_chunks(path)
+    with path.open("rb") as file:
+        try:
+            yield from StreamReader(file, validate_crcs=True, record_size_limit=1 << 30).records
+        except (EndOfFile, struct.error) as wrong:
+            # At the end of the bytes the file was cut; before it, a length in it is wrong.
+            if file.read(1):
+                raise BrokenFileError(f"{path}: expected an MCAP file, got a damaged one ({reason(wrong)})") from wrong
+        except (McapError, ZstdError) as wrong:
+            raise BrokenFileError(f"{path}: expected an MCAP file, got damaged records ({reason(wrong)})") from wrong
+
+
+def _decoder(encoding: str, schema: str) -> Decoder | None:
+    if encoding == "json":
+        return _from_json
+    if encoding == "cdr" and schema in _ROS:
+        dtype = _ROS[schema]
+        return lambda data: _from_cdr(data, dtype)
+    return None
+
+
+def _from_json(data: bytes) -> dict[str, Any] | list[Any]:
+    """The one list in a message, or its numbers by name."""
+    value = json_of(data)
+    if isinstance(value, list):
+        return value
+    if not isinstance(value, dict):
+        raise BrokenFileError(f"expected an object or a list in each message, got {type(value).__name__}")
+    lists = [each for each in value.values() if isinstance(each, list)]
+    if len(lists) == 1:
+        return lists[0]
+    numbers = {
+        name: each for name, each in value.items() if isinstance(each, int | float) and not isinstance(each, bool)
+    }
+    if lists or not numbers:
+        raise BrokenFileError(f"expected one list of numbers in each message, got {', '.join(value) or 'nothing'}")
+    return numbers
+
+
+def _from_cdr(data: bytes, dtype: str) -> NDArray[Any]:
+    """The data of a MultiArray: its layout (labels, sizes and strides of the axes, an offset), then the numbers.
+
+    XCDR1 (OMG DDSI-RTPS 2.5, 10.2): 4 bytes name the byte order, then each value lies at a multiple of its own size.
+    """
+    order = "<" if data[1] & 1 else ">"
+    words = struct.Struct(order + "I")
+
+    def word(place: int) -> tuple[int, int]:
+        """The number at the next multiple of 4, and the place after it."""
+        place += -place % 4
+        return words.unpack_from(data, place)[0], place + 4
+
+    axes, place = word(4)
+    for _ in range(axes):
+        length, place = word(place)
+        place = word(word(place + length)[1])[1]
+    count, place = word(word(place)[1])
+    size = np.dtype(dtype).itemsize
+    place += -(place - 4) % size
+    if place + count * size > len(data):
+        raise BrokenFileError(f"expected {count} numbers in each message, got {(len(data) - place) // size}")
+    return np.frombuffer(data, order + dtype, count, place)
+
+
+def _rows(decoded: list[Any], topic: str, path: Path) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    names: tuple[str, ...] = ()
+    if isinstance(decoded[0], dict):
+        names = tuple(decoded[0])
+        decoded = [[message[name] for name in names] for message in decoded]
+    shapes = {np.shape(message) for message in decoded}
+    if len(shapes) != 1 or not 0 < len(next(iter(shapes))) <= 2:
+        found = ", ".join(map(str, sorted(shapes)[:4]))
+        raise BrokenFileError(
+            f"{path}: expected messages of one shape, channels or rows x columns, in {topic}, got {found}"
+        )
+    return np.asarray(decoded, np.float64), names

@@ -1,0 +1,55 @@
+"""NumPy archives: `samples`, `rate`, `unit` and midair's header, or one array of another program."""
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from midair.files.atomic import check_room, whole_file
+from midair.files.decompression_limits import check_expansion
+from midair.files.format_loss import FormatLoss, calibration_lost
+from midair.files.importers.header import header_of
+from midair.files.importers.named_arrays import from_arrays
+from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.lazy_frames import blocks
+from midair.model import Calibration, Recording
+
+
+def write_npz(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
+    """Write the samples, shape (frame, row, column), their rate in Hz and unit, and the header."""
+    rest = {"rate": recording.rate, "unit": recording.unit, "midair": header_of(recording)}
+    with whole_file(path) as partial:
+        check_room(partial.parent, recording.samples.nbytes, path)
+        with zipfile.ZipFile(partial, "w", allowZip64=True) as archive:
+            with archive.open("samples.npy", "w", force_zip64=True) as file:
+                shape = recording.samples.shape
+                np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": shape})
+                for block in blocks(recording.samples):
+                    file.write(block.tobytes())
+            for name, value in rest.items():
+                with archive.open(f"{name}.npy", "w") as file:
+                    np.lib.format.write_array(file, np.array(value), allow_pickle=False)
+    return calibration_lost(calibration, "NPZ")
+
+
+def read_npz(path: Path, given: ImportOptions) -> OpenedTake:
+    """The recording in an archive of midair, or in the one array of frames of another program.
+
+    Objects are not loaded: they could run programs.
+
+    Raises
+    ------
+    BrokenFileError
+        If the archive is damaged or does not hold exactly one array that can be frames.
+    InputError
+        Its leaf, if the file does not say enough or a number cannot be used.
+    """
+    arrays: dict[str, Any] = {}
+    with zipfile.ZipFile(path) as packed:
+        # What a member announces is also all that is read of it.
+        check_expansion(path, sum(member.file_size for member in packed.infolist()))
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        for name in archive.files:
+            arrays[name] = archive[name]
+    return from_arrays(arrays, "NPZ", path, given)

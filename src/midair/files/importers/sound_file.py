@@ -1,0 +1,41 @@
+"""Sound files that libsndfile reads besides WAV: FLAC, AIFF, Ogg and MP3; one audio channel a cell, full scale 1."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from midair.errors import BrokenFileError
+from midair.files.importers.wav_file import sound_of
+from midair.files.opened_take import ImportOptions, OpenedTake
+
+_FORMATS = ("FLAC", "AIFF", "OGG", "MP3")
+_LOSSY = {"VORBIS", "OPUS", "MPEG_LAYER_I", "MPEG_LAYER_II", "MPEG_LAYER_III"}
+
+
+def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
+    """The recording in a FLAC, AIFF, Ogg (Vorbis, Opus) or MP3 file.
+
+    Full scale is 1 of the given unit; with unit "count", PCM samples are its whole numbers.
+
+    Raises
+    ------
+    BrokenFileError
+        If it is another format, or was cut.
+    InputError
+        Its leaf, if the file does not say enough or a number cannot be used.
+    """
+    import soundfile
+
+    with soundfile.SoundFile(path) as file:
+        form, subtype, rate, promised = file.format, file.subtype, float(file.samplerate), file.frames
+        if form not in _FORMATS:
+            raise BrokenFileError(f"{path}: expected one of {', '.join(_FORMATS)}, got {form}")
+        samples: Any = file.read(dtype="float64", always_2d=True)
+    # How long an MP3 is, its decoder only guesses.
+    if form != "MP3" and len(samples) < promised:
+        raise BrokenFileError(f"{path}: expected {promised} frames, got {len(samples)}; the file was cut")
+    found = sound_of(samples, subtype, rate, given, path, form=form)
+    if subtype in _LOSSY:
+        lossy = f"{form} is lossy: it leaves out what ears miss, which skin may not."
+        found = replace(found, report=(*found.report, lossy))
+    return found.settle(given, path)

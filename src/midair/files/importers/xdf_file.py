@@ -1,0 +1,106 @@
+"""XDF, what LabRecorder writes of Lab Streaming Layer: one stream of numbers becomes a recording.
+
+Clocks are put right and jitter is taken away by pyxdf; what it says about damage goes into the report.
+"""
+
+import logging
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from midair.errors import BrokenFileError, MismatchError, MissingExtraError
+from midair.files.importers.units import known_unit
+from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.timestamps import uniform
+from midair.model import Unit
+
+
+def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
+    """The one stream of numbers in an XDF, or the one that `stream` names.
+
+    Raises
+    ------
+    MissingExtraError
+        If pyxdf is not installed.
+    BrokenFileError
+        If the file is damaged, or holds no stream that can be a recording, or several.
+    InputError
+        Its leaf, if the file does not say enough or a number cannot be used.
+    """
+    try:
+        from pyxdf import load_xdf
+    except ImportError as wrong:
+        raise MissingExtraError(f"{path}: XDF needs pyxdf; pip install 'midair[xdf]'") from wrong
+    with _heard("pyxdf") as said, path.open("rb") as file:
+        streams, _ = load_xdf(file, synchronize_clocks=True, dejitter_timestamps=True)
+    stream = _chosen(streams, path, given)
+    info = stream["info"]
+    channels = _channels(info)
+    scale = np.array([1.0 if given.scale else factor for _, _, factor in channels] or [1.0])
+    samples = np.asarray(stream["time_series"], np.float64)
+    stamps = np.asarray(stream["time_stamps"], np.float64)
+    even = uniform(stamps, samples * scale, rate=given.rate)
+    return ImportedData(
+        samples=even.samples,
+        form="XDF",
+        rate=even.rate,
+        names=tuple(name for name, _, _ in channels),
+        units=tuple(unit for _, unit, _ in channels),
+        notes={"stream": _first(info, "name"), "device": _first(info, "source_id")},
+        settings={"stream": _first(info, "name"), "rate_hz": even.rate, "nominal_hz": _first(info, "nominal_srate")},
+        report=(*(f"pyxdf: {sentence}" for sentence in dict.fromkeys(said)), *even.report),
+    ).settle(given, path)
+
+
+def _chosen(streams: list[dict[str, Any]], path: Path, given: ImportOptions) -> dict[str, Any]:
+    usable = [stream for stream in streams if isinstance(stream["time_series"], np.ndarray)]
+    usable = [stream for stream in usable if len(stream["time_series"]) > 1]
+    names = ", ".join(f"{_first(stream['info'], 'name')} ({len(stream['time_series'])})" for stream in streams)
+    found = names or "none"
+    if given.stream is not None:
+        usable = [stream for stream in usable if _first(stream["info"], "name") == given.stream]
+        if len(usable) != 1:
+            raise MismatchError(f"{path}: expected one stream of numbers called {given.stream!r}, got {found}")
+    if len(usable) != 1:
+        raise BrokenFileError(f"{path}: expected one stream of numbers, or to be told which (stream), got {found}")
+    return usable[0]
+
+
+def _channels(info: Mapping[str, Any]) -> list[tuple[str, Unit | None, float]]:
+    """Name, unit and factor of each channel that the description lists; none when it does not list all."""
+    listed: list[tuple[str, Unit | None, float]] = []
+    for described in info.get("desc") or []:
+        for part in (described or {}).get("channels") or []:
+            for channel in (part or {}).get("channel") or []:
+                unit, factor = known_unit(_first(channel, "unit"))
+                listed.append((_first(channel, "label"), unit, factor))
+    return listed if len(listed) == int(_first(info, "channel_count") or 0) else []
+
+
+def _first(info: Mapping[str, Any], name: str) -> str:
+    """What pyxdf keeps as a list, as it does every element of XML."""
+    value = info.get(name)
+    value = value[0] if isinstance(value, list) and value else value
+    return value if isinstance(value, str) else ""
+
+
+@contextmanager
+def _heard(name: str) -> Generator[list[str]]:
+    """What a logger says at level WARNING or above, instead of printing it."""
+    said: list[str] = []
+
+    class Ear(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            said.append(record.getMessage().splitlines()[0][:160])
+
+    logger, ear = logging.getLogger(name), Ear(logging.WARNING)
+    spreads, logger.propagate = logger.propagate, False
+    logger.addHandler(ear)
+    try:
+        yield said
+    finally:
+        logger.removeHandler(ear)
+        logger.propagate = spreads

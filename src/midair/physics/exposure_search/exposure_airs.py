@@ -1,0 +1,66 @@
+"""The airs in which the sound around an ear is measured: as many as the phases over the array need.
+
+Warmer air has a longer wavelength, so that the paths from the transducers to a place differ by other phases. Where
+these phases change by no more than `STEP` from one air to the next, the loudest of the airs bounds those between them,
+as the points of a cube do (docs/decisions/0015-exposure-bound.md).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from midair.model import Acoustics, Medium, TransducerArray
+from midair.physics.exposure_places import Place
+from midair.physics.exposure_search.exposure_grid import middle
+
+UNKNOWN = (14.0, 30.0)
+"""Coldest and warmest room where no temperature is stated, in degrees Celsius; 14 is the paper's 340 m/s."""
+
+AROUND = 2.0
+"""How far a room may be from its stated temperature, in degrees Celsius."""
+
+HUMID = 0.2
+"""How far a room may be from its stated humidity, 0 to 1; from 50 % where none is stated."""
+
+STEP = 1.6
+"""By how much phases over the array may change from one air to the next, in rad: as between points inside a cube."""
+
+
+def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: TransducerArray) -> tuple[Acoustics, ...]:
+    """The airs that a room may have, from the coldest to the warmest.
+
+    Parameters
+    ----------
+    room : Medium or None
+        The stated air: 2 degrees and 20 % of humidity around it count. 14 to 30 degrees if None.
+    places : tuple of Place
+        Where sound is measured.
+    array : TransducerArray
+        The array that is to play.
+    """
+    if room is None:
+        (cold, warm), humidity = UNKNOWN, 0.5
+    else:
+        cold, warm = max(room.degrees - AROUND, 0.0), min(room.degrees + AROUND, 50.0)
+        humidity = 0.5 if room.humidity is None else room.humidity
+    dry, damp = max(humidity - HUMID, 0.0), min(humidity + HUMID, 1.0)
+    slow, fast = (Medium.at(temperature=t, humidity=wet).speed for t, wet in ((cold, dry), (warm, damp)))
+    turns = 2 * np.pi * array.frequency * (1 / slow - 1 / fast)
+    count = 1 + max(2, int(np.ceil(turns * max(_apart(place, array) for place in places) / STEP)))
+    return tuple(
+        Acoustics(medium=_air(float(degrees), float(wet), (dry, humidity, damp), array.frequency))
+        for degrees, wet in zip(np.linspace(cold, warm, count), np.linspace(dry, damp, count), strict=True)
+    )
+
+
+def _air(degrees: float, humidity: float, possible: tuple[float, ...], frequency: float) -> Medium:
+    """Air that weakens sound as little as it does at any of the possible humidities."""
+    airs = [Medium.at(temperature=degrees, humidity=each, frequency=frequency) for each in (humidity, *possible)]
+    return replace(airs[0], attenuation=float(min(air.attenuation for air in airs)))
+
+
+def _apart(place: Place, array: TransducerArray) -> float:
+    """How far a path from a transducer to a place may differ from that from the middle of the array, in m."""
+    points = place.points
+    path = np.linalg.norm(points[:, None] - array.position, axis=2)
+    return float(np.abs(path - np.linalg.norm(points - middle(array), axis=1)[:, None]).max())

@@ -1,0 +1,243 @@
+"""The paper on one page: from what the sensor said to what the array is told."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair import ram
+from midair.calibration import calibrate
+from midair.correct import EnvelopePrediction
+from midair.dsp import resample
+from midair.errors import InputError
+from midair.evaluate import is_silent
+from midair.lazy_filters import pad_with_silence
+from midair.model import (
+    AmplitudeFrames,
+    Calibration,
+    PressureFrames,
+    Progress,
+    Recording,
+    Solution,
+    TransducerArray,
+)
+from midair.physics import Transducers, check_frame_rate, focus_amplitude
+from midair.settings import Settings
+from midair.solvers import Cells, Windows, check_memory, memory_of, one_blas_thread, pressure_means, solve, solve_parts
+from midair.targets import decouple, precompensate, precompensate_sound, prepare, usual_lead
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reproduction:
+    """What was made of a recording, stage by stage."""
+
+    pressure: PressureFrames
+    target: AmplitudeFrames
+    solution: Solution
+
+    def strength(self) -> float:
+        """The target's peak over the peak of a single focus of the whole array at full drive."""
+        drive = self.solution.drive
+        focus = focus_amplitude(self.target.grid, drive.array, acoustics=drive.acoustics)
+        return float(self.target.amplitude.max() / focus)
+
+    def __repr__(self) -> str:
+        return f"<Reproduction strength {self.strength():.3g}, {self.solution!r}>"
+
+
+def calibrated_pressure(
+    recording: Recording, calibration: Calibration | None, settings: Settings, *, from_rest: bool = False
+) -> PressureFrames:
+    """The pressure that the sensor felt, in the settings' band and at their rate.
+
+    Parameters
+    ----------
+    recording, calibration
+        As in `calibrate`.
+    settings : Settings
+        Their band, the way to undo the sensor, their rate.
+    from_rest : bool
+        Whether the sensor is known to have been at rest before the first frame and after the last one. Otherwise what
+        it said there is taken as held.
+    """
+    chosen, rate = settings.calibration, settings.target.rate
+    if not from_rest:
+        return at_rate(calibrate(recording, calibration, band=chosen.band, method=chosen.inverse), rate)
+    # As many frames as are whole ones at the other rate too.
+    ratio = Fraction(rate / recording.rate).limit_denominator(1000)
+    pad = -(-is_silent(chosen.band, recording.rate) // ratio.denominator) * ratio.denominator
+    longer = replace(recording, samples=cast("Array", pad_with_silence(recording.samples, pad)))
+    whole = at_rate(calibrate(longer, calibration, band=chosen.band, method=chosen.inverse), rate)
+    first = pad * ratio.numerator // ratio.denominator
+    return replace(whole, pressure=whole.pressure[first : whole.frames - first])
+
+
+def at_rate(pressure: PressureFrames, rate: float) -> PressureFrames:
+    """The same pressure at another frame rate, band-limited; itself when the rate is right already."""
+    if np.isclose(pressure.rate, rate, rtol=1e-9):
+        return pressure
+    return replace(
+        pressure,
+        pressure=resample(pressure.pressure, pressure.rate, rate),
+        rate=rate,
+        provenance=pressure.provenance.then("resample", {"from_hz": pressure.rate, "to_hz": rate}),
+    )
+
+
+def lead_of(settings: Settings) -> float:
+    """Lead before and after a piece that the settings need, in s, for `led_in`."""
+    return usual_lead(settings.target.mapping, settings.calibration.band)
+
+
+def compensate_pressure(pressure: PressureFrames, settings: Settings) -> PressureFrames:
+    """The pressure to be mapped so that this is what presses: decoupled and pre-compensated, as the settings say.
+
+    Pre-compensation of the sound comes later, in `target_amplitude`.
+    """
+    chosen = settings.compensation
+    if chosen.decouple:
+        pressure = decouple(pressure, grid=settings.target.grid)
+    if chosen.precompensate and chosen.compensate == "pressure":
+        pressure = precompensate(pressure, dynamics=chosen.dynamics, ramp=chosen.ramp)
+    return pressure
+
+
+def map_pressure(pressure: PressureFrames, settings: Settings) -> AmplitudeFrames:
+    """Sound amplitude at the control points for a pressure made by `compensate_pressure`."""
+    chosen = settings.target
+    return prepare(
+        pressure,
+        mapping=chosen.mapping,
+        grid=chosen.grid,
+        medium=settings.acoustics.medium,
+        interpolate=chosen.interpolate,
+        gain=chosen.gain,
+        circle=chosen.circle,
+    )
+
+
+def target_amplitude(pressure: PressureFrames, settings: Settings) -> AmplitudeFrames:
+    """Sound amplitude at the control points that presses as the sensor felt, all but the solver's part of the way.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range or unknown.
+    """
+    chosen = settings.compensation
+    if chosen.compensate not in ("sound", "pressure"):
+        raise InputError(f"compensate: expected sound or pressure, got {chosen.compensate!r}")
+    target = map_pressure(compensate_pressure(pressure, settings), settings)
+    if chosen.precompensate and chosen.compensate == "sound":
+        target = precompensate_sound(target, dynamics=chosen.dynamics, ramp=chosen.ramp)
+    return target
+
+
+def at_strength(pressure: PressureFrames, array: TransducerArray, settings: Settings) -> Settings:
+    """The settings with the gain at which the target has their strength; as they are where they state none.
+
+    Raises
+    ------
+    InputError
+        If nothing is asked for, which no gain makes louder.
+    """
+    if settings.target.strength is None:
+        return settings
+    plain = settings.but(strength=None, gain=1.0)
+    peak = float(target_amplitude(pressure, plain).amplitude.max())
+    if not peak > 0:
+        raise InputError("strength: expected a pressure that asks for something, got silence; leave --strength out")
+    focus = focus_amplitude(settings.target.grid, array, acoustics=settings.acoustics)
+    # Sound goes with the root of the pressure, and so with that of the gain.
+    return settings.but(gain=(settings.target.strength * focus / peak) ** 2)
+
+
+def solve_with(
+    target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
+) -> Solution:
+    """The drive for a target by the settings' solver, terms and air.
+
+    Raises
+    ------
+    InputError
+        If it would not fit into memory.
+    """
+    _fits(target, array, settings, parts=False)
+    made = solve(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
+    return Solution.joined(list(compensate_envelope(iter([made]), target, array, settings)))
+
+
+def compensate_envelope(
+    parts: Iterator[Solution], target: AmplitudeFrames, array: TransducerArray, settings: Settings
+) -> Iterator[Solution]:
+    """Solutions for a measured array, mended by what its transducers will press while they follow their drive.
+
+    As they are where nobody measured the transducers, or where the mapping cuts: cells that are silent half of the time
+    have no slope.
+    """
+    if not len(array.pole) or settings.target.mapping == "half-wave":
+        yield from parts
+        return
+    means = pressure_means(settings.solver.fit) or Windows()
+    foresight = EnvelopePrediction(
+        transducers=Transducers(pole=array.pole, response=array.response),
+        dynamics=settings.compensation.dynamics,
+        places=means.sensor if isinstance(means, Cells) else means.places(target.grid),
+        linear=settings.compensation.compensate,
+    )
+    blocks = foresight.corrected(parts, target)
+    while True:
+        with one_blas_thread():
+            block = next(blocks, None)
+        if block is None:
+            return
+        yield block
+
+
+def _fits(target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, parts: bool) -> None:
+    needed = memory_of(target, array, acoustics=settings.acoustics, parts=parts, **settings.solver.arguments())
+    check_memory(needed, ram.available(), points=target.grid.count, transducers=array.count)
+
+
+def reproduce_stream(
+    pressure: PressureFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
+) -> tuple[AmplitudeFrames, Iterator[Solution]]:
+    """As `reproduce`, for a pressure of any length: the target, and its solution part by part.
+
+    Raises
+    ------
+    RateError
+        If the array cannot take frames at the pressure's rate.
+    """
+    check_frame_rate(pressure.rate, array.frequency)
+    settings = at_strength(pressure, array, settings)
+    target = target_amplitude(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
+    _fits(target, array, settings, parts=True)
+    parts = solve_parts(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
+    return target, compensate_envelope(parts, target, array, settings)
+
+
+def reproduce(
+    pressure: PressureFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
+) -> Reproduction:
+    """The drive with which the array presses as the sensor felt: prepare, then solve.
+
+    All settings are a step of the drive's provenance, so that `Settings.of` makes it again.
+
+    Raises
+    ------
+    RateError
+        If the array cannot take frames at the pressure's rate.
+    """
+    check_frame_rate(pressure.rate, array.frequency)
+    settings = at_strength(pressure, array, settings)
+    known = replace(pressure, provenance=settings.noted(pressure.provenance))
+    target = target_amplitude(known, settings)
+    return Reproduction(
+        pressure=pressure, target=target, solution=solve_with(target, array, settings, progress=progress)
+    )

@@ -1,0 +1,193 @@
+"""The error budget of one reproduction on the virtual rig: its stages switched on one after the other."""
+
+from collections.abc import Generator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.devices import SilencerChoice, choose_silencer
+from midair.dsp import band_energy
+from midair.evaluate import Budget, StageOutput, apply_band_twice, budget, leak
+from midair.model import Acoustics, Drive, Palm, PressureFrames, Recording, TransducerArray
+from midair.physics import (
+    PlaybackChain,
+    calibration_of,
+    cell_weights,
+    radiation_pressure,
+    sense,
+    simulate,
+    transfer_matrix,
+)
+from midair.pipeline import Reproduction, at_strength, calibrated_pressure, compensate_pressure, map_pressure, reproduce
+from midair.rig.correction.palm_simulation import palm_of_drive
+from midair.rig.correction.passes import Stage, quiet
+from midair.rig.names import VirtualRig
+from midair.settings import Settings
+from midair.targets import led_in, mapping_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetPlan:
+    """What a budget is made for.
+
+    Attributes
+    ----------
+    settings : Settings
+        Settings of the reproduction.
+    rig : VirtualRig
+        Array, sensor and air.
+    silencer : {"auto", "off", "quarter", "half", "default"}
+        How the firmware spreads steps; "auto" is what midair sets unless told otherwise.
+    lead : float
+        Silence that swells into the original before it and fades after it, in s; it is not judged.
+    palm : Palm or None
+        What is looked at beside the cells; the cells alone if None.
+    measured : TransducerArray or None
+        The rig's transducers as they were measured, to be solved for; None takes the model's.
+    """
+
+    settings: Settings
+    rig: VirtualRig = field(default_factory=VirtualRig)
+    silencer: SilencerChoice = "auto"
+    lead: float = 0.0
+    palm: Palm | None = None
+    measured: TransducerArray | None = None
+
+
+def error_budget(
+    original: PressureFrames, plan: BudgetPlan, *, kept: float | None = None, stage: Stage = quiet
+) -> Budget:
+    """What each stage loses of a pressure.
+
+    Every stage is added to those before it, with everything after it perfect: targets and fields are turned into
+    pressure on the sensor's cells by the gel's exact weights, and before the hold the pressure moves from frame to
+    frame as a band-limited signal. Then come frames that stand still, transducers of their own resonance and strength,
+    the silencer, and the sensor with its noise.
+
+    Parameters
+    ----------
+    original : PressureFrames
+        What was felt, in the settings' band and at their rate (`flow.calibrated_pressure`).
+    plan : BudgetPlan
+        Settings and rig.
+    kept : float, optional
+        Part of the recording's power in the band, see `kept_in_band`.
+    stage : callable
+        Told the name of each stage as it begins.
+    """
+    asked = led_in(original, plan.lead)
+    plan = replace(plan, settings=at_strength(asked, plan.measured or plan.rig.array, plan.settings))
+    made = reproduce(asked, plan.measured or plan.rig.array, plan.settings, progress=stage("solve"))
+    # Whole, with the lead: what is judged is cut out when it is compared, and no edge is cut before.
+    outputs = list(_outputs(asked, made, plan, stage))
+    part = (round(plan.lead * original.rate) / original.rate, original.frames / original.rate)
+    band = plan.settings.calibration.band
+    palm = None
+    if plan.palm is not None:
+        drive = made.solution.drive
+        *_, (_, _, chain) = _chains(drive, plan)
+        palm = palm_of_drive(
+            asked, drive, plan.palm, chain=chain, rig=plan.rig, judged=part, band=band, progress=stage("palm")
+        )
+    return budget(asked, outputs, strength=made.strength(), kept=kept, band=band, judged=part, palm=palm)
+
+
+def kept_in_band(recording: Recording, band: tuple[float, float]) -> float | None:
+    """Part of a recording's power, as it came from the sensor, that lies in the band; None for a silent one.
+
+    By the volts, not by the pressure: below and above the band the sensor hears too little to tell the pressure.
+    """
+    whole = float(band_energy(recording.samples, recording.rate, (1.0, recording.rate / 2)).sum())
+    part = float(band_energy(recording.samples, recording.rate, (band[0], min(band[1], recording.rate / 2))).sum())
+    return part / whole if whole > 0 else None
+
+
+def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage: Stage) -> Generator[StageOutput]:
+    settings, rig, drive = plan.settings, plan.rig, made.solution.drive
+    compensated = compensate_pressure(asked, settings)
+    done = _done_before(settings)
+    if done:
+        yield StageOutput(name="beforehand", what=f"{done}; later stages give it back", pressure=compensated)
+    to_push = mapping_of(settings.target.mapping, compensated.band)
+    pushed = settings.target.gain * to_push(compensated.pressure, compensated.rate)
+    yield StageOutput(
+        name="mapping",
+        what=f"makes pressure of both signs push: {settings.target.mapping}",
+        pressure=_simulated(replace(asked, pressure=pushed)),
+    )
+    skin = rig.skin()
+    weights = cell_weights(rig.sensor_model, skin.points, between="waves")
+    wanted, points = map_pressure(compensated, settings), settings.target.grid
+    drawn = cell_weights(rig.sensor_model, points, centre=points.centre, between="lines")
+    on_cells = radiation_pressure(wanted.amplitude, settings.acoustics.medium) @ drawn.T
+    yield StageOutput(
+        name="interpolation",
+        what=f"spreads {asked.sensor.count} cells over the palm, interpolating {settings.target.interpolate}",
+        pressure=_simulated(replace(asked, pressure=on_cells.reshape(asked.pressure.shape))),
+    )
+    outside = leak(drive, made.target.amplitude, settings.target.grid, acoustics=settings.acoustics)
+    around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
+    G = transfer_matrix(skin.points, rig.array, acoustics=around)
+    # Before the transducers come, they are as they were solved for.
+    believed = G * drive.array.response
+    cells = on_cells
+    for name, what, chain in _chains(drive, plan):
+        way = believed if chain.transducers is None else G
+        pressure = simulate(
+            drive, way, chain=chain, rate=skin.rate, acoustics=around, weights=weights, progress=stage(name)
+        )
+        if chain.hold == "step":
+            # A moment of what is played is the end of its stretch; the first frame begins in silence.
+            pressure = np.concatenate([np.zeros_like(pressure[:1]), pressure[:-1]])
+        cells = pressure.reshape(-1, *asked.sensor.shape)
+        played = _simulated(replace(asked, pressure=cells, rate=skin.rate))
+        yield StageOutput(name=name, what=what, pressure=played, leak=outside if name == "solver" else None)
+    yield StageOutput(
+        name="sensor",
+        what="hears changes only, with noise, up to half its rate, and is calibrated",
+        pressure=_simulated(_heard(cells, asked, plan)),
+        reference=apply_band_twice(asked),
+        tells_images=False,
+    )
+
+
+def _done_before(settings: Settings) -> str:
+    """What is done to the pressure before it is mapped, in words."""
+    decoupled = ["undoes what interpolation mixes between cells"] if settings.compensation.decouple else []
+    louder = settings.compensation.precompensate and settings.compensation.compensate == "pressure"
+    return " and ".join([*decoupled, *(["makes louder what hold and transducers make quieter"] if louder else [])])
+
+
+def _chains(drive: Drive, plan: BudgetPlan) -> Generator[tuple[str, str, PlaybackChain]]:
+    """Each stage of the playing with all before it."""
+    full = plan.rig.array_device().chain
+    ideal = PlaybackChain(phase_bits=None, hold="ideal")
+    settings = plan.settings
+    louder = settings.compensation.precompensate and settings.compensation.compensate == "sound"
+    compensated = ", with sound made louder beforehand that hold and transducers make quieter" if louder else ""
+    yield "solver", f"finds phases: {settings.solver.name}{compensated}", ideal
+    bits = full.phase_bits
+    yield "quantisation", f"phases of {bits} bits" if bits else "none", replace(ideal, phase_bits=bits)
+    held = PlaybackChain(phase_bits=bits)
+    yield "frame hold", f"each frame stands for {1e3 / drive.rate:g} ms", held
+    moving = replace(held, transducers=full.transducers)
+    yield "transducers", "each follows its drive at its own resonance, quality and strength", moving
+    silencer = choose_silencer(plan.silencer, drive)
+    spread = replace(moving, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
+    yield "silencer", f"spreads steps: {silencer}", spread
+
+
+def _heard(cells: Array, asked: PressureFrames, plan: BudgetPlan) -> PressureFrames:
+    rig, settings = plan.rig, plan.settings
+    model, over = rig.sensor_model, rig.steps
+    whole = len(cells) // over * over
+    volts = sense(model, cells[:whole], rig.rate, rng=np.random.default_rng(rig.seed), oversample=over)
+    recording = Recording(samples=volts, rate=rig.rate, sensor=model.grid, provenance=asked.provenance)
+    return calibrated_pressure(recording, calibration_of(model), settings, from_rest=True)
+
+
+def _simulated(pressure: PressureFrames) -> PressureFrames:
+    return replace(pressure, provenance=replace(pressure.provenance, simulated=True))

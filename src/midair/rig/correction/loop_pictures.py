@@ -1,0 +1,149 @@
+"""The pictures of a loop, in the order of the pipeline."""
+
+from collections.abc import Iterator
+from itertools import chain
+
+import numpy as np
+
+from midair.evaluate import PerceptualMetrics
+from midair.figures import (
+    Picture,
+    beam_figure,
+    card_figure,
+    error_figure,
+    maps_figure,
+    passes_figure,
+    phase_figure,
+    png,
+    spectra_figure,
+    traces_figure,
+)
+from midair.model import Drive, PressureFrames, Progress
+from midair.physics import propagate
+from midair.rig.correction.correction_loop import Loop
+
+
+def drawn(loop: Loop, card: PerceptualMetrics | None, progress: Progress | None = None) -> list[Picture]:
+    """Every picture of a loop, those of the pipeline first; tells (drawn, in all) as it goes."""
+    count = 7 + (card is not None) + bool(loop.end)
+    shown: list[Picture] = []
+    for picture in chain(pictures(loop), further_pictures(loop, card)):
+        shown.append(picture)
+        if progress is not None:
+            progress(len(shown), count)
+    return shown
+
+
+def pictures(loop: Loop) -> Iterator[Picture]:
+    """Every figure of a loop, in the order of the pipeline."""
+    last, simulated = loop.passes[-1], loop.passes[-1].comparison.simulated
+    solution, target = last.reproduction.solution, last.reproduction.target
+    frame = int(np.argmax(np.linalg.norm(target.amplitude, axis=1)))
+    field = np.abs(propagate(solution.drive, target.grid, acoustics=loop.settings.acoustics))
+    moment = f"frame {frame}, {frame / target.rate:.3f} s"
+    channels = strongest_channels(loop.original)
+    rectified = loop.settings.target.mapping == "half-wave"
+    felt_maps = [("original", loop.original), ("re-recorded", last.felt)]
+    yield Picture(
+        title="What the sensor felt, and what it felt of the reproduction",
+        caption="Calibrated pressure of every channel, laid out like the sensor's cells, all on one scale.",
+        data=png(traces_figure(loop.original, last.felt)),
+    )
+    yield Picture(
+        title="Where it pressed",
+        caption="Root mean square of the calibrated pressure on each cell.",
+        data=png(
+            maps_figure(
+                [(name, np.sqrt((frames.pressure**2).mean(axis=0))) for name, frames in felt_maps],
+                loop.original.sensor,
+                quantity="rms pressure (Pa)",
+                simulated=simulated,
+            )
+        ),
+    )
+    yield Picture(
+        title="Target and reproduced field",
+        caption=f"Peak sound pressure at the control points in the strongest frame ({moment}), where E is "
+        f"{100 * solution.error[frame]:.1f} %. Circles are the sensor's cells.",
+        data=png(
+            maps_figure(
+                [("target", target.amplitude[frame]), ("reproduced", field[frame])],
+                target.grid,
+                quantity="sound pressure (Pa, peak)",
+                simulated=simulated,
+                sensor=loop.original.sensor,
+            )
+        ),
+    )
+    yield Picture(
+        title="The array",
+        caption=f"Phase of each transducer in the same frame ({moment}); {_loudness(solution.drive, frame)}.",
+        data=png(phase_figure(solution.drive, frame, simulated=simulated)),
+    )
+    yield Picture(
+        title="Spectra of the channels that were pressed hardest",
+        caption="After calibration and half-wave rectification, as in the paper's Fig. 9."
+        if rectified
+        else "After calibration, both signs of the pressure.",
+        data=png(
+            spectra_figure(
+                [("original", loop.original), ("re-recorded", last.felt)], channels=channels, rectified=rectified
+            )
+        ),
+    )
+    yield Picture(
+        title="Error of each frame",
+        caption="E = || |Gq| - p || / ||p||. The shaded range is what the paper reports for static patterns.",
+        data=png(error_figure(solution, simulated=simulated)),
+    )
+    yield Picture(
+        title="Gain of the beam",
+        caption=f"A focus that beats at {len(loop.beam.commanded)} levels on channel {loop.beam.channel}: pressure "
+        "that the sensor read, over the pressure that the model commanded.",
+        data=png(
+            beam_figure(
+                loop.beam.commanded,
+                loop.beam.measured,
+                gain=loop.beam.line.gain,
+                intercept=loop.beam.line.intercept,
+                simulated=simulated,
+            )
+        ),
+    )
+
+
+def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> list[Picture]:
+    """What skin makes of it, where it is long enough to tell, and the way there, where there was one."""
+    made: list[Picture] = []
+    if card is not None:
+        made.append(
+            Picture(
+                title="What skin makes of it, cell by cell",
+                caption="The figures of the perceptual card; a dash where the original hardly presses.",
+                data=png(card_figure(card)),
+            )
+        )
+    if loop.end:
+        errors = [one.comparison.waveform_error for one in loop.passes]
+        made.append(
+            Picture(
+                title="Error of the waveform, pass by pass",
+                caption="The first passes correct the amplitude, the others the waveform. "
+                f"{loop.taken_back} steps made it worse and were taken back. It ended because {loop.end}.",
+                data=png(passes_figure([("this loop", errors)], simulated=loop.passes[-1].comparison.simulated)),
+            )
+        )
+    return made
+
+
+def strongest_channels(original: PressureFrames, most: int = 4) -> list[int]:
+    """Channels of the greatest root mean square, at most so many, in their own order."""
+    power = (original.pressure**2).mean(axis=0).ravel()
+    return sorted(int(channel) for channel in np.argsort(power)[::-1][:most])
+
+
+def _loudness(drive: Drive, frame: int) -> str:
+    """How loud the transducers are beside each other."""
+    levels = drive.level[frame]
+    low, high = float(np.min(levels)), float(np.max(levels))
+    return "all are equally loud" if np.isclose(low, high) else f"they are driven at {low:.2f} to {high:.2f} of full"

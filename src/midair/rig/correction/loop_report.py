@@ -1,0 +1,184 @@
+"""The report of a loop: one HTML file that holds everything it shows."""
+
+import importlib.metadata
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+
+import numpy as np
+
+from midair.evaluate import PalmFidelity, printed_error, relative_error
+from midair.figures import Picture, render_page
+from midair.files import whole_file
+from midair.headroom import level_of
+from midair.model import Progress
+from midair.physics import propagate
+from midair.rig.correction.correction_loop import Loop
+from midair.rig.correction.loop_pictures import drawn
+from midair.rig.correction.loop_view import view_of_loop
+from midair.rig.correction.outcomes import Outcome, palm_picture, side_by_side, verdict
+from midair.settings import Settings, spelt_setting
+from midair.targets import piece_of
+from midair.view import inlined, sealed
+
+Row = tuple[str, ...]
+
+
+def write_report(
+    loop: Loop,
+    path: Path,
+    *,
+    commands: tuple[str, ...] = (),
+    palm: PalmFidelity | None = None,
+    beside: Sequence[Outcome] = (),
+    progress: Progress | None = None,
+) -> list[Picture]:
+    """Write the report of a loop; the pictures that are in it, in its order.
+
+    Parameters
+    ----------
+    loop : Loop
+        What to report.
+    path : Path
+        Path of the HTML file.
+    commands : tuple of str
+        With which the same can be done again.
+    palm : PalmFidelity, optional
+        What a whole palm gets of the last pass, where that was simulated.
+    beside : sequence of Outcome
+        The same recording in other ways, the loop's own among them where it is to be seen beside them: in the order of
+        the page.
+    progress : callable, optional
+        Called with (pictures drawn, pictures in all).
+    """
+    outcomes = tuple(beside) or (Outcome.of(loop, palm=palm),)
+    # Drawn once, since that takes longer than solving does.
+    own = next(each for each in outcomes if each.loop is loop)
+    shown = drawn(loop, own.card, progress)
+    palms = [] if (pressed := palm_picture(outcomes)) is None else [pressed]
+    page = render(loop, shown, commands=commands, outcomes=outcomes, palms=palms)
+    with whole_file(path) as partial:
+        partial.write_text(page, encoding="utf-8")
+    return [*palms, *shown]
+
+
+def render(
+    loop: Loop,
+    shown: Sequence[Picture],
+    *,
+    commands: tuple[str, ...] = (),
+    outcomes: Sequence[Outcome] = (),
+    palms: Sequence[Picture] = (),
+) -> str:
+    """The report with these pictures as HTML that needs nothing from outside."""
+    outcomes = tuple(outcomes) or (Outcome.of(loop),)
+    own = next(each for each in outcomes if each.loop is loop)
+    name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
+    watch = view_of_loop(loop)
+    page = render_page(
+        "rig/correction/report.html.j2",
+        watch=watch,
+        view=inlined(watch),
+        title=f"{name[:1].upper()}{name[1:]}, reproduced in midair",
+        simulated=loop.passes[-1].comparison.simulated,
+        verdict=verdict(outcomes),
+        summary=_summary(loop),
+        palms=palms,
+        ways=[each.name for each in outcomes] if len(outcomes) > 1 else [],
+        side_by_side=side_by_side(outcomes),
+        pictures=shown,
+        figures=_figures(loop),
+        card=() if own.card is None else own.card.figures,
+        palm={} if own.palm is None else own.palm.figures(),
+        passes=[f"pass {number + 1}" for number in range(len(loop.passes))],
+        rectified=loop.settings.target.mapping == "half-wave",
+        settings=settings_rows(loop.settings),
+        steps=[(step.stage, _words(step.settings)) for step in loop.passes[-1].felt.provenance.steps],
+        versions=versions(),
+        commands=commands,
+    )
+    return sealed(page)
+
+
+def settings_rows(settings: object, prefix: str = "") -> list[Row]:
+    """Every setting with its value, nested ones by a dotted name."""
+    rows: list[Row] = []
+    if not is_dataclass(settings):
+        return rows
+    for entry in fields(settings):
+        value = getattr(settings, entry.name)
+        name = f"{prefix}{entry.name}"
+        if is_dataclass(value) and not isinstance(value, type):
+            rows += settings_rows(value, f"{name}.")
+        else:
+            rows.append((name, spelt_setting(name, value)))
+    return rows
+
+
+def versions() -> list[Row]:
+    """Versions of midair, Python and the libraries that the figures depend on."""
+    libraries = [
+        (name, importlib.metadata.version(name)) for name in ("midair", "numpy", "scipy", "h5py", "matplotlib")
+    ]
+    return [*libraries, ("Python", platform.python_version()), ("system", f"{platform.system()} {platform.machine()}")]
+
+
+def _summary(loop: Loop) -> str:
+    last = loop.passes[-1]
+    frames, solution = last.reproduction.target.frames, last.reproduction.solution
+    return (
+        f"{frames} frames at {last.reproduction.target.rate:g} Hz ({frames / last.reproduction.target.rate:.2f} s) on "
+        f"{solution.drive.array.name}, {solution.drive.array.count} transducers, at strength "
+        f"{last.reproduction.strength():.2f}. After {len(loop.passes) - 1} correction(s) the re-recorded "
+        f"pressure has a correlation of {last.comparison.correlation:.2f} with the original and "
+        f"{last.comparison.gain:.2f} times its amplitude. {_level(loop)}"
+    )
+
+
+def _level(loop: Loop) -> str:
+    """How hard it was asked to press, what comes of it, and what can be had."""
+    made = loop.passes[-1].reproduction
+    level = level_of(made.solution, made.target, band=loop.settings.calibration.band)
+    said = dict(level.rows())
+    return f"Asked for: {said['asked']}. Of that {said['comes']}. Can be had: {said['can be had']}."
+
+
+def _figures(loop: Loop) -> list[Row]:
+    columns = [_pass_figures(loop, number) for number in range(len(loop.passes))]
+    return [(name, unit, *(f"{column[name][0]:.3g}" for column in columns)) for name, (_, unit) in columns[0].items()]
+
+
+def _pass_figures(loop: Loop, number: int) -> Mapping[str, tuple[float, str]]:
+    this = loop.passes[number]
+    solution, target = this.reproduction.solution, this.reproduction.target
+    # Silent frames have no error, and would make the mean better than it is.
+    plays = np.array([status != "silent" for status in solution.status])
+    # In the lead there is next to nothing to be met, of which any field is far off.
+    inside = piece_of(target.provenance, target.frames, target.rate)
+    plays[: inside.start] = plays[inside.stop :] = False
+    settings: Settings = loop.settings
+    field = propagate(solution.drive, target.grid, acoustics=settings.acoustics)
+    error = relative_error(field, target.amplitude)[plays]
+    return {
+        "gain asked for": (this.gain, ""),
+        "strength": (this.reproduction.strength(), ""),
+        "E of what is met, mean": (100 * float(solution.error[plays].mean()), "%"),
+        "E at the control points, mean": (100 * float(error.mean()), "%"),
+        "E at the control points, worst frame": (100 * float(error.max()), "%"),
+        "E as printed, with 1/M, mean": (100 * float(printed_error(field, target.amplitude)[plays].mean()), "%"),
+        "solver iterations, mean": (float(solution.iterations[plays].mean()), ""),
+        **this.comparison.figures(),
+    }
+
+
+def _words(settings: Mapping[str, object]) -> str:
+    return ", ".join(f"{name} {_word(value)}" for name, value in settings.items() if value not in ((), "", None))
+
+
+def _word(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, tuple):
+        return " to ".join(_word(part) for part in value)
+    return "default" if value is None else str(value)

@@ -1,0 +1,126 @@
+"""Recordings of any length: solved part by part, and piece by piece."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.lazy_frames import blocks, read_frames
+from midair.model import AmplitudeFrames, Progress, Solution, TransducerArray
+from midair.solvers.planning.solve_plan import SolvePlan
+from midair.solvers.problem import WarmStart
+
+Array = NDArray[np.float64]
+
+_READ = 256
+"""Frames of a target that are read at once."""
+
+
+def solve_parts(
+    target: AmplitudeFrames, array: TransducerArray, *, progress: Progress | None = None, **settings: Any
+) -> Iterator[Solution]:
+    """The solution of `solve`, part by part: what is in memory does not grow with the recording.
+
+    Each part goes on from where the one before it ended, at a joint where the method would have ended a batch or a
+    block of frames anyway: all parts together are what `solve` gives, to rounding.
+
+    Parameters
+    ----------
+    target : AmplitudeFrames
+        Its amplitude may be a reel, which is read once, and once more for the level "auto".
+    array : TransducerArray
+        What is to make it.
+    progress : callable, optional
+        Called with (frames done, frames in all).
+    **settings
+        As in `solve`.
+
+    Yields
+    ------
+    Solution
+        Of the next frames.
+
+    Raises
+    ------
+    InputError, MissingExtraError
+        As in `solve`.
+    """
+    return _parts(SolvePlan.of(target, array, **settings), target, progress)
+
+
+def solve_piece(
+    target: AmplitudeFrames, array: TransducerArray, *, marks: Array, loudest: float, **settings: Any
+) -> Iterator[Solution]:
+    """The solution of one of the `pieces` of a recording, part by part, without the frames before it.
+
+    Phases are those of the whole recording, to the last bit.
+
+    Parameters
+    ----------
+    target : AmplitudeFrames
+        Of the frames of the piece.
+    array : TransducerArray
+        What is to make it.
+    marks : ndarray, shape (mark, point)
+        Amplitude of the piece's marks, in Pa; none for the first piece.
+    loudest : float
+        Highest amplitude of the whole recording, in Pa, by which the level "auto" goes.
+    **settings
+        As in `solve`, with method "glide".
+
+    Yields
+    ------
+    Solution
+        Of the next frames, block by block.
+
+    Raises
+    ------
+    InputError
+        As in `solve`, or if the method is another.
+    """
+    order = SolvePlan.of(target, array, loudest=loudest, **settings)
+    if not order.leads:
+        raise InputError(f"method: expected glide, whose recordings come in pieces, got {order.method}")
+    after = order.end_of(replace(target, amplitude=marks)) if len(marks) else None
+    return _parts(order, target, None, after, marks[-1:])
+
+
+def _parts(
+    order: "SolvePlan",
+    target: AmplitudeFrames,
+    progress: Progress | None,
+    after: WarmStart | None = None,
+    lead: Array | None = None,
+) -> Iterator[Solution]:
+    none = np.zeros((0, target.grid.count))
+    lead, rest, done = none if lead is None else lead, none, 0
+    for block in chain(blocks(target.amplitude, _READ), [None]):
+        rest = rest if block is None else np.concatenate([rest, block])
+        while cut := order.joint(rest, first=after is None) or (len(rest) if block is None else 0):
+            known = len(lead)
+            part = replace(target, amplitude=np.concatenate([lead, rest[:cut]]))
+            told = None if progress is None else _beyond(progress, done - known, target.frames)
+            solution, after = order.solve(part, after, told)
+            yield solution.cut(known, solution.drive.frames) if known else solution
+            sounding = np.flatnonzero(rest[:cut].any(axis=1))
+            if order.leads and len(sounding):
+                lead = rest[sounding[-1:]]
+            rest, done = rest[cut:], done + cut
+
+
+def read_as_solved(amplitude: Array, first: int, last: int) -> Array:
+    """Frames of a target, a reel or an array, in the very blocks in which `solve_parts` reads it.
+
+    A reel works out what it reads, and products of more or fewer frames at once end in another digit.
+    """
+    begin = first // _READ * _READ
+    read = [read_frames(amplitude, at, min(at + _READ, len(amplitude))) for at in range(begin, last, _READ)]
+    return np.concatenate(read)[first - begin : last - begin]
+
+
+def _beyond(progress: Progress, before: int, frames: int) -> Progress:
+    return lambda done, _: progress(before + done, frames)

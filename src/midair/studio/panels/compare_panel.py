@@ -1,0 +1,99 @@
+"""Room Compare: the original over what came back, figures of it, and a correction that can be applied."""
+
+from collections.abc import Callable
+from typing import Any
+
+from midair.errors import InputError
+from midair.studio.jobs import Jobs, StudioJob, Work
+from midair.studio.panels.reproduce_panel import TakeNamed
+from midair.studio.studio_state import Page, StudioState
+from midair.studio.takes_list import TakesList
+from midair.studio.work import budget_of_take, compare_takes, palm_of_take
+
+
+class ComparePanel:
+    """Comparisons of this session.
+
+    Parameters
+    ----------
+    desk : Desk
+        Orders come from it.
+    takes : TakesList
+        Originals and re-recordings.
+    jobs : Jobs
+        The queue of long work.
+    played : list
+        Whom to tell when something was played and re-recorded.
+    later : callable
+        Has something done on the desk's loop, from any thread.
+    """
+
+    def __init__(self, desk: StudioState, takes: TakesList, jobs: Jobs, played: Any, later: Any) -> None:
+        self._desk, self._takes, self._jobs, self._later = desk, takes, jobs, later
+        self._found: dict[str, Any] = {}
+        self._palms: dict[str, Any] = {}
+        self._budgets: dict[str, Any] = {}
+        desk.offer("compare", "compare", self.compare, TakeNamed)
+        desk.offer("compare", "palm", self.palm, TakeNamed)
+        desk.offer("compare", "budget", self.budget, TakeNamed)
+        played.played.append(self._played)
+        desk.put(comparisons={}, palms={}, budgets={})
+
+    def compare(self, _: Page, order: TakeNamed) -> dict[str, int]:
+        """Compare a take with what was re-recorded of it."""
+        again = self._takes.beside(order.take, ".rerecorded.h5")
+        if not again.exists():
+            raise InputError(f"{order.take}: expected a take that was played and re-recorded; play it first")
+        return {"job": self._start(order.take).number}
+
+    def palm(self, _: Page, order: TakeNamed) -> dict[str, int]:
+        """Simulate what a whole palm gets of a take's drive."""
+        return self._simulate(order.take, f"the palm under {order.take}", palm_of_take, self._pressed)
+
+    def budget(self, _: Page, order: TakeNamed) -> dict[str, int]:
+        """Find out where the error of a take's drive comes from."""
+        return self._simulate(order.take, f"where the error of {order.take} comes from", budget_of_take, self._told)
+
+    def _simulate(self, take: str, title: str, work: Work, told: Callable[[str, StudioJob], None]) -> dict[str, int]:
+        drive = self._takes.beside(take, ".drive.h5")
+        if not drive.exists():
+            raise InputError(f"{take}: expected a take that was solved; solve it first")
+        order = (str(self._takes.path(take)), str(drive))
+        job = self._jobs.add(title, work, order, room="compare", ended=lambda job: self._later(told, take, job))
+        return {"job": job.number}
+
+    def _told(self, take: str, job: StudioJob) -> None:
+        if job.state == "done":
+            self._budgets = {**self._budgets, take: job.result}
+            self._desk.put(budgets=self._budgets)
+
+    def _pressed(self, take: str, job: StudioJob) -> None:
+        if job.state == "done":
+            self._palms = {**self._palms, take: job.result}
+            self._desk.put(palms=self._palms)
+
+    def _played(self, take: str) -> None:
+        """What was just played is compared without being asked."""
+        if self._takes.beside(take, ".rerecorded.h5").exists():
+            self._start(take)
+        self._desk.put(takes=self._takes.rows())
+
+    def _start(self, take: str) -> StudioJob:
+        order = (
+            str(self._takes.path(take)),
+            str(self._takes.beside(take, ".rerecorded.h5")),
+            str(self._takes.kept(take)),
+            str(self._takes.beside(take, ".drive.h5")),
+        )
+        return self._jobs.add(
+            f"compare {take}",
+            compare_takes,
+            order,
+            room="compare",
+            ended=lambda job: self._later(self._compared, take, job),
+        )
+
+    def _compared(self, take: str, job: StudioJob) -> None:
+        if job.state == "done":
+            self._found = {**self._found, take: {**job.result, "kept": ""}}
+            self._desk.put(comparisons=self._found, takes=self._takes.rows())

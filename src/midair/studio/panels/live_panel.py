@@ -1,0 +1,301 @@
+"""Room Live: what the sensor feels now is played now; the check, the arming, what pages are shown, what is kept."""
+
+import asyncio
+import contextlib
+import itertools
+import threading
+from dataclasses import asdict
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from midair.errors import DeviceStateError, InputError, MidairError
+from midair.rig import Subject, take_path
+from midair.studio.live_feed import LiveFeed
+from midair.studio.live_process import REMEMBERED, LiveRequest, run_live
+from midair.studio.panels.play_panel import PlayPanel
+from midair.studio.panels.record_panel import RecordPanel, VisibleRange
+from midair.studio.studio_state import NoArguments, Page, StudioState
+from midair.studio.takes_list import TakesList
+
+
+class CheckLive(BaseModel):
+    """What to check before it is felt."""
+
+    model_config = ConfigDict(extra="forbid")
+    sensor: str = Field(min_length=3, max_length=300, pattern=r"^[a-z]+:")
+    calibration: str = Field(default="", max_length=1000)
+    mapping: Literal["half-wave", "slow-bias"] = "half-wave"
+    delay_ms: float = Field(default=6.0, ge=2, le=10)
+    hold_ms: float = Field(default=6.0, ge=2, le=20)
+    gain: float = Field(default=1.0, gt=0, le=100)
+    height_mm: float = Field(default=200.0, ge=50, le=600)
+    level: float = Field(default=1.0, gt=0, le=1)
+    profile: str = Field(default="", max_length=100)
+    attenuate: bool = False
+    override: str = Field(default="", max_length=200)
+
+
+class BeginLive(BaseModel):
+    """To begin what was checked: the button was held."""
+
+    model_config = ConfigDict(extra="forbid")
+    admission: int
+
+
+class SetLevel(BaseModel):
+    """How much of the admitted level is wanted now."""
+
+    model_config = ConfigDict(extra="forbid")
+    share: float = Field(gt=0, le=1)
+
+
+class KeepLast(BaseModel):
+    """What was felt and played lately, as a take."""
+
+    model_config = ConfigDict(extra="forbid")
+    seconds: float = Field(default=REMEMBERED, gt=0, le=REMEMBERED)
+
+
+class LivePanel:
+    """The desk of live touch.
+
+    Parameters
+    ----------
+    desk : Desk
+        Orders come from it.
+    takes : TakesList
+        Where takes go.
+    playing : PlayingRoom
+        Has the array and the permit, and lends both.
+    record : RecordRoom
+        Has the sensor, and lets go of it.
+    seed : int
+        Of a virtual rig.
+    later, taken : callable
+        Has something done on the desk's loop, from any thread; called when there is a new take.
+    """
+
+    def __init__(
+        self,
+        desk: StudioState,
+        takes: TakesList,
+        playing: PlayPanel,
+        record: RecordPanel,
+        seed: int,
+        later: Any,
+        taken: Any,
+    ) -> None:
+        self._desk, self._takes, self._playing, self._record = desk, takes, playing, record
+        self._seed, self._later, self._taken = seed, later, taken
+        self.feed = LiveFeed()
+        self._process: Any = None
+        self._pipe: Connection | None = None
+        self._closed = False
+        self._numbers = itertools.count(1)
+        self._waiting: dict[int, asyncio.Future[Any]] = {}
+        self._checked: dict[int, LiveRequest] = {}
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._state: dict[str, Any] = {"state": "idle", "said": "", "share": 1.0, "take": None, "calibrations": []}
+        desk.offer("live", "sight", self.sight, VisibleRange, watchers=True)
+        desk.offer("live", "check", self.check, CheckLive)
+        desk.offer("live", "begin", self.begin, BeginLive)
+        desk.offer("live", "turn", self.turn, SetLevel)
+        desk.offer("live", "keep", self.keep, KeepLast)
+        desk.offer("live", "end", self.end, NoArguments)
+        desk.alive.append(self.feed.remind)
+        desk.put(live=self._state)
+
+    def sight(self, page: Page, order: VisibleRange) -> bool:
+        """A page begins, or ceases, to look on."""
+        if order.shown:
+            page.credit = 24
+            self.feed.enter(page)
+            self._show(calibrations=self._takes.folder.names(".calibration.h5"))
+        else:
+            self.feed.leave(page)
+        return True
+
+    def left(self, page: Page) -> None:
+        """A page is gone."""
+        self.feed.leave(page)
+
+    async def check(self, _: Page, order: CheckLive) -> Any:
+        """What the worst that a level can do exposes people to."""
+        self._idle()
+        given = order.model_dump(exclude={"delay_ms", "hold_ms", "height_mm", "calibration", "override"})
+        calibration = str(self._takes.folder.find(order.calibration)) if order.calibration else ""
+        wish = LiveRequest(
+            **given,
+            device=self._playing.device,
+            delay=1e-3 * order.delay_ms,
+            hold=1e-3 * order.hold_ms,
+            height=1e-3 * order.height_mm,
+            calibration=calibration,
+            override=order.override.strip(),
+            seed=self._seed,
+        )
+        found = await self._ask(do="check", wish=wish)
+        self._checked = {found["number"]: wish} if found["number"] else {}
+        self._desk.put(exposure={"take": "", **found})
+        return found
+
+    async def begin(self, page: Page, order: BeginLive) -> Any:
+        """Take array and sensor, arm, begin; answers when it plays."""
+        self._idle()
+        wish = self._checked.pop(order.admission, None)
+        if wish is None:
+            raise DeviceStateError("live: expected a level that was just checked; check its exposure again")
+        await self._record.release()
+        leave = await self._playing.lend(page, f"live {wish.sensor}")
+        self._show(state="opens", said="", share=1.0, take=None)
+        self._desk.put(live_goes=None)
+        try:
+            about = await self._ask(do="begin", admission=order.admission, leave=leave)
+        except MidairError as wrong:
+            await self._over(str(wrong))
+            raise
+        about["wish"] = {name: value for name, value in asdict(wish).items() if name not in ("calibration", "override")}
+        # Pages begin their pictures anew when they are told of it: the same settings again are something new too.
+        about["run"] = next(self._numbers)
+        self._desk.put(live_about=about)
+        self._show(state="plays")
+        return True
+
+    def turn(self, _: Page, order: SetLevel) -> bool:
+        """Softer, or as loud again as was admitted; never louder."""
+        self._plays()
+        self._playing.permit.turn(order.share)
+        self._show(share=order.share)
+        return True
+
+    async def keep(self, _: Page, order: KeepLast) -> Any:
+        """The last seconds as a take, which Reproduce opens."""
+        about = self._desk.state.get("live_about")
+        if self._process is None or not about:
+            raise InputError("keep: expected something that was felt, nothing was yet; begin first")
+        notes = Subject(object="live", surface=about["sensor"].partition(":")[2][:40])
+        path = take_path(self._takes.folder.path, notes, repeats=1)
+        found = await self._ask(do="keep", seconds=order.seconds, path=str(path), notes=dict(notes.notes))
+        self._show(take=found)
+        self._taken()
+        return found
+
+    def end(self, _: Page, __: NoArguments) -> bool:
+        """End in order: it fades."""
+        if self._state["state"] == "opens":
+            self._playing.permit.stop()
+        elif self._state["state"] == "plays":
+            self._send(do="end", id=0)
+        return True
+
+    def close(self) -> None:
+        """End the process."""
+        self._closed = True
+        self.feed.close()
+        if self._process is None:
+            return
+        self._playing.permit.stop()
+        with contextlib.suppress(OSError):
+            if self._pipe is not None:
+                self._pipe.close()
+        self._process.join(3)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join(2)
+
+    def _idle(self) -> None:
+        if self._state["state"] != "idle":
+            raise DeviceStateError("live: expected silence first, it plays; end it, then begin anew")
+
+    def _plays(self) -> None:
+        if self._state["state"] != "plays":
+            raise DeviceStateError("live: expected it to play, it does not; begin first")
+
+    def _start(self) -> None:
+        context = get_context("spawn")
+        self._pipe, there = context.Pipe()
+        arguments = (there, self._playing.permit)
+        # Not a daemon: it starts the loop. It ends when its studio does.
+        self._process = context.Process(target=run_live, args=arguments, name="midair live watch")
+        self._process.start()
+        there.close()
+        threading.Thread(target=self._listen, args=(self._pipe,), name="live", daemon=True).start()
+
+    def _send(self, **order: Any) -> None:
+        try:
+            if self._pipe is None:
+                raise OSError
+            self._pipe.send(order)
+        except OSError as wrong:
+            raise DeviceStateError("live: expected its process to be there, it is not; begin again") from wrong
+
+    async def _ask(self, **order: Any) -> Any:
+        if self._process is None:
+            self._start()
+        number = next(self._numbers)
+        done: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+        self._waiting[number] = done
+        try:
+            self._send(id=number, **order)
+            return await done
+        finally:
+            self._waiting.pop(number, None)
+
+    def _listen(self, pipe: Connection) -> None:
+        while True:
+            try:
+                said = pipe.recv()
+            except (EOFError, OSError, TypeError):
+                break
+            self._later(self._hear, pipe, said)
+        if not self._closed:
+            self._later(self._hear, pipe, {"kind": "gone"})
+
+    def _hear(self, pipe: Connection, said: dict[str, Any]) -> None:
+        """What the process says."""
+        if pipe is not self._pipe:
+            return
+        match said["kind"]:
+            case "frames":
+                self.feed.add(said["data"])
+            case "goes":
+                self._desk.put(live_goes={**said["goes"], "remembered": said["remembered"]})
+                self._playing.emits(said["emitting"])
+            case "answer":
+                if (waits := self._waiting.get(said["id"])) is not None and not waits.done():
+                    waits.set_result(said["value"])
+            case "wrong":
+                if (waits := self._waiting.get(said["id"])) is not None and not waits.done():
+                    waits.set_exception(InputError(said["error"]))
+            case "ended":
+                if said["goes"]:
+                    self._desk.put(live_goes={**(self._desk.state.get("live_goes") or {}), **said["goes"]})
+                self._do(self._over(said["error"] or "ended in order, and faded"))
+            case _:
+                self._gone()
+
+    def _gone(self) -> None:
+        self._process = self._pipe = None
+        gone = "live: its process ended; the loop below it is silent without it, begin again"
+        for waits in self._waiting.values():
+            if not waits.done():
+                waits.set_exception(DeviceStateError(gone))
+        if self._state["state"] == "plays":
+            self._do(self._over(gone))
+
+    async def _over(self, said: str) -> None:
+        self._show(state="ends", said=said)
+        await self._playing.take_back(said)
+        self._show(state="idle")
+
+    def _do(self, work: Any) -> None:
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    def _show(self, **changes: Any) -> None:
+        self._state = {**self._state, **changes}
+        self._desk.put(live=self._state)

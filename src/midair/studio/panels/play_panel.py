@@ -1,0 +1,361 @@
+"""Playing, wherever it is ordered: the exposure check, arming by a held button, the permit's renewal, STOP."""
+
+import asyncio
+import itertools
+import secrets
+import time
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from midair import errors
+from midair.errors import DeviceStateError, ExposureError, InputError, LinkLostError, MidairError, SilentFramesError
+from midair.rig import LeaseToken, PlayLease
+from midair.studio.player import PlayerPlan, PlayerProcess
+from midair.studio.studio_state import NoArguments, Page, StudioState
+from midair.studio.takes_list import TakesList
+
+ATTEMPTS = 3
+"""How often an array that does not answer is opened."""
+
+ALIVE = 0.5
+"""How long the permit lasts after the controlling page was heard, in s."""
+
+
+class CheckExposure(BaseModel):
+    """What to check before it is played."""
+
+    model_config = ConfigDict(extra="forbid")
+    take: str = Field(max_length=1000)
+    profile: str = Field(default="", max_length=100)
+    attenuate: bool = False
+    override: str = Field(default="", max_length=200)
+    repeats: int = Field(default=1, ge=1, le=1000)
+
+
+class PlayNow(BaseModel):
+    """To play what was checked: the button was held."""
+
+    model_config = ConfigDict(extra="forbid")
+    admission: int
+
+
+class PlayPanel:
+    """The player's desk.
+
+    Parameters
+    ----------
+    desk : Desk
+        Orders come from it.
+    takes : TakesList
+        Drives, and where re-recordings go.
+    plan : PlayerPlan
+        The devices.
+    later : callable
+        Has something done on the desk's loop, from any thread.
+    profile : str
+        Name of the exposure profile where nobody names one.
+    """
+
+    def __init__(self, desk: StudioState, takes: TakesList, plan: PlayerPlan, later: Any, *, profile: str) -> None:
+        self._desk, self._takes, self._later, self._profile = desk, takes, later, profile
+        self.permit = PlayLease()
+        self.token = plan.token or secrets.token_urlsafe(24)
+        self._player = PlayerProcess(self.permit, plan, self._told)
+        self._waiting: dict[int, asyncio.Future[Any]] = {}
+        self._numbers = itertools.count(1)
+        self._controls = 0
+        self._opening: asyncio.Future[None] | None = None
+        self._checked: dict[int, str] = {}
+        self.played: list[Any] = []
+        self._state: dict[str, Any] = {
+            "state": "starts",
+            "device": plan.device,
+            "simulated": plan.device == "virtual",
+            "count": 0,
+            "units": "",
+            "done": 0,
+            "total": 0,
+            "emitting": False,
+            "take": "",
+            "said": "",
+        }
+        desk.offer("play", "check", self.check, CheckExposure)
+        desk.offer("play", "play", self.play, PlayNow)
+        desk.offer("play", "stop", self.stop, NoArguments, watchers=True)
+        desk.offer("control", "take", self.take_control, watchers=True)
+        desk.offer("control", "give", self.give_control)
+        desk.offer("control", "refuse", self.refuse_control)
+        desk.left.append(self._left)
+        desk.alive.append(self._alive)
+        self._show()
+
+    @property
+    def port(self) -> int:
+        """The player's own, for STOP."""
+        return self._player.port
+
+    @property
+    def sounding(self) -> bool:
+        """Whether something sounds, or may at any moment."""
+        return self.permit.armed or self._state["emitting"]
+
+    @property
+    def device(self) -> str:
+        """Name of the array."""
+        return self._state["device"]
+
+    @property
+    def process(self) -> int:
+        """Number of the player's process."""
+        return self._player.process
+
+    def start(self, origins: tuple[str, ...]) -> None:
+        """Start the player."""
+        self._player.start(origins)
+
+    def close(self) -> None:
+        """Silence, and end the player."""
+        self._player.close()
+
+    async def check(self, _: Page, order: CheckExposure) -> Any:
+        """Have a drive admitted; what it exposes people to."""
+        drive = self._takes.beside(order.take, ".drive.h5")
+        if not drive.exists():
+            raise InputError(f"{order.take}: expected a take that was solved; solve it first")
+        self._busy()
+        found = await self._ask(
+            do="admit",
+            path=str(drive),
+            profile=order.profile or self._profile,
+            attenuate=order.attenuate,
+            override=order.override.strip(),
+            repeats=order.repeats,
+        )
+        self._checked = {found["number"]: order.take} if found["number"] else {}
+        self._desk.put(exposure={"take": order.take, **found})
+        return found
+
+    async def play(self, page: Page, order: PlayNow) -> Any:
+        """Arm, and play; answers when it is over."""
+        self._busy()
+        self._seen(page)
+        take = self._checked.pop(order.admission, None)
+        if take is None:
+            raise DeviceStateError("play: expected a drive that was just checked; check its exposure again")
+        output = self._takes.beside(take, ".rerecorded.h5")
+        partial = self._beside(output)
+        report = await self._sound(page, take, do="play", admission=order.admission, output=str(partial), masked=False)
+        if report.get("output") and partial.exists():
+            partial.replace(output)
+            report["output"] = output.name
+        for tell in self.played:
+            tell(take)
+        return report
+
+    async def admit_trial(self, path: Path, share: float, *, override: str = "") -> dict[str, Any]:
+        """Check a drive of a study, and keep it at hand for its trials.
+
+        Raises
+        ------
+        ExposureError
+            If it is louder than the profile and nobody answers for that by name.
+        """
+        how = {"profile": self._profile, "attenuate": False, "override": override, "repeats": 1, "share": share}
+        found = await self._ask(do="admit", path=str(path), keep=True, **how)
+        if not found["number"]:
+            raise ExposureError(f"{path.name}: {found['refused']}")
+        return found
+
+    async def mask(self, noise: Any, device: str) -> str:
+        """Have the player hold a sound output for the noise of a study; none lets go of it. What it gives, in words."""
+        return await self._ask(do="mask", noise=noise, device=device)
+
+    async def present(self, path: Path, share: float, *, masked: bool = False) -> dict[str, Any]:
+        """Play a drive for a study, while the page in control is in sight; answers when it is over.
+
+        Raises
+        ------
+        SilentFramesError
+            If the array was silent where it should have sounded.
+        """
+        page = self._experimenter()
+        found = await self.admit_trial(path, share)
+        report = await self._sound(page, path.name, do="play", admission=found["number"], output="", masked=masked)
+        if report.get("gap"):
+            raise SilentFramesError(
+                f"array: expected every frame in time, {report['late']} were late after {report['gap']:.3f} s of "
+                "silence; close other programs"
+            )
+        return report
+
+    async def quiet(self, seconds: float, *, masked: bool = False) -> None:
+        """A stimulus of silence, as long as the others and with the same noise."""
+        await self._sound(self._experimenter(), "silence", do="quiet", seconds=seconds, masked=masked)
+
+    def _experimenter(self) -> Page:
+        self._busy()
+        page = self._desk.pages.get(self._desk.control.holder)
+        if page is None or not page.visible or time.monotonic() - page.heard > ALIVE:
+            raise DeviceStateError("play: expected the experimenter's page to be in sight, it is hidden or gone")
+        return page
+
+    async def _sound(self, page: Page, what: str, **order: Any) -> Any:
+        """Arm for a page, have the player do it, and disarm whatever comes of it."""
+        self._controls = page.number
+        leave = self.permit.arm(lasts=ALIVE)
+        self._show(state="plays", take=what, done=0, total=0, said="")
+        try:
+            report = await self._ask(leave=leave, **order)
+        except MidairError as wrong:
+            self._show(state="ready", emitting=False, said=str(wrong))
+            raise
+        finally:
+            self.permit.disarm()
+        self._show(state="ready", emitting=False, said="played to its end")
+        return report
+
+    async def lend(self, page: Page, what: str) -> LeaseToken:
+        """Let another process have the array, and arm it for a page; `take_back` when it has ended.
+
+        Raises
+        ------
+        DeviceStateError
+            If something plays, or the page is not in sight.
+        """
+        self._busy()
+        self._seen(page)
+        self._show(state="plays", take=what, done=0, total=0, said="")
+        try:
+            await self._ask(do="let go")
+            self._seen(page)
+        except MidairError:
+            await self._open()
+            raise
+        self._controls = page.number
+        return self.permit.arm(lasts=ALIVE)
+
+    async def take_back(self, said: str) -> None:
+        """What had the array has ended."""
+        self.permit.disarm()
+        self._show(state="opens", emitting=False)
+        await self._open()
+        self._show(said=said)
+
+    def emits(self, emitting: bool) -> None:
+        """Whether what has the array sounds now."""
+        self._show(emitting=emitting)
+
+    def _seen(self, page: Page) -> None:
+        if not page.visible or time.monotonic() - page.heard > ALIVE:
+            raise DeviceStateError("play: expected the page to be in sight, it is hidden or has not been heard")
+
+    def stop(self, _: Page, __: NoArguments) -> bool:
+        """STOP, from any page: the permit is over, and the player's thread silences within milliseconds."""
+        self.permit.stop()
+        return True
+
+    def take_control(self, page: Page, _: NoArguments) -> bool:
+        """A page wants control."""
+        had = self._desk.control.take(page.number)
+        self._desk.show_control()
+        return had
+
+    def give_control(self, page: Page, _: NoArguments) -> bool:
+        """The holder consents; what it had armed is over."""
+        control = self._desk.control
+        control.give(page.number, to=control.asking)
+        self.permit.stop()
+        self._desk.show_control()
+        return True
+
+    def refuse_control(self, page: Page, _: NoArguments) -> bool:
+        """The holder keeps it."""
+        self._desk.control.refuse(page.number)
+        self._desk.show_control()
+        return True
+
+    def _beside(self, output: Any) -> Any:
+        return output.with_name(f".{output.name.removesuffix('.h5')}.partial.h5")
+
+    def _busy(self) -> None:
+        if self._state["state"] == "plays":
+            raise DeviceStateError("play: expected silence first, something plays; press STOP or wait for its end")
+
+    def _alive(self, page: Page) -> None:
+        """The controlling page was heard: what it armed may go on, if somebody can see it."""
+        if page.number != self._controls or page.number != self._desk.control.holder:
+            return
+        if page.visible:
+            self.permit.renew(lasts=ALIVE)
+        elif self.permit.armed:
+            self.permit.stop()
+
+    def _left(self, page: Page, _: bool) -> None:
+        """A page went: what it had armed is over, at once."""
+        if page.number == self._controls:
+            self.permit.stop()
+
+    async def _ask(self, **order: Any) -> Any:
+        number = next(self._numbers)
+        done: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+        self._waiting[number] = done
+        try:
+            self._player.send({"id": number, **order})
+            return await done
+        finally:
+            self._waiting.pop(number, None)
+
+    def _told(self, said: dict[str, Any]) -> None:
+        self._later(self._hear, said)
+
+    def _hear(self, said: dict[str, Any]) -> None:
+        """What the player says."""
+        match said["kind"]:
+            case "ready":
+                self._show(state="opens")
+                self._opening = asyncio.ensure_future(self._open())
+            case "answer":
+                if (waits := self._waiting.get(said["id"])) is not None and not waits.done():
+                    waits.set_result(said["value"])
+            case "wrong":
+                if (waits := self._waiting.get(said["id"])) is not None and not waits.done():
+                    waits.set_exception(_as_it_was(said["of"])(said["error"]))
+            case "sounds":
+                self._show(done=said["done"], total=said["total"], emitting=said["emitting"])
+            case "stopped":
+                self._show(emitting=False, said="silenced")
+            case _:
+                for waits in self._waiting.values():
+                    if not waits.done():
+                        waits.set_exception(DeviceStateError("player: it ended; its array's failsafe has silenced it"))
+                self._show(state="starts", emitting=False, said="the player ended, and is started again")
+
+    async def _open(self) -> None:
+        for left in reversed(range(ATTEMPTS)):
+            try:
+                found = await self._ask(do="open")
+                break
+            except LinkLostError as wrong:
+                # Units, and emulated ones above all, may answer late while the computer is busy with our own start.
+                if not left:
+                    self._show(state="failed", said=str(wrong))
+                    return
+                await asyncio.sleep(1.0)
+            except MidairError as wrong:
+                self._show(state="failed", said=str(wrong))
+                return
+        else:
+            return
+        self._show(state="ready", units=found["units"], count=found["count"], simulated=found["simulated"], said="")
+
+    def _show(self, **changes: Any) -> None:
+        self._state = {**self._state, **changes}
+        self._desk.put(player=self._state)
+
+
+def _as_it_was(name: str) -> type[MidairError]:
+    """The kind of an error that was told by its name: who waits for it may have to go on by what it was."""
+    kind = getattr(errors, name, InputError)
+    return kind if isinstance(kind, type) and issubclass(kind, MidairError) else InputError

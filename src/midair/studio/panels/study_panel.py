@@ -1,0 +1,350 @@
+"""Room Study: a participant's session, with a page for the experimenter and one for the participant."""
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
+from midair.studio.folders import OneFolder
+from midair.studio.jobs import Jobs, StudioJob
+from midair.studio.panels.page_presenter import PagePresenter
+from midair.studio.panels.play_panel import PlayPanel
+from midair.studio.studio_state import NoArguments, Page, StudioState
+from midair.studio.work import StudyRequest, draw_study
+from midair.study import (
+    Plan,
+    Reply,
+    Session,
+    StudyFolder,
+    Template,
+    check_digests,
+    check_not_withdrawn,
+)
+
+
+class NewStudy(BaseModel):
+    """A study to draw, from one that is shipped."""
+
+    model_config = ConfigDict(extra="forbid")
+    name: str = Field(min_length=1, max_length=60, pattern=r"^\w[\w -]*$")
+    template: Template = "paper"
+    participants: int = Field(default=10, ge=1, le=500)
+
+
+class BeginSession(BaseModel):
+    """Whose session."""
+
+    model_config = ConfigDict(extra="forbid")
+    study: str = Field(min_length=1, max_length=200)
+    participant: int = Field(ge=1, le=500)
+    pilot: bool = False
+    noise: str = Field(default="default", min_length=1, max_length=200)
+    override: str = Field(default="", max_length=200)
+
+
+class AnswerGiven(BaseModel):
+    """What the participant said."""
+
+    model_config = ConfigDict(extra="forbid")
+    turn: int
+    text: str = Field(max_length=1000)
+    reaction_s: float | None = Field(default=None, ge=0, le=86400)
+
+
+class Reason(BaseModel):
+    """Why a session is stopped."""
+
+    model_config = ConfigDict(extra="forbid")
+    reason: str = Field(max_length=200)
+
+
+class StudyPanel:
+    """Studies of the folder, and the one session that runs.
+
+    Parameters
+    ----------
+    desk : Desk
+        Orders come from it.
+    folder : OneFolder
+        Studies are folders in it.
+    jobs : Jobs
+        The queue of long work.
+    playing : PlayingRoom
+        The player's desk.
+    later : callable
+        Has something done on the desk's loop, from any thread.
+    """
+
+    def __init__(self, desk: StudioState, folder: OneFolder, jobs: Jobs, playing: PlayPanel, later: Any) -> None:
+        self._desk, self._folder, self._jobs, self._playing, self._later = desk, folder, jobs, playing, later
+        self._session: Session | None = None
+        self._presenter: PagePresenter | None = None
+        # A session is asked and told by one thread alone, which may wait for a stimulus.
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="session")
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._about: dict[str, Any] = {}
+        self._turn, self._shown_step, self._masked = 0, object(), False
+        desk.offer("study", "list", self.list, NoArguments, watchers=True)
+        desk.offer("study", "new", self.new, NewStudy)
+        desk.offer("study", "begin", self.begin, BeginSession)
+        desk.offer("study", "presented", self.presented, NoArguments)
+        desk.offer("study", "end", self.end, NoArguments)
+        # The participant may sit at a page of its own, which looks on at all else.
+        desk.offer("study", "acknowledge", self.acknowledge, NoArguments, watchers=True)
+        desk.offer("study", "present", self.present, NoArguments, watchers=True)
+        desk.offer("study", "answer", self.answer, AnswerGiven, watchers=True)
+        desk.offer("study", "stop", self.stop, Reason, watchers=True)
+        desk.put(studies=[], session=None)
+
+    async def list(self, _: Page, __: NoArguments) -> bool:
+        """Look which studies there are."""
+        found = await asyncio.to_thread(self._studies)
+        self._desk.put(studies=found)
+        return True
+
+    def new(self, _: Page, order: NewStudy) -> dict[str, int]:
+        """Have a study drawn, and its drives made."""
+        path = self._folder.place(order.name)
+        if path.exists():
+            raise InputError(f"{order.name}: expected a new name, this one is there already")
+        wish = StudyRequest(path=str(path), template=order.template, participants=order.participants)
+        job = self._jobs.add(f"draw the study {order.name}", draw_study, wish, room="study", ended=self._drawn)
+        return {"job": job.number}
+
+    def _drawn(self, _: StudioJob) -> None:
+        self._later(lambda: self._desk.put(studies=self._studies()))
+
+    async def begin(self, _: Page, order: BeginSession) -> bool:
+        """Begin a participant's session, or go on with one that was interrupted."""
+        if self._session is not None:
+            raise DeviceStateError("study: expected the session that runs to be over first; end it")
+        study = StudyFolder(self._folder.find(order.study))
+        plan = await asyncio.to_thread(study.plan)
+        if order.participant > plan.design.participants:
+            raise InputError(f"participant: expected 1 to {plan.design.participants}, got {order.participant}")
+        await asyncio.to_thread(check_not_withdrawn, study, order.participant)
+        self._loop = asyncio.get_running_loop()
+        quiet = await self._get_ready(study, plan, order)
+        log = study.log(order.participant)
+        if order.pilot:
+            # A file of its own, in a folder that no analysis reads: a pilot cannot be taken for data.
+            log = study.path / "pilot" / log.name
+        self._presenter = PagePresenter(
+            play=self._play,
+            wait=self._wait,
+            quiet_s=quiet,
+            stop=self._playing.permit.stop,
+            tell=self._tell,
+            folder=study.path,
+        )
+        drives = any(stimulus.kind == "drive" for stimulus in plan.design.stimuli)
+        session = Session(
+            plan,
+            order.participant,
+            log,
+            self._presenter,
+            simulated=drives and bool(self._desk.state["player"]["simulated"]),
+            about={
+                "pilot": order.pilot,
+                "array": self._desk.state["player"]["device"] if drives else None,
+                "noise_dbfs": plan.design.noise.level_dbfs if self._masked and plan.design.noise else None,
+            },
+        )
+        await self._do(session.__enter__)
+        self._session = session
+        self._about = {
+            "study": order.study,
+            "title": plan.design.title or plan.design.name,
+            "participant": order.participant,
+            "pilot": order.pilot,
+            "due": "",
+            "cue": "",
+            "consent": plan.design.consent,
+            "busy": False,
+            "log": [],
+            "error": "",
+        }
+        self._show()
+        return True
+
+    async def _get_ready(self, study: StudyFolder, plan: Plan, order: BeginSession) -> float:
+        """What has to be known of drives and headphones before somebody sits down; how long the longest drive is, in s.
+
+        Every drive is the one of the plan, and keeps the exposure profile.
+        """
+        drives = dict.fromkeys((one.source, one.share) for one in plan.design.stimuli if one.kind == "drive")
+        self._masked = False
+        if not drives:
+            return 0.0
+        await asyncio.to_thread(check_digests, study.path, plan.drives, plan.design.stimuli)
+        noise = plan.design.noise if order.noise != "none" else None
+        await self._playing.mask(noise, order.noise)
+        by = order.override.strip()
+        found = [await self._playing.admit_trial(study.path / source, share, override=by) for source, share in drives]
+        self._masked = noise is not None
+        return max(each["duration_s"] for each in found)
+
+    async def acknowledge(self, _: Page, __: NoArguments) -> bool:
+        """The text was read, or the break is over."""
+        await self._do(self._open().acknowledge)
+        self._show()
+        return True
+
+    async def present(self, _: Page, __: NoArguments) -> bool:
+        """Make the stimulus that is due felt; answers when it is over."""
+        session = self._open()
+        if self._about["busy"]:
+            raise DeviceStateError("study: expected the presentation to be over first")
+        number = session.step.number
+        self._show(busy=True, error="")
+        try:
+            await self._do(lambda: session.present(self._cue))
+            self._note(f"trial {number} presented")
+        except MidairError as wrong:
+            self._show(error=str(wrong))
+            raise
+        finally:
+            if self._session is session:
+                self._show(busy=False, due="", cue="")
+        return True
+
+    async def answer(self, _: Page, order: AnswerGiven) -> bool:
+        """Store an answer; when this is answered it is on disk."""
+        session = self._open()
+        if order.turn != self._turn:
+            raise DeviceStateError("study: expected an answer to the question that is due; it has moved on")
+        await self._do(lambda: session.answer(Reply(text=order.text, reaction_s=order.reaction_s)))
+        self._note(f"trial {session.step.number or '–'}: answered")
+        self._show()
+        return True
+
+    def presented(self, _: Page, __: NoArguments) -> bool:
+        """The experimenter has presented the object."""
+        self._open()
+        if self._presenter is not None:
+            self._presenter.done.set()
+        return True
+
+    async def stop(self, _: Page, order: Reason) -> bool:
+        """The participant, or the experimenter, wants to stop: silence first, then a line in the log."""
+        session = self._open()
+        # Not by the session's thread, which may be waiting for a stimulus to end.
+        await asyncio.to_thread(session.stop, order.reason)
+        self._note(f"stopped: {order.reason}")
+        self._show()
+        return True
+
+    async def end(self, page: Page, _: NoArguments) -> bool:
+        """Leave the session; it can be taken up again."""
+        session = self._open()
+        if session.step.kind not in ("done", "stopped"):
+            await asyncio.to_thread(session.stop, "left by the experimenter")
+        await self._do(lambda: session.__exit__(None, None, None))
+        self._session = self._presenter = None
+        self._desk.put(session=None)
+        if self._masked:
+            await self._playing.mask(None, "")
+        return await self.list(page, NoArguments())
+
+    def close(self) -> None:
+        """The studio ends: the session is left as if it had been interrupted."""
+        session, self._session = self._session, None
+        if session is not None:
+            session.stop("the studio was ended")
+            self._thread.submit(session.__exit__, None, None, None)
+        self._thread.shutdown(wait=True)
+
+    def _studies(self) -> Any:
+        rows: list[dict[str, Any]] = []
+        for path in sorted(self._folder.path.iterdir()):
+            if not (path / "plan.json").is_file():
+                continue
+            study = StudyFolder(path)
+            try:
+                plan, begun = study.plan(), {s.trials[0].participant: s for s in study.sessions() if s.trials}
+            except (MidairError, OSError) as wrong:
+                rows.append({"name": path.name, "title": str(wrong), "participants": [], "noise": "", "drives": 0})
+                continue
+            trials = {n: sum(t.participant == n for t in plan.trials) for n in range(1, plan.design.participants + 1)}
+            people = [
+                {"number": n, "done": begun[n].next_trial if n in begun else 0, "total": total}
+                for n, total in trials.items()
+            ]
+            noise = "" if plan.design.noise is None else plan.design.noise.said
+            title = plan.design.title or plan.design.name
+            row = {"name": path.name, "title": title, "participants": people, "noise": noise}
+            rows.append({**row, "drives": sum(one.kind == "drive" for one in plan.design.stimuli)})
+        return rows
+
+    async def _do(self, act: Callable[[], Any]) -> Any:
+        """Have the session's thread do something."""
+        return await asyncio.get_running_loop().run_in_executor(self._thread, act)
+
+    def _open(self) -> Session:
+        if self._session is None:
+            raise DeviceStateError("study: expected a session, none was begun")
+        return self._session
+
+    def _play(self, path: Path, share: float) -> None:
+        """In the session's thread: have the player play, and wait."""
+        self._present(lambda: self._playing.present(path, share, masked=self._masked))
+
+    def _wait(self, seconds: float) -> None:
+        """In the session's thread: have the player present silence."""
+        self._present(lambda: self._playing.quiet(seconds, masked=self._masked))
+
+    def _present(self, begin: Callable[[], Coroutine[Any, Any, Any]]) -> None:
+        if self._loop is None:
+            raise StoppedError("study: the studio ends")
+        asyncio.run_coroutine_threadsafe(begin(), self._loop).result()
+
+    def _cue(self, text: str) -> None:
+        """What the participant is told as a stimulus begins."""
+        self._later(lambda: self._show(cue=text))
+
+    def _tell(self, said: str) -> None:
+        self._later(lambda: self._show(due=said) if self._session is not None else None)
+
+    def _note(self, said: str) -> None:
+        self._about["log"] = [*self._about["log"], said][-30:]
+
+    def _show(self, **changes: Any) -> None:
+        session = self._session
+        if session is None:
+            return
+        self._about = {**self._about, **changes}
+        step = session.step
+        question = step.question
+        if step is not self._shown_step:
+            # Two questions of a form have nothing else by which an answer that was given twice could be told.
+            self._turn, self._shown_step = self._turn + 1, step
+        self._desk.put(
+            session={
+                **{name: value for name, value in self._about.items() if name != "consent"},
+                "step": {
+                    "kind": step.kind,
+                    "turn": self._turn,
+                    "consent": bool(step.text) and step.text == self._about["consent"],
+                    "text": step.text,
+                    "code": step.code,
+                    "number": step.number,
+                    "total": step.total,
+                    "rest_s": step.rest_s,
+                    "question": None
+                    if question is None
+                    else {
+                        "text": question.text,
+                        "kind": question.kind,
+                        "answers": list(question.answers),
+                        "low_label": question.low_label,
+                        "high_label": question.high_label,
+                        "low": question.low,
+                        "high": question.high,
+                    },
+                },
+            }
+        )

@@ -1,0 +1,263 @@
+"""What the page shows of a take: facts about it, and its frames as binary sections, a second at a time.
+
+Runs in a worker process: it reads files, of which the server itself opens none.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from pprint import pformat
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, MidairError
+from midair.files import OpenedTake, load_solution, load_target, open_take
+from midair.model import AmplitudeFrames, Solution
+from midair.physics import focus_amplitude, transfer_matrix
+from midair.pipeline import calibrated_pressure
+from midair.rig import event_message
+from midair.settings import CHOICES, Settings, over_mode, spelt
+from midair.targets import piece_of
+from midair.view import Kind, Section, counted, finer, pack, phase_counts
+
+Streams = Literal["samples", "wanted", "played", "phases", "original", "again"]
+
+LONGEST = 120.0
+"""Seconds of a take that a page can hold; of a longer one it shows the beginning, and says so."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TakeData:
+    """Which files belong together.
+
+    Attributes
+    ----------
+    take : str
+        Path of the recording.
+    drive : str
+        Path of the drive that was solved for it; empty for none.
+    comparison : str
+        Path of the pressures that were compared; empty for none.
+    stamp : str
+        Changes when one of the files does.
+    """
+
+    take: str
+    drive: str = ""
+    comparison: str = ""
+    stamp: str = ""
+
+
+def facts(scene: TakeData) -> dict[str, Any]:
+    """What there is to know of a scene before its frames come."""
+    take = _take(scene.take, scene.stamp)
+    recording = take.recording
+    shown = min(recording.frames, round(LONGEST * recording.rate))
+    sensor = recording.sensor
+    said: dict[str, Any] = {
+        "frames": shown,
+        "frames_in_all": recording.frames,
+        "rate_hz": recording.rate,
+        "unit": recording.unit,
+        "rows": sensor.rows,
+        "columns": sensor.columns,
+        "pitch_mm": 1e3 * sensor.pitch,
+        "simulated": recording.provenance.simulated,
+        "source": recording.provenance.source,
+        "notes": dict(recording.provenance.notes),
+        "calibrated": take.calibration is not None,
+        "report": list(take.report),
+        "journal": [
+            {"kind": event.kind, "frame": event.frame, "said": event_message(event, recording.rate, sensor)}
+            for event in take.journal
+        ],
+        "drive": None,
+    }
+    if scene.drive:
+        said["drive"] = _drive_facts(scene, shown)
+    return said
+
+
+def _drive_facts(scene: TakeData, shown: int) -> dict[str, Any]:
+    solution, target, field_of = _drive(scene.drive, scene.stamp)
+    drive, grid, known = solution.drive, target.grid, Settings.of(solution.drive.provenance)
+    frames = _frames_of(solution, target, _take(scene.take, scene.stamp).recording.rate, 0, shown)
+    fine = _finer(scene.drive, scene.stamp)
+    error, plays = solution.error[frames], solution.plays[frames]
+    focus = focus_amplitude(grid, drive.array, acoustics=drive.acoustics)
+    peak = target.amplitude[frames].max(axis=1)
+    return {
+        "rows": grid.rows,
+        "columns": grid.columns,
+        "pitch_mm": 1e3 * grid.pitch,
+        "height_mm": 1e3 * grid.height,
+        "x_mm": 1e3 * grid.centre[0],
+        "y_mm": 1e3 * grid.centre[1],
+        "frames": len(frames),
+        "rate_hz": drive.rate,
+        "transducers": drive.array.count,
+        "array": drive.array.name,
+        "positions_mm": np.round(1e3 * drive.array.position[:, :2], 2).ravel().tolist(),
+        "down": np.round(fine[0], 6).ravel().tolist(),
+        "across": np.round(fine[1], 6).ravel().tolist(),
+        "error": np.round(error, 4).tolist(),
+        "strength": np.round(peak / focus, 4).tolist(),
+        "error_mean": float(error[plays].mean()) if plays.any() else 0.0,
+        "settings": None if known is None else told_settings(known),
+        "field_pa": field_of.shape[0],
+    }
+
+
+def told_settings(settings: Settings) -> dict[str, Any]:
+    """Settings for the page: values of its form ("" where they are the mode's), one line, and the same as code."""
+    near = over_mode(settings)
+    mode, chosen = near or ("paper", {})
+    form: dict[str, Any] = {name: chosen.get(name, "") for name in ("mapping", "method", "level")}
+    typed = [
+        f"--no-{choice.name}" if value is False else f"--{choice.name} {spelt(value, choice.unit)}".removesuffix(" yes")
+        for choice in CHOICES
+        if (value := chosen.get(choice.name)) is not None
+    ]
+    also = [each for each in typed if not each.startswith(("--method ", "--rate "))]
+    plain = settings.but(jobs=None).plain()
+    fields = {choice.path: chosen[choice.name] for choice in CHOICES if choice.name in chosen}
+    simple = all(path.count(".") == 1 and not path.startswith("acoustics") for path in fields)
+    given = ", ".join(f"{path.partition('.')[2]}={value!r}" for path, value in fields.items())
+    by_name = f'MODES["{mode}"]()' + (f".but({given})" if given else "")
+    return {
+        "mode": mode if near else "",
+        **form,
+        "gain": settings.target.gain,
+        "height_mm": float(f"{1e3 * settings.target.grid.height:.6g}") if "height" in chosen else "",
+        "line": ", ".join(
+            [
+                mode if near else "settings of its own",
+                settings.solver.name,
+                f"{settings.target.rate:g} Hz",
+                *(each.removeprefix("--") for each in also),
+            ]
+        ),
+        "options": " ".join([f"--mode {mode}", *typed]) if near else "",
+        "python": by_name if near and simple else f"Settings.from_plain(\n    {pformat(plain, width=100, indent=4)}\n)",
+    }
+
+
+def made_with(path: str) -> str:
+    """What a drive was made with, in one line."""
+    try:
+        known = Settings.of(load_solution(path, streamed=True).drive.provenance)
+    except MidairError:
+        return "a file that cannot be read"
+    return "made with settings that it does not tell" if known is None else f"made with {told_settings(known)['line']}"
+
+
+def frames_of(order: tuple[TakeData, Streams, int]) -> bytes:
+    """One second of a stream as sections; from which second on is told.
+
+    Raises
+    ------
+    InputError
+        If the scene has no such stream.
+    """
+    scene, stream, second = order
+    if stream in ("original", "again"):
+        return _compared(scene, stream, second)
+    take = _take(scene.take, scene.stamp)
+    rate = take.recording.rate
+    first = round(second * rate)
+    count = min(round((second + 1) * rate), take.recording.frames, round(LONGEST * rate)) - first
+    if count <= 0:
+        return b""
+    if stream == "samples":
+        samples = np.asarray(take.recording.samples[first : first + count]).reshape(count, -1)
+        return pack([counted(samples - _rest(scene.take, scene.stamp), Kind.SAMPLES, first=first, rate=rate)])
+    if stream == "wanted" and not scene.drive:
+        return pack([_wanted_early(scene, first, count, rate)])
+    if not scene.drive:
+        raise InputError(f"{stream}: expected a take that was solved; solve it first")
+    solution, target, matrix = _drive(scene.drive, scene.stamp)
+    frames = _frames_of(solution, target, rate, first, count)
+    if not len(frames):
+        return b""
+    if stream == "wanted":
+        return pack([counted(target.amplitude[frames], Kind.FIELD, dtype="<i2", first=first, rate=rate)])
+    drive = solution.drive
+    if stream == "phases":
+        return pack([phase_counts(drive.phase[frames], first=first, rate=rate)])
+    level = drive.level[frames] if drive.level.ndim == 2 else drive.level[frames][:, None]
+    q = (level * np.exp(1j * drive.phase[frames])).astype(np.complex64)
+    return pack([counted(q @ matrix.T, Kind.FIELD, dtype="<i2", first=first, rate=rate)])
+
+
+def _frames_of(solution: Solution, target: AmplitudeFrames, rate: float, first: int, count: int) -> NDArray[np.intp]:
+    """The frames of a drive that stand beside frames of the recording, its lead left out."""
+    drive = solution.drive
+    inside = piece_of(target.provenance, drive.frames, drive.rate)
+    begin = _begin_of(target) * drive.rate
+    places = np.rint((np.arange(first, first + count) / rate) * drive.rate - begin).astype(np.intp) + inside.start
+    return places[(places >= inside.start) & (places < inside.stop)]
+
+
+def _begin_of(target: AmplitudeFrames) -> float:
+    """Where in the recording the drive begins, in s."""
+    start = target.provenance.last("cut").get("start_s")
+    return float(start) if isinstance(start, int | float) else 0.0
+
+
+def _wanted_early(scene: TakeData, first: int, count: int, rate: float) -> Section:
+    """What will be wanted in the paper's way, for a take that was not solved yet."""
+    wanted = _wanted(scene.take, scene.stamp)
+    places = np.minimum(np.rint(np.arange(first, first + count) / rate * wanted.rate), wanted.frames - 1)
+    return counted(wanted.amplitude[places.astype(np.intp)], Kind.FIELD, dtype="<i2", first=first, rate=rate)
+
+
+def _compared(scene: TakeData, stream: Streams, second: int) -> bytes:
+    if not scene.comparison:
+        raise InputError(f"{stream}: expected a take that was compared; play and compare it first")
+    with np.load(scene.comparison) as kept:
+        rate, pressure = float(kept["rate"]), kept[stream]
+    first = round(second * rate)
+    part = pressure[first : first + round(rate)]
+    return pack([counted(part.reshape(len(part), -1), Kind.SAMPLES, first=first, rate=rate)]) if len(part) else b""
+
+
+@lru_cache(maxsize=4)
+def _take(path: str, stamp: str) -> OpenedTake:
+    del stamp
+    return open_take(path)
+
+
+@lru_cache(maxsize=4)
+def _rest(path: str, stamp: str) -> NDArray[np.float64]:
+    """The resting value of each channel, which traces are drawn around."""
+    samples = np.asarray(_take(path, stamp).recording.samples)
+    return np.median(samples.reshape(len(samples), -1), axis=0)
+
+
+@lru_cache(maxsize=4)
+def _drive(path: str, stamp: str) -> tuple[Solution, AmplitudeFrames, NDArray[np.complex64]]:
+    del stamp
+    solution, target = load_solution(path), load_target(path)
+    if target is None:
+        raise InputError(f"{Path(path).name}: expected a drive with its target, got one without; solve it again")
+    drive = solution.drive
+    matrix = transfer_matrix(target.grid, drive.array, acoustics=drive.acoustics)
+    return solution, target, np.asarray(matrix, np.complex64)
+
+
+@lru_cache(maxsize=4)
+def _finer(path: str, stamp: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    solution, target, _ = _drive(path, stamp)
+    made = finer(target.grid, solution.drive.array, acoustics=solution.drive.acoustics)
+    return made.down, made.across
+
+
+@lru_cache(maxsize=4)
+def _wanted(path: str, stamp: str) -> AmplitudeFrames:
+    from midair.pipeline import target_amplitude
+
+    take = _take(path, stamp)
+    settings = Settings().but(rate=take.recording.rate)
+    return target_amplitude(calibrated_pressure(take.recording, take.calibration, settings), settings)

@@ -1,0 +1,100 @@
+"""What a channel sounds like: its samples as a sound file that any player takes."""
+
+import base64
+import io
+import wave
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.dsp import resample
+from midair.view.view_data import Channels, ViewData
+
+Array = NDArray[np.float64]
+
+RATE = 48000.0
+"""Of the sound, in Hz: players refuse the rates of sensors."""
+
+_PEAK = 0.9
+"""Of full scale, at the loudest sample."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AudibleChannel:
+    """A channel as sound.
+
+    Attributes
+    ----------
+    data : bytes
+        A WAV file: one channel, 16 bits.
+    full_scale : float
+        What full scale is, in the unit of the channel.
+    """
+
+    data: bytes
+    full_scale: float
+
+    @property
+    def source(self) -> str:
+        """The file as a data address, for an ``audio`` element."""
+        return "data:audio/wav;base64," + base64.b64encode(self.data).decode()
+
+
+def audible(
+    channels: Channels, channel: int, rate: float, *, sound_rate: float = RATE, full_scale: float | None = None
+) -> AudibleChannel:
+    """One channel as sound: resampled, without its mean, 10 ms of fading at both ends, its peak near full scale.
+
+    Parameters
+    ----------
+    channels : Channels
+        Whose.
+    channel : int
+        Which.
+    rate : float
+        Of the channels, in Hz.
+    sound_rate : float
+        Of the sound, in Hz.
+    full_scale : float, optional
+        What full scale is, in the unit of the channel, so that two can be heard beside each other: what is above it is
+        cut. What makes the loudest sample nine tenths of it if None.
+
+    Raises
+    ------
+    InputError
+        If there is no such channel.
+    """
+    channels.check(channel)
+    heard = channels.values[:, channel] - channels.values[:, channel].mean()
+    heard = _faded(resample(heard, rate, sound_rate), round(10e-3 * sound_rate))
+    if full_scale is None:
+        full_scale = float(np.abs(heard).max()) / _PEAK or 1.0
+    return AudibleChannel(data=_wav(np.clip(heard / full_scale, -1, 1), sound_rate), full_scale=full_scale)
+
+
+def heard_together(showing: ViewData, *, sound_rate: float = 8000.0) -> tuple[tuple[str, AudibleChannel], ...]:
+    """The chosen channel of what was felt, and of what was felt again, with what to call them: both at one scale."""
+    both = [each for each in (showing.samples, showing.again) if each is not None]
+    alone = [audible(each, showing.channel, showing.rate, sound_rate=sound_rate) for each in both]
+    scale = max((each.full_scale for each in alone), default=1.0)
+    heard = [audible(each, showing.channel, showing.rate, sound_rate=sound_rate, full_scale=scale) for each in both]
+    return tuple((each.label, sound) for each, sound in zip(both, heard, strict=True))
+
+
+def _faded(x: Array, length: int) -> Array:
+    length = min(length, len(x) // 2)
+    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(length) + 0.5) / max(length, 1))
+    window = np.ones(len(x))
+    window[:length], window[len(x) - length :] = ramp, ramp[::-1]
+    return x * window
+
+
+def _wav(x: Array, rate: float) -> bytes:
+    out = io.BytesIO()
+    with wave.open(out, "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(round(rate))
+        file.writeframes(np.rint(x * 32767).astype("<i2").tobytes())
+    return out.getvalue()

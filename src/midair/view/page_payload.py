@@ -1,0 +1,163 @@
+"""What a page is told: a few words and numbers, and the frames of each track as sections."""
+
+import base64
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError
+from midair.model import ControlGrid
+from midair.view.colours import TABLES, colour_table
+from midair.view.frame_encoding import Kind, Section, counted, pack, phase_counts
+from midair.view.interpolated_field import InterpolatedField
+from midair.view.view_data import Channels, Sound, ViewData
+
+CHUNK = 250
+"""Frames of a section: each has its own unit, so that quiet frames keep their fine steps."""
+
+PHASE_ROWS = 1000
+"""Frames of which a page keeps the phases; of longer drives every second, third ..."""
+
+FINE_FRAMES = 1500
+"""Up to which a field is kept in 16 bits, which show a focus to .01 %, and above in 8, to 1 %."""
+
+
+def metadata(showing: ViewData) -> dict[str, object]:
+    """What stands beside the frames, for JSON: lengths in mm, tables and matrices as base64 text."""
+    told: dict[str, object] = {
+        "title": showing.title,
+        "simulated": showing.simulated,
+        "rate": showing.rate,
+        "frames": showing.frames,
+        "first": showing.first,
+        "channel": showing.channel,
+        "channels": 1 if showing.samples is None else showing.samples.values.shape[1],
+        "marks": [],
+        "colours": {name: _text(colour_table(name).tobytes()) for name in TABLES},
+        "tracks": list(_tracks(showing)),
+        "sensor": None,
+    }
+    if showing.sensor is not None:
+        told["sensor"] = _cells(showing.sensor.rows, showing.sensor.columns, showing.sensor.pitch)
+    if showing.sound is not None:
+        told.update(_plane(showing.sound))
+    return told
+
+
+def sections(showing: ViewData) -> dict[str, bytes]:
+    """The frames of each track, packed."""
+    packed: dict[str, bytes] = {}
+    for name, channels in _channels(showing):
+        packed[name] = _counts(channels.values, Kind.SAMPLES, "<i2", showing)
+    sound = showing.sound
+    if sound is not None and sound.wanted is not None:
+        packed["wanted"] = _counts(sound.wanted, Kind.FIELD, "u1", showing)
+    if sound is not None and sound.played is not None:
+        dtype = "<i2" if showing.frames <= FINE_FRAMES else "i1"
+        packed["played"] = _counts(sound.played, Kind.FIELD, dtype, showing)
+    if sound is not None and sound.drive is not None:
+        packed["phases"] = pack(_phases(sound, showing))
+    return packed
+
+
+def size_of(showing: ViewData) -> int:
+    """Bytes of all sections, about, without making them."""
+    width, sound = 0, showing.sound
+    for _, channels in _channels(showing):
+        width += 2 * channels.values.shape[1]
+    if sound is not None:
+        width += sound.grid.count * (sound.wanted is not None)
+        width += sound.grid.count * (sound.played is not None) * (4 if showing.frames <= FINE_FRAMES else 2)
+    kept = -(-showing.frames // _every(showing.frames))
+    rows = 0 if sound is None or sound.drive is None else kept * sound.drive.array.count
+    return width * showing.frames + rows
+
+
+def check_size(showing: ViewData, *, most: int = 64 * 2**20) -> None:
+    """Refuse what is too much for one page.
+
+    Raises
+    ------
+    InputError
+        If its frames are more than `most` bytes.
+    """
+    size = size_of(showing)
+    if size > most:
+        raise InputError(
+            f"page: expected at most {most / 1e6:.3g} MB of frames, which a browser opens, got {size / 1e6:.3g} MB; "
+            "show a part (--start-at, --duration)"
+        )
+
+
+def _channels(showing: ViewData) -> Iterator[tuple[str, Channels]]:
+    if showing.samples is not None:
+        yield "samples", showing.samples
+    if showing.again is not None:
+        yield "again", showing.again
+
+
+def _tracks(showing: ViewData) -> Iterator[dict[str, object]]:
+    for name, channels in _channels(showing):
+        yield {"name": name, "unit": channels.unit, "label": channels.label}
+    sound = showing.sound
+    if sound is None:
+        return
+    if sound.wanted is not None:
+        yield {"name": "wanted", "unit": "Pa", "label": "wanted"}
+    if sound.played is not None:
+        yield {"name": "played", "unit": "Pa", "label": "played"}
+    if sound.drive is not None:
+        yield {"name": "phases", "sparse": True}
+
+
+def _plane(sound: Sound) -> dict[str, object]:
+    grid, told = sound.grid, dict[str, object]()
+    told["field"] = {"rows": grid.rows, "columns": grid.columns, "place": _place(grid), **_matrices(sound.finer)}
+    told["top"] = sound.top
+    told["played"] = "Played, simulated"
+    if sound.drive is not None:
+        told["positions"] = np.round(1e3 * sound.drive.array.position[:, :2], 2).ravel().tolist()
+    return told
+
+
+def _place(grid: ControlGrid) -> dict[str, float]:
+    return {"pitch": 1e3 * grid.pitch, "x": 1e3 * grid.centre[0], "y": 1e3 * grid.centre[1]}
+
+
+def _cells(rows: int, columns: int, pitch: float) -> dict[str, float]:
+    return {"rows": rows, "columns": columns, "pitch": 1e3 * pitch}
+
+
+def _matrices(finer: InterpolatedField | None) -> dict[str, str]:
+    if finer is None:
+        return {}
+    return {
+        name: _text(np.asarray(each, "<f4").tobytes())
+        for name, each in (("down", finer.down), ("across", finer.across))
+    }
+
+
+def _counts(values: NDArray[np.float64] | NDArray[np.complex128], kind: Kind, dtype: str, showing: ViewData) -> bytes:
+    return pack(
+        counted(values[at : at + CHUNK], kind, dtype=dtype, first=showing.first + at, rate=showing.rate)
+        for at in range(0, len(values), CHUNK)
+    )
+
+
+def _phases(sound: Sound, showing: ViewData) -> Iterator[Section]:
+    """A section a frame, so that frames may be left out."""
+    if sound.drive is None:
+        return
+    for frame in range(0, showing.frames, _every(showing.frames)):
+        phase = sound.drive.phase[frame : frame + 1]
+        yield phase_counts(phase, first=showing.first + frame, rate=showing.rate)
+
+
+def _every(frames: int) -> int:
+    """Of how many frames a page keeps the phases of one."""
+    return -(-frames // PHASE_ROWS)
+
+
+def _text(data: bytes) -> str:
+    return base64.b64encode(data).decode()

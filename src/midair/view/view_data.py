@@ -1,0 +1,288 @@
+"""What a view shows of a recording, a target, a drive or a comparison: frames by name, and where they lie."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import PurePath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from midair.errors import InputError, RateError
+from midair.lazy_frames import read_frames
+from midair.model import AmplitudeFrames, ControlGrid, Drive, PressureFrames, Recording, SensorGrid, Solution
+from midair.physics import transfer_matrix
+from midair.validation import frozen_array
+from midair.view.interpolated_field import InterpolatedField, finer
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Part = tuple[float, float | None]
+"""From where, in s, and how long; to the end if None."""
+
+WHOLE: Part = (0.0, None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Channels:
+    """Samples of the cells of a sensor.
+
+    Attributes
+    ----------
+    values : ndarray, shape (frame, channel)
+        In `unit`.
+    unit : str
+        V, count or Pa.
+    label : str
+        What to call them beside others.
+    """
+
+    values: Array
+    unit: str
+    label: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", frozen_array(self.values, "samples", ("frame", "channel")))
+
+    def check(self, channel: int) -> int:
+        """The channel, if there is one of this number."""
+        count = self.values.shape[1]
+        if not 0 <= channel < count:
+            raise InputError(f"channel: expected 0 to {count - 1}, got {channel}")
+        return channel
+
+    @property
+    def loudest(self) -> int:
+        """The channel with the largest rms about its mean."""
+        return int(self.values.std(axis=0).argmax())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sound:
+    """Sound in a plane, wanted and played, and what the array is told.
+
+    Attributes
+    ----------
+    grid : ControlGrid
+        The points.
+    wanted : ndarray or None, shape (frame, point)
+        Peak, in Pa.
+    played : ndarray of complex or None, shape (frame, point)
+        Peak, in Pa, as if each frame lasted for ever.
+    drive : Drive or None
+        What plays.
+    finer : Finer or None
+        Makes more points of those of `played`.
+    """
+
+    grid: ControlGrid
+    wanted: Array | None = None
+    played: Complex | None = None
+    drive: Drive | None = None
+    finer: InterpolatedField | None = None
+
+    @property
+    def top(self) -> float:
+        """Largest amplitude of all frames, in Pa."""
+        return max(
+            float(np.abs(each).max(initial=0)) for each in (self.wanted, self.played, np.zeros(1)) if each is not None
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ViewData:
+    """What a view shows.
+
+    Attributes
+    ----------
+    title : str
+        What it is.
+    rate : float
+        Frames per second, in Hz.
+    frames : int
+        Number of frames.
+    simulated : bool
+        Whether any of it was simulated.
+    sensor : SensorGrid or None
+        The cells.
+    samples, again : Channels or None
+        What they felt; what they felt of the reproduction.
+    sound : Sound or None
+        Wanted and played.
+    facts : mapping of str to str
+        In words.
+    first : int
+        Number of the first frame in the whole of which this is a part.
+    chosen : int or None
+        The channel to begin with; the loudest if None.
+    """
+
+    title: str
+    rate: float
+    frames: int
+    simulated: bool
+    sensor: SensorGrid | None = None
+    samples: Channels | None = None
+    again: Channels | None = None
+    sound: Sound | None = None
+    facts: Mapping[str, str] = field(default_factory=dict[str, str])
+    first: int = 0
+    chosen: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.chosen is None:
+            return
+        if self.samples is None:
+            raise InputError("channel: expected a recording, whose channels can be chosen, got a drive or a target")
+        self.samples.check(self.chosen)
+
+    @property
+    def channel(self) -> int:
+        """The channel to begin with."""
+        if self.chosen is not None:
+            return self.chosen
+        return 0 if self.samples is None else self.samples.loudest
+
+    @property
+    def duration(self) -> float:
+        """In s."""
+        return self.frames / self.rate
+
+
+def show_recording(recording: Recording, *, pressure: PressureFrames | None = None, part: Part = WHOLE) -> ViewData:
+    """Channels of a recording; calibrated, where its pressure is given."""
+    shown = _channels_of(recording) if pressure is None else _felt(pressure, "calibrated")
+    rate = recording.rate if pressure is None else pressure.rate
+    first, last = stretch(part, len(shown.values), rate)
+    return ViewData(
+        title=_named(recording.provenance.notes, recording.provenance.source),
+        rate=rate,
+        frames=last - first,
+        first=first,
+        simulated=recording.provenance.simulated,
+        sensor=recording.sensor,
+        samples=replace(shown, values=shown.values[first:last]),
+        facts={"sensor": recording.sensor.spelled, **_told_part(part, first, last, rate)},
+    )
+
+
+def show_target(target: AmplitudeFrames, *, part: Part = WHOLE) -> ViewData:
+    """Sound that is wanted at the control points."""
+    first, last = stretch(part, target.frames, target.rate)
+    return ViewData(
+        title=_named(target.provenance.notes, target.provenance.source),
+        rate=target.rate,
+        frames=last - first,
+        first=first,
+        simulated=target.provenance.simulated,
+        sound=Sound(grid=target.grid, wanted=np.asarray(read_frames(target.amplitude, first, last))),
+        facts={"plane": _plane(target.grid), **_told_part(part, first, last, target.rate)},
+    )
+
+
+def show_drive(solution: Solution | Drive, *, target: AmplitudeFrames | None = None, part: Part = WHOLE) -> ViewData:
+    """What a drive plays, beside what it was asked for, and the phases of its array.
+
+    Where there is no target, the plane is the usual one, 200 mm above the array.
+    """
+    whole = solution.drive if isinstance(solution, Solution) else solution
+    first, last = stretch(part, whole.frames, whole.rate)
+    drive = replace(whole, phase=read_frames(whole.phase, first, last), level=read_frames(whole.level, first, last))
+    grid = ControlGrid() if target is None else target.grid
+    facts = {"array": f"{drive.array.name}, {drive.array.count} transducers", "plane": _plane(grid)}
+    if isinstance(solution, Solution) and (plays := solution.plays[first:last]).any():
+        facts["E"] = f"{100 * solution.error[first:last][plays].mean():.1f} % of what is wanted, on average"
+    return ViewData(
+        title=_named(drive.provenance.notes, drive.provenance.source),
+        rate=drive.rate,
+        frames=drive.frames,
+        first=first,
+        # Nobody has measured it: the field is what the model of the array makes of the phases.
+        simulated=True,
+        sound=Sound(
+            grid=grid,
+            wanted=None if target is None else np.asarray(read_frames(target.amplitude, first, last)),
+            played=played_field(drive, grid),
+            drive=drive,
+            finer=finer(grid, drive.array, acoustics=drive.acoustics),
+        ),
+        facts={**facts, **_told_part(part, first, last, drive.rate)},
+    )
+
+
+def show_comparison(
+    original: PressureFrames, again: PressureFrames, *, sound: Sound | None = None, part: Part = WHOLE
+) -> ViewData:
+    """A re-recording over its original, and the sound between them where it is given, of as many frames.
+
+    Raises
+    ------
+    RateError
+        If the two are not at one rate.
+    """
+    if not np.isclose(original.rate, again.rate, rtol=1e-9):
+        raise RateError(f"comparison: expected both at one rate, got {original.rate:g} and {again.rate:g} Hz")
+    first, last = stretch(part, min(original.frames, again.frames), original.rate)
+    before, after = _felt(original, "original"), _felt(again, "re-recorded")
+    return ViewData(
+        title=_named(original.provenance.notes, original.provenance.source),
+        rate=original.rate,
+        frames=last - first,
+        first=first,
+        simulated=original.provenance.simulated or again.provenance.simulated,
+        sensor=original.sensor,
+        samples=replace(before, values=before.values[first:last]),
+        again=replace(after, values=after.values[first:last]),
+        sound=sound,
+        facts={"sensor": original.sensor.spelled, **_told_part(part, first, last, original.rate)},
+    )
+
+
+def stretch(part: Part, frames: int, rate: float) -> tuple[int, int]:
+    """First frame of a part, and the one after its last.
+
+    Raises
+    ------
+    InputError
+        If no frame is in it.
+    """
+    start, duration = part
+    first = round(start * rate)
+    last = frames if duration is None else min(frames, first + round(duration * rate))
+    if not 0 <= first < last:
+        asked = f"{start:g} s on" if duration is None else f"{start:g} to {start + duration:g} s"
+        raise InputError(f"part: expected one of 0 to {frames / rate:.4g} s, got {asked}")
+    return first, last
+
+
+def played_field(drive: Drive, grid: ControlGrid) -> Complex:
+    """The field of each frame as if it lasted for ever, shape (frame, point), in Pa; a stretch of frames at a time."""
+    G = transfer_matrix(grid, drive.array, acoustics=drive.acoustics).T
+    field = np.empty((drive.frames, grid.count), np.complex128)
+    for first in range(0, drive.frames, 512):
+        last = min(first + 512, drive.frames)
+        part = replace(drive, phase=read_frames(drive.phase, first, last), level=read_frames(drive.level, first, last))
+        field[first:last] = part.q @ G
+    return field
+
+
+def _channels_of(recording: Recording) -> Channels:
+    values = np.asarray(recording.samples)
+    return Channels(values=values.reshape(len(values), -1), unit=recording.unit, label="recorded")
+
+
+def _felt(pressure: PressureFrames, label: str) -> Channels:
+    values = np.asarray(pressure.pressure)
+    return Channels(values=values.reshape(len(values), -1), unit="Pa", label=label)
+
+
+def _told_part(part: Part, first: int, last: int, rate: float) -> dict[str, str]:
+    return {} if part == WHOLE else {"part": f"{first / rate:.4g} to {last / rate:.4g} s"}
+
+
+def _plane(grid: ControlGrid) -> str:
+    points = f"{grid.rows} × {grid.columns} points {1e3 * grid.pitch:.3g} mm apart"
+    return f"{points}, {1e3 * grid.height:.4g} mm above the array"
+
+
+def _named(notes: Mapping[str, str], source: str) -> str:
+    return notes.get("object") or PurePath(source).name.rpartition(":")[2] or "take"

@@ -1,0 +1,180 @@
+"""Import of what others recorded, footprints, and export with what is lost."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from midair.cli import run
+from midair.cli.terminal.import_options import FileOptions, import_recording, parse_layout, parse_patch
+from midair.errors import InputError
+from midair.files import load, load_calibration, load_pressure, save, save_pressure
+from midair.model import Calibration, PressureFrames, Provenance, Recording, SensorGrid
+from midair.recordings.footprint import Footprint, covered
+
+
+@pytest.fixture(autouse=True)
+def wave(tmp_path, monkeypatch):
+    """A sweep of two seconds in one channel at 2 kHz, full scale."""
+    monkeypatch.chdir(tmp_path)
+    time = np.arange(4000) / 2000
+    samples = 0.5 * np.sin(2 * np.pi * (50 + 40 * time) * time)
+    soundfile.write("towel.wav", samples, 2000, subtype="DOUBLE")
+    return samples
+
+
+def answer(capsys, *words):
+    capsys.readouterr()
+    assert run([*words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_one_channel_becomes_a_field(wave, capsys):
+    told = answer(
+        capsys, "import", "towel.wav", "towel.h5", "--scale", "30Pa", "--footprint", "circle:20mm", "--speed", "50mm/s"
+    )
+    assert told["simulated"] is True
+    text = " ".join(told["notes"])
+    assert "synthetic field of one channel" in text
+    assert "It leaves the sensor after 1.28 of 2 s" in text
+    recording = load("towel.h5")
+    share = covered(Footprint(), SensorGrid(), recording.time)
+    np.testing.assert_allclose(recording.samples, 30 * wave[:, None, None] * share, atol=1e-12)
+    assert recording.unit == "Pa"
+    assert recording.provenance.simulated
+    assert [step.stage for step in recording.provenance.steps] == ["import", "footprint"]
+    assert run(["info", "towel.h5"]) == 0
+    assert "SIMULATED" in capsys.readouterr().err
+
+
+def test_every_word_of_the_footprint_counts(wave, capsys):
+    words = ["--footprint", "line:5mm", "--speed", "-80mm/s", "--path", "diagonal", "--turn", "back"]
+    told = answer(
+        capsys, "import", "towel.wav", "a.h5", "--unit", "V", "--layout", "2x3:8mm", "--resample", "1kHz", *words
+    )
+    assert "leaves the sensor" not in " ".join(told["notes"])
+    recording = load("a.h5")
+    sensor = SensorGrid(rows=2, columns=3, pitch=8e-3)
+    assert (recording.sensor, recording.rate, recording.unit) == (sensor, 1000, "V")
+    footprint = Footprint(shape="line", size=5e-3, speed=-80e-3, path="diagonal", turn="back")
+    share = covered(footprint, sensor, recording.time)
+    assert (recording.samples[share == 0] == 0).all()
+    full = share > 0.5
+    full[recording.time > 1.95] = False  # the waveform stops abruptly: resampling rings there
+    ratio = recording.samples[full] / share[full]
+    time = np.broadcast_to(recording.time[:, None, None], share.shape)[full]
+    np.testing.assert_allclose(ratio, 0.5 * np.sin(2 * np.pi * (50 + 40 * time) * time), atol=0.01)
+
+
+def test_a_stated_peak_of_the_field_is_a_nominal_calibration(capsys):
+    words = ["--unit", "V", "--footprint", "square:11mm", "--speed", "0mm/s", "--peak", "10Pa"]
+    assert run(["import", "towel.wav", "a.h5", *words]) == 0
+    largest = np.abs(load("a.h5").samples - np.median(load("a.h5").samples, axis=0)).max()
+    assert largest / load_calibration("a.h5").response[0, 0, 0].real == pytest.approx(10)
+    assert load_calibration("a.h5").sensor.shape == (4, 4)
+
+
+def test_an_accelerometer_needs_a_stated_scale(capsys):
+    Path("imu.csv").write_text("time, accel_x, accel_y,\n0,1,2,\n10,3,5,\n20,4,5,\n", encoding="utf-8")
+    assert run(["import", "imu.csv", "a.h5", "--channels", "accel_y"]) == 1
+    assert "the pressure that 1 of its unit means" in capsys.readouterr().err
+    assert run(["import", "imu.csv", "a.h5", "--channels", "accel_y", "--scale", "2Pa"]) == 0
+    np.testing.assert_array_equal(load("a.h5").samples.ravel(), [4, 10, 10])
+    assert load("a.h5").rate == 100
+
+
+def test_a_field_needs_one_channel(capsys):
+    Path("imu.csv").write_text("time [s],a [V],b [V]\n0,1,2\n1,3,5\n", encoding="utf-8")
+    words = ["import", "imu.csv", "a.h5", "--footprint", "circle:5mm"]
+    assert run(words) == 1
+    assert "2 channels (a [V], b [V])" in capsys.readouterr().err
+    assert run([*words, "--channels", "1"]) == 0
+    assert load("a.h5").sensor.count == 16
+
+
+def test_the_layout_says_how_channels_lie():
+    soundfile.write("six.wav", np.arange(12).reshape(2, 6) / 16, 1000, subtype="DOUBLE")
+    assert run(["import", "six.wav", "a.h5", "--unit", "V", "--layout", "2x3:5mm"]) == 0
+    np.testing.assert_array_equal(load("a.h5").samples, np.arange(12).reshape(2, 2, 3) / 16)
+    assert load("a.h5").sensor.pitch == 5e-3
+
+
+@pytest.mark.parametrize(
+    "text", ["circle", "circle:", "star:5mm", "circle:5", "circle:0mm", "circle:-5mm", "circle:5s"]
+)
+def test_refuses_other_footprints(text, capsys):
+    with pytest.raises(ValueError, match="expected"):
+        parse_patch(text)
+    assert run(["import", "towel.wav", "a.h5", "--unit", "V", "--footprint", text]) == 2
+
+
+@pytest.mark.parametrize("text", ["4x4", "4:11mm", "0x4:11mm", "4x4:11", "4x4:0mm", "axb:1mm"])
+def test_refuses_other_layouts(text):
+    with pytest.raises(ValueError, match="expected"):
+        parse_layout(text)
+
+
+@pytest.fixture
+def calibrated():
+    samples = np.random.default_rng(0).normal(size=(300, 4, 4))
+    recording = Recording(samples=samples, rate=1000, provenance=Provenance(source="bench"))
+    save(recording, "take.h5", calibration=Calibration.flat(recording.sensor, sensitivity=0.02))
+    save_pressure(PressureFrames(pressure=50 * samples, rate=1000, sensor=recording.sensor), "take.h5")
+    return recording
+
+
+KEPT = {"h5": [], "csv": ["calibration", "pressure"], "npz": ["calibration", "pressure"], "nc": ["pressure"]}
+
+
+@pytest.mark.parametrize(("ending", "lost"), KEPT.items(), ids=KEPT)
+def test_export_tells_what_is_lost(ending, lost, calibrated, capsys):
+    told = answer(capsys, "export", "take.h5", f"out.{ending}")
+    assert [loss["what"] for loss in told["lost"]] == lost
+    np.testing.assert_array_equal(load(f"out.{ending}").samples, calibrated.samples)
+    if ending == "h5":
+        assert load_pressure("out.h5") is not None
+
+
+@pytest.mark.parametrize("ending", ["wav", "mat", "hjif", "ahap"])
+def test_export_prints_a_line_for_every_loss(ending, calibrated, capsys):
+    told = answer(capsys, "export", "take.h5", f"out.{ending}")
+    assert run(["export", "take.h5", f"out.{ending}", "--force"]) == 0
+    printed = [
+        line.removeprefix("lost: ") for line in capsys.readouterr().out.splitlines() if line.startswith("lost: ")
+    ]
+    assert printed == [loss["text"] for loss in told["lost"]]
+    assert {"calibration", "pressure"} <= {loss["what"] for loss in told["lost"]}
+
+
+def test_export_of_the_pressure(calibrated, capsys):
+    told = answer(capsys, "export", "take.h5", "out.csv", "--pressure")
+    assert told["lost"] == []
+    assert load("out.csv").unit == "Pa"
+    np.testing.assert_allclose(load("out.csv").samples, 50 * calibrated.samples)
+    save(calibrated, "bare.h5")
+    assert run(["export", "bare.h5", "x.csv", "--pressure"]) == 1
+    assert "run midair calibrate first" in capsys.readouterr().err
+
+
+def test_an_imported_recording_of_midair_keeps_what_it_had(calibrated):
+    assert run(["import", "take.h5", "again.h5"]) == 0
+    assert load_calibration("again.h5") is not None
+    np.testing.assert_array_equal(load_pressure("again.h5").pressure, 50 * calibrated.samples)
+
+
+def test_advice_is_in_the_words_of_the_command_line(tmp_path):
+    """What `AS_TYPED` replaces is still what the library says, and none of Python is left."""
+    np.savetxt(tmp_path / "five.csv", np.zeros((9, 5)), delimiter=",", header="a,b,c,d,e", comments="")
+    says = []
+    for given in ({}, {"rate": 1000.0}, {"rate": 1000.0, "unit": "V"}):
+        with pytest.raises(InputError) as refused:
+            import_recording(tmp_path / "five.csv", FileOptions(**given))
+        says.append(str(refused.value))
+    assert "--rate 1000Hz" in says[0]
+    assert "--unit V, count or Pa" in says[1]
+    assert "--scale 2Pa" in says[1]
+    assert "--layout ROWSxCOLUMNS:PITCH" in says[2]
+    assert "--channels 0,1" in says[2]
+    assert not any("=" in text.split(";")[-1] or "SensorGrid" in text for text in says)

@@ -1,0 +1,115 @@
+"""Foresight on one unit, played by the playback simulation on transducers that each have a pole of their own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.correct import EnvelopePrediction
+from midair.errors import InputError
+from midair.model import AmplitudeFrames, ControlGrid, Drive, SensorGrid, Solution, TransducerArray
+from midair.physics import (
+    PlaybackChain,
+    SensorModel,
+    TransducerDynamics,
+    Transducers,
+    cell_weights,
+    focus_phase,
+    radiation_pressure,
+    simulate,
+    transfer_matrix,
+)
+
+GRID = ControlGrid(rows=6, columns=6, pitch=5e-3, height=0.12)
+PLACES = SensorModel(grid=SensorGrid(rows=3, columns=3, pitch=6e-3))
+SPREAD = Transducers.varied(249, seed=3, gain_spread=0.1, resonance_spread=100, quality_spread=0.1)
+ARRAY = replace(TransducerArray.autd3(columns=1, rows=1), response=SPREAD.response, pole=SPREAD.pole)
+WAY = EnvelopePrediction(transducers=SPREAD, dynamics=TransducerDynamics(), places=PLACES, block=32, around=12)
+FRAMES = 80
+
+
+@pytest.fixture(scope="module")
+def asked():
+    """A focus that goes to and fro and a target that is its own field, but for a tenth that beats with 200 Hz."""
+    time = np.arange(FRAMES) / 4e3
+    focus = [focus_phase(ARRAY, np.array([6e-3 * np.sin(2 * np.pi * 30 * at), 0, 0.12])) for at in time]
+    drive = Drive(phase=np.mod(focus, 2 * np.pi), level=np.full(FRAMES, 0.8), rate=4e3, array=ARRAY)
+    field = 0.8 * np.abs(np.exp(1j * np.asarray(drive.phase)) @ transfer_matrix(GRID, ARRAY).T)
+    beat = 1 + 0.1 * np.sin(2 * np.pi * 200 * time)[:, None]
+    solution = Solution(
+        drive=drive, error=np.zeros(FRAMES), iterations=np.ones(FRAMES, np.int64), status=("iterations",) * FRAMES
+    )
+    return solution, AmplitudeFrames(amplitude=field * beat, rate=4e3, grid=GRID)
+
+
+def missed(drive, target):
+    """Rms of what presses on the places less what should, 1 ms of it together, in Pa."""
+    chain = PlaybackChain(phase_bits=None, transducers=SPREAD)
+    G = transfer_matrix(GRID, ARRAY.nominal)
+    drawn, waves = (cell_weights(PLACES, GRID, between=each) for each in ("lines", "waves"))
+    played = simulate(drive, G, chain=chain, rate=drive.rate, weights=waves)
+    nominal, now = np.exp(complex(-1 / 188e-6, 2 * np.pi * 205) / 4e3), 0
+    follows = [now := amplitude + (now - amplitude) * nominal for amplitude in target.amplitude]
+    wanted = radiation_pressure(np.real(follows), drive.acoustics.medium) @ drawn.T
+    smooth = np.apply_along_axis(np.convolve, 0, played - wanted, np.ones(4) / 4, "valid")
+    return float(np.sqrt((smooth[4:-4] ** 2).mean()))
+
+
+def parts_of(solution, size):
+    return iter([solution.cut(at, min(at + size, FRAMES)) for at in range(0, FRAMES, size)])
+
+
+def test_what_is_foreseen_is_mended(asked):
+    solution, target = asked
+    mended = Solution.joined(list(WAY.corrected(iter([solution]), target)))
+    assert missed(mended.drive, target) < 0.7 * missed(solution.drive, target)
+    turned = np.angle(np.exp(1j * (mended.drive.phase - solution.drive.phase)))
+    assert np.sqrt((turned**2).mean()) < 0.5
+    assert [step.stage for step in mended.drive.provenance.steps] == ["foresee the array"]
+    np.testing.assert_array_equal(mended.drive.level, solution.drive.level)
+
+
+def test_blocks_are_the_same_bits_whatever_the_parts(asked):
+    solution, target = asked
+    whole = list(WAY.corrected(iter([solution]), target))
+    assert [part.drive.frames for part in whole] == [32, 32, 16]
+    for size in (7, 50):
+        parts = list(WAY.corrected(parts_of(solution, size), target))
+        for one, other in zip(whole, parts, strict=True):
+            np.testing.assert_array_equal(one.drive.phase, other.drive.phase)
+
+
+def test_a_block_has_no_seam(asked):
+    """One block of all frames and many blocks mend as much."""
+    solution, target = asked
+    one, many = (
+        missed(Solution.joined(list(replace(WAY, block=size).corrected(iter([solution]), target))).drive, target)
+        for size in (FRAMES, 16)
+    )
+    assert many < 1.2 * one
+
+
+def test_what_is_silent_stays_as_it_is(asked):
+    solution, target = asked
+    drive = replace(solution.drive, level=np.where(np.arange(FRAMES) < 40, 0.0, 0.8))
+    quiet = np.array(target.amplitude)
+    quiet[:40] = 0
+    mended = list(WAY.corrected(iter([replace(solution, drive=drive)]), replace(target, amplitude=quiet)))
+    np.testing.assert_array_equal(mended[0].drive.phase, np.mod(drive.phase[:32], 2 * np.pi))
+
+
+def test_the_low_pass_is_of_the_band():
+    metric = WAY.metric(slice(12, 44), 56, 4e3)
+    np.testing.assert_allclose(metric, metric.T, atol=1e-7)
+    slow, fast = np.ones(56), (-1.0) ** np.arange(56)
+    assert slow @ metric @ slow == pytest.approx(32 + 8 + 32 * 0.05, rel=0.05)
+    assert fast @ metric @ fast == pytest.approx(32 * 0.05, rel=0.2)
+    # At 1 kHz all that can be played is in the band.
+    np.testing.assert_allclose(np.diag(WAY.metric(slice(0, 8), 20, 1e3))[:8], 1.05)
+
+
+def test_numbers_that_cannot_be_are_refused():
+    with pytest.raises(InputError, match="iterations"):
+        replace(WAY, iterations=0)
+    with pytest.raises(InputError, match="highest"):
+        replace(WAY, highest=0.0)

@@ -1,0 +1,209 @@
+"""A stage behind Grbl, against a stand-in that was written from the makers' page and not from the driver."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from midair.devices.motion_stages.grbl import GrblStage
+from midair.errors import DeviceError, HeldError, InputError, LinkLostError
+from midair.model import speed_of
+from midair.testing import GrblStandIn
+
+FAR = (-0.2, -0.05, -0.001)
+
+
+@pytest.fixture(autouse=True)
+def _state(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+
+
+@pytest.fixture
+def machine():
+    made = GrblStandIn()
+    yield made
+    made.close()
+
+
+def go(stage, target, speed=0.1, stopped=lambda: False):
+    stamps = []
+    times = stage.move(target, speed, stamp=stamps.append, stopped=stopped)
+    return times, stamps
+
+
+def test_opening_moves_nothing_and_says_where_it_is(machine):
+    with GrblStage(machine.port) as stage:
+        stamp = stage.ready(homing=True)
+        assert stamp.position == pytest.approx((-0.001, -0.001, -0.001))
+        assert stage.describe()["firmware"] == "Grbl 1.1h.20190825"
+    assert machine.moves == []
+    assert machine.lines == ["$$", "$I"]
+
+
+@pytest.mark.long  # It compares a speed with the clock, to 2 %.
+def test_a_move_ends_where_and_when_the_machine_does(machine):
+    with GrblStage(machine.port) as stage:
+        stage.ready(homing=True)
+        go(stage, (-0.11, -0.05, -0.001), 0.2)
+        times, stamps = go(stage, (-0.06, -0.05, -0.001), 0.05)
+    assert machine.place == pytest.approx([-60, -50, -1])
+    assert machine.lost == 0
+    true = machine.moves[-1]
+    # The machine's own beginning and end, by the same clock; what is between is the line and this computer.
+    assert true.begun - 0.05 <= times[0] <= true.begun + 0.5
+    assert true.begun + true.duration <= times[1] <= true.begun + true.duration + 0.5
+    assert speed_of([one for one in stamps if times[0] <= one.time <= times[1]]) == pytest.approx(0.05, rel=0.02)
+    for one in stamps:
+        assert one.position[0] == pytest.approx(true.at(one.time)[0][0] * 1e-3, abs=0.005)
+
+
+def test_inches_and_work_coordinates_are_the_machines_millimetres_all_the_same():
+    machine = GrblStandIn(settings={13: 1, 10: 0})
+    try:
+        with GrblStage(machine.port) as stage:
+            stage.ready(homing=True)
+            go(stage, (-0.0508, -0.001, -0.001))
+            assert stage.ready(homing=True).position[0] == pytest.approx(-0.0508, abs=3e-5)
+        assert machine.place[0] == pytest.approx(-50.8)
+    finally:
+        machine.close()
+
+
+def test_when_stopped_it_is_held_stands_and_forgets_the_rest(machine):
+    end = time.monotonic() + 0.4
+    with GrblStage(machine.port) as stage:
+        stage.ready(homing=True)
+        times, _ = go(stage, FAR, 0.05, stopped=lambda: time.monotonic() > end)
+        assert times is None
+        assert machine.state == "Idle"
+        stood = machine.place
+        assert -200 < stood[0] < -1
+        assert f"x {stood[0]:.3f}" in stage.describe()["stands"]
+        # It goes on from there when it is told to, not by itself.
+        time.sleep(0.2)
+        assert machine.place == pytest.approx(stood)
+        go(stage, (stood[0] * 1e-3 + 0.001, -0.01, -0.001))
+    assert machine.place[1] == pytest.approx(-10)
+
+
+def test_a_limit_switch_in_the_middle_is_one_clear_error(machine):
+    machine.switch = (0, -60.0)
+    with GrblStage(machine.port) as stage:
+        stage.ready(homing=True)
+        with pytest.raises(DeviceError, match=r"ALARM:1, a limit switch was hit.*home it again; the stage is locked"):
+            go(stage, FAR)
+    assert machine.state == "Alarm"
+    assert machine.place[0] == pytest.approx(-60, abs=10)
+
+
+def test_its_own_soft_limits_are_told_too():
+    machine = GrblStandIn(settings={20: 1})
+    try:
+        with GrblStage(machine.port) as stage:
+            stage.ready(homing=True)
+            with pytest.raises(DeviceError, match=r"ALARM:2, it was to go beyond its own travel"):
+                go(stage, (0.005, 0.0, 0.0))
+    finally:
+        machine.close()
+
+
+@pytest.mark.long
+def test_a_machine_that_falls_silent_is_held_and_given_up(machine):
+    with GrblStage(machine.port) as stage:
+        stage.ready(homing=True)
+        threading.Timer(0.4, lambda: setattr(machine, "mute", True)).start()
+        with pytest.raises(LinkLostError, match=r"said nothing for 2 s.*may not have reached"):
+            go(stage, FAR, 0.02)
+    # The hold did reach this one.
+    assert machine.state == "Hold:0"
+
+
+def test_a_lost_port_says_what_the_machine_may_still_do(machine):
+    with GrblStage(machine.port) as stage:
+        stage.ready(homing=True)
+        threading.Timer(0.4, machine.unplug).start()
+        with pytest.raises(
+            LinkLostError, match=r"lost the port.*it may finish the one move that it has; switch it off"
+        ):
+            go(stage, FAR, 0.02)
+
+
+def test_a_locked_machine_is_refused_until_it_was_homed():
+    machine = GrblStandIn(homed=False)
+    try:
+        with GrblStage(machine.port) as stage:
+            with pytest.raises(DeviceError, match=r"locked \(Alarm\).*--home"):
+                stage.ready(homing=True)
+            assert machine.moves == []
+            stage.home(lambda: False)
+            assert stage.ready(homing=True).position == pytest.approx((-0.001, -0.001, -0.001))
+    finally:
+        machine.close()
+
+
+def test_homing_can_be_stopped_and_is_then_not_done():
+    machine = GrblStandIn(homed=False)
+    try:
+        with GrblStage(machine.port) as stage, pytest.raises(DeviceError, match="does not know where it is"):
+            stage.home(lambda: True)
+    finally:
+        machine.close()
+
+
+def test_a_machine_without_switches_needs_somebody_who_sees_to_its_place():
+    machine = GrblStandIn(settings={22: 0})
+    try:
+        with GrblStage(machine.port) as stage:
+            with pytest.raises(DeviceError, match="by hand"):
+                stage.ready(homing=True)
+            stage.ready(homing=False)
+            with pytest.raises(DeviceError, match=r"refused \$H: error:5, it has no limit switches"):
+                stage.home(lambda: False)
+    finally:
+        machine.close()
+
+
+def test_a_machine_that_somebody_holds_is_refused(machine):
+    machine._hold(time.monotonic())
+    with GrblStage(machine.port) as stage, pytest.raises(DeviceError, match=r"got Hold:0: somebody held it"):
+        stage.ready(homing=True)
+
+
+@pytest.mark.parametrize(
+    ("speed", "way", "words"),
+    [(0.21, 0.12, r"up to 200 mm/s"), (0.2, 0.12, r"less than half of 120 mm"), (0.05, 0.12, None)],
+)
+def test_a_speed_it_does_not_reach_is_refused(machine, speed, way, words):
+    with GrblStage(machine.port) as stage:
+        stage.ready(homing=True)
+        if words is None:
+            stage.check_speed(speed, way, 0)
+            return
+        with pytest.raises(InputError, match=words):
+            stage.check_speed(speed, way, 0)
+
+
+def test_one_program_a_port(machine):
+    with GrblStage(machine.port), pytest.raises(HeldError), GrblStage(machine.port):
+        pass
+
+
+def test_a_port_that_is_not_there_or_says_nothing_is_named(machine):
+    with pytest.raises(DeviceError, match="expected a port"), GrblStage("/dev/no-such-port"):
+        pass
+    machine.mute = True
+    with pytest.raises(DeviceError, match=r"got none in 0\.5 s"), GrblStage(machine.port, search=0.5):
+        pass
+
+
+@pytest.mark.parametrize("count", [3, pytest.param(20, marks=pytest.mark.slow)])
+def test_random_stops_never_leave_it_moving(machine, count):
+    rng = np.random.default_rng(0)
+    with GrblStage(machine.port) as stage:
+        for _ in range(count):
+            stage.ready(homing=True)
+            end = time.monotonic() + rng.uniform(0, 0.6)
+            x, y, z = (float(part) * 1e-3 for part in rng.uniform(-200, -1, 3))
+            go(stage, (x, y, z), 0.1, stopped=lambda end=end: time.monotonic() > end)
+            assert machine.state == "Idle"

@@ -1,0 +1,52 @@
+"""What Grbl says, by the examples of its makers (gnea/grbl, doc/markdown/interface.md)."""
+
+import pytest
+
+from midair.devices.motion_stages.grbl_words import Outbox, in_words, status_of
+from midair.errors import DeviceError
+
+
+def test_a_report_with_everything():
+    report = status_of("<Hold:0|MPos:-2.500,0.000,11.000|FS:500,8000|Pn:PZ|WCO:0.000,1.551,5.664|Ov:100,100,100>")
+    assert report is not None
+    assert (report.state, report.position, report.work) == ("Hold:0", (-2.5, 0.0, 11.0), False)
+    assert (report.feed, report.pins, report.offset) == (500.0, "PZ", (0.0, 1.551, 5.664))
+
+
+def test_a_report_of_the_work_without_a_spindle():
+    report = status_of("<Run|WPos:1.0,2.0,3.0,4.0|F:120>")
+    assert report is not None
+    assert (report.work, report.position, report.feed) == (True, (1.0, 2.0, 3.0), 120.0)
+
+
+@pytest.mark.parametrize(
+    "line", ["ok", "<Idle>", "<Idle|MPos:1,2>", "<Idle|MPos:a,b,c|FS:0,0>", "<Idle|MPos:0,0,0", ""]
+)
+def test_what_is_no_report_is_none(line):
+    assert status_of(line) is None
+
+
+def test_alarms_and_refusals_say_what_they_mean():
+    assert in_words("ALARM:1") == "ALARM:1, a limit switch was hit, its place is probably lost"
+    assert in_words("error:15") == "error:15, that is beyond its own travel"
+    assert in_words("ALARM:77") == "ALARM:77"
+
+
+def test_never_more_is_on_its_way_than_the_buffer_holds():
+    outbox = Outbox()
+    for _ in range(10):
+        outbox.add("x" * 39)
+    assert outbox.due() == 3 * (b"x" * 39 + b"\n")  # 120 of 128
+    assert outbox.due() == b""
+    assert outbox.answered() == "x" * 39
+    assert len(outbox.due()) == 40
+
+
+def test_an_answer_to_nothing_is_an_error():
+    outbox = Outbox()
+    with pytest.raises(DeviceError, match="not sent"):
+        outbox.answered()
+    outbox.add("G4P0")
+    outbox.due()
+    outbox.forget()
+    assert outbox.empty

@@ -1,0 +1,61 @@
+"""What a perfect reproduction would be heard as."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.dsp import band_edges, band_window
+from midair.evaluate import apply_band_twice, compare, is_silent
+from midair.lazy_frames import LazyFrames
+from midair.model import PressureFrames
+from midair.targets import led_in
+
+RATE, BAND = 1000.0, (20.0, 470.0)
+
+
+def noise(frames=400):
+    pressure = np.random.default_rng(0).standard_normal((frames, 4, 4))
+    return PressureFrames(pressure=pressure, rate=RATE, band=BAND)
+
+
+@pytest.mark.parametrize("frequency", [15.0, 18.0, 20.0, 25.0, 100.0, 470.0, 475.0])
+def test_each_frequency_passes_the_edges_of_the_band_once_more(frequency):
+    time = np.arange(4000) / RATE
+    wave = np.exp(2j * np.pi * frequency * time).real * np.hanning(4000)
+    x = PressureFrames(pressure=wave[:, None, None] * np.ones((1, 4, 4)), rate=RATE, band=BAND)
+    part = band_window(np.array([frequency]), BAND, edges=band_edges(BAND, RATE))[0]
+    heard = apply_band_twice(x).pressure
+    assert np.linalg.norm(heard) == pytest.approx(part * np.linalg.norm(x.pressure), abs=0.01 * np.linalg.norm(wave))
+
+
+def test_it_takes_the_edges_that_the_pressure_was_calibrated_with():
+    """At 4 kHz there is room for wider edges than the sensor's 1 kHz had."""
+    wide, narrow = noise(), noise()
+    narrow = replace(narrow, provenance=narrow.provenance.then("calibrate", {"edges_hz": (1.0, 2.0)}))
+    assert compare(apply_band_twice(wide), apply_band_twice(narrow)).waveform_error > 0.03
+
+
+def test_of_a_reel_it_is_the_same():
+    x = noise(6000)
+    reel = replace(x, pressure=LazyFrames(lambda first, last: x.pressure[first:last], x.pressure.shape))
+    got = np.asarray(apply_band_twice(reel).pressure)
+    np.testing.assert_allclose(got, apply_band_twice(x).pressure, atol=3e-4)
+
+
+def test_what_was_in_no_band_stays_as_it_is():
+    x = replace(noise(), band=None)
+    assert apply_band_twice(x) is x
+
+
+def test_silence_is_kept_for_four_periods():
+    assert is_silent(BAND, RATE) == 200
+    assert is_silent((0.0, 15.0), 100.0) == 400
+
+
+def test_a_lead_that_ends_in_silence_hides_the_ends():
+    """With a lead nothing of the part inside hangs on what is taken to lie beyond the ends."""
+    x = led_in(noise(), 0.15)
+    longer = replace(x, pressure=np.concatenate([np.zeros((500, 4, 4)), x.pressure, np.zeros((500, 4, 4))]))
+    inside = apply_band_twice(longer).pressure[500:-500]
+    np.testing.assert_allclose(apply_band_twice(x).pressure, inside, atol=1e-3)

@@ -1,0 +1,78 @@
+"""Bombs: small files that would fill the memory are refused for what they announce, not for what is left of it."""
+
+import io
+import struct
+import zipfile
+import zlib
+
+import numpy as np
+import pytest
+
+from midair.errors import BrokenFileError
+from midair.files import open_take, save
+from midair.files.decompression_limits import EXPANDED_ANYWAY, inflated
+from midair.model import Recording, SensorGrid
+
+GIVEN = {"rate": 1000, "unit": "V", "sensor": SensorGrid(rows=1, columns=2)}
+
+
+def test_a_stream_is_expanded_as_far_as_there_is_room(tmp_path):
+    path = tmp_path / "a"
+    path.write_bytes(b"x" * 100)
+    packed = zlib.compress(b"\0" * 1000)
+    assert inflated(path, packed, 1000) == b"\0" * 1000
+    with pytest.raises(BrokenFileError, match="100 times its 100 bytes"):
+        inflated(path, packed, 999)
+    with pytest.raises(BrokenFileError, match="it was cut"):
+        inflated(path, packed[:-5], 1000)
+
+
+def test_a_bomb_of_matlab(tmp_path):
+    def element(kind, data):
+        return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)
+
+    rows = EXPANDED_ANYWAY // 2 + 8
+    head = element(6, struct.pack("<II", 6, 0)) + element(5, struct.pack("<ii", rows, 2)) + element(1, b"x")
+    head += struct.pack("<II", 2, 2 * rows)
+    packed = zlib.compress(struct.pack("<II", 14, len(head) + 2 * rows) + head + bytes(2 * rows))
+    start = b"MATLAB 5.0".ljust(124) + b"\x00\x01IM"
+    (tmp_path / "a.mat").write_bytes(start + struct.pack("<II", 15, len(packed)) + packed)
+    with pytest.raises(BrokenFileError, match="write it without compression"):
+        open_take(tmp_path / "a.mat", **GIVEN)
+
+
+def test_a_bomb_of_numpy(tmp_path):
+    rows = EXPANDED_ANYWAY // 16 + 1
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        head = io.BytesIO()
+        np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (rows, 2)})
+        archive.writestr("x.npy", head.getvalue() + bytes(16 * rows))
+    with pytest.raises(BrokenFileError, match="write it without compression"):
+        open_take(tmp_path / "a.npz", **GIVEN)
+
+
+def test_a_bomb_of_robots(tmp_path, mcap):
+    """Text of numbers: 20 MB of them in 3 kB took 5.6 s."""
+    message = b"[" + b"1," * 10_000_000 + b"1]"
+    (tmp_path / "a.mcap").write_bytes(mcap({"/skin": [message, message]}))
+    assert (tmp_path / "a.mcap").stat().st_size < 50_000
+    with pytest.raises(BrokenFileError, match="write it without compression"):
+        open_take(tmp_path / "a.mcap", **GIVEN)
+
+
+def test_a_frame_that_expands_to_more_than_its_chunk_says(tmp_path, mcap):
+    """The library believes the frame."""
+    data = bytearray(mcap({"/skin": [b"[" + b" " * 2**25 + b"1,2]"] * 2}))
+    at = data.index(b"zstd") - 4 - 4 - 8
+    data[at : at + 8] = struct.pack("<Q", 100)
+    (tmp_path / "a.mcap").write_bytes(data)
+    with pytest.raises(BrokenFileError, match="write it without compression"):
+        open_take(tmp_path / "a.mcap", **GIVEN)
+
+
+@pytest.mark.parametrize("ending", [".mat", ".npz", ".h5"])
+def test_silence_is_no_bomb(ending, tmp_path):
+    """Two seconds of 16 channels at 48 kHz, of nothing."""
+    silent = Recording(samples=np.zeros((96_000, 4, 4)), rate=48_000.0, sensor=SensorGrid(), unit="V")
+    save(silent, tmp_path / f"a{ending}")
+    np.testing.assert_array_equal(open_take(tmp_path / f"a{ending}").recording.samples, silent.samples)

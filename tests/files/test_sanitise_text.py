@@ -1,0 +1,50 @@
+import csv
+import io
+import json
+
+from midair.files import csv_text, load, save
+from midair.files.sanitise_text import no_formula, printable, without_formulas
+from midair.model import Provenance, Recording, SensorGrid
+
+
+def test_what_steers_a_terminal_is_spelled_out():
+    assert printable("towel é µ, 2 x 3") == "towel é µ, 2 x 3"
+    assert printable("a\x1b]52;c;aGk=\x07b") == "a\\x1b]52;c;aGk=\\x07b"
+    assert printable("evil\u202egpj.h5\r\x9b2J") == "evil\\u202egpj.h5\\r\\x9b2J"
+    assert printable("one\n\ttwo") == "one\n\ttwo"
+    assert printable("\udcff.h5").encode() == b"\\udcff.h5"
+
+
+def test_text_is_no_formula_and_numbers_stay():
+    for text in ("=cmd|' /C calc'!A0", "+1+1", "-2+3", "@SUM(A1)", "\t=1", "\r=1"):
+        assert no_formula(text) == f"'{text}"
+    for value in (-1.5, -3, "-1.5", "+2e-3", "-inf", "towel", "a=b", None, ""):
+        assert no_formula(value) == value
+
+
+def test_rows_of_a_report_are_no_formulas():
+    (row,) = csv.DictReader(io.StringIO(csv_text([{"recording": "=1+1", "level": -2.5, "count": -3}])))
+    assert row == {"recording": "'=1+1", "level": "-2.5", "count": "-3"}
+
+
+def test_json_means_the_same_without_formulas():
+    plain = {"notes": {"a": "x,=1;-2,@y\t+3", "b": [1, -2, "=1"]}}
+    text = without_formulas(json.dumps(plain))
+    assert json.loads(text) == plain
+    assert not any(part.startswith(("=", "+", "@")) for part in text.split(","))
+
+
+def test_the_first_line_of_a_csv_is_no_formula_wherever_it_is_cut(tmp_path):
+    notes = {"object": "towel,=cmd|' /C calc'!A0;=1,-1+1"}
+    recording = Recording(
+        samples=[[[1.0]], [[2.0]]],
+        rate=100.0,
+        sensor=SensorGrid(rows=1, columns=1),
+        unit="V",
+        provenance=Provenance(source="x,=1", notes=notes),
+    )
+    save(recording, tmp_path / "a.csv")
+    first = (tmp_path / "a.csv").read_text().splitlines()[0]
+    for mark in ",;\t":
+        assert not any(part.startswith(("=", "+", "-", "@")) for part in first.split(mark))
+    assert load(tmp_path / "a.csv").provenance == recording.provenance

@@ -1,0 +1,138 @@
+"""The whole loop on the virtual rig, on the stimuli of the paper's section 5.2."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from midair.devices import VirtualSensor
+from midair.errors import MismatchError
+from midair.evaluate import compare
+from midair.model import ControlGrid, PressureFrames, Recording
+from midair.pipeline import calibrated_pressure, lead_of
+from midair.rig import rerecord, usual_exposure
+from midair.rig.correction.correction_loop import beam_test, run_loop
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.takes.capture import capture_recording
+from midair.settings import Settings
+from midair.targets import led_in
+
+RIG = VirtualRig()
+# Half of the paper's points, and not the paper's method: the fast suite asks for the right place and time, not for E.
+COARSE = Settings().but(grid=ControlGrid(rows=11, columns=11, pitch=5.5e-3), method="fast")
+PEAKS = {"am-i": [0], "am-ii": [0, 15], "am-iii": [0]}
+FREQUENCY = {"am-i": 100, "am-ii": 100, "am-iii": 25}
+
+
+def original(stimulus, settings, duration):
+    with RIG.touched_by(stimulus, duration=duration) as sensor:
+        return calibrated_pressure(capture_recording(sensor, duration), sensor.calibration, settings)
+
+
+@cache
+def loop(stimulus, settings, duration):
+    skin = RIG.skin()
+    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
+        return run_loop(original(stimulus, settings, duration), array, sensor, settings)
+
+
+def check(done, stimulus):
+    first, last = done.passes
+    strongest = np.argsort((last.felt.pressure**2).mean(axis=0).ravel())[::-1][: len(PEAKS[stimulus])]
+    assert sorted(strongest) == PEAKS[stimulus]
+    assert last.comparison.frequency == (FREQUENCY[stimulus], FREQUENCY[stimulus])
+    assert last.comparison.correlation > 0.85
+    # The first level is the model's, the second one measured.
+    assert first.comparison.gain == pytest.approx(1, abs=0.1)
+    assert last.comparison.gain == pytest.approx(1, abs=0.02)
+    assert last.comparison.spectral_error < 1
+    assert last.comparison.simulated
+
+
+@pytest.mark.parametrize(
+    "stimulus", [pytest.param(each, marks=[] if each == "am-iii" else pytest.mark.slow) for each in PEAKS]
+)
+@pytest.mark.long
+def test_right_place_right_frequency_and_better_after_correction(stimulus):
+    check(loop(stimulus, COARSE, 0.12), stimulus)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stimulus", PEAKS)
+def test_the_same_with_the_paper_s_settings(stimulus):
+    done = loop(stimulus, Settings().but(method="exact"), 0.2)
+    check(done, stimulus)
+    assert done.passes[-1].reproduction.solution.error.mean() < 0.15
+
+
+class Perfect(VirtualSensor):
+    """Hears the beam test as it is, and then, whatever is played, the wanted pressure itself."""
+
+    wanted: PressureFrames
+    starts = 0
+
+    def start(self):
+        self.starts += 1
+        super().start()
+
+    def _sense(self, frames):
+        if self.starts == 1:
+            return super()._sense(frames)
+        times, length = round(self.wanted.rate / self.rate), 2 * (frames + 1000)
+        spectrum = np.fft.rfft(self.wanted.pressure, length * times, axis=0)[: length // 2]
+        response = self.calibration.response_at(np.fft.rfftfreq(length, 1 / self.rate)[:-1])
+        return np.fft.irfft(spectrum * response / times, length, axis=0)[:frames]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("mapping", ["half-wave", "slow-bias"])
+def test_a_perfect_chain_scores_above_60_db(mapping):
+    """A piece that is cut in a touch, and comes back as it was asked for: nothing is lost, and nothing to correct."""
+    grid = ControlGrid(rows=4, columns=4, pitch=11e-3)
+    settings = Settings().but(grid=grid, method="fast", iterations=1, mapping=mapping)
+    with RIG.touched_by("towel", duration=0.7) as sensor:
+        piece = calibrated_pressure(capture_recording(sensor, 0.7), sensor.calibration, settings).cut(0.55, 0.1)
+    lead = lead_of(settings)
+    skin = RIG.skin()
+    perfect = Perfect(skin, rate=RIG.rate)
+    perfect.wanted = led_in(piece, lead)
+    with RIG.array_device(skin) as array, perfect as sensor:
+        done = run_loop(piece, array, sensor, settings, corrections=0, lead=lead)
+    comparison = done.passes[0].comparison
+    assert comparison.distortion_ratio > 60
+    assert comparison.waveform_error < 1e-3
+    assert abs(comparison.delay) < 1e-6
+    # Compared with the original itself it would be marked down.
+    assert compare(piece, done.passes[0].felt).distortion_ratio < 30
+
+
+@pytest.mark.long
+def test_the_beam_s_gain_is_straight_and_repeats():
+    skin = RIG.skin()
+    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
+        tests = [beam_test(array, sensor, sensor.calibration, COARSE, top=top) for top in (100.0, 50.0)]
+    for test in tests:
+        assert test.channel == 5
+        assert abs(test.line.curvature) < 0.05
+        # The virtual array's transducers are .9 as strong as assumed, and pressure goes with the square.
+        assert test.line.gain == pytest.approx(0.81, rel=0.03)
+        assert test.line.gain_error < 0.01 * test.line.gain
+    assert tests[0].line.gain == pytest.approx(tests[1].line.gain, rel=0.02)
+
+
+@pytest.mark.long
+def test_the_steps_of_a_rerecording_tell_its_life():
+    done = loop("am-i", COARSE, 0.12)
+    stages = [step.stage for step in done.passes[-1].felt.provenance.steps]
+    assert stages == ["calibrate", "settings", "prepare", "solve", "play", "calibrate"]
+
+
+@pytest.mark.long
+def test_a_real_sensor_cannot_hear_a_virtual_array():
+    from midair.devices import ReplaySensor, check_exposure
+
+    skin = RIG.skin()
+    drive = loop("am-iii", COARSE, 0.12).passes[0].reproduction.solution.drive
+    real = ReplaySensor(Recording(samples=np.ones((9, 4, 4)), rate=1000.0))
+    with RIG.array_device(skin) as array, real as sensor, pytest.raises(MismatchError, match="both real or both"):
+        rerecord(check_exposure(drive, array, usual_exposure()), array, sensor)

@@ -1,0 +1,148 @@
+"""The iterative correction on the virtual rig."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.correct import IterativeCorrection
+from midair.datasets import probe_signal
+from midair.errors import InputError
+from midair.model import ControlGrid
+from midair.pipeline import calibrated_pressure, lead_of
+from midair.rig.correction.correction_loop import run_loop
+from midair.rig.correction.iteration import playable, run_iterations
+from midair.rig.correction.passes import Rig
+from midair.rig.names.virtual_rig import VirtualRig
+from midair.rig.takes.capture import capture_recording
+from midair.settings import Settings
+
+RIG = VirtualRig()
+COARSE = Settings().but(grid=ControlGrid(rows=6, columns=6, pitch=11e-3), method="fast", interpolate="pressure")
+
+
+def original(settings, duration=0.08):
+    skin = RIG.skin()
+    touch = probe_signal("25+250 Hz", duration=duration, rate=skin.rate, sensor=skin.model.grid)
+    with RIG.sensor(skin, touch=touch) as sensor:
+        return calibrated_pressure(capture_recording(sensor, duration + 0.2), sensor.calibration, settings).cut(
+            0.1, duration
+        )
+
+
+def loop(settings, iterate, **others):
+    skin = RIG.skin()
+    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
+        return run_loop(
+            original(settings), array, sensor, settings, iterate=iterate, lead=lead_of(settings) / 2, **others
+        )
+
+
+@pytest.fixture(scope="module")
+def corrected():
+    return loop(COARSE, 2)
+
+
+@pytest.mark.long
+def test_each_of_more_than_five_passes_is_better_than_the_one_before():
+    """Half a wave becomes 6 dB better: on the paper's grid it starts at 6 dB, with six points a side lower."""
+    long = loop(COARSE, 6)
+    errors = [one.comparison.waveform_error for one in long.passes[1:]]
+    assert len(errors) == 7
+    assert (np.diff(errors) < 0).all()
+    assert errors[-1] < 0.5 * errors[0]
+    assert long.end == "6 steps were made"
+    assert np.ptp([one.comparison.delay for one in long.passes]) < 1e-4
+    before, after = long.passes[1].comparison, long.passes[-1].comparison
+    assert before.distortion_ratio < 7
+    assert after.distortion_ratio > before.distortion_ratio + 6
+
+
+@pytest.mark.long
+def test_the_second_step_is_better_than_the_first_and_that_than_none(corrected):
+    errors = [one.comparison.waveform_error for one in corrected.passes[1:]]
+    assert len(errors) == 3
+    assert (np.diff(errors) < 0).all()
+
+
+@pytest.mark.long
+def test_the_delay_does_not_drift(corrected):
+    delays = [one.comparison.delay for one in corrected.passes]
+    assert np.ptp(delays) < 1e-4
+
+
+def test_the_life_of_a_corrected_pass_tells_its_steps(corrected):
+    stages = [step.stage for step in corrected.passes[-1].asked.provenance.steps]
+    assert stages.count("correct") == 2
+    assert [one.step for one in corrected.passes] == [None, None, 0.8, 0.8]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mapping", ["half-wave", "slow-bias"])
+def test_five_passes_at_the_paper_s_grid(mapping):
+    settings = Settings().but(method="fast", mapping=mapping, interpolate="pressure")
+    errors = [one.comparison.waveform_error for one in loop(settings, 5).passes[1:]]
+    assert len(errors) == 6
+    assert (np.diff(errors) < 0).all()
+
+
+def test_a_step_that_makes_it_worse_is_taken_back_and_smaller_ones_are_tried(corrected, monkeypatch):
+    """A rig that answers every correction with something worse: three steps, each smaller, none kept."""
+    start, tried = corrected.passes[1], []
+
+    def worse(original, asked, rig, settings, name, stage, *, step):
+        tried.append(step)
+        return replace(start, step=step, comparison=replace(start.comparison, waveform_error=2.0))
+
+    monkeypatch.setattr("midair.rig.correction.iteration.play_pass", worse)
+    skin = RIG.skin()
+    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
+        rig = Rig(array=array, sensor=sensor)
+        further = run_iterations(
+            corrected.original, start, rig, COARSE, 9, correction=IterativeCorrection(smallest=0.15)
+        )
+    assert tried == [0.8, 0.4, 0.2]
+    assert further.passes == ()
+    assert further.taken_back == 3
+    assert further.end == "no step makes it better"
+
+
+def test_it_stops_when_it_no_longer_helps(corrected, monkeypatch):
+    start = corrected.passes[1]
+
+    def hardly(original, asked, rig, settings, name, stage, *, step):
+        better = start.comparison.waveform_error * 0.9999
+        return replace(start, step=step, comparison=replace(start.comparison, waveform_error=better))
+
+    monkeypatch.setattr("midair.rig.correction.iteration.play_pass", hardly)
+    skin = RIG.skin()
+    with RIG.array_device(skin) as array, RIG.sensor(skin) as sensor:
+        further = run_iterations(corrected.original, start, Rig(array=array, sensor=sensor), COARSE, 9)
+    assert len(further.passes) == 1
+    assert "less than 0.2 %" in further.end
+
+
+def test_only_what_can_be_played_is_asked_for():
+    asked = np.array([-5.0, 3.0, 99.0])
+    assert playable(asked, mapping="half-wave", top=10.0).tolist() == [0.0, 3.0, 10.0]
+    assert playable(asked, mapping="slow-bias", top=10.0).tolist() == [-5.0, 3.0, 10.0]
+
+
+def test_numbers_below_zero_are_refused():
+    with pytest.raises(InputError, match="0 or more"):
+        loop(COARSE, -1)
+    with pytest.raises(InputError, match="lead"):
+        Rig(array=RIG.array_device(), sensor=RIG.sensor(RIG.skin()), lead=-1.0)
+
+
+@pytest.mark.long
+def test_where_all_cells_sound_the_drive_itself_is_corrected():
+    """The second pass is the last that is solved: those after it play its drive, a little turned."""
+    grid = ControlGrid(rows=12, columns=12, pitch=5e-3)
+    lifted = loop(COARSE.but(mapping="slow-bias", grid=grid), 2)
+    errors = [one.comparison.waveform_error for one in lifted.passes[1:]]
+    assert errors[2] < errors[1] < 0.8 * errors[0]
+    first, last = (one.reproduction.solution.drive for one in (lifted.passes[1], lifted.passes[-1]))
+    assert [step.stage for step in last.provenance.steps].count("correct the drive") == 2
+    turned = np.angle(np.exp(1j * (np.asarray(last.phase) - np.asarray(first.phase))))
+    assert 0 < np.sqrt((turned**2).mean()) < 0.1

@@ -1,0 +1,114 @@
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.figures import Picture
+from midair.figures.style import new_figure, png
+from midair.rig.correction import loop_report
+from midair.rig.correction.loop_report import render, settings_rows, versions, write_report
+from midair.settings import Settings
+from midair.targets import piece_of
+
+
+def written(loop, folder):
+    write_report(loop, folder / "report.html", commands=("midair loop x.h5",))
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def page(loop, tmp_path_factory):
+    """With one small picture in place of those that take seconds to draw."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        one = Picture(title="What reaches a palm", data=png(new_figure(2.0, 1.0, simulated=True), dpi=50))
+        monkeypatch.setattr(loop_report, "drawn", lambda loop, card, progress: [one])
+        return written(loop, tmp_path_factory.mktemp("page"))
+
+
+@pytest.mark.long
+def test_holds_its_pictures_and_needs_nothing_from_outside(loop, tmp_path):
+    page = written(loop, tmp_path)
+    assert "Target and reproduced field" in page
+    assert not re.search(r"(src|href)=\"(?!data:)", page)
+    assert not re.search(r"https?:", page)
+    assert page.count("data:image/png;base64,") == 7
+
+
+@pytest.mark.long
+def test_can_be_watched_and_heard(page):
+    assert set(re.findall(r'data-name="(\w+)"', page)) == {"about", "samples", "again", "wanted", "played", "phases"}
+    assert page.count('src="data:audio/wav;base64,') == 2
+
+
+@pytest.mark.long
+def test_may_ask_for_nothing(page):
+    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
+    assert policy.startswith("default-src 'none'; img-src data:; media-src data:;")
+    assert policy.count("script-src 'sha256-") == 1
+
+
+def test_holds_what_a_reader_looks_for(loop, page):
+    for words in (
+        "SIMULATED",
+        "Towel, reproduced in midair",
+        "E of what is met, mean",
+        "midair loop x.h5",
+        "numpy",
+        "band",
+    ):
+        assert words in page
+    made = loop.passes[-1].reproduction
+    inside = piece_of(made.target.provenance, made.target.frames, made.target.rate)
+    assert f"{100 * made.solution.error[inside].mean():.3g}" in page
+
+
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """They take seconds to draw."""
+    monkeypatch.setattr(loop_report, "drawn", lambda loop, card, progress: [])
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_only_a_rectified_original_is_said_to_lose_its_negative_half(loop, page):
+    assert "negative half cannot be played" in page
+    assert "negative half" not in render(replace(loop, settings=loop.settings.but(mapping="slow-bias")), [])
+
+
+def test_every_setting_is_told():
+    names = {name for name, _ in settings_rows(Settings())}
+    assert {"calibration.band", "target.grid.height", "acoustics.medium.attenuation", "solver.iterations"} <= names
+
+
+def test_versions_are_those_in_use():
+    assert dict(versions())["numpy"] == np.__version__
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_a_failed_write_leaves_the_old_report(loop, tmp_path):
+    old = tmp_path / "report.html"
+    old.write_text("old")
+    with pytest.raises(Exception, match="folder"):
+        write_report(loop, tmp_path / "nowhere" / "report.html")
+    shown = write_report(loop, old)
+    assert "SIMULATED" in old.read_text(encoding="utf-8")
+    assert all(one.source in old.read_text(encoding="utf-8") for one in shown)
+    assert list(tmp_path.iterdir()) == [old]
+
+
+def test_a_reader_meets_the_verdict_then_pictures_then_tables(page):
+    places = [page.index(words) for words in ('class="verdict"', "<img", "Figures of each pass", "The same by hand")]
+    assert places == sorted(places)
+
+
+@pytest.mark.browser
+def test_no_table_lies_beyond_the_edge_of_a_telephone(page, chromium):
+    """A picture is moved under the finger; words and numbers are not."""
+    opened = chromium.new_page(viewport={"width": 390, "height": 900})
+    opened.set_content(page)
+    beyond = opened.evaluate(
+        """() => [...document.querySelectorAll(".wide:has(table)")]
+            .filter(one => one.scrollWidth > one.clientWidth + 1).map(one => one.previousElementSibling.innerText)"""
+    )
+    opened.close()
+    assert beyond == []

@@ -1,0 +1,31 @@
+"""What of a loop can be watched and heard."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from midair.rig.correction.loop_view import view_of_loop
+from midair.targets import piece_of
+
+
+def test_the_recording_what_was_played_and_what_was_felt_of_it(loop):
+    shown = view_of_loop(loop)
+    last = loop.passes[-1]
+    made = last.reproduction
+    inside = piece_of(made.target.provenance, made.target.frames, made.target.rate)
+    assert shown.frames == loop.original.frames == len(shown.sound.played) == len(shown.again.values)
+    assert np.array_equal(shown.samples.values, loop.original.pressure.reshape(shown.frames, -1))
+    assert np.array_equal(shown.again.values, last.felt.pressure[: shown.frames].reshape(shown.frames, -1))
+    assert np.array_equal(shown.sound.wanted, made.target.amplitude[inside])
+    assert np.array_equal(shown.sound.drive.phase, made.solution.drive.phase[inside])
+
+
+def test_of_a_long_one_the_beginning(loop):
+    shown = view_of_loop(loop, longest=20)
+    assert (shown.frames, len(shown.sound.wanted), len(shown.again.values)) == (20, 20, 20)
+
+
+def test_a_drive_of_other_frames_is_left_out(loop):
+    shown = view_of_loop(replace(loop, original=loop.original.cut(0, 0.05)))
+    assert shown.sound is None
+    assert shown.frames == 50

@@ -1,0 +1,237 @@
+"""Two sides on loopback, a way between them that is as bad as it is told to be, and what is felt of it."""
+
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from tests.rig.live_touch.udp_proxy import Proxy
+
+from midair.devices import Stream, StreamedSensor
+from midair.errors import DeviceError, InputError
+from midair.model import Calibration, SensorGrid, SensorWiring
+from midair.rig.live_touch.encryption import ReceivedFrame
+from midair.rig.live_touch.receiving import JitterBuffer, NetworkSource
+from midair.rig.live_touch.repeated import RepeatedSource
+from midair.rig.live_touch.sending import FrameSender
+
+KEY, OTHER = bytes(range(32)), bytes(32)
+GRID = SensorGrid(rows=2, columns=2)
+
+
+def sealed(number, value=None):
+    return ReceivedFrame(number=number, taken=0.0, pressure=np.full(4, float(number if value is None else value)))
+
+
+def test_frames_come_out_in_order_a_buffer_after_the_fastest():
+    """Frames 0 to 9, each up to 8 ms on its way: given 10 ms after the fastest would have come, none concealed."""
+    ways = [0, 3, 8, 1, 2, 7, 0, 4, 6, 1]
+    buffer = JitterBuffer(rate=1000.0, length=0.01)
+    came = sorted((number / 1000 + way / 1000, number) for number, way in enumerate(ways))
+    given = []
+    for now in np.arange(0, 0.04, 5e-4):
+        while came and came[0][0] <= now:
+            at, number = came.pop(0)
+            buffer.put(sealed(number), at)
+        while buffer.due() <= now and len(given) < 10:
+            given.append((buffer.get(), now))
+    assert [number for (number, _), _ in given] == list(range(10))
+    assert all(pressure[0] == number for (number, pressure), _ in given)
+    assert buffer.counted.concealed == 0
+    assert given[-1][1] == pytest.approx(0.009 + 0.01, abs=1e-3)
+
+
+def test_what_has_not_come_is_the_last_one_held_and_told():
+    buffer = JitterBuffer(rate=1000.0, length=0.002)
+    for number in (0, 1, 3):
+        buffer.put(sealed(number), number / 1000)
+    assert [float(buffer.get()[1][0]) for _ in range(4)] == [0, 1, 1, 3]
+    buffer.put(sealed(2), 0.02)
+    assert (buffer.counted.concealed, buffer.counted.tardy, buffer.counted.frames) == (1, 1, 4)
+
+
+def test_a_clock_that_is_slower_is_followed():
+    """The other side's clock loses 200 ppm: after 60 s the fastest of long ago counts no more."""
+    buffer = JitterBuffer(rate=1000.0, length=0.01, over=4000)
+    for number in range(60_000):
+        buffer.put(sealed(number), number / 1000 * (1 + 200e-6))
+        buffer.get()
+    assert buffer.due() - 60_000 / 1000 * (1 + 200e-6) == pytest.approx(0.01, abs=1e-3)
+
+
+def free_port():
+    import socket
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]
+
+
+class Listener:
+    """The side that plays, in a thread: keeps the frames that it got."""
+
+    def __init__(self, *, key=KEY, buffer=0.01, patience=5.0):
+        self.source = NetworkSource(("127.0.0.1", free_port()), key, buffer=buffer, patience=patience)
+        self.source.bind()
+        self.port, self.got, self.problem, self._ends = self.source.port, [], None, False
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self):
+        try:
+            self.source.open()
+            self.source.start()
+            while not self._ends:
+                chunk = self.source.pull(0.01)
+                if chunk is not None:
+                    self.got.append((chunk.first, float(chunk.samples[0, 0]), time.monotonic(), chunk.host_time))
+        except DeviceError as wrong:
+            self.problem = wrong
+
+    def close(self):
+        self._ends = True
+        self._thread.join()
+        self.source.close()
+
+
+@contextmanager
+def speaking(port, *, key=KEY, patience=3.0):
+    """A speaker whose frames are 0, 1, 2 ... Pa, as they are numbered: the filter is left out."""
+    stream = Stream(channels=4, rate=1000.0, unit="Pa")
+    rounds = np.repeat(np.arange(60_000.0)[:, None], 4, axis=1)
+    wiring = SensorWiring(grid=GRID, order=(0, 1, 2, 3), unit="Pa")
+    sensor = StreamedSensor(RepeatedSource(rounds, stream), name="ramp", wire=lambda _: wiring)
+    with sensor:
+        flat = Calibration.flat(GRID, unit="Pa")
+        speaker = FrameSender(sensor, flat, ("127.0.0.1", port), key, patience=patience)
+        speaker._inverse = Through()
+        try:
+            speaker.greet()
+            yield speaker
+        finally:
+            speaker.close()
+
+
+class Through:
+    def step(self, frame, out):
+        out[:] = frame
+
+
+def spoken(seconds, *, buffer=0.01, **way):
+    """(listener, proxy, speaker) after so long over a way."""
+    listener = Listener(buffer=buffer)
+    proxy = Proxy(listener.port, **way)
+    try:
+        with speaking(proxy.port) as speaker:
+            until = time.monotonic() + seconds
+            speaker.run(lambda: time.monotonic() < until)
+        time.sleep(0.1)
+    finally:
+        listener.close()
+        proxy.close()
+    return listener, proxy, speaker
+
+
+def test_what_is_felt_here_is_given_there_in_order_and_on_time():
+    # A busy machine may hold this process up for longer than the buffer is: one run of some is on time.
+    for _ in range(20):
+        listener, _, speaker = spoken(0.4)
+        told = listener.source.counted
+        numbers = [number for number, *_ in listener.got]
+        assert np.all(np.diff(numbers) >= 1)
+        assert told.frames == speaker.spoken.frames
+        assert told.refused == told.repeated == 0
+        values = np.array([value for _, value, *_ in listener.got])
+        assert np.all(np.diff(values) >= 0)
+        if on_time := len(numbers) > 200 and np.mean(np.diff(values) == 1) > 0.9:
+            break
+    assert on_time
+
+
+def test_another_key_is_let_in_nowhere():
+    listener = Listener(patience=1.0)
+    with pytest.raises(DeviceError, match="the same key"), speaking(listener.port, key=OTHER, patience=0.6):
+        pass
+    listener.close()
+    assert listener.got == []
+    assert "another key" in str(listener.problem)
+    assert listener.source.counted.refused > 0
+
+
+def test_a_run_that_somebody_recorded_is_refused_by_the_next():
+    """Every datagram of a run, sent again: within it they count once, and whoever listens next lets none of it in."""
+    first, proxy, _ = spoken(0.2)
+    assert first.got
+    listener = Listener()
+    again = Proxy(listener.port)
+    with speaking(again.port) as speaker:
+        again.again(proxy.seen)
+        until = time.monotonic() + 0.2
+        speaker.run(lambda: time.monotonic() < until)
+        again.again(again.seen[1:])
+        until = time.monotonic() + 10
+        while listener.source.counted.repeated < speaker.spoken.frames - 1 and time.monotonic() < until:
+            time.sleep(0.01)
+    listener.close()
+    again.close()
+    told = listener.source.counted
+    assert told.refused >= len(proxy.seen) - 3
+    assert told.repeated >= speaker.spoken.frames - 1
+    assert told.frames == speaker.spoken.frames
+
+
+def test_a_recorded_greeting_gets_nobody_in():
+    """It is answered, for the answer opens nothing: frames of that run bear a number that is no more."""
+    first, proxy, _ = spoken(0.2)
+    listener = Listener(patience=2.0)
+    again = Proxy(listener.port)
+    again._speaker = ("127.0.0.1", free_port())
+    again.again(proxy.seen)
+    time.sleep(0.3)
+    listener.close()
+    again.close()
+    assert first.got
+    assert listener.got == []
+    assert listener.source.counted.frames == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("way", "most"),
+    [
+        ({}, 0.02),
+        ({"loss": 0.05}, 0.09),
+        ({"delay": 0.02, "jitter": 0.01}, 0.05),
+        ({"reordering": 0.01}, 0.05),
+        ({"loss": 0.05, "jitter": 0.01, "reordering": 0.01, "repeating": 0.02}, 0.15),
+    ],
+    ids=["nothing", "loss", "jitter", "reordering", "all"],
+)
+def test_what_a_bad_way_does_is_concealed_and_told(way, most):
+    listener, proxy, speaker = spoken(3.0, buffer=0.015, **way)
+    told = listener.source.counted
+    numbers = [number for number, *_ in listener.got]
+    assert np.all(np.diff(numbers) >= 1)
+    assert told.concealed >= proxy.lost * 0.5
+    assert told.concealed / len(numbers) < most
+    values = np.array([value for _, value, *_ in listener.got])
+    assert np.all(np.diff(values) >= 0), "what is concealed is held, what comes late is thrown away"
+    assert told.repeated > 0 if way.get("repeating") else told.repeated == 0
+    assert speaker.spoken.frames > 2000
+
+
+def test_a_side_that_falls_silent_is_not_held_for_ever():
+    listener, _, _ = spoken(0.2)
+    assert "has ended" in str(listener.problem)
+    gap = [b - a for (_, _, a, _), (_, _, b, _) in zip(listener.got, listener.got[1:], strict=False)]
+    assert max(gap) < 0.2
+
+
+def test_a_port_that_is_taken_and_a_buffer_that_cannot_be_are_said():
+    listener = Listener(patience=0.1)
+    with pytest.raises(DeviceError, match="--listen"):
+        NetworkSource(("127.0.0.1", listener.port), KEY).bind()
+    listener.close()
+    with pytest.raises(InputError, match="jitter buffer"):
+        NetworkSource(("127.0.0.1", 0), KEY, buffer=1.0)

@@ -1,0 +1,173 @@
+import multiprocessing
+import time
+
+import numpy as np
+import pytest
+
+from midair.devices import VirtualArray, check_exposure
+from midair.errors import DeviceStateError, InputError, StoppedError
+from midair.model import Drive, TransducerArray
+from midair.rig import PlayLease, under_lease, usual_exposure
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+@pytest.fixture
+def permit(clock):
+    return PlayLease(clock)
+
+
+def test_nothing_may_sound_before_it_is_armed(permit):
+    assert not permit.armed
+    assert permit.level == 0
+    assert not permit.renew()
+
+
+def test_an_arming_lasts_until_its_deadline_and_each_renewal_moves_that(permit, clock):
+    leave = permit.arm(lasts=0.5)
+    clock.now += 0.4
+    assert permit.refusal(leave) is None
+    assert permit.renew(lasts=0.5)
+    clock.now += 0.4
+    assert permit.refusal(leave) is None
+    assert permit.left == pytest.approx(0.1)
+    clock.now += 0.11
+    assert permit.refusal(leave) == "expired"
+
+
+def test_a_missed_deadline_is_not_made_good(permit, clock):
+    leave = permit.arm()
+    clock.now += 0.6
+    assert not permit.renew()
+    assert permit.refusal(leave) == "disarmed"
+    clock.now -= 0.3
+    assert permit.refusal(leave) == "disarmed"
+
+
+def test_a_stop_ends_every_arming_before_it_and_no_later_one(permit):
+    first = permit.arm()
+    permit.stop()
+    assert permit.refusal(first) == "stopped"
+    assert not permit.renew()
+    second = permit.arm()
+    assert permit.refusal(second) is None
+    assert permit.refusal(first) == "stopped"
+
+
+def test_a_newer_arming_ends_an_older_one(permit):
+    first = permit.arm()
+    second = permit.arm()
+    assert permit.refusal(first) == "disarmed"
+    assert permit.refusal(second) is None
+
+
+def test_the_level_can_be_lowered_and_never_raised_beyond_what_was_armed(permit):
+    permit.arm(0.5)
+    permit.turn(0.2)
+    assert permit.level == 0.2
+    permit.turn(0.5)
+    with pytest.raises(InputError, match="at most"):
+        permit.turn(0.6)
+    permit.disarm()
+    assert permit.level == 0
+
+
+@pytest.mark.parametrize("level", [0, -1, 1.1, np.nan])
+def test_a_level_is_above_0_and_at_most_1(permit, level):
+    with pytest.raises(InputError, match="level"):
+        permit.arm(level)
+
+
+def player(permit, leave, pipe):
+    """What a process of its own sees, says, and may not do."""
+    pipe.send((permit.refusal(leave), permit.level))
+    try:
+        permit.renew()
+    except DeviceStateError as wrong:
+        pipe.send(str(wrong))
+    permit.stop()
+    pipe.recv()
+    while permit.armed:
+        time.sleep(0.001)
+    pipe.send(permit.refusal(leave))
+
+
+def test_another_process_sees_the_same_words_and_can_stop_but_not_renew():
+    permit = PlayLease()
+    leave = permit.arm(0.75, lasts=10)
+    here, there = multiprocessing.Pipe()
+    process = multiprocessing.get_context("spawn").Process(target=player, args=(permit, leave, there))
+    process.start()
+    try:
+        assert here.recv() == (None, 0.75)
+        assert "the player, who can only stop" in here.recv()
+        here.send("go on")
+        assert here.recv() == "stopped"
+        assert permit.refusal(leave) == "stopped"
+        # Stops of both ends at once are two: none can undo the other.
+        again = permit.arm()
+        permit.stop()
+        assert permit.stops == 2
+        assert permit.refusal(again) == "stopped"
+    finally:
+        process.join(10)
+        assert process.exitcode == 0
+
+
+@pytest.fixture
+def small_drive():
+    array = TransducerArray.autd3(columns=1, rows=1)
+    return Drive(array=array, phase=np.zeros((3500, array.count), np.float32), level=np.full(3500, 0.01), rate=1000.0)
+
+
+def test_an_array_looks_before_every_frame_and_is_silent_after_the_first_refusal(permit, small_drive):
+    leave = permit.arm(lasts=10)
+    array = VirtualArray(small_drive.array)
+    seen = []
+
+    def progress(done, total):
+        seen.append(done)
+        if len(seen) == 2:
+            permit.stop()
+
+    with array, pytest.raises(StoppedError, match="somebody asked for silence"), under_lease(array, permit, leave):
+        array.play(check_exposure(small_drive, array, usual_exposure()), progress=progress)
+    assert len(seen) == 2
+    assert not array.emitting
+
+
+def test_between_two_looks_of_the_array_a_thread_silences_it(permit, clock):
+    leave = permit.arm()
+    silenced = []
+
+    class Array:
+        name = "array"
+        check = None
+
+        def allowing(self, check):
+            self.check = check
+
+        def silence(self):
+            silenced.append(time.monotonic())
+
+    array = Array()
+    with under_lease(array, permit, leave, every=0.001):
+        array.check()
+        clock.now += 0.5
+        end = time.monotonic() + 5
+        while not silenced and time.monotonic() < end:
+            time.sleep(0.001)
+        with pytest.raises(StoppedError, match="nobody looked on"):
+            array.check()
+    assert len(silenced) == 1
+    assert array.check is None

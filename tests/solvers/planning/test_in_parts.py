@@ -1,0 +1,51 @@
+"""A recording part by part is the recording as a whole."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.lazy_frames import LazyFrames
+from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
+from midair.solvers import Glide, solve, solve_parts
+
+UNIT = TransducerArray.autd3(columns=1, rows=1)
+
+PARTS = {
+    "naive": {"method": "naive"},
+    "gs-pat": {"method": "gs-pat", "level": "auto"},
+    "exact": {"method": "exact", "iterations": 2},
+    "exact, on their own": {"method": "exact", "iterations": 2, "start": "zero"},
+    "lm": {"method": "lm", "iterations": 1},
+    "fast": {"method": "fast"},
+    "fast, smooth": {"method": "fast", "smooth": 0.01},
+    "fast, bounded": {"method": "fast", "amplitudes": "bounded"},
+    "fast, cells": {"method": "fast", "fit": "cells"},
+    "glide": {"method": Glide(block=64)},
+}
+
+
+@pytest.mark.parametrize("settings", PARTS.values(), ids=PARTS)
+def test_a_recording_in_parts_is_solved_as_a_whole(settings, monkeypatch):
+    monkeypatch.setattr("midair.solvers.planning.solve_plan.TOGETHER", 64)
+    frame = np.arange(150)[:, None]
+    place = 18 + 10 * np.sin(2 * np.pi * frame / 150)
+    amplitude = 2000 * np.abs(np.sin(frame / 25)) * np.exp(-(((np.arange(36) - place) / 5) ** 2))
+    # Silence at the beginning, across a joint, and at the end.
+    amplitude[:3] = amplitude[60:70] = amplitude[148:] = 0
+    grid, array = ControlGrid(rows=6, columns=6, pitch=10e-3), UNIT
+    whole = AmplitudeFrames(amplitude=amplitude, rate=1000, grid=grid)
+    reel = LazyFrames(lambda first, last: amplitude[first:last], amplitude.shape)
+    made, calls = solve(whole, array, **settings), []
+    parts = list(
+        solve_parts(replace(whole, amplitude=reel), array, progress=lambda *told: calls.append(told), **settings)
+    )
+    assert len(parts) > 1
+    # Rounding: products of more or fewer frames at once end in another digit.
+    np.testing.assert_allclose(np.concatenate([part.drive.phase for part in parts]), made.drive.phase, atol=1e-9)
+    np.testing.assert_allclose(np.concatenate([part.drive.level for part in parts]), made.drive.level, rtol=1e-9)
+    np.testing.assert_allclose(np.concatenate([part.error for part in parts]), made.error, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(np.concatenate([part.iterations for part in parts]), made.iterations)
+    assert sum((part.status for part in parts), ()) == made.status
+    assert all(part.drive.provenance == made.drive.provenance for part in parts)
+    assert {total for _, total in calls} == {150}

@@ -1,0 +1,42 @@
+import threading
+from pathlib import Path
+
+from midair.studio.panels.page_presenter import PagePresenter
+from midair.study import Stimulus
+
+
+def presenter(**changes):
+    said = []
+    made = PagePresenter(
+        **{
+            "play": lambda path, share: said.append(("play", path, share)),
+            "wait": lambda seconds: said.append(("wait", seconds)),
+            "stop": lambda: said.append(("stop",)),
+            "tell": lambda words: said.append(("tell", words)),
+            "folder": Path("study"),
+        }
+        | changes
+    )
+    return made, said
+
+
+def test_drives_and_silences_are_the_player_s():
+    made, said = presenter(quiet_s=1.5)
+    made.present(Stimulus(name="a", source="a.drive.h5", share=0.25))
+    made.present(Stimulus(name="b", kind="silence"))
+    assert said == [("play", Path("study/a.drive.h5"), 0.25), ("wait", 1.5)]
+
+
+def test_objects_are_the_experimenter_s_who_says_when_it_is_done():
+    made, said = presenter()
+    threading.Timer(0.05, made.done.set).start()
+    made.present(Stimulus(name="a", kind="object", source="towel"))
+    assert said == [("tell", "present: towel"), ("tell", "")]
+
+
+def test_a_stop_ends_the_wait_for_the_experimenter():
+    made, said = presenter()
+    threading.Timer(0.05, made.silence).start()
+    made.present(Stimulus(name="b", kind="silence"))
+    assert said[-1] == ("stop",)
+    assert "present nothing" in said[0][1]

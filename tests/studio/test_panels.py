@@ -1,0 +1,330 @@
+"""The rooms in a real browser: Calibrate, Study, Record's warnings; and that everybody can use all of them."""
+
+import hashlib
+import json
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+from midair.rig import record
+from midair.studio.work import SolveRequest, solve_take
+from midair.study import StudyFolder, read_design, read_events
+
+pytestmark = pytest.mark.browser
+
+DESIGN = """
+name = "three"
+title = "Three objects"
+participants = 2
+seed = 4
+consent = "You will feel things. You may stop at any time."
+
+[[questions]]
+name = "closest"
+kind = "choice"
+text = "Which object was it?"
+options = ["brush", "sponge", "towel"]
+truth = "object"
+
+[[stimuli]]
+name = "a"
+kind = "object"
+source = "brush"
+levels = { object = "brush" }
+
+[[stimuli]]
+name = "b"
+kind = "object"
+source = "sponge"
+levels = { object = "sponge" }
+
+[[stimuli]]
+name = "c"
+kind = "object"
+source = "towel"
+levels = { object = "towel" }
+
+[[blocks]]
+name = "one"
+text = "Say each time which it was."
+stimuli = ["a", "b", "c"]
+questions = ["closest"]
+repetitions = 9
+"""
+
+PRESENTS = """void studio.link.on('session', session =>
+    session?.due && studio.link.order('study', 'presented').catch(() => {}))"""
+"""The experimenter presents as soon as the page says what. Void: Playwright calls what a script gives."""
+
+ROOMS = ("record", "calibrate", "reproduce", "compare", "study", "live")
+
+
+def answers(study, folder="sessions"):
+    return [event for event in read_events(study.path / folder / "sub-01.jsonl") if event["event"] == "answer"]
+
+
+def begin(page, *, pilot=False):
+    page.go("#study")
+    page.until("!!document.querySelector('[data-participant=\"1\"]')")
+    if pilot:
+        page.page.locator("#pilot").check()
+    page.page.locator('[data-participant="1"]').click()
+    page.until("!!studio.link.state.session")
+    page.page.evaluate(PRESENTS)
+    page.go("#study/participant")
+    page.until("!!document.querySelector('.participant')")
+
+
+def trials(page, count):
+    """So many trials by the keyboard alone."""
+    for _ in range(count):
+        page.until("!!document.querySelector('#next') && studio.link.state.session.step.kind === 'present'")
+        page.page.keyboard.press("Enter")
+        page.until("studio.link.state.session.step.kind === 'ask' && !!document.querySelector('#question')")
+        number = page.page.evaluate("studio.link.state.session.step.number")
+        page.page.keyboard.press("2")
+        page.until(
+            f"studio.link.state.session.step.number !== {number} || studio.link.state.session.step.kind === 'done'"
+        )
+
+
+@pytest.fixture
+def study(studio_at):
+    studio = studio_at()
+    return studio, StudyFolder.create(studio.folder / "three", DESIGN, read_design(DESIGN))
+
+
+def texts(page):
+    for _ in range(2):
+        page.until("studio.link.state.session.step.kind !== 'show' || !!document.querySelector('#next')")
+        if page.page.evaluate("studio.link.state.session.step.kind") == "show":
+            shown = page.page.evaluate("studio.link.state.session.step.text")
+            page.page.keyboard.press("Enter")
+            page.until(f"studio.link.state.session.step.text !== {json.dumps(shown)}")
+
+
+def test_a_study_of_27_trials_by_keyboard_survives_a_reload_and_a_kill(study, studio_at, look):
+    studio, study = study
+    page = look(studio)
+    begin(page)
+    texts(page)
+    trials(page, 3)
+    shown = page.page.locator(".participant").inner_text()
+    assert not any(word in shown for word in ("brush", "sponge", "towel")), "blind: no word of what comes"
+    page.page.reload()
+    page.until("globalThis.studio?.link?.page > 0 && !!document.querySelector('#next')")
+    if not page.page.evaluate("studio.link.controls"):
+        page.page.evaluate("studio.link.order('control', 'take')")
+        page.until("studio.link.controls")
+    page.page.evaluate(PRESENTS)
+    trials(page, 2)
+    assert len(answers(study)) == 5
+    studio.process.kill()
+    studio.process.wait()
+    again = studio_at()
+    again.folder.rmdir()
+    studio.folder.rename(again.folder)
+    second = look(again)
+    begin(second)
+    texts(second)
+    trials(second, 22)
+    second.until("studio.link.state.session.step.kind === 'done'")
+    kept = answers(StudyFolder(again.folder / "three"))
+    assert len(kept) == 27
+    assert {event["answer"] for event in kept} == {"sponge"}
+    assert second.wrong == []
+
+
+def test_a_pilot_is_seen_as_one_and_stored_apart_and_who_wants_to_stop_is_stopped(study, look):
+    studio, study = study
+    page = look(studio)
+    begin(page, pilot=True)
+    assert page.page.evaluate("document.body.classList.contains('pilot')")
+    assert "PILOT" in page.page.locator("#transport").inner_text()
+    texts(page)
+    trials(page, 1)
+    assert not (study.path / "sessions" / "sub-01.jsonl").exists()
+    assert len(answers(study, "pilot")) == 1
+    page.page.keyboard.press("Escape")
+    page.until("studio.link.state.session.step.kind === 'stopped'")
+    events = read_events(study.path / "pilot" / "sub-01.jsonl")
+    assert events[-1]["event"] == "stop"
+    assert next(event for event in events if event["event"] == "open")["pilot"] is True
+
+
+PLAYED = """
+name = "felt"
+title = "Felt or not"
+participants = 1
+seed = 1
+consent = "You will feel faint vibrations. You may stop at any time."
+cue = "It comes now."
+form = ["age", "tired"]
+noise = { level_dbfs = -20 }
+
+[[questions]]
+name = "age"
+kind = "text"
+text = "How old are you?"
+
+[[questions]]
+name = "tired"
+kind = "slider"
+text = "How tired are you?"
+low = 0
+high = 10
+low_label = "not at all"
+high_label = "very"
+
+[[questions]]
+name = "felt"
+kind = "yes-no"
+text = "Did you feel something?"
+
+[[stimuli]]
+name = "nothing"
+kind = "silence"
+
+[[stimuli]]
+name = "weak"
+source = "weak.drive.h5"
+share = 0.5
+
+[[blocks]]
+name = "one"
+stimuli = ["nothing", "weak"]
+questions = ["felt"]
+"""
+
+
+def drive_of(folder):
+    """A soft drive, and its digest, as a study is drawn with."""
+    record("virtual:towel", 0.2, path=folder / "towel.h5")
+    made = str(folder / "weak.drive.h5")
+    choices = (("method", "naive"), ("level", 0.01))
+    solve_take(SolveRequest(take=str(folder / "towel.h5"), drive=made, choices=choices), lambda *_: None)
+    (folder / "towel.h5").unlink()
+    return {"weak.drive.h5": hashlib.sha256((folder / "weak.drive.h5").read_bytes()).hexdigest()}
+
+
+def test_a_trial_plays_its_drive_by_the_studio_s_own_player(studio_at, look, tmp_path):
+    """Consent, a form, a drive and as long a silence, on emulated units; the form is no trial and no question twice."""
+    studio = studio_at("--device", "autd3:emulator")
+    study = StudyFolder.create(studio.folder / "felt", PLAYED, read_design(PLAYED), drives=drive_of)
+    page = look(studio)
+    page.until("studio.link.state.player.state === 'ready'", timeout=120)
+    page.go("#study")
+    page.until("!!document.querySelector('[data-participant=\"1\"]')")
+    assert "white noise at -20 dB" in page.page.locator("#main").inner_text()
+    page.page.get_by_label("Noise in the headphones").select_option("none")
+    page.page.locator('[data-participant="1"]').click()
+    page.until("!!studio.link.state.session || !!document.querySelector('#begins.bad')", timeout=60)
+    assert not page.page.locator("#begins").is_visible(), page.page.locator("#begins").inner_text()
+    page.go("#study/participant")
+    page.page.get_by_role("button", name="I have read this, and take part").click()
+    page.until("document.querySelector('#question')?.innerText.startsWith('How old')")
+    turn = page.page.evaluate("studio.link.state.session.step.turn")
+    page.page.get_by_label("How old are you?").fill("31")
+    page.page.keyboard.press("Tab")
+    page.page.keyboard.press("Enter")
+    page.until("document.querySelector('#question')?.innerText.startsWith('How tired')")
+    # Pressed twice, the first answer is none to the second question.
+    again = (
+        f"studio.link.order('study', 'answer', {{turn: {turn}, text: '7'}}).then(() => '', (wrong) => wrong.message)"
+    )
+    assert "moved on" in page.page.evaluate(again)
+    assert page.page.locator("#next").is_disabled()
+    page.page.get_by_label("How tired are you?").focus()
+    page.page.keyboard.press("ArrowRight")
+    page.page.locator("#next").click()
+    for _ in range(2):
+        page.until("studio.link.state.session.step.kind === 'present' && !studio.link.state.session.busy")
+        page.page.keyboard.press("Enter")
+        page.until("document.querySelector('.participant').innerText.startsWith('It comes now.')")
+        page.until("studio.link.state.session.step.kind === 'ask'", timeout=60)
+        page.page.keyboard.press("1")
+        page.until("studio.link.state.session.step.kind !== 'ask'")
+    page.until("studio.link.state.session.step.kind === 'done'")
+    events = read_events(study.path / "sessions" / "sub-01.jsonl")
+    form = {event["question"]: event["answer"] for event in events if event["event"] == "form"}
+    assert form == {"age": "31", "tired": "5.1"}
+    opened = next(event for event in events if event["event"] == "open")
+    assert (opened["array"], opened["noise_dbfs"], opened["simulated"]) == ("autd3:emulator", None, True)
+    assert [event["event"] for event in events].count("presented") == 2
+    lines = (tmp_path / "state" / "played.jsonl").read_text(encoding="utf-8").splitlines()
+    [order] = [line for line in map(json.loads, lines) if line["event"] == "play"]
+    assert order["exposure"] == "kept"
+    assert page.wrong == []
+
+
+def test_taps_tell_which_channel_is_which_cell_and_a_response_is_shown(studio_at, look):
+    page = look(studio_at())
+    page.until("studio.link.state.takes?.length > 0", timeout=120)
+    page.go("#calibrate")
+    page.until("!!studio.room?.known")
+    assert "no dead channels" in page.page.locator(".card").inner_text()
+    page.page.locator("#tap").click()
+    page.until("studio.link.state.taps?.state === 'done'", timeout=90)
+    assert page.page.evaluate("studio.link.state.taps.channel") == list(range(16))
+    assert "Every channel is in its place" in page.page.locator(".left").inner_text()
+    assert page.wrong == []
+
+
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+def test_everybody_can_use_every_room(studio_at, look, scheme):
+    """No serious finding of axe; nothing empty; SIMULATED is to be seen; nothing is cut off at the side."""
+    page = look(studio_at(), color_scheme=scheme, reduced_motion="reduce")
+    page.until("!!studio.room?.played && studio.room.take.played.last > 0", timeout=120)
+    assert not page.page.evaluate("studio.room.transport.playing"), "reduced motion begins paused"
+    serious = {}
+    for room in ROOMS:
+        page.go(f"#{room}")
+        page.until(f"studio.name === '{room}' && document.querySelector('main').innerText.length > 40")
+        page.page.wait_for_timeout(400)
+        assert page.page.locator("#simulated").is_visible()
+        assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth"), room
+        found = Axe().run(page.page).response["violations"]
+        wrong = [
+            (each["id"], each["nodes"][0]["html"][:120]) for each in found if each["impact"] in ("serious", "critical")
+        ]
+        if wrong:
+            serious[room] = wrong
+    assert serious == {}
+    page.page.set_viewport_size({"width": 640, "height": 400})
+    page.go("#reproduce")
+    page.until("studio.name === 'reproduce'")
+    assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth + 1"), "200 % of 1280 pixels"
+    assert page.wrong == []
+
+
+def test_an_address_that_was_typed_is_not_taken_back(studio_at, look):
+    """A room tells its time in the address as often as it draws, also in the instant in which another is asked for."""
+    page = look(studio_at())
+    page.until("!!studio.room?.take")
+    page.page.evaluate("location.hash = '#record'; studio.here('sample:towel', 0.5)")
+    page.until("studio.name === 'record'", timeout=20)
+
+
+def test_reproduce_by_tab_and_arrows(studio_at, look):
+    page = look(studio_at(), reduced_motion="reduce")
+    page.until("!!studio.room?.played && studio.room.take.played.last > 0", timeout=120)
+    names = []
+    for _ in range(60):
+        page.page.keyboard.press("Tab")
+        names.append(
+            page.page.evaluate(
+                "document.activeElement.getAttribute('aria-label') ?? document.activeElement.innerText ?? ''"
+            )
+        )
+        if names[-1].startswith("The whole take"):
+            break
+    for wanted in ("STOP", "Solve", "Wanted sound", "Played sound", "Cells"):
+        assert any(wanted in name for name in names), (wanted, names)
+    before = page.page.evaluate("studio.room.transport.frame")
+    page.page.keyboard.press("ArrowRight")
+    assert page.page.evaluate("studio.room.transport.frame") == before + 1
+    page.page.get_by_label("Wanted sound").focus()
+    page.page.keyboard.press("ArrowRight")
+    page.until(
+        "[...document.querySelectorAll('#box-wanted .view-said')].some(each => each.textContent.includes('Pa at'))"
+    )

@@ -1,0 +1,170 @@
+import asyncio
+
+import pytest
+
+from midair.studio.request_guard import LoginTokens, RequestGuard
+
+PORT = 8123
+OURS = f"http://127.0.0.1:{PORT}"
+
+
+class Clock:
+    now = 0.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def keys():
+    return LoginTokens(port=PORT, clock=Clock())
+
+
+async def inner(scope, receive, send):
+    await send({"type": "http.response.start", "status": 200, "headers": []})
+    await send({"type": "http.response.body", "body": b"inside"})
+
+
+def asked(keys, *, path="/", method="GET", kind="http", query="", **headers):
+    """Status, headers and body of an answer; headers with _ for -, a list for the same one twice."""
+    raw = [(b"host", f"127.0.0.1:{PORT}".encode())] if "host" not in headers else []
+    for name, values in headers.items():
+        each = values if isinstance(values, list) else [values]
+        raw += [(name.replace("_", "-").encode(), value.encode()) for value in each]
+    scope = {"type": kind, "path": path, "method": method, "query_string": query.encode(), "headers": raw}
+    if kind == "websocket":
+        del scope["method"]
+    sent = []
+
+    async def send(message):
+        sent.append(message)
+
+    asyncio.run(RequestGuard(inner, keys, stop_port=999)(scope, None, send))
+    if kind == "websocket" and sent[0]["type"] == "websocket.close":
+        return 403, {}, b""
+    return sent[0]["status"], dict(sent[0]["headers"]), sent[1]["body"]
+
+
+def cookie(keys):
+    return f"{keys.cookie}={keys.session}"
+
+
+def test_our_own_page_is_let_in(keys):
+    status, headers, body = asked(keys, cookie=cookie(keys))
+    assert (status, body) == (200, b"inside")
+    policy = headers[b"content-security-policy"].decode()
+    assert "default-src 'none'" in policy
+    assert "script-src 'self'" in policy
+    assert "unsafe" not in policy
+    assert "connect-src 'self' http://127.0.0.1:999;" in policy
+    assert headers[b"x-content-type-options"] == b"nosniff"
+
+
+@pytest.mark.parametrize("name", ["127.0.0.1", "localhost", "[::1]"])
+def test_this_computer_has_three_names(keys, name):
+    assert asked(keys, host=f"{name}:{PORT}", cookie=cookie(keys))[0] == 200
+
+
+REFUSED = {
+    "a foreign host": {"host": "evil.example:8123"},
+    "our address, another port": {"host": "127.0.0.1:80"},
+    "no port": {"host": "127.0.0.1"},
+    "a host that only begins like ours": {"host": "127.0.0.1.evil.example:8123"},
+    "two hosts": {"host": [f"127.0.0.1:{PORT}", "evil.example"]},
+    "no host": {"host": []},
+    "a foreign origin": {"origin": "http://evil.example"},
+    "an origin of another port": {"origin": "http://127.0.0.1:9999"},
+    "an origin of a file": {"origin": "null"},
+    "another site": {"sec_fetch_site": "cross-site"},
+    "another port of this computer": {"sec_fetch_site": "same-site"},
+    "a post without origin": {"method": "POST"},
+    "a post from elsewhere": {"method": "POST", "origin": "http://evil.example"},
+    "a put from elsewhere": {"method": "PUT", "origin": "http://evil.example"},
+    "a socket without origin": {"kind": "websocket"},
+    "a socket from elsewhere": {"kind": "websocket", "origin": "http://evil.example"},
+    "a socket of another port": {"kind": "websocket", "origin": "http://127.0.0.1:1"},
+    "a socket by TLS": {"kind": "websocket", "origin": f"https://127.0.0.1:{PORT}"},
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_not_our_page_gets_403_even_with_the_cookie(keys, case):
+    assert asked(keys, cookie=cookie(keys), **REFUSED[case])[0] == 403
+
+
+@pytest.mark.parametrize("given", ["", "midair-8123=", "midair-8123=wrong", "midair-8124={}", "session={}", "a=b; =;;"])
+def test_without_the_right_cookie_nothing_is_given(keys, given):
+    headers = {"cookie": given.format(keys.session)} if given else {}
+    status, _, body = asked(keys, **headers)
+    assert status == 403
+    assert b"open the link" in body
+    assert asked(keys, kind="websocket", origin=OURS, **headers)[0] == 403
+
+
+def test_a_post_and_a_socket_of_our_own_are_let_in(keys):
+    assert asked(keys, method="POST", origin=OURS, cookie=cookie(keys))[0] == 200
+    assert asked(keys, kind="websocket", origin=OURS, cookie=cookie(keys), sec_fetch_site="same-origin")[0] == 200
+
+
+def test_the_link_works_once_and_gives_a_cookie_that_no_script_reads(keys):
+    link = keys.link()
+    assert link.startswith(f"http://127.0.0.1:{PORT}/enter?key=")
+    query = link.partition("?")[2]
+    status, headers, _ = asked(keys, path="/enter", query=query, sec_fetch_site="cross-site")
+    assert status == 200
+    said = headers[b"set-cookie"].decode()
+    assert said == f"{keys.cookie}={keys.session}; Path=/; HttpOnly; SameSite=Strict"
+    assert asked(keys, path="/enter", query=query)[0] == 403
+
+
+def test_the_link_works_for_five_minutes(keys):
+    query = keys.link().partition("?")[2]
+    keys.clock.now = 301
+    assert asked(keys, path="/enter", query=query)[0] == 403
+
+
+@pytest.mark.parametrize("query", ["", "key=", "key=wrong", "key=a&key=b"])
+def test_no_other_key_opens(keys, query):
+    keys.link()
+    assert asked(keys, path="/enter", query=query)[0] == 403
+
+
+def test_a_key_is_not_used_up_by_a_wrong_one_or_by_a_foreign_host(keys):
+    query = keys.link().partition("?")[2]
+    asked(keys, path="/enter", query="key=wrong")
+    asked(keys, path="/enter", query=query, host="evil.example")
+    assert asked(keys, path="/enter", query=query)[0] == 200
+
+
+def test_what_answers_may_narrow_the_policy_of_its_page(keys):
+    async def report(scope, receive, send):
+        headers = [(b"content-security-policy", b"sandbox")]
+        await send({"type": "http.response.start", "status": 200, "headers": headers})
+
+    sent = []
+
+    async def send(message):
+        sent.append(message)
+
+    scope = {
+        "type": "http",
+        "path": "/",
+        "method": "GET",
+        "query_string": b"",
+        "headers": [(b"host", f"127.0.0.1:{PORT}".encode()), (b"cookie", cookie(keys).encode())],
+    }
+    asyncio.run(RequestGuard(report, keys)(scope, None, send))
+    policies = [value for name, value in sent[0]["headers"] if name == b"content-security-policy"]
+    assert policies == [b"sandbox"]
+
+
+def test_a_used_link_leads_who_is_known_back_in_and_nobody_else(keys):
+    key = keys.link().partition("?")[2]
+    assert asked(keys, path="/enter", query=key)[0] == 200
+    status, headers, body = asked(keys, path="/enter", query=key, cookie=cookie(keys))
+    assert status == 200
+    assert b"url=/" in body
+    assert b"set-cookie" not in headers
+    assert asked(keys, path="/enter", query=key)[0] == 403
+    assert asked(keys, path="/enter", query=key, cookie=f"{keys.cookie}=guessed")[0] == 403
+    assert asked(keys, path="/enter", query=key, cookie=cookie(keys), origin="http://evil.example")[0] == 403

@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+
+from midair.datasets import stroke
+from midair.errors import InputError
+from midair.files import open_take, save, save_solution
+from midair.model import ControlGrid, Provenance, Recording, TransducerArray
+from midair.physics import propagate
+from midair.pipeline import calibrated_pressure, lead_of, reproduce
+from midair.settings import MODES, Settings
+from midair.studio.take_data import TakeData, facts, frames_of, made_with, told_settings
+from midair.targets import led_in
+from midair.view import Kind, unpack
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """A short stroke, solved with a lead, so that frames of take and drive do not have the same numbers."""
+    folder = tmp_path_factory.mktemp("scene")
+    touch = stroke("towel", rate=1000.0, duration=0.05)
+    recording = Recording(
+        samples=touch.pressure, rate=1000.0, sensor=touch.sensor, unit="Pa", provenance=Provenance(source="stroke")
+    )
+    save(recording, folder / "take.h5")
+    settings = Settings().but(method="naive", mapping="slow-bias", level="auto")
+    take = open_take(folder / "take.h5")
+    pressure = led_in(calibrated_pressure(take.recording, take.calibration, settings), lead_of(settings))
+    made = reproduce(pressure, TransducerArray.autd3(columns=1, rows=1), settings)
+    save_solution(made.solution, folder / "take.drive.h5", target=made.target)
+    return TakeData(take=str(folder / "take.h5"), drive=str(folder / "take.drive.h5"), stamp="1"), made, recording
+
+
+def stream(scene, name):
+    [section] = unpack(frames_of((scene, name, 0)))
+    return section, section.values * section.unit
+
+
+def test_samples_are_those_of_the_file_around_rest(scene):
+    scene, _, recording = scene
+    section, values = stream(scene, "samples")
+    rows = recording.samples.reshape(len(recording.samples), -1)
+    assert section.first == 0
+    assert np.abs(values - (rows - np.median(rows, axis=0))).max() <= section.unit
+
+
+def test_wanted_and_played_stand_beside_the_frames_that_they_are_of(scene):
+    scene, made, recording = scene
+    lead = round(lead_of(made_settings := Settings.of(made.solution.drive.provenance)) * 1000)
+    assert lead > 0
+    assert made_settings.target.mapping == "slow-bias"
+    section, wanted = stream(scene, "wanted")
+    assert section.kind == Kind.FIELD
+    assert len(wanted) == recording.frames
+    assert np.abs(wanted - made.target.amplitude[lead : lead + len(wanted)]).max() <= section.unit
+    section, played = stream(scene, "played")
+    field = played[:, ::2] + 1j * played[:, 1::2]
+    drive = made.solution.drive
+    exact = propagate(drive, made.target.grid, acoustics=drive.acoustics)[lead : lead + len(field)]
+    assert np.abs(field - exact).max() <= 2 * section.unit + 1e-3 * np.abs(exact).max()
+
+
+def test_phases_are_those_of_the_drive_in_the_units_steps(scene):
+    scene, made, recording = scene
+    section, phases = stream(scene, "phases")
+    lead = (made.solution.drive.frames - recording.frames) // 2
+    turned = phases - made.solution.drive.phase[lead : lead + len(phases)]
+    assert np.abs(np.angle(np.exp(1j * turned))).max() <= np.pi / 256 + 1e-6
+    assert section.values.dtype == np.uint8
+
+
+def test_facts_say_what_the_page_needs(scene):
+    scene, _, recording = scene
+    said = facts(scene)
+    assert (said["frames"], said["rate_hz"], said["unit"]) == (recording.frames, 1000.0, "Pa")
+    assert said["drive"]["transducers"] == 249
+    assert len(said["drive"]["error"]) == recording.frames
+    assert len(said["drive"]["down"]) == 64 * 16
+    assert said["drive"]["settings"]["mapping"] == "slow-bias"
+
+
+@pytest.mark.parametrize(
+    ("settings", "options"),
+    [
+        (MODES["best"](), "--mode best"),
+        (MODES["paper"]().but(method="live", level="auto"), "--mode paper --method live --level auto"),
+        (MODES["quick"]().but(gain=1.5, decouple=False), "--mode quick --gain 1.5 --no-decouple"),
+        (MODES["best"]().but(guard=None, rate=2000.0), "--mode best --rate 2000Hz --guard 0mm"),
+        (MODES["paper"]().but(grid=ControlGrid(height=0.18)), "--mode paper --height 180mm"),
+        (MODES["paper"]().but(ramp=0.001), ""),
+    ],
+)
+def test_settings_are_told_as_the_options_and_the_python_that_give_them(settings, options):
+    told = told_settings(settings)
+    assert told["options"] == options
+    assert eval(told["python"], {"MODES": MODES, "Settings": Settings}) == settings
+    assert f"{settings.solver.name}, {settings.target.rate:g} Hz" in told["line"]
+
+
+def test_what_a_drive_was_made_with_is_told_in_a_line(scene, tmp_path):
+    scene, *_ = scene
+    assert made_with(scene.drive) == "made with paper, naive, 1000 Hz, mapping slow-bias, level auto"
+    (tmp_path / "a.drive.h5").write_bytes(b"no drive")
+    assert made_with(str(tmp_path / "a.drive.h5")) == "a file that cannot be read"
+
+
+def test_before_it_is_solved_a_take_shows_what_will_be_wanted(scene):
+    scene, _, recording = scene
+    bare = TakeData(take=scene.take, stamp="2")
+    _, wanted = stream(bare, "wanted")
+    assert wanted.shape == (recording.frames, 256)
+    assert facts(bare)["drive"] is None
+    with pytest.raises(InputError, match="solve it first"):
+        frames_of((bare, "played", 0))
+    with pytest.raises(InputError, match="compare it first"):
+        frames_of((bare, "again", 0))
+    assert frames_of((bare, "samples", 5)) == b""

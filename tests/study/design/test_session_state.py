@@ -1,0 +1,45 @@
+"""A log that somebody edited, or a disk spoilt, is one line and never half a session."""
+
+import pytest
+
+from midair.errors import BrokenFileError
+from midair.study.design.answers import answers_table
+from midair.study.design.plan import draw_plan
+from midair.study.design.session_state import replay
+from midair.study.folder import paper_design_text, read_design
+
+PLAN = draw_plan(read_design(paper_design_text(), participants=1))
+TRIAL = PLAN.of(1)[0]
+OPEN = {"event": "open", "plan": PLAN.digest, "participant": 1, "simulated": True}
+ANSWER = {
+    **{"event": "answer", "trial": TRIAL.code, "question": TRIAL.questions[0]},
+    **{"answer": "brush", "reaction_s": 0.5, "time": "2026-11-22T00:00:00+00:00"},
+}
+
+
+def test_a_sound_log_is_a_table_of_answers():
+    assert answers_table(PLAN, [replay([OPEN, ANSWER], PLAN, 1)])["answer"].tolist() == ["brush"]
+
+
+@pytest.mark.parametrize(
+    ("event", "why"),
+    [
+        *(
+            ({key: value for key, value in ANSWER.items() if key != gone}, f"nothing of '{gone}'")
+            for gone in list(ANSWER)[1:]
+        ),
+        ({**ANSWER, "trial": ["a"]}, r"trial is \"\['a'\]\""),
+        ({**ANSWER, "answer": None}, "answer is 'None'"),
+        ({**ANSWER, "reaction_s": "n/a"}, "reaction_s is 'n/a'"),
+        ({**ANSWER, "reaction_s": True}, "reaction_s is 'True'"),
+        ({"event": "resume"}, "nothing of 'redo'"),
+        ({"event": "resume", "redo": 3}, "not iterable"),
+        ({"event": "resume", "redo": [{}]}, "unhashable"),
+        ({"event": "present", "trial": {}, "stimulus": "x"}, "trial is '{}'"),
+        ({"event": "open", "plan": PLAN.digest}, "nothing of 'participant'"),
+    ],
+)
+def test_a_damaged_event_is_one_line(event, why):
+    with pytest.raises(BrokenFileError, match=why) as told:
+        replay([OPEN, event], PLAN, 1)
+    assert str(told.value).startswith("log: expected the events of participant 1, got a damaged one")

@@ -1,0 +1,202 @@
+"""Reels read as the arrays that they stand for, a stretch at a time."""
+
+import numpy as np
+import pytest
+
+from midair.errors import InputError, NonFiniteError, ShapeError
+from midair.lazy_frames import (
+    BYTES,
+    LazyFrames,
+    Moments,
+    block_ranges,
+    blocks,
+    cached_blocks,
+    concatenate_lazy,
+    each_frame,
+    from_iterator,
+    moments,
+    with_cache,
+)
+from midair.model import Recording, SensorGrid
+from midair.validation import check_finite, frozen_array
+
+X = np.random.default_rng(0).standard_normal((1000, 2, 3)).cumsum(axis=0) + 40
+
+
+def reel_of(x, asked=None, **kept):
+    def read(first, last):
+        if asked is not None:
+            asked.append((first, last))
+        return x[first:last]
+
+    return LazyFrames(read, x.shape, **kept)
+
+
+def test_a_reel_reads_as_its_array():
+    reel = reel_of(X)
+    assert (len(reel), reel.shape, reel.ndim, reel.size, reel.nbytes, reel.dtype) == (
+        1000,
+        (1000, 2, 3),
+        3,
+        6000,
+        48000,
+        "f8",
+    )
+    np.testing.assert_array_equal(reel, X)
+    np.testing.assert_array_equal(reel[-1], X[-1])
+    np.testing.assert_array_equal(reel[:, 1, 2], X[:, 1, 2])
+    assert (reel.min(), reel.max()) == (X.min(), X.max())
+    np.testing.assert_array_equal(reel.max(axis=0), X.max(axis=0))
+    with pytest.raises(IndexError):
+        reel[1000]
+    assert repr(reel) == "<Reel 1000 x 2 x 3>"
+
+
+def test_a_slice_of_a_reel_is_a_reel_that_has_read_nothing():
+    asked = []
+    part = reel_of(X, asked, stored="f4")[100:400][50:-50]
+    assert isinstance(part, LazyFrames)
+    assert (asked, part.stored, len(part)) == ([], "f4", 200)
+    np.testing.assert_array_equal(part.read(10, 20), X[160:170])
+    assert asked == [(160, 170)]
+    assert len(reel_of(X)[700:100]) == 0
+    np.testing.assert_array_equal(np.asarray(reel_of(X)[::7]), X[::7])
+
+
+@pytest.mark.parametrize("x", [X, reel_of(X)], ids=["array", "reel"])
+def test_blocks_are_all_frames_in_order(x):
+    parts = list(blocks(x, 300))
+    assert [len(part) for part in parts] == [300, 300, 300, 100]
+    np.testing.assert_array_equal(np.concatenate(parts), X)
+
+
+def test_a_block_is_about_eight_megabytes_and_one_frame_at_least():
+    assert next(block_ranges((10**9, 4, 4))) == (0, BYTES // 128)
+    assert list(block_ranges((2, 10**8))) == [(0, 1), (1, 2)]
+
+
+@pytest.mark.parametrize("size", [1, 7, 1000])
+def test_moments_are_numpys(size, monkeypatch):
+    monkeypatch.setattr("midair.lazy_frames.BYTES", 8 * 6 * size)
+    found = Moments.of(reel_of(X))
+    np.testing.assert_array_equal(found.least, X.min(axis=0))
+    np.testing.assert_array_equal(found.greatest, X.max(axis=0))
+    np.testing.assert_allclose(found.mean, X.mean(axis=0), rtol=1e-13)
+    np.testing.assert_allclose(found.spread, X.std(axis=0), rtol=1e-11)
+    np.testing.assert_allclose(found.step, np.sqrt(np.square(np.diff(X, axis=0)).mean(axis=0)), rtol=1e-12)
+    np.testing.assert_array_equal((found.first, found.last), (X[0], X[-1]))
+    assert found.largest == np.abs(X).max()
+
+
+def test_moments_of_a_reel_take_one_pass():
+    asked = []
+    reel = reel_of(X, asked)
+    assert moments(reel) is moments(reel)
+    assert asked == [(0, 1000)]
+
+
+def test_each_frame_maps_arrays_and_reels_alike():
+    def doubled(block):
+        return 2 * block.reshape(len(block), -1)
+
+    np.testing.assert_array_equal(np.asarray(each_frame(reel_of(X), doubled)), each_frame(X, doubled))
+    assert each_frame(reel_of(X, stored="f4"), doubled).stored == "f8"
+    assert each_frame(reel_of(X, stored="f4"), doubled, exact=True).stored == "f4"
+
+
+def test_segments_lie_where_they_lie_and_the_last_ones_are_kept():
+    made = []
+
+    def make(first, last):
+        made.append((first, last))
+        return X[first:last]
+
+    reel = cached_blocks(make, X.shape, size=300, kept=2)
+    np.testing.assert_array_equal(reel.read(250, 650), X[250:650])
+    np.testing.assert_array_equal(reel.read(640, 900), X[640:900])
+    assert made == [(0, 300), (300, 600), (600, 900)]
+    np.testing.assert_array_equal(reel.read(0, 10), X[:10])
+    assert made[-1] == (0, 300)
+    assert reel.read(5, 5).shape == (0, 2, 3)
+    np.testing.assert_array_equal(np.asarray(reel), X)
+
+
+def test_nouns_hold_reels_and_look_at_their_shape():
+    reel = reel_of(X)
+    assert Recording(samples=reel, rate=10, sensor=SensorGrid(rows=2, columns=3)).samples is reel
+    assert frozen_array(reel, "x", ("frame", 2, 3)) is reel
+    with pytest.raises(ShapeError, match="axes"):
+        frozen_array(reel, "x", ("frame", 3, 3))
+
+
+def test_a_number_that_is_none_is_named_by_its_place_in_the_whole():
+    with pytest.raises(NonFiniteError, match=r"samples.*nan at \(102, 1\)"):
+        check_finite(np.array([[0, 0], [0, 0], [0, np.nan]]), "samples", frame=100)
+
+
+def test_some_frames_are_read_each_with_those_that_follow_it():
+    asked = []
+    some = np.array([5, 6, 7, 900, 3, 4, 4, -2, -1])
+    np.testing.assert_array_equal(reel_of(X, asked)[some], X[some])
+    assert asked == [(5, 8), (900, 901), (3, 5), (4, 5), (998, 1000)]
+    chosen = X[:, 0, 0] > 40
+    np.testing.assert_array_equal(reel_of(X)[chosen], X[chosen])
+    assert reel_of(X)[np.zeros(0, int)].shape == (0, 2, 3)
+
+
+def test_some_frames_are_read_a_block_at_a_time(monkeypatch):
+    monkeypatch.setattr("midair.lazy_frames.BYTES", 8 * 6 * 400)
+    asked = []
+    np.testing.assert_array_equal(reel_of(X, asked)[np.arange(1000)], X)
+    assert asked == [(0, 400), (400, 800), (800, 1000)]
+
+
+def test_parts_that_come_once_are_read_in_their_order():
+    reel = from_iterator(iter([X[:300], X[300:310], X[310:]]), X.shape)
+    np.testing.assert_array_equal(reel.read(0, 305), X[:305])
+    with pytest.raises(InputError, match="frame 305 to be read next, got frame 0"):
+        reel.read(0, 10)
+    np.testing.assert_array_equal(reel.read(305, 1000), X[305:])
+
+
+def test_single_frames_do_not_keep_the_segments_that_they_lie_in():
+    made = []
+
+    def make(first, last):
+        made.append(np.full((last - first, 3), float(first)))
+        return made[-1]
+
+    reel = cached_blocks(make, (1000, 3), size=100, kept=1)
+    some = reel[np.array([5, 250, 999])]
+    np.testing.assert_array_equal(some[:, 0], [0.0, 200.0, 900.0])
+    assert some.base is None
+    assert not any(np.shares_memory(some, each) for each in made)
+
+
+def test_zeros_follow_as_far_as_is_asked_for():
+    x = np.arange(12.0).reshape(6, 2)
+    reel = LazyFrames(lambda a, b: x[a:b], x.shape)
+    np.testing.assert_array_equal(reel.followed(9), np.concatenate([x, np.zeros((3, 2))]))
+    np.testing.assert_array_equal(reel.followed(9).read(7, 9), np.zeros((2, 2)))
+    assert len(reel.followed(3)) == 6
+
+
+def test_one_after_another_is_a_reel_where_one_is():
+    parts = [X[:300], reel_of(X[300:310]), reel_of(X[310:])]
+    whole = concatenate_lazy(parts)
+    np.testing.assert_array_equal(whole, X)
+    np.testing.assert_array_equal(whole.read(299, 311), X[299:311])
+    assert len(whole.read(310, 310)) == 0
+    assert isinstance(concatenate_lazy([X, X]), np.ndarray)
+    assert concatenate_lazy([reel_of(X, stored="f4"), reel_of(X)]).stored == "f8"
+    assert concatenate_lazy([reel_of(X, stored="f4")] * 2).stored == "f4"
+
+
+def test_short_stretches_one_after_another_are_read_once(monkeypatch):
+    monkeypatch.setattr("midair.lazy_frames.BYTES", 48 * 100)
+    asked = []
+    reel = with_cache(reel_of(X, asked))
+    for first in range(0, 950, 10):
+        np.testing.assert_array_equal(reel.read(first, first + 50), X[first : first + 50])
+    assert asked == [(first, first + 100) for first in range(0, 1000, 100)]
+    assert with_cache(X) is X

@@ -1,0 +1,159 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from midair.errors import InputError, RateError
+from midair.model import ControlGrid, PressureFrames, Provenance, Recording, TransducerArray
+from midair.physics import Transducers, focus_amplitude
+from midair.pipeline import at_rate, calibrated_pressure, reproduce, reproduce_stream, target_amplitude
+from midair.settings import Settings
+from midair.targets import Circle
+
+SMALL = TransducerArray.autd3(columns=1, rows=1)
+
+
+def recording(frequency=100.0, rate=1000.0):
+    time = np.arange(500) / rate
+    samples = np.zeros((500, 4, 4))
+    samples[:, 1, 2] = 30 * np.sin(2 * np.pi * frequency * time)
+    return Recording(samples=samples, rate=rate, unit="Pa", provenance=Provenance(source="test"))
+
+
+def test_the_pages_of_the_paper_in_order():
+    settings = Settings().but(iterations=3)
+    pressure = calibrated_pressure(recording(), None, settings).cut(0.1, 0.02)
+    made = reproduce(pressure, SMALL, settings)
+    stages = [step.stage for step in made.solution.drive.provenance.steps]
+    assert stages == ["calibrate", "cut", "settings", "prepare", "solve"]
+    assert made.target.frames == made.solution.drive.frames == 20
+    assert made.strength() == pytest.approx(made.target.amplitude.max() / focus_amplitude(ControlGrid(), SMALL))
+
+
+def test_another_rate_keeps_the_wave():
+    pressure = at_rate(calibrated_pressure(recording(), None, Settings()), 2000.0)
+    assert pressure.rate == 2000
+    assert pressure.frames == 1000
+    middle = pressure.pressure[300:700, 1, 2]
+    time = np.arange(300, 700) / 2000
+    np.testing.assert_allclose(middle, 30 * np.sin(2 * np.pi * 100 * time), atol=0.4)
+    assert pressure.provenance.steps[-1].stage == "resample"
+
+
+def test_the_same_rate_is_left_alone():
+    pressure = PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0)
+    assert at_rate(pressure, 1000.0) is pressure
+
+
+def test_progress_reaches_the_end():
+    seen = []
+    pressure = calibrated_pressure(recording(), None, Settings()).cut(0.1, 0.01)
+    reproduce(pressure, SMALL, Settings().but(iterations=1), progress=lambda done, total: seen.append((done, total)))
+    assert seen[-1] == (10, 10)
+
+
+def played(**settings):
+    """The steps that a reproduction at 4 kHz has gone through."""
+    chosen = Settings().but(iterations=1, rate=4000.0, grid=ControlGrid(rows=6, columns=6, pitch=11e-3), **settings)
+    pressure = calibrated_pressure(recording(), None, chosen).cut(0.1, 0.01)
+    made = reproduce(pressure, SMALL, chosen)
+    assert made.target.frames == made.solution.drive.frames == 40
+    assert made.solution.drive.rate == 4000
+    return made.solution.drive.provenance.steps
+
+
+def test_each_choice_adds_its_step_in_its_place():
+    steps = played(mapping="slow-bias", decouple=True, precompensate=True, circle=Circle())
+    assert [step.stage for step in steps] == [
+        "calibrate", "resample", "cut", "settings", "decouple", "prepare", "precompensate sound", "solve",
+    ]  # fmt: skip
+    prepared = steps[5].settings
+    assert prepared["mapping"] == "slow-bias"
+    assert "not validated on people" in str(prepared["motion"])
+
+
+def test_pressure_is_compensated_before_it_is_mapped():
+    stages = [step.stage for step in played(precompensate=True, compensate="pressure")]
+    assert stages == ["calibrate", "resample", "cut", "settings", "precompensate", "prepare", "solve"]
+
+
+def test_with_a_slow_bias_sound_stays_positive_where_pressure_was_compensated():
+    chosen = Settings().but(mapping="slow-bias", precompensate=True, compensate="pressure", decouple=True)
+    pressure = calibrated_pressure(recording(), None, chosen)
+    target = target_amplitude(pressure, chosen).amplitude[100:-100]
+    peaks = target.max(axis=0)
+    assert target.min() >= 0
+    # nothing is cut: sound vanishes at the troughs only, a few frames of 300 that reach 3 % of the peak
+    assert (target[:, peaks > 0.1 * peaks.max()] < 0.03 * peaks.max()).mean() < 0.1
+
+
+@pytest.mark.parametrize("rate", [1000.0, 2000.0, 4000.0, 8000.0])
+def test_every_rate_that_divides_the_ultrasound_is_solved(rate):
+    pressure = at_rate(calibrated_pressure(recording(), None, Settings()), rate).cut(0.1, 0.002)
+    made = reproduce(pressure, SMALL, Settings().but(iterations=1, rate=rate))
+    assert made.solution.drive.frames == round(0.002 * rate)
+
+
+def test_a_rate_that_no_array_takes_is_refused_before_anything_is_solved():
+    pressure = PressureFrames(pressure=np.ones((3, 4, 4)), rate=3000.0)
+    with pytest.raises(RateError, match=r"frame rate: expected 40000 Hz over a whole number, got 3000 Hz"):
+        reproduce(pressure, SMALL, Settings().but(rate=3000.0))
+
+
+def test_an_unknown_place_of_compensation_is_refused():
+    with pytest.raises(InputError, match="compensate: expected sound or pressure"):
+        target_amplitude(PressureFrames(pressure=np.ones((3, 4, 4)), rate=1000.0), Settings().but(compensate="field"))
+
+
+@pytest.mark.parametrize("way", [reproduce, reproduce_stream])
+def test_what_does_not_fit_into_memory_is_refused_before_it_is_made(monkeypatch, way):
+    monkeypatch.setattr("midair.ram.available", lambda: 50_000_000)
+    settings = Settings().but(grid=ControlGrid(rows=64, columns=64))
+    pressure = calibrated_pressure(recording(), None, settings).cut(0.1, 0.02)
+    monkeypatch.setattr(
+        "midair.solvers.planning.normalised_setup.transfer_matrix", None
+    )  # which would be called, and is nothing
+    with pytest.raises(InputError, match=r"0\.05 GB that are free, got 15936 transducers x 4096 points, .* GB; ask"):
+        way(pressure, TransducerArray.autd3(columns=8, rows=8), settings)
+
+
+@pytest.mark.parametrize("mapping", ["half-wave", "slow-bias"])
+def test_a_stated_strength_takes_the_place_of_the_gain(mapping):
+    chosen = Settings().but(iterations=1, mapping=mapping, precompensate=True, strength=0.3, gain=7.0)
+    pressure = calibrated_pressure(recording(), None, chosen).cut(0.1, 0.02)
+    made = reproduce(pressure, SMALL, chosen)
+    assert made.strength() == pytest.approx(0.3)
+    assert reproduce(pressure, SMALL, chosen.but(gain=1.0)).strength() == pytest.approx(0.3)
+    known = Settings.of(made.solution.drive.provenance).target
+    assert known.strength == 0.3
+    again = Settings().but(iterations=1, mapping=mapping, precompensate=True, gain=known.gain)
+    assert reproduce(pressure, SMALL, again).strength() == pytest.approx(0.3)
+
+
+def test_a_strength_that_makes_no_sense_is_refused():
+    for wrong in (0.0, -0.1, 11.0):
+        with pytest.raises(InputError, match="strength: expected above 0"):
+            Settings().but(strength=wrong)
+    silent = PressureFrames(pressure=np.zeros((30, 4, 4)), rate=1000.0)
+    with pytest.raises(InputError, match="got silence"):
+        reproduce(silent, SMALL, Settings().but(strength=0.1))
+
+
+def measured():
+    """A unit whose transducers were measured: each with a pole of its own."""
+    found = Transducers.varied(SMALL.count, seed=5, gain_spread=0.05, resonance_spread=50, quality_spread=0.05)
+    return replace(SMALL, response=found.response, pole=found.pole)
+
+
+@pytest.mark.parametrize(("mapping", "foreseen"), [("slow-bias", 1), ("half-wave", 0)])
+def test_what_a_measured_array_presses_is_foreseen_where_the_mapping_lifts(mapping, foreseen):
+    settings = Settings().but(
+        rate=2000.0, mapping=mapping, method="naive", grid=ControlGrid(rows=6, columns=6, pitch=11e-3)
+    )
+    pressure = at_rate(calibrated_pressure(recording(), None, settings).cut(0.1, 0.02), 2000.0)
+    made = reproduce(pressure, measured(), settings).solution.drive
+    plain = reproduce(pressure, replace(measured(), pole=np.zeros(0)), settings).solution.drive
+    assert [step.stage for step in made.provenance.steps].count("foresee the array") == foreseen
+    assert np.array_equal(made.phase, plain.phase) is not bool(foreseen)
+    _, parts = reproduce_stream(pressure, measured(), settings)
+    np.testing.assert_array_equal(np.concatenate([part.drive.phase for part in parts]), made.phase)

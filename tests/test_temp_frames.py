@@ -1,0 +1,48 @@
+"""Frames that wait on the disk come back as they were."""
+
+import tempfile
+
+import numpy as np
+import pytest
+
+from midair.errors import FileError
+from midair.temp_frames import TempChannels, TempFrames
+
+
+def test_what_is_appended_is_read_again_in_any_order():
+    x = np.random.default_rng(0).standard_normal((100, 3, 2))
+    with TempFrames(3, 2) as spool:
+        spool.append(x[:40])
+        np.testing.assert_array_equal(spool.read(10, 30), x[10:30])
+        spool.append(x[40:])
+        np.testing.assert_array_equal(spool.reel(), x)
+        np.testing.assert_array_equal(spool.reel().read(35, 45), x[35:45])
+
+
+def test_channels_and_frames_are_two_ways_to_read_the_same():
+    x = np.random.default_rng(1).standard_normal((100, 2, 3))
+    columns = TempChannels(100, 6).fill(x)
+    np.testing.assert_array_equal(columns.channel(4, 10, 90), x[10:90, 1, 1])
+    np.testing.assert_array_equal(columns.reel(2, 3), x)
+    columns.put(4, 20, np.ones(5))
+    np.testing.assert_array_equal(columns.reel(2, 3)[20:25][:, 1, 1], np.ones(5))
+
+
+@pytest.fixture
+def small():
+    """Files of at most a megabyte, by the limit of this process."""
+    resource = pytest.importorskip("resource")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, hard))
+    yield 2**20
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize("put", [lambda x: TempFrames(1).append(x), lambda x: TempChannels(len(x), 1).put(0, 0, x)])
+@pytest.mark.filterwarnings("error")
+def test_a_disk_that_takes_no_more_is_one_line_that_names_the_folder(put, small):
+    """It was "File too large", of no file that anybody could have named."""
+    put(np.zeros((small // 16, 1)))
+    with pytest.raises(FileError, match=r"frames that wait there .* File too large; .* set TMPDIR") as told:
+        put(np.zeros((small // 4, 1)))
+    assert str(told.value).startswith(f"{tempfile.gettempdir()}: ")
