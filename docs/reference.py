@@ -10,7 +10,7 @@ from pathlib import Path
 
 import midair
 
-CLOSED = {"__main__", "blas", "cli", "progress", "ram", "spool", "version", "validation"}
+CLOSED = {"__main__", "blas", "cli", "progress", "ram", "temp_frames", "version", "validation"}
 """Rooms that are nobody's but midair's own."""
 
 

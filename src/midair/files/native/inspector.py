@@ -204,15 +204,15 @@ def _limited(size: int) -> None:
 
 def main() -> None:
     """Answer for one file after the other until nobody asks any more."""
-    found = importlib.util.spec_from_file_location("unclosed", Path(__file__).with_name("unclosed.py"))
+    found = importlib.util.spec_from_file_location("hdf5_recovery", Path(__file__).with_name("hdf5_recovery.py"))
     if found is None or found.loader is None:
         return
-    unclosed = importlib.util.module_from_spec(found)
-    found.loader.exec_module(unclosed)
+    recovery = importlib.util.module_from_spec(found)
+    found.loader.exec_module(recovery)
     for line in sys.stdin:
         path = Path(json.loads(line))
         _limited(path.stat().st_size)
-        answer = refusal(path, unclosed.openable)
+        answer = refusal(path, recovery.openable)
         print(json.dumps(answer), flush=True)  # noqa: T201  # the answer
 
 
