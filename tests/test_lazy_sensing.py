@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midair import long_sensing
+from midair import lazy_sensing
 from midair.lazy_frames import LazyFrames
 from midair.lazy_sensing import sense_lazily
 from midair.physics import SensorModel, sense
@@ -12,7 +12,7 @@ MIXED = SensorModel(crosstalk=np.eye(16) + 0.05, saturation=2.0).with_spread(see
 @pytest.mark.parametrize("model", [SensorModel(), MIXED], ids=["alone", "mixed"])
 def test_a_reel_is_felt_as_an_array_is(model, monkeypatch):
     """To the last bit: the converter's steps are far above the rounding of sums."""
-    monkeypatch.setattr(long_sensing, "_FRAMES", 100)
+    monkeypatch.setattr(lazy_sensing, "_FRAMES", 100)
     pressure = 20 * np.random.default_rng(0).standard_normal((2 * 1237, 4, 4))
     wanted = sense(model, pressure, 1000.0, rng=np.random.default_rng(5), oversample=2)
     reel = LazyFrames(lambda a, b: pressure[a:b], pressure.shape)

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from midair.errors import DeviceStateError, FileError
-from midair.files import check_unclaimed, hold_open, holding, save
+from midair.files import check_unclaimed, file_locks, hold_open, save
 from midair.files.atomic import whole_file
 from midair.model import Recording
 
 HOLDER = """
 import os, sys
 from pathlib import Path
-from midair.files.file_locks import claim, hold
+from midair.files.file_locks import acquire_for_writing, hold_open
 file = os.open(sys.argv[2], os.O_RDWR)
-hold(file, "held") if sys.argv[1] == "hold" else claim(file, Path(sys.argv[2]))
+hold_open(file, "held") if sys.argv[1] == "hold" else acquire_for_writing(file, Path(sys.argv[2]))
 print("has it", flush=True)
 sys.stdin.read()
 """
@@ -59,7 +59,7 @@ def test_a_lock_that_fails_accuses_nobody(path):
 @pytest.mark.parametrize("way", ["places", "whole files"])
 def test_what_another_program_writes_is_neither_replaced_nor_locked_for_readers(way, path, monkeypatch):
     if way == "whole files":  # as on systems without locks that belong to an open file
-        monkeypatch.setattr(holding, "fcntl", without_places())
+        monkeypatch.setattr(file_locks, "fcntl", without_places())
         monkeypatch.setitem(globals(), "HOLDER", HOLDER.replace("file = os", f"{WITHOUT_PLACES}; file = os"))
     elif not hasattr(fcntl, "F_OFD_SETLK"):
         pytest.skip("this system has no locks that belong to an open file")
@@ -88,7 +88,7 @@ def without_places():
 
 def test_a_claim_of_its_own_is_refused_too(path):
     with path.open("rb+") as file:
-        holding.acquire_for_writing(file.fileno(), path)
+        file_locks.acquire_for_writing(file.fileno(), path)
         with pytest.raises(FileError, match="this program is recording into it"):
             check_unclaimed(path)
     check_unclaimed(path)

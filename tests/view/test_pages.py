@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 from tests.view.shown import focus, recording
-from tests.view.test_wire import node
+from tests.view.test_frame_encoding import node
 
 from midair.view import WEB, one_module, sealed, show_page, show_recording, unpack
 

@@ -39,7 +39,7 @@ def _kind() -> Any:
     class ViewWidget(anywidget.AnyWidget):
         _esm = one_module("widget.js")
         _css = style()
-        metadata = traitlets.Dict().tag(sync=True)
+        about = traitlets.Dict().tag(sync=True)
         tracks = traitlets.Dict().tag(sync=True)
         frame = traitlets.Int(0).tag(sync=True)
 

@@ -12,7 +12,7 @@ import time
 import pytest
 
 from midair.devices import make_state_folder, playing_now, state_folder, stop_playing
-from midair.devices.safety import stop_lines
+from midair.devices.safety import stop_channel
 from midair.devices.safety.stop_channel import open_stop_channel, ordered_at, process_began, uptime
 from midair.errors import DeviceError, FileError, StoppedError
 
@@ -29,7 +29,7 @@ time.sleep(60)
 @pytest.fixture(autouse=True)
 def _no_units(monkeypatch):
     """There is no failsafe to wait for."""
-    monkeypatch.setattr(stop_lines, "FAILSAFE", 0.0)
+    monkeypatch.setattr(stop_channel, "FAILSAFE", 0.0)
 
 
 def test_another_terminal_silences_what_plays(monkeypatch):
@@ -118,8 +118,8 @@ def test_a_living_program_that_cannot_be_asked_is_told_and_holds_up_nobody(conte
 def test_a_program_that_hangs_is_told_and_the_others_are_silent_at_once():
     """The listening program is stopped by SIGSTOP, so that its port takes the call and nobody answers."""
     player = (
-        "import time\nfrom midair.devices.safety.stop_channel import stop_line\n"
-        "with stop_line('hanging', lambda: None):\n    print('plays', flush=True)\n    time.sleep(60)"
+        "import time\nfrom midair.devices.safety.stop_channel import open_stop_channel\n"
+        "with open_stop_channel('hanging', lambda: None):\n    print('plays', flush=True)\n    time.sleep(60)"
     )
     silenced = []
     with subprocess.Popen([sys.executable, "-c", player], stdout=subprocess.PIPE) as process:
@@ -242,7 +242,7 @@ def test_a_stop_that_cannot_be_noted_still_silences(monkeypatch):
 def test_a_line_that_cannot_be_opened_is_one_error(tmp_path, monkeypatch):
     (tmp_path / "state").mkdir()
     monkeypatch.setenv("MIDAIR_STATE", str(tmp_path / "state"))
-    monkeypatch.setattr(stop_lines, "token", lambda: "fixed")
+    monkeypatch.setattr(stop_channel, "token", lambda: "fixed")
     (tmp_path / "state" / f"playing-{os.getpid()}-fixed.json").mkdir()
     with pytest.raises(FileError, match="set MIDAIR_STATE"), open_stop_channel("a device", lambda: None):
         pass

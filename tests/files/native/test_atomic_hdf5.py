@@ -12,7 +12,7 @@ import pytest
 
 from midair.errors import FileError
 from midair.files import RecordingWriter, open_take, repair
-from midair.files.native import committed
+from midair.files.native import atomic_hdf5
 
 
 class Refusing:
@@ -49,7 +49,7 @@ def test_a_disk_that_refuses_at_any_write_leaves_what_the_message_says_is_safe(
     for first in writes:
         path = tmp_path / f"{first}.h5"
         write = Refusing(error, first, times)
-        monkeypatch.setattr(committed, "os", SimpleNamespace(**vars(os) | {"write": write}))
+        monkeypatch.setattr(atomic_hdf5, "os", SimpleNamespace(**vars(os) | {"write": write}))
         frames, said = 0, ""
         try:
             with RecordingWriter(path, **options, interval=1e-9) as writer:

@@ -45,7 +45,7 @@ def test_what_was_not_granted_is_said():
 def test_asks_for_time_or_says_why_not_and_keeps_no_garbage_collector():
     """In a process of its own, since it changes the process."""
     code = (
-        "import gc, os; from midair.rig.live_touch.timing import ask_for_time; said = ask_for_time(5);"
+        "import gc, os; from midair.rig.live_touch.timing import request_realtime; said = request_realtime(5);"
         "print(gc.isenabled(), (os.sched_getscheduler(0) == os.SCHED_FIFO) == (said.priority == ''))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -53,6 +53,6 @@ def test_asks_for_time_or_says_why_not_and_keeps_no_garbage_collector():
 
 
 def test_who_asks_for_no_priority_is_not_told_that_it_was_refused():
-    code = "from midair.rig.live_touch.timing import ask_for_time; print(ask_for_time(0).words())"
+    code = "from midair.rig.live_touch.timing import request_realtime; print(request_realtime(0).words())"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert said.startswith("no real-time priority (none was asked for)")
