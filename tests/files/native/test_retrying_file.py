@@ -14,13 +14,13 @@ import numpy as np
 from midair.errors import FileError
 from midair.files import save
 from midair.model import Recording
-from midair.lazy_frames import Reel
+from midair.lazy_frames import LazyFrames
 
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
 noise = np.random.default_rng(0).standard_normal((200_000, 4, 4))
 try:
-    save(Recording(samples=Reel(lambda a, b: noise[a:b], noise.shape), rate=1000), sys.argv[1])
+    save(Recording(samples=LazyFrames(lambda a, b: noise[a:b], noise.shape), rate=1000), sys.argv[1])
 except FileError as wrong:
     print(wrong)
 """

@@ -340,7 +340,7 @@ def test_a_torn_line_is_cut_and_told(tmp_path):
 CHILD = """
 import os, sys, json
 from pathlib import Path
-from midair.study.session.presenters import NoPresenter
+from midair.study.session.presenters import SilentPresenter
 from midair.study.session.simulated_screen import SimulatedScreen
 from midair.study.folder import StudyFolder
 from midair.study.session.trials import Session, run
@@ -358,7 +358,7 @@ class Screen(SimulatedScreen):
 
 print("ready", flush=True)
 number = int(sys.argv[3])
-with Session(plan, number, folder.log(number), NoPresenter(), simulated=True) as session:
+with Session(plan, number, folder.log(number), SilentPresenter(), simulated=True) as session:
     print("open", flush=True)
     run(session, Screen(plan=plan, participant=SimulatedParticipant(seed=1)))
 """
