@@ -1,6 +1,6 @@
 """`python -m tests.words`: find sentences in src that the style of this repository forbids.
 
-A docstring, a help text or a message that begins with "Of the" or "What is" has no subject, and a program is not somebody.
+A docstring, help or message that begins with "Of the" or "What is" has no subject, and a program is not somebody.
 """
 
 import re

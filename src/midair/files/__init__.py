@@ -25,7 +25,7 @@ from midair.files.native import (
     save_solutions,
     to_json,
 )
-from midair.files.opened_take import OpenedTake
+from midair.files.opened_take import Format, ImportOptions, OpenedTake
 from midair.files.report_rows import csv_text, for_json
 from midair.files.sanitise_text import no_formula, printable
 from midair.files.size_check import check_fits
@@ -50,6 +50,8 @@ __all__ = [
     "DEFAULT_PROFILE",
     "DRIVE_SUFFIX",
     "FORMATS",
+    "Format",
+    "ImportOptions",
     "OpenedTake",
     "FormatLoss",
     "NoLocksWarning",

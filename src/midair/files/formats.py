@@ -1,98 +1,56 @@
 """Which format a file name means, and the doors of the store: `open_take`, `load` and `save`."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from midair.errors import InputError, UnknownFormatError
 from midair.files.atomic import existing_file, refusing
-from midair.files.effects import read_ahap, read_hjif, write_ahap, write_hjif
 from midair.files.format_loss import FormatLoss
-from midair.files.importers import (
-    read_csv,
-    read_mat,
-    read_mcap,
-    read_npy,
-    read_npz,
-    read_sound,
-    read_tdms,
-    read_wav,
-    read_xdf,
-    write_csv,
-    write_mat,
-    write_npz,
-    write_wav,
-)
 from midair.files.native import (
     ARRAY_SUFFIX,
     CALIBRATION_SUFFIX,
     DRIVE_SUFFIX,
+    HDF5,
     load_solution,
-    read_recording,
-    write_netcdf,
     write_recording,
 )
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportOptions, OpenedTake
 from midair.files.size_check import check_fits
 from midair.lazy_frames import LazyFrames
 from midair.model import Calibration, Event, PressureFrames, Recording, SensorGrid, Solution, Unit
 from midair.recordings import Mending, suspicious
+from midair.registry import Registry
 
-Reader = Callable[[Path, ImportOptions], OpenedTake]
-Writer = Callable[[Recording, Path, Calibration | None], tuple[FormatLoss, ...]]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Format:
-    """One way to store a recording.
-
-    Attributes
-    ----------
-    name : str
-        What to call it.
-    read, write : callable or None
-        The doors in and out; None where there is none.
-    memory : float
-        Bytes that reading takes at least for each byte of a file; 0 where it is read in parts.
-    effect : bool
-        Whether it holds effects, which are rendered: what is read is not what was written.
-    """
-
-    name: str
-    read: Reader
-    write: Writer | None = None
-    memory: float = 0
-    effect: bool = False
-
-
-HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)
-
-FORMATS: Mapping[str, Format] = {
-    ".h5": HDF5,
-    ".hdf5": HDF5,
-    ".csv": Format(name="CSV", read=read_csv, write=write_csv, memory=4),
-    ".wav": Format(name="WAV", read=read_wav, write=write_wav),
-    ".npz": Format(name="NPZ", read=read_npz, write=write_npz, memory=3),
-    ".mat": Format(name="MAT", read=read_mat, write=write_mat, memory=3),
-    ".nc": Format(name="NetCDF of midair", read=read_recording, write=write_netcdf),
-    ".npy": Format(name="NPY", read=read_npy, memory=2),
-    ".w64": Format(name="Wave64", read=read_wav),
-    ".rf64": Format(name="RF64", read=read_wav),
-    ".flac": Format(name="FLAC", read=read_sound),
-    ".aiff": Format(name="AIFF", read=read_sound),
-    ".aif": Format(name="AIFF", read=read_sound),
-    ".ogg": Format(name="Ogg", read=read_sound),
-    ".mp3": Format(name="MP3", read=read_sound),
-    ".xdf": Format(name="XDF", read=read_xdf, memory=3),
-    ".tdms": Format(name="TDMS", read=read_tdms, memory=3),
-    ".mcap": Format(name="MCAP", read=read_mcap, memory=3),
-    ".hjif": Format(name="MPEG haptics", read=read_hjif, write=write_hjif, memory=4, effect=True),
-    ".ahap": Format(name="AHAP", read=read_ahap, write=write_ahap, memory=4, effect=True),
-}
-"""By the end of a file's name, in small letters."""
+FORMATS: Registry[Format] = Registry(
+    "midair.formats",
+    {
+        ".h5": "midair.files.native:HDF5",
+        ".hdf5": "midair.files.native:HDF5",
+        ".csv": "midair.files.importers.csv_file:CSV",
+        ".wav": "midair.files.importers.wav_file:WAV",
+        ".npz": "midair.files.importers.npz_file:NPZ",
+        ".mat": "midair.files.importers.mat_file:MAT",
+        ".nc": "midair.files.native:NETCDF4",
+        ".npy": "midair.files.importers.npy_file:NPY",
+        ".w64": "midair.files.importers.wav_file:WAVE64",
+        ".rf64": "midair.files.importers.wav_file:RF64",
+        ".flac": "midair.files.importers.sound_file:FLAC",
+        ".aiff": "midair.files.importers.sound_file:AIFF",
+        ".aif": "midair.files.importers.sound_file:AIFF",
+        ".ogg": "midair.files.importers.sound_file:OGG",
+        ".mp3": "midair.files.importers.sound_file:MP3",
+        ".xdf": "midair.files.importers.xdf_file:XDF",
+        ".tdms": "midair.files.importers.tdms_file:TDMS",
+        ".mcap": "midair.files.importers.mcap_file:MCAP",
+        ".hjif": "midair.files.effects:HJIF",
+        ".ahap": "midair.files.effects:AHAP",
+    },
+)
+"""File formats by the ending of a name, in small letters."""
 
 OTHERS: Mapping[str, str] = {
     DRIVE_SUFFIX: "a drive: load_solution() and save_solution()",
@@ -308,13 +266,12 @@ def format_of(path: str | os.PathLike[str]) -> Format:
     for ending, other in OTHERS.items():
         if name.endswith(ending):
             raise UnknownFormatError(f"{path}: expected a recording; names that end in {ending} are for {other}")
-    form = FORMATS.get(Path(name).suffix)
-    if form is None:
+    if Path(name).suffix not in FORMATS:
         known = ", ".join(FORMATS)
         raise UnknownFormatError(
             f"{path}: expected a name that ends in {known}, got {Path(name).suffix or 'no ending'!r}"
         )
-    return form
+    return FORMATS[Path(name).suffix]
 
 
 def _said(given: Mapping[str, object]) -> str:

@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from midair.errors import DeviceError, UnknownDeviceError
-from midair.rig.names.source_names import source_module, source_sensor
+from midair.rig.names.source_names import source_sensor
 
 
 def record(sensor, seconds):
@@ -154,12 +154,24 @@ def test_a_device_or_channels_that_are_not_there_are_refused(jack_server):
             source_sensor("audio:skin?channels=99").open()
 
 
-def test_without_portaudio_the_debian_package_is_named(monkeypatch):
-    import importlib
+def test_without_portaudio_the_debian_package_is_named():
+    """In a process of its own, whose sounddevice finds no library."""
+    program = """
+        import sys, types
+        from importlib.abc import Loader, MetaPathFinder
+        from importlib.machinery import ModuleSpec
 
-    def missing(name):
-        raise OSError("PortAudio library not found")
+        class Broken(MetaPathFinder, Loader):
+            def find_spec(self, name, path, target=None):
+                return ModuleSpec(name, self) if name == "sounddevice" else None
 
-    monkeypatch.setattr(importlib, "import_module", missing)
-    with pytest.raises(DeviceError, match="apt-get install libportaudio2"):
-        source_module("audio")
+            def exec_module(self, module):
+                raise OSError("PortAudio library not found")
+
+        sys.meta_path.insert(0, Broken())
+        from midair.rig.names.source_names import source_sensor
+
+        source_sensor("audio:x")
+    """
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, timeout=60)
+    assert "DeviceError: audio: expected the library PortAudio (Debian: apt-get install libportaudio2)" in done.stderr

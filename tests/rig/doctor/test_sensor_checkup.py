@@ -4,6 +4,7 @@ import pytest
 from midair.devices import StreamedSensor
 from midair.devices.sensors.sources import Chunk, Stream
 from midair.errors import DeviceError, MissingExtraError
+from midair.registry import Registry
 from midair.rig.doctor import checkup, sensor_checkup
 from midair.rig.doctor.check import Check
 from midair.rig.doctor.checkup import check_up
@@ -20,8 +21,10 @@ def test_every_kind_is_looked_at_and_none_is_an_error():
     ("wrong", "found", "advice"),
     [
         (
-            MissingExtraError("x"),
-            "sounddevice is not installed",
+            MissingExtraError(
+                'audio: expected the package sounddevice, it is not installed; pip install "midair[audio]"'
+            ),
+            "audio: expected the package sounddevice",
             'pip install "midair[audio]" if you have such a sensor',
         ),
         (
@@ -32,10 +35,11 @@ def test_every_kind_is_looked_at_and_none_is_an_error():
     ],
 )
 def test_what_is_not_there_comes_with_advice(wrong, found, advice, monkeypatch):
-    def missing(kind):
-        raise wrong
+    class Missing(Registry):
+        def __getitem__(self, name):
+            raise wrong
 
-    monkeypatch.setattr(sensor_checkup, "source_module", missing)
+    monkeypatch.setattr(sensor_checkup, "SENSORS", Missing("none", {"audio": "nothing:at_all"}))
     (audio,) = [finding for finding in sensor_findings() if finding.subject == "audio: sensors"]
     assert (audio.state, audio.found, audio.advice) == ("missing", found, advice)
 

@@ -3,11 +3,11 @@ import sys
 import numpy as np
 import pytest
 
-from midair.devices.sensors.sources import Stream
+from midair.devices import SensorOptions, Stream
 from midair.errors import InputError, MissingExtraError, UnknownDeviceError
 from midair.model import SensorGrid, SensorWiring
 from midair.rig.names.sensor_names import sensor_named
-from midair.rig.names.source_names import SourceOptions, source_sensor, split_name
+from midair.rig.names.source_names import source_sensor, split_name
 from midair.rig.names.virtual_rig import VirtualRig
 
 
@@ -50,11 +50,11 @@ def test_options_that_make_no_sense_are_one_clear_line(name, complaint):
 def test_what_is_stated_goes_before_the_sensor_file_and_that_before_the_stream():
     stream = Stream(channels=16, rate=1000.0, unit="V")
     file = SensorWiring(grid=SensorGrid(name="palm"), order=tuple(range(15, -1, -1)), unit="V", sensitivity=0.02)
-    assert SourceOptions().wire(stream, None, "lsl:x") == SensorWiring(grid=SensorGrid(name="lsl:x"), unit="V")
-    assert SourceOptions().wire(stream, file, "lsl:x") == file
-    stated = SourceOptions.model_validate({"unit": "Pa", "pitch_mm": "5", "sensitivity": "1"}).wire(stream, file, "x")
+    assert SensorOptions().wire(stream, None, "lsl:x") == SensorWiring(grid=SensorGrid(name="lsl:x"), unit="V")
+    assert SensorOptions().wire(stream, file, "lsl:x") == file
+    stated = SensorOptions.model_validate({"unit": "Pa", "pitch_mm": "5", "sensitivity": "1"}).wire(stream, file, "x")
     assert (stated.unit, stated.grid.pitch, stated.sensitivity, stated.order) == ("Pa", 5e-3, 1.0, file.order)
-    other = SourceOptions.model_validate({"rows": "2", "columns": "8"}).wire(stream, file, "x")
+    other = SensorOptions.model_validate({"rows": "2", "columns": "8"}).wire(stream, file, "x")
     assert (other.grid.shape, other.order) == ((2, 8), tuple(range(16)))
 
 

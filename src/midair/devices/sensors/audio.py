@@ -14,10 +14,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import sounddevice
+from pydantic import PositiveFloat, PositiveInt
 
-from midair.devices.sensors.sources import Chunk, Samples, Stream
+from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream
 from midair.errors import DeviceError, DeviceStateError, UnknownDeviceError
+
+try:
+    import sounddevice
+except OSError as _wrong:
+    raise DeviceError(
+        f"audio: expected the library PortAudio (Debian: apt-get install libportaudio2), got: {_wrong}"
+    ) from _wrong
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -229,3 +236,23 @@ def _matching(wanted: str) -> list[dict[str, Any]]:
 def _host(device: dict[str, Any]) -> str:
     api: Any = sounddevice.query_hostapis(device["hostapi"])
     return str(api["name"])
+
+
+class AudioSensor(SensorOptions):
+    """Kind ``audio:DEVICE``; further options: channels, and the converter's own rate in Hz."""
+
+    package = "sounddevice"
+    has_default = True
+    rate: PositiveFloat | None = 1000.0
+    channels: PositiveInt | None = None
+    native: PositiveFloat | None = None
+
+    def source(self, place: str) -> AudioSource:
+        """Inputs of a device; of the default one if the place is empty."""
+        return AudioSource(place, channels=self.channels, rate=self.native)
+
+    @classmethod
+    def available(cls) -> str:
+        """Devices with inputs."""
+        found = [f"{each['index']} {each['name']} ({each['max_input_channels']} channels)" for each in inputs()]
+        return f"inputs: {', '.join(found) or 'none'}"

@@ -14,14 +14,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pylsl
 from numpy.typing import NDArray
-from pylsl.util import LostError, TimeoutError
+from pydantic import PositiveFloat
 
 from midair.devices.sensors.frame_numbers import CountedFrames, Run, StampedFrames, runs
-from midair.devices.sensors.sources import Chunk, Samples, Stream
+from midair.devices.sensors.sources import Chunk, Samples, SensorOptions, Stream
 from midair.errors import DeviceError, DeviceStateError, InputError, RateError
 from midair.model import Unit
+
+try:
+    import pylsl
+    from pylsl.util import LostError, TimeoutError
+except (OSError, RuntimeError) as _wrong:
+    raise DeviceError(
+        f"lsl: expected the library liblsl, which comes with the package pylsl, got: {str(_wrong).splitlines()[0]}"
+    ) from _wrong
 
 UNITS: dict[str, tuple[Unit, float]] = {
     "v": ("V", 1.0),
@@ -228,3 +235,21 @@ def _unit(stated: list[str | None] | None, counter: int | None) -> tuple[Unit | 
     """The one unit of all channels, if they state one that is known."""
     names = {(name or "").lower() for at, name in enumerate(stated or []) if at != counter}
     return UNITS.get(names.pop(), (None, 1.0)) if len(names) == 1 else (None, 1.0)
+
+
+class LslSensor(SensorOptions):
+    """Kind ``lsl:NAME``; further options as in `LslSource`."""
+
+    package = "pylsl"
+    source_id: str | None = None
+    counter: int | None = None
+    search: PositiveFloat = 5.0
+
+    def source(self, place: str) -> LslSource:
+        """Stream of a name."""
+        return LslSource(place, source_id=self.source_id, counter=self.counter, search=self.search)
+
+    @classmethod
+    def available(cls) -> str:
+        """Version of the library."""
+        return f"liblsl {pylsl.library_version()}; streams are looked for when one is opened"

@@ -5,7 +5,7 @@ The driver runs on Windows and some Linux distributions; nobody has run this fil
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, cast, get_args
 
 import nidaqmx
 import numpy as np
@@ -13,9 +13,10 @@ from nidaqmx.constants import AcquisitionType, TerminalConfiguration
 from nidaqmx.errors import DaqNotFoundError
 from nidaqmx.errors import Error as DaqmxError
 from nidaqmx.system import System
+from pydantic import PositiveFloat
 
-from midair.devices.sensors.sources import Chunk, Stream
-from midair.errors import DeviceError, DeviceStateError
+from midair.devices.sensors.sources import Chunk, SensorOptions, Stream
+from midair.errors import DeviceError, DeviceStateError, InputError
 
 Wires = Literal["default", "rse", "nrse", "differential"]
 
@@ -192,3 +193,24 @@ def devices() -> list[str]:
         return [str(device.name) for device in System.local().devices]
     except DaqNotFoundError as wrong:
         raise DeviceError("ni: expected the driver NI-DAQmx, it is not installed; get it from the vendor") from wrong
+
+
+class NiSensor(SensorOptions):
+    """Kind ``ni:CHANNELS``; further options: the converter's own rate in Hz, and range and wiring as in `NiSource`."""
+
+    package = "nidaqmx"
+    native: PositiveFloat | None = None
+    limit: PositiveFloat = 10.0
+    wires: str = "default"
+
+    def source(self, place: str) -> NiSource:
+        """Voltage inputs."""
+        if self.wires not in get_args(Wires):
+            raise InputError(f"ni: expected wires={' or '.join(get_args(Wires))}, got {self.wires!r}")
+        rate = self.native or self.rate or 1000.0
+        return NiSource(place, rate=rate, limit=self.limit, wires=cast(Wires, self.wires))
+
+    @classmethod
+    def available(cls) -> str:
+        """Devices of the driver."""
+        return f"devices: {', '.join(devices()) or 'none'}"

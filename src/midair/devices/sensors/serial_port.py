@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import serial
+from pydantic import PositiveInt
 from serial.tools.list_ports import comports
 
 from midair.devices.safety import device_lock
 from midair.devices.sensors.serial_frames import Decoder, Frames, Layout
-from midair.devices.sensors.sources import Chunk, Stream
+from midair.devices.sensors.sources import Chunk, SensorOptions, Stream
 from midair.errors import DeviceError, DeviceStateError
 
 
@@ -209,3 +210,19 @@ def _group(port: str) -> str:
         return Path(port).group()
     except (OSError, KeyError, NotImplementedError):
         return "dialout"
+
+
+class SerialSensor(SensorOptions):
+    """Kind ``serial:PORT``; further option: bits per second."""
+
+    package = "pyserial"
+    baud: PositiveInt = 921_600
+
+    def source(self, place: str) -> SerialSource:
+        """Sensor at a port."""
+        return SerialSource(place, baud=self.baud)
+
+    @classmethod
+    def available(cls) -> str:
+        """Ports of this computer."""
+        return f"ports: {', '.join(ports()) or 'none'}"

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
 
 from midair.lazy_frames import Stored
-from midair.model import Unit
+from midair.model import SensorGrid, SensorWiring, Unit
 
 Samples = NDArray[Any]
 """Shape (frame, channel), of any number type."""
@@ -115,3 +116,53 @@ class Source(Protocol):
     def describe(self) -> dict[str, str]:
         """What it says of itself, and what it counted since start, in words."""
         ...
+
+
+class SensorOptions(BaseModel):
+    """A kind of live sensor, with the options that may follow the question mark of its name.
+
+    A driver subclasses it: further fields are further options, and `source` makes the source. The class is registered
+    under the kind, the part of a name before the colon.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+
+    package: ClassVar[str] = ""
+    """Package that the driver needs, for `midair doctor`."""
+    has_default: ClassVar[bool] = False
+    """Whether a name without a place means a default device."""
+
+    unit: Unit | None = None
+    full_scale: PositiveFloat | None = None
+    sensitivity: float | None = None
+    rows: PositiveInt | None = None
+    columns: PositiveInt | None = None
+    pitch_mm: PositiveFloat | None = None
+    rate: PositiveFloat | None = None
+    """Frame rate in Hz; a faster source is filtered and decimated."""
+    timeout: PositiveFloat = 2.0
+    """Seconds without a frame after which the sensor is lost."""
+
+    def source(self, place: str) -> Source:
+        """Source at a place, the part of a name between colon and question mark; not open yet."""
+        raise NotImplementedError
+
+    @classmethod
+    def available(cls) -> str:
+        """Devices that were found, in one line for `midair doctor`."""
+        return ""
+
+    def wire(self, stream: Stream, wiring: SensorWiring | None, name: str) -> SensorWiring:
+        """Wiring of the sensor: from these options, else from the sensor file, else from the stream."""
+        base = wiring or SensorWiring.for_channels(stream.channels, name=name, unit=stream.unit or "count")
+        rows, columns = self.rows or base.grid.rows, self.columns or base.grid.columns
+        pitch = base.grid.pitch if self.pitch_mm is None else self.pitch_mm * 1e-3
+        # The order of the file is for its own cells.
+        same = (rows, columns) == base.grid.shape
+        return SensorWiring(
+            grid=SensorGrid(rows=rows, columns=columns, pitch=pitch, name=base.grid.name),
+            order=base.order if same else (),
+            unit=self.unit or base.unit,
+            full_scale=self.full_scale or base.full_scale,
+            sensitivity=self.sensitivity or base.sensitivity,
+        )

@@ -12,7 +12,7 @@ from midair.files.format_loss import FormatLoss, calibration_lost
 from midair.files.importers import fabricslide
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.importers.text_table import TextTable, read_table
-from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 from midair.files.sanitise_text import without_formulas
 from midair.files.timestamps import uniform
 from midair.lazy_frames import blocks
@@ -112,3 +112,6 @@ def _units(names: tuple[str, ...]) -> tuple[Unit | None, ...]:
     """The unit that stands in brackets behind each name."""
     units: tuple[Unit, ...] = get_args(Unit)
     return tuple(next((unit for unit in units if name.endswith(f"[{unit}]")), None) for name in names)
+
+
+CSV = Format(name="CSV", read=read_csv, write=write_csv, memory=4)

@@ -12,7 +12,7 @@ from midair.files.importers.header import header_of
 from midair.files.importers.mat5 import is_mat5, read_mat5, write_frames
 from midair.files.importers.named_arrays import from_arrays
 from midair.files.native import open_plain
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportOptions, OpenedTake
 from midair.model import Calibration, Recording
 
 
@@ -74,3 +74,6 @@ def _version_73(path: Path) -> dict[str, Any]:
     with open_plain(path) as file:
         found = {name: item for name, item in file.items() if isinstance(item, h5py.Dataset)}
         return {name: np.transpose(item[()]) for name, item in found.items() if item.dtype.kind in "fiu"}
+
+
+MAT = Format(name="MAT", read=read_mat, write=write_mat, memory=3)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
 from midair.files.atomic import reason
 from midair.files.decompression_limits import check_expansion
-from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 from midair.files.text_files import json_of
 from midair.files.timestamps import uniform
 
@@ -225,3 +225,6 @@ def _rows(decoded: list[Any], topic: str, path: Path) -> tuple[NDArray[np.float6
             f"{path}: expected messages of one shape, channels or rows x columns, in {topic}, got {found}"
         )
     return np.asarray(decoded, np.float64), names
+
+
+MCAP = Format(name="MCAP", read=read_mcap, memory=3)

@@ -7,7 +7,7 @@ import numpy as np
 
 from midair.errors import BrokenFileError
 from midair.files.importers.named_arrays import from_arrays
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportOptions, OpenedTake
 
 
 def read_npy(path: Path, given: ImportOptions) -> OpenedTake:
@@ -35,3 +35,6 @@ def read_npy(path: Path, given: ImportOptions) -> OpenedTake:
         file.seek(0)
         array = np.load(file, allow_pickle=False)
     return from_arrays({path.stem: array}, "NPY", path, given)
+
+
+NPY = Format(name="NPY", read=read_npy, memory=2)

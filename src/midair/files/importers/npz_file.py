@@ -11,7 +11,7 @@ from midair.files.decompression_limits import check_expansion
 from midair.files.format_loss import FormatLoss, calibration_lost
 from midair.files.importers.header import header_of
 from midair.files.importers.named_arrays import from_arrays
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportOptions, OpenedTake
 from midair.lazy_frames import blocks
 from midair.model import Calibration, Recording
 
@@ -53,3 +53,6 @@ def read_npz(path: Path, given: ImportOptions) -> OpenedTake:
         for name in archive.files:
             arrays[name] = archive[name]
     return from_arrays(arrays, "NPZ", path, given)
+
+
+NPZ = Format(name="NPZ", read=read_npz, write=write_npz, memory=3)

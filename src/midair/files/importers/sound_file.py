@@ -6,7 +6,7 @@ from typing import Any
 
 from midair.errors import BrokenFileError
 from midair.files.importers.wav_file import sound_of
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportOptions, OpenedTake
 
 _FORMATS = ("FLAC", "AIFF", "OGG", "MP3")
 _LOSSY = {"VORBIS", "OPUS", "MPEG_LAYER_I", "MPEG_LAYER_II", "MPEG_LAYER_III"}
@@ -39,3 +39,9 @@ def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
         lossy = f"{form} is lossy: it leaves out what ears miss, which skin may not."
         found = replace(found, report=(*found.report, lossy))
     return found.settle(given, path)
+
+
+FLAC = Format(name="FLAC", read=read_sound)
+AIFF = Format(name="AIFF", read=read_sound)
+OGG = Format(name="Ogg", read=read_sound)
+MP3 = Format(name="MP3", read=read_sound)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from midair.errors import BrokenFileError, MismatchError, UnknownFormatError
 from midair.files.importers.units import known_unit
-from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 
 _META, _NEW, _RAW, _INTERLEAVED, _BIG, _DAQMX = 1 << 1, 1 << 2, 1 << 3, 1 << 5, 1 << 6, 1 << 7
 _TYPES = {
@@ -234,3 +234,6 @@ def _contiguous(
         if item.dtype is not None:
             yield np.ascontiguousarray(table[:, first : first + size]).view(item.dtype).reshape(-1), item
         first += size
+
+
+TDMS = Format(name="TDMS", read=read_tdms, memory=3)

@@ -13,7 +13,7 @@ from midair.files.atomic import check_room, whole_file
 from midair.files.format_loss import FormatLoss, calibration_lost
 from midair.files.importers.header import header_of, parse_header, recording_from
 from midair.files.importers.riff import CHUNK, append_chunk, chunks, content
-from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake, of_two
+from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake, of_two
 from midair.lazy_frames import LazyFrames, blocks, each_frame, moments
 from midair.model import Calibration, Recording, Unit
 from midair.validation import check_finite
@@ -156,3 +156,8 @@ def _losses(recording: Recording, rate: int, exponent: int) -> tuple[FormatLoss,
         return (scale,)
     text = f"WAV holds whole rates: others than midair read {rate} Hz for {recording.rate:.9g} Hz."
     return (FormatLoss(what="rate", text=text), scale)
+
+
+WAV = Format(name="WAV", read=read_wav, write=write_wav)
+WAVE64 = Format(name="Wave64", read=read_wav)
+RF64 = Format(name="RF64", read=read_wav)

@@ -13,7 +13,7 @@ import numpy as np
 
 from midair.errors import BrokenFileError, MismatchError, MissingExtraError
 from midair.files.importers.units import known_unit
-from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportedData, ImportOptions, OpenedTake
 from midair.files.timestamps import uniform
 from midair.model import Unit
 
@@ -104,3 +104,6 @@ def _heard(name: str) -> Generator[list[str]]:
     finally:
         logger.removeHandler(ear)
         logger.propagate = spreads
+
+
+XDF = Format(name="XDF", read=read_xdf, memory=3)

@@ -5,8 +5,9 @@ from pathlib import Path
 from midair.files.format_loss import FormatLoss
 from midair.files.native.calibration_file import write_calibration
 from midair.files.native.hdf5 import fixed_text, new_file, write_group
-from midair.files.native.recording_file import recording_values
+from midair.files.native.recording_file import read_recording, recording_values
 from midair.files.native.schema import NETCDF
+from midair.files.opened_take import Format
 from midair.model import Calibration, Recording
 from midair.version import __version__
 
@@ -30,3 +31,6 @@ def write_netcdf(recording: Recording, path: Path, calibration: Calibration | No
         for entry in NETCDF:
             file.attrs[entry.name] = fixed_text(said[entry.name])
     return ()
+
+
+NETCDF4 = Format(name="NetCDF of midair", read=read_recording, write=write_netcdf)

@@ -28,7 +28,7 @@ from midair.files.native.hdf5_recovery import is_unclosed
 from midair.files.native.played_group import load_played, write_played
 from midair.files.native.provenance_json import from_json
 from midair.files.native.stage_stamps import stamps_from, with_stage
-from midair.files.opened_take import ImportOptions, OpenedTake
+from midair.files.opened_take import Format, ImportOptions, OpenedTake
 from midair.lazy_frames import LazyFrames, block_ranges
 from midair.model import Calibration, Event, PlayedTouch, PressureFrames, Recording
 
@@ -234,3 +234,6 @@ def _written(samples: "np.ndarray | LazyFrames") -> int:
         if there.any():
             return last - int(np.argmax(there[::-1]))
     return 0
+
+
+HDF5 = Format(name="HDF5 of midair", read=read_recording, write=write_recording)

@@ -1,7 +1,6 @@
 """What live sensors need, which are there, and what to do about what is not."""
 
 import importlib.metadata
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,22 +9,20 @@ from midair.errors import DeviceError, MidairError, MissingExtraError
 from midair.model import SensorWiring
 from midair.recordings import at_limit
 from midair.rig.doctor.check import Check
-from midair.rig.names import KINDS, source_module, source_sensor
-
-_PACKAGES = {"lsl": "pylsl", "audio": "sounddevice", "serial": "pyserial", "ni": "nidaqmx"}
+from midair.rig.names import SENSORS, source_sensor
 
 
 def sensor_findings() -> list[Check]:
     """The virtual sensor, and each kind of live ones: its package, the library that it needs, what is plugged in."""
     return [
         Check(subject="virtual sensor", state="ok", found="always there; so is replay:FILE"),
-        *(_kind(kind, said) for kind, said in _SEEN.items()),
+        *(_kind(kind) for kind in SENSORS),
     ]
 
 
 def is_live_sensor(name: str) -> bool:
     """Whether a name means a live sensor rather than an array."""
-    return name.partition(":")[0] in KINDS
+    return name.partition(":")[0] in SENSORS
 
 
 def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[Check]:
@@ -64,13 +61,15 @@ def _counted(name: str, subject: str, cells: list[str], advice: str) -> Check:
     return Check(subject=f"{name}: {subject}", state="broken", found=", ".join(cells), advice=advice)
 
 
-def _kind(kind: str, seen: Callable[[Any], str]) -> Check:
-    package = _PACKAGES[kind]
+def _kind(kind: str) -> Check:
     try:
-        found = seen(source_module(kind))
-    except MissingExtraError:
-        advice = f'pip install "midair[{kind}]" if you have such a sensor'
-        return Check(subject=f"{kind}: sensors", state="missing", found=f"{package} is not installed", advice=advice)
+        driver = SENSORS[kind]
+        found = driver.available()
+    except MissingExtraError as wrong:
+        found, _, advice = str(wrong).partition("; ")
+        return Check(
+            subject=f"{kind}: sensors", state="missing", found=found, advice=f"{advice} if you have such a sensor"
+        )
     except DeviceError as wrong:
         return Check(
             subject=f"{kind}: sensors",
@@ -78,25 +77,5 @@ def _kind(kind: str, seen: Callable[[Any], str]) -> Check:
             found=str(wrong),
             advice="only needed if you have such a sensor",
         )
-    version = importlib.metadata.version(package)
-    return Check(subject=f"{kind}: sensors", state="ok", found=f"{package} {version}; {found}")
-
-
-def _lsl(module: Any) -> str:
-    return f"liblsl {module.pylsl.library_version()}; streams are looked for when one is opened"
-
-
-def _audio(module: Any) -> str:
-    inputs = [f"{each['index']} {each['name']} ({each['max_input_channels']} channels)" for each in module.inputs()]
-    return f"inputs: {', '.join(inputs) or 'none'}"
-
-
-def _serial(module: Any) -> str:
-    return f"ports: {', '.join(module.ports()) or 'none'}"
-
-
-def _ni(module: Any) -> str:
-    return f"devices: {', '.join(module.devices()) or 'none'}"
-
-
-_SEEN: dict[str, Callable[[Any], str]] = {"lsl": _lsl, "audio": _audio, "serial": _serial, "ni": _ni}
+    version = f"{driver.package} {importlib.metadata.version(driver.package)}; " if driver.package else ""
+    return Check(subject=f"{kind}: sensors", state="ok", found=version + found)

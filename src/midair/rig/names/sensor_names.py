@@ -4,7 +4,7 @@ from midair.devices import RemappedSensor, ReplaySensor, SensorDevice
 from midair.errors import UnknownDeviceError
 from midair.files import open_take
 from midair.model import SensorWiring
-from midair.rig.names.source_names import KINDS, source_sensor
+from midair.rig.names.source_names import SENSORS, source_sensor
 from midair.rig.names.virtual_rig import VirtualRig
 
 
@@ -34,7 +34,7 @@ def sensor_named(
         As `source_sensor`.
     """
     kind, _, rest = name.partition(":")
-    if kind in KINDS and (rest or kind == "audio"):
+    if kind not in ("virtual", "replay") and kind in SENSORS and (rest or SENSORS[kind].has_default):
         return source_sensor(name, wiring=wiring)
     made = _made(kind, rest, name, rig, duration)
     return made if wiring is None else RemappedSensor(made, wiring)
@@ -46,7 +46,8 @@ def _made(kind: str, rest: str, name: str, rig: VirtualRig, duration: float | No
     if kind == "replay" and rest:
         take = open_take(rest)
         return ReplaySensor(take.recording, calibration=take.calibration, name=name)
+    others = "".join(f"{kind}:PLACE, " for kind in SENSORS.others)
     raise UnknownDeviceError(
-        "sensor: expected virtual:OBJECT, replay:FILE, lsl:NAME, audio:DEVICE, serial:PORT or ni:CHANNELS, "
+        f"sensor: expected virtual:OBJECT, replay:FILE, {others}lsl:NAME, audio:DEVICE, serial:PORT or ni:CHANNELS, "
         f"got {name!r}; try virtual:towel"
     )
