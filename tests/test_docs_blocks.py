@@ -37,6 +37,8 @@ NEEDS = {
     "pip install": "an environment of its own",
     'eval "$(midair completion bash)"': "a shell: tests/cli/test_help.py",
     "midair record lsl:Skin": "a sensor over LSL",
+    'midair record "udp:5005': "a package of its own: tests/test_plugin.py",
+    "midair import counts.int16": "a package of its own: tests/test_plugin.py",
     "midair identify lsl:Skin": "a sensor over LSL",
     "midair calibrate beam lsl:Skin": "a sensor over LSL and an array",
     "midair calibrate array lsl:Skin": "a sensor over LSL and an array",

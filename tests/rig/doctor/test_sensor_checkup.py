@@ -24,7 +24,7 @@ def test_every_kind_is_looked_at_and_none_is_an_error():
             MissingExtraError(
                 'audio: expected the package sounddevice, it is not installed; pip install "midair[audio]"'
             ),
-            "audio: expected the package sounddevice",
+            "audio: expected the package sounddevice, it is not installed",
             'pip install "midair[audio]" if you have such a sensor',
         ),
         (

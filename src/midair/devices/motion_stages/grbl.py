@@ -6,7 +6,7 @@ What it is sent and says is from gnea/grbl, doc/markdown, interface.md and comma
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from typing import Any
 
@@ -15,7 +15,7 @@ import serial
 from midair.devices.motion_stages.grbl_words import STATES, Outbox, StatusReport, in_words, status_of
 from midair.devices.motion_stages.stage_device import StageDevice
 from midair.devices.safety import device_lock
-from midair.errors import DeviceError, DeviceStateError, LinkLostError
+from midair.errors import DeviceError, DeviceStateError, InputError, LinkLostError
 from midair.model import Place, StageStamp, check_reached
 
 EVERY = 0.1
@@ -355,3 +355,18 @@ class GrblStage(StageDevice):
         port, self._port = self._port, None
         if port is not None:
             port.close()
+
+
+def grbl_stage(port: str, options: Mapping[str, str]) -> GrblStage:
+    """Stage at a port; the option baud is the rate in bits per second.
+
+    Raises
+    ------
+    InputError
+        If an option is unknown or is no rate.
+    """
+    baud = options.get("baud", "115200")
+    if set(options) - {"baud"} or not baud.isdecimal() or not int(baud):
+        unknown = next(iter(set(options) - {"baud"}), f"baud={baud}")
+        raise InputError(f"expected the option baud, bits per second, got {unknown}")
+    return GrblStage(port, baud=int(baud))

@@ -1,18 +1,31 @@
 """Arrays by the names that people give them: ``autd3:eth0``, ``pyautd3:audit``, ``openmpd:COM3``."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 from midair.devices import ArrayDevice, OpenMpdArray, SilencerChoice, autd3_array, pyautd3_array
 from midair.errors import InputError, UnknownDeviceError
 from midair.files import load_board
 from midair.model import Board, Placement, TransducerArray, array_of_boards
+from midair.registry import Registry
 from midair.rig.names.source_names import split_name
 
 NAMES = (
     "virtual, autd3, autd3:INTERFACE, autd3:emulator, autd3-simulator, autd3-server, pyautd3, pyautd3:INTERFACE, "
     "pyautd3:twincat, pyautd3:remote:ADDRESS:PORT, pyautd3:audit, pyautd3:nop or openmpd:PORT[,PORT]?board=FILE[,FILE]"
 )
+
+ARRAYS: Registry[Callable[[str, Placement | None, SilencerChoice], ArrayDevice]] = Registry(
+    "midair.arrays",
+    {
+        "autd3": "midair.rig.names.array_names:open_autd3",
+        "autd3-simulator": "midair.rig.names.array_names:open_autd3",
+        "autd3-server": "midair.rig.names.array_names:open_autd3",
+        "pyautd3": "midair.rig.names.array_names:open_pyautd3",
+        "openmpd": "midair.rig.names.array_names:open_openmpd",
+    },
+)
+"""Functions that make an array, by the part of its name before the colon: name, placement, silencer to device."""
 
 ArrayKind = Literal["autd3", "openmpd", "openmpd-twin"]
 """Arrays that can be solved for without a file: two by two units; one board; two boards face to face."""
@@ -53,20 +66,22 @@ def array_named(name: str, placement: Placement | None = None, *, silencer: Sile
     FileError
         If a board's file cannot be read.
     """
-    kind, colon, where = name.partition(":")
-    if colon and not where:
-        kind = ""
-    match kind:
-        case "autd3":
-            return autd3_array(where or "auto", placement, silencer=silencer)
-        case "autd3-simulator" | "autd3-server":
-            return autd3_array(name.removeprefix("autd3-"), placement, silencer=silencer)
-        case "pyautd3":
-            return pyautd3_array(_old_link(where), placement, silencer=silencer)
-        case "openmpd" if where:
-            return _openmpd(name, placement, silencer)
-        case _:
-            raise UnknownDeviceError(f"array: expected {NAMES}, got {name!r}")
+    kind, colon, place = name.partition(":")
+    if (colon and not place) or kind not in ARRAYS:
+        others = "".join(f"{each}:PLACE, " for each in ARRAYS.others)
+        raise UnknownDeviceError(f"array: expected {others}{NAMES}, got {name!r}")
+    return ARRAYS[kind](name, placement, silencer)
+
+
+def open_autd3(name: str, placement: Placement | None, silencer: SilencerChoice) -> ArrayDevice:
+    """AUTD3 units by the current SDK; ``autd3-simulator`` and ``autd3-server`` are programs of the makers."""
+    place = name.removeprefix("autd3").removeprefix("-").removeprefix(":")
+    return autd3_array(place or "auto", placement, silencer=silencer)
+
+
+def open_pyautd3(name: str, placement: Placement | None, silencer: SilencerChoice) -> ArrayDevice:
+    """AUTD3 units by the SDK for older firmware."""
+    return pyautd3_array(_old_link(name.partition(":")[2]), placement, silencer=silencer)
 
 
 def _old_link(where: str) -> str:
@@ -76,8 +91,11 @@ def _old_link(where: str) -> str:
     return f"ethercrab:{where}" if where else "ethercrab"
 
 
-def _openmpd(name: str, placement: Placement | None, silencer: SilencerChoice) -> OpenMpdArray:
+def open_openmpd(name: str, placement: Placement | None, silencer: SilencerChoice) -> OpenMpdArray:
+    """OpenMPD boards at their serial ports."""
     _, where, said = split_name(name)
+    if not where:
+        raise UnknownDeviceError(f"array: expected {NAMES}, got {name!r}")
     if placement is not None:
         raise InputError(f"{name}: expected no placement; boards are alone, or face to face, 238.8 mm apart")
     if unknown := sorted(set(said) - {"board"}):

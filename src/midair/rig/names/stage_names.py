@@ -1,10 +1,16 @@
 """Stages by the names that people give them: ``grbl:/dev/ttyUSB0``, ``grbl:COM3?baud=115200``."""
 
-import importlib
+from collections.abc import Callable, Mapping
 
 from midair.devices import StageDevice
-from midair.errors import InputError, MissingExtraError, UnknownDeviceError
+from midair.errors import InputError, UnknownDeviceError
+from midair.registry import Registry
 from midair.rig.names.source_names import split_name
+
+STAGES: Registry[Callable[[str, Mapping[str, str]], StageDevice]] = Registry(
+    "midair.stages", {"grbl": "midair.devices.motion_stages.grbl:grbl_stage [serial]"}
+)
+"""Functions that make a motion stage from a place and the options after the question mark, by kind."""
 
 
 def stage_named(name: str) -> StageDevice:
@@ -24,16 +30,11 @@ def stage_named(name: str) -> StageDevice:
     MissingExtraError
         If pyserial is not installed.
     """
-    kind, where, said = split_name(name)
-    if kind != "grbl" or not where:
-        raise UnknownDeviceError(f"--stage: expected grbl:PORT, such as grbl:/dev/ttyUSB0, got {name!r}")
-    baud = said.pop("baud", "115200")
-    if said or not baud.isdecimal() or not int(baud):
-        raise InputError(f"{name}: expected the option baud, bits per second, got {next(iter(said), f'baud={baud}')}")
+    kind, place, stated = split_name(name)
+    if not place or kind not in STAGES:
+        others = "".join(f", {each}:PLACE" for each in STAGES.others)
+        raise UnknownDeviceError(f"--stage: expected grbl:PORT, such as grbl:/dev/ttyUSB0{others}, got {name!r}")
     try:
-        module = importlib.import_module("midair.devices.motion_stages.grbl")
-    except ModuleNotFoundError as wrong:
-        raise MissingExtraError(
-            f'grbl: expected the package {wrong.name}, it is not installed; pip install "midair[serial]"'
-        ) from wrong
-    return module.GrblStage(where, baud=int(baud))
+        return STAGES[kind](place, stated)
+    except InputError as wrong:
+        raise InputError(f"{name}: {wrong}") from wrong
