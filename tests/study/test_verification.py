@@ -126,7 +126,7 @@ def test_a_log_of_another_person_or_study_is_reported(folder, whole):
     shutil.copy(folder.log(1), folder.log(9))
     found = verify_study(folder)
     assert found.faults == 3
-    assert "sub-02.jsonl: expected participant 2, got 1; the log is of another person" in found.sessions[1]
+    assert "sub-02.jsonl: expected participant 2, got 1; the log belongs to another person" in found.sessions[1]
     assert "sub-03.jsonl: expected plan" in found.sessions[2]
     assert "sub-09.jsonl: expected logs of participants 1 to 3" in found.sessions[3]
     with pytest.raises(MismatchError, match=r"sub-02\.jsonl: .* another person"):

@@ -5,7 +5,7 @@ import pytest
 
 from midair.errors import InputError
 from midair.study import proportion_correct
-from midair.study.design.adaptive_block import answered, next_stimulus, threshold, thresholds_of
+from midair.study.design.adaptive_block import next_stimulus, scored_history, threshold, thresholds_of
 from midair.study.design.adaptive_levels import stimulus_levels
 from midair.study.design.analysis_plan import Analysis, Exclusions
 from midair.study.design.answers import answers_table
@@ -75,7 +75,7 @@ def test_the_ladder_goes_down_after_three_and_up_after_one(tmp_path):
     progress = session(plan, 1, tmp_path / "log")
     ladder, strength = stimulus_levels(plan.design, plan.design.block("b"))
     assert strength.tolist() == STRENGTHS
-    history = answered(plan, progress, plan.design.block("b"))
+    history = scored_history(plan, progress, plan.design.block("b"))
     assert len(history) == 60
     assert [len(names) for names in ladder] == [2] * 9
     place = [rung for rung, _ in history]
@@ -107,7 +107,7 @@ def test_says_what_is_wrong(tmp_path):
 
 @pytest.mark.parametrize(
     ("sides", "drop", "why"),
-    [(("left",), "", "'left' in all of them"), (("left", "right"), "s1.0left", "same right answers at every strength")],
+    [(("left",), "", "'left' in all"), (("left", "right"), "s1.0left", "same correct answers at every strength")],
 )
 def test_a_ladder_that_tells_the_answer_is_refused(sides, drop, why):
     made = design("quest+", sides=sides)
@@ -129,7 +129,7 @@ def test_whoever_always_says_left_is_right_by_chance(adaptive, people):
         for trial in standing.trials:
             chosen[trial.code] = next_stimulus(plan, standing, trial)
             answers[trial.code, "where"] = GivenAnswer(answer="left", reaction_s=1.0, time="")
-        right.append(np.mean([correct for _, correct in answered(plan, standing, plan.design.blocks[0])]))
+        right.append(np.mean([correct for _, correct in scored_history(plan, standing, plan.design.blocks[0])]))
     assert np.mean(right) == 0.5
     assert {trial.variant for trial in plan.trials} == {0, 1}
 
@@ -155,7 +155,7 @@ def test_catch_trials_stand_among_the_others_and_move_no_threshold(tmp_path):
     assert [trial.role for trial in trials].count("catch") == 15
     assert trials[0].role == "test"
     progress = session(plan, 1, tmp_path / "log")
-    assert len(answered(plan, progress, plan.design.blocks[0])) == 60
+    assert len(scored_history(plan, progress, plan.design.blocks[0])) == 60
     table = answers_table(plan, [progress])
     assert set(table.loc[table["role"] == "catch", "right"]) == {"no"}
     assert table["scored"].all(), "of d' they are the half in which nothing is felt"
@@ -214,11 +214,11 @@ def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
     table = thresholds_of(plan, sessions)
     assert np.isfinite(table["threshold"]).tolist() == [True, False, False, False, False, True]
     for note, why in zip(
-        table["note"][1:5], ("got 0", "got 7", "leave out all 20", "participant: timeouts"), strict=True
+        table["note"][1:5], ("got 0", "got 7", "exclude all 20", "participant: timeouts"), strict=True
     ):
         assert why in note
-    kept = answered(plan, whole, plan.design.blocks[0])
-    counted = answered(plan, sessions[-1], plan.design.blocks[0])
+    kept = scored_history(plan, whole, plan.design.blocks[0])
+    counted = scored_history(plan, sessions[-1], plan.design.blocks[0])
     assert counted == [one for place, one in enumerate(kept) if place % 4], "a time-out is no wrong answer"
     data = data_of_answers(answers_table(plan, [whole, *sessions[3:5]]), plan.design.analysis, thresholds=table[:5])
     found = {one.title: one.words for one in analyse(data, draws=20).findings}

@@ -88,7 +88,7 @@ def test_says_what_does_not_fit():
         design(analysis=Analysis(choice="which", condition="surface"))
     with pytest.raises(MismatchError, match="got 'z'"):
         design(counterbalanced=("z",))
-    with pytest.raises(MismatchError, match="other than those of columns"):
+    with pytest.raises(MismatchError, match="other than columns of the answers table"):
         design(stimuli=(BRUSH, Stimulus(name="s2", kind="silence", levels={"trial": "x"})))
     with pytest.raises(InputError, match="two members"):
         Stimulus(name="p", kind="pair", members=("a",))

@@ -125,7 +125,7 @@ def test_replay_goes_on_where_a_trial_lacks_an_answer(plan):
 
 
 def test_a_log_of_another_plan_is_refused(plan):
-    with pytest.raises(MismatchError, match="plan has been changed"):
+    with pytest.raises(MismatchError, match="plan was changed"):
         replay([opened(plan) | {"plan": "other"}], plan, 1)
     with pytest.raises(MismatchError):
         replay([opened(plan, participant=2)], plan, 1)

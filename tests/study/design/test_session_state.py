@@ -25,21 +25,21 @@ def test_a_sound_log_is_a_table_of_answers():
     ("event", "why"),
     [
         *(
-            ({key: value for key, value in ANSWER.items() if key != gone}, f"nothing of '{gone}'")
+            ({key: value for key, value in ANSWER.items() if key != gone}, f"'{gone}' is missing")
             for gone in list(ANSWER)[1:]
         ),
         ({**ANSWER, "trial": ["a"]}, r"trial is \"\['a'\]\""),
         ({**ANSWER, "answer": None}, "answer is 'None'"),
         ({**ANSWER, "reaction_s": "n/a"}, "reaction_s is 'n/a'"),
         ({**ANSWER, "reaction_s": True}, "reaction_s is 'True'"),
-        ({"event": "resume"}, "nothing of 'redo'"),
+        ({"event": "resume"}, "'redo' is missing"),
         ({"event": "resume", "redo": 3}, "not iterable"),
         ({"event": "resume", "redo": [{}]}, "unhashable"),
         ({"event": "present", "trial": {}, "stimulus": "x"}, "trial is '{}'"),
-        ({"event": "open", "plan": PLAN.digest}, "nothing of 'participant'"),
+        ({"event": "open", "plan": PLAN.digest}, "'participant' is missing"),
     ],
 )
 def test_a_damaged_event_is_one_line(event, why):
     with pytest.raises(BrokenFileError, match=why) as told:
         replay([OPEN, event], PLAN, 1)
-    assert str(told.value).startswith("log: expected the events of participant 1, got a damaged one")
+    assert str(told.value).startswith("log: expected the events of participant 1, got a damaged event")

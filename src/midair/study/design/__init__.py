@@ -1,4 +1,4 @@
-"""Design: stimuli, questions, blocks, orders, the plan, and blocks that follow the answers."""
+"""Design of a study: stimuli, questions, blocks, trial orders, the plan and adaptive blocks."""
 
 from midair.study.design.adaptive import QuestPlus, Staircase
 from midair.study.design.adaptive_block import next_stimulus, thresholds_of

@@ -1,4 +1,4 @@
-"""Thresholds trial by trial: a staircase (Levitt, 1971) and QUEST+ (Watson, 2017). States, not loops."""
+"""Adaptive threshold methods as immutable states: a staircase (Levitt, 1971) and QUEST+ (Watson, 2017)."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,36 +14,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Staircase:
-    """The level goes down after `down` right answers in a row and up after one wrong answer.
+    """Level that goes down after `down` correct answers in a row and up after one wrong answer.
 
-    With `down` = 3 it settles where 79.4 % of answers are right (.5^(1/3)).
-
-    Attributes
-    ----------
-    level : float
-        Level of the next trial.
-    steps : tuple of float
-        Change of level: the first until the first reversal, the second until the second, the last from there on.
-    down : int
-        Right answers in a row before the level goes down.
-    low, high : float
-        The level stays within.
-    row : int
-        Right answers since the last change.
-    moves : tuple of int
-        Direction of each change so far, -1 or 1.
-    turned : tuple of float
-        Levels at which the direction changed.
+    With `down` = 3 it converges to 79.4 % correct answers (0.5^(1/3)).
     """
 
     level: float
+    """Level of the next trial."""
     steps: tuple[float, ...]
+    """Step sizes: the first until the first reversal, the second until the second, the last for all later trials."""
     down: int = 3
+    """Correct answers in a row before the level goes down."""
     low: float = -np.inf
     high: float = np.inf
     row: int = 0
+    """Correct answers since the last change."""
     moves: tuple[int, ...] = ()
+    """Direction of each change so far, -1 or 1."""
     turned: tuple[float, ...] = ()
+    """Levels of the reversals."""
 
     def __post_init__(self) -> None:
         if not self.steps or min(self.steps) <= 0 or self.down < 1:
@@ -52,23 +41,23 @@ class Staircase:
             raise InputError(f"staircase: expected a level within {self.low:g} to {self.high:g}, got {self.level:g}")
 
     def answered(self, correct: bool) -> "Staircase":
-        """The state after one answer."""
+        """State after one answer."""
         if correct and self.row + 1 < self.down:
             return replace(self, row=self.row + 1)
         move = -1 if correct else 1
-        # The level at which it turns counts, not the one to which it goes.
+        # A reversal is counted at the level before the change.
         turns = (*self.turned, self.level) if self.moves and self.moves[-1] != move else self.turned
         step = self.steps[min(len(turns), len(self.steps) - 1)]
         level = float(np.clip(self.level + move * step, self.low, self.high))
         return replace(self, level=level, row=0, moves=(*self.moves, move), turned=turns)
 
     def threshold(self, *, last: int = 6) -> float:
-        """Mean of the last reversals.
+        """Mean level of the last reversals.
 
         Raises
         ------
         InputError
-            If there were fewer.
+            If there were fewer than `last` reversals.
         """
         if len(self.turned) < last or last < 1:
             raise InputError(f"staircase: expected {last} or more reversals, got {len(self.turned)}; run more trials")
@@ -77,29 +66,19 @@ class Staircase:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class QuestPlus:
-    """What is known of a psychometric function after some answers, and the trial that would tell most.
-
-    Attributes
-    ----------
-    levels : ndarray, shape (level,)
-        Strengths that may be presented.
-    thresholds, slopes, lapses : ndarray, one axis each
-        The grid of functions thought possible; their meaning as in `Psychometric`.
-    guess : float
-        Known.
-    shape : {"logistic", "normal", "weibull"}
-        F.
-    posterior : ndarray, shape (threshold, slope, lapse), optional
-        Sum 1; flat at the start if None.
-    """
+    """Posterior of a psychometric function on a grid, and the most informative next trial."""
 
     levels: Array
+    """Shape (level,): stimulus levels that may be presented."""
     thresholds: Array
     slopes: Array
     lapses: Array
+    """`thresholds`, `slopes` and `lapses` are the axes of the parameter grid, with the meaning of `Psychometric`."""
     guess: float
+    """Guess rate, assumed known."""
     shape: CurveShape = "weibull"
     posterior: Array | None = None
+    """Shape (threshold, slope, lapse), sum 1; uniform if None."""
 
     def __post_init__(self) -> None:
         for name in ("levels", "thresholds", "slopes", "lapses"):
@@ -117,17 +96,17 @@ class QuestPlus:
 
     @property
     def belief(self) -> Array:
-        """The posterior, shape (threshold, slope, lapse), sum 1."""
+        """Posterior, shape (threshold, slope, lapse), sum 1."""
         return np.asarray(self.posterior)
 
     def likelihood(self, level: Any) -> Array:
-        """Chance of a right answer for every function, shape (..., threshold, slope, lapse)."""
+        """Probability of a correct answer for every function, shape (..., threshold, slope, lapse)."""
         x = np.asarray(level, float)[..., None, None, None]
         t, s, lapse = np.ix_(self.thresholds, self.slopes, self.lapses)
         return self.guess + (1 - self.guess - lapse) * steepness(x, t, s, self.shape)
 
     def answered(self, level: float, correct: bool) -> "QuestPlus":
-        """What is known after one answer."""
+        """State after one answer at a level."""
         right = self.likelihood(level)
         posterior = self.belief * (right if correct else 1 - right)
         if not posterior.sum() > 0:
@@ -136,14 +115,14 @@ class QuestPlus:
 
     @property
     def next_level(self) -> float:
-        """The level with the least entropy to be expected after its answer (Watson, 2017, eq. 10)."""
+        """Level with the least expected entropy after its answer (Watson, 2017, eq. 10)."""
         right = self.likelihood(self.levels)
         axes = (1, 2, 3)
         expected = np.zeros(len(self.levels))
         for chance in (right, 1 - right):
             joint = chance * self.belief
             share = joint.sum(axis=axes)
-            # 0 log 0 is 0, where NumPy says NaN.
+            # 0 log 0 is 0, but NumPy returns NaN.
             inside = np.where(joint > 0, joint * np.log(np.where(joint > 0, joint, 1)), 0).sum(axis=axes)
             expected += share * np.log(np.maximum(share, 1e-300)) - inside
         return float(self.levels[int(np.argmin(expected))])

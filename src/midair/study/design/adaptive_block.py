@@ -1,4 +1,4 @@
-"""Blocks whose stimuli follow the answers: which rung of a ladder comes next, and the threshold in the end. Pure."""
+"""Adaptive blocks: the stimulus of the next trial and the threshold, computed from the answers so far."""
 
 from __future__ import annotations
 
@@ -24,63 +24,63 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 History = list[tuple[int, bool]]
-"""Rung and whether the answer was right, in order."""
+"""Index of the stimulus level and whether the answer was correct, in order of presentation."""
 
 
 def next_stimulus(plan: Plan, progress: SessionState, trial: Trial) -> str:
-    """Name of the stimulus of a trial; drawn already, or chosen from the answers so far of its block."""
+    """Name of the stimulus of a trial: fixed by the plan, or chosen from the earlier answers of its block."""
     drawn = trial.stimulus or progress.chosen.get(trial.code, "")
     if drawn:
         return drawn
     block = plan.design.block(trial.block)
-    ladder, strength = stimulus_levels(plan.design, block)
-    history = answered(plan, progress, block)
+    groups, strength = stimulus_levels(plan.design, block)
+    history = scored_history(plan, progress, block)
     if block.adaptive == "staircase":
-        rung = ladder[round(climb(len(ladder), history).level)]
+        group = groups[round(run_staircase(len(groups), history).level)]
     else:
-        level = ask_quest(plan.design, block, history).next_level
-        rung = ladder[int(np.argmin(np.abs(strength - level)))]
-    return rung[trial.variant % len(rung)]
+        level = run_quest(plan.design, block, history).next_level
+        group = groups[int(np.argmin(np.abs(strength - level)))]
+    return group[trial.variant % len(group)]
 
 
 def threshold(plan: Plan, progress: SessionState, block_name: str) -> tuple[float, float]:
-    """Threshold of one participant from an adaptive block, and its standard deviation, in the unit of the strengths.
+    """Threshold of one participant from an adaptive block and its standard deviation, in the unit of the levels.
 
-    From QUEST+ mean and deviation of the posterior; from a staircase the mean of the strengths at the last six
-    reversals (NaN for the deviation). The rules of the plan leave out people and answers here as everywhere.
+    QUEST+: mean and standard deviation of the posterior. Staircase: mean level of the last six reversals; NaN for the
+    deviation. The exclusion rules of the plan apply.
 
     Raises
     ------
     InputError
-        If the block is not adaptive or not finished, if a rule of the plan leaves out the participant or every answer
-        of the block, or if a staircase turned fewer than six times.
+        If the block is not adaptive or not finished, if the exclusion rules leave no answers, or if a staircase has
+        fewer than six reversals.
     """
     block = plan.design.block(block_name)
     if not block.adaptive:
         raise InputError(f"block {block_name!r}: expected an adaptive block, got order {block.order!r}")
     if rule := why_left_out(plan, progress):
-        raise InputError(f"left out by a rule of the plan, {rule}")
+        raise InputError(f"excluded by a rule of the plan, {rule}")
     tests = [trial for trial in progress.trials if trial.block == block_name and trial.role == "test"]
     due = sum((trial.code, block.questions[0]) not in progress.answers for trial in tests)
     if due:
         raise InputError(f"not finished: expected {block.repetitions} answers, got {block.repetitions - due}")
-    ladder, strength = stimulus_levels(plan.design, block)
-    history = answered(plan, progress, block)
+    groups, strength = stimulus_levels(plan.design, block)
+    history = scored_history(plan, progress, block)
     if not history:
-        raise InputError(f"rules of the plan leave out all {block.repetitions} answers of the block")
+        raise InputError(f"the rules of the plan exclude all {block.repetitions} answers of the block")
     if block.adaptive == "quest+":
-        return ask_quest(plan.design, block, history).threshold
-    state = climb(len(ladder), history)
-    # For its check alone: the mean is of strengths, not of rungs.
+        return run_quest(plan.design, block, history).threshold
+    state = run_staircase(len(groups), history)
+    # Called for its check only: the mean is taken over the strengths, not over their indices.
     state.threshold(last=6)
     return float(np.mean(strength[np.rint(state.turned[-6:]).astype(int)])), float("nan")
 
 
 def thresholds_of(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame | None:
-    """Thresholds of every adaptive block of every session; None if the plan has no such block.
+    """Thresholds of every adaptive block in every session; None if the plan has no such block.
 
-    Columns participant, block, threshold, sd, note; a threshold that cannot be computed, or that the rules of the plan
-    leave out, is NaN, and the note says why.
+    Columns participant, block, threshold, sd, note; where a threshold cannot be computed or is excluded, it is NaN and
+    `note` gives the reason.
     """
     from pandas import DataFrame
 
@@ -98,29 +98,26 @@ def thresholds_of(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame | N
     return DataFrame(rows) if rows else None
 
 
-def answered(plan: Plan, progress: SessionState, block: Block) -> History:
-    """The answers of a block to its first question, as right or wrong.
-
-    Without those to catch trials and such, and without those that a rule of the plan leaves out, as in `answers_table`.
-    """
-    ladder, _ = stimulus_levels(plan.design, block)
-    place = {name: rung for rung, names in enumerate(ladder) for name in names}
+def scored_history(plan: Plan, progress: SessionState, block: Block) -> History:
+    """Test trials of an adaptive block as (level, correct), without the answers that the plan excludes."""
+    groups, _ = stimulus_levels(plan.design, block)
+    level_index = {name: index for index, names in enumerate(groups) for name in names}
     question = plan.design.question(block.questions[0])
     history: History = []
     for trial in progress.trials:
         name = trial.stimulus or progress.chosen.get(trial.code, "")
         given = progress.answers.get((trial.code, question.name))
-        if trial.block != block.name or trial.role != "test" or name not in place or given is None:
+        if trial.block != block.name or trial.role != "test" or name not in level_index or given is None:
             continue
         if not why_answer_left_out(plan, progress, trial.code, given):
             stimulus = plan.design.stimulus(name)
             right = right_answer(question, stimulus, {**stimulus.levels, **trial.levels})
-            history.append((place[name], given.answer == right))
+            history.append((level_index[name], given.answer == right))
     return history
 
 
-def climb(count: int, history: History) -> Staircase:
-    """A 3-down/1-up staircase over the rungs, from the strongest, two rungs a step until the first reversal."""
+def run_staircase(count: int, history: History) -> Staircase:
+    """3-down/1-up staircase over level indices, from the strongest; steps of two until the first reversal, then one."""
     top = count - 1
     state = Staircase(level=top, steps=(2, 1), low=0, high=top)
     for _, correct in history:
@@ -128,8 +125,8 @@ def climb(count: int, history: History) -> Staircase:
     return state
 
 
-def ask_quest(design: Design, block: Block, history: History) -> QuestPlus:
-    """QUEST+ over a grid of Weibull functions around the ladder's strengths, after the answers so far."""
+def run_quest(design: Design, block: Block, history: History) -> QuestPlus:
+    """QUEST+ with Weibull functions around the levels of the block, after the answers so far."""
     _, strength = stimulus_levels(design, block)
     question = design.question(block.questions[0])
     guess = 0.05 if question.kind == "yes-no" else 1 / max(len(question.answers), 2)
@@ -140,6 +137,6 @@ def ask_quest(design: Design, block: Block, history: History) -> QuestPlus:
         lapses=np.array([0.02]),
         guess=guess,
     )
-    for rung, correct in history:
-        state = state.answered(float(strength[rung]), correct)
+    for index, correct in history:
+        state = state.answered(float(strength[index]), correct)
     return state

@@ -1,4 +1,4 @@
-"""The ladder of an adaptive block: its strengths, and the stimuli that share one."""
+"""Stimulus levels of an adaptive block, and the stimuli that share a level."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,10 @@ Array = NDArray[np.float64]
 
 
 def stimulus_levels(design: Design, block: Block) -> tuple[list[tuple[str, ...]], Array]:
-    """Stimuli of an adaptive block from weak to strong, those of one strength together, and the strengths.
+    """Stimuli of an adaptive block grouped by strength from weak to strong, and the strengths.
 
-    Within a strength they are in the order of their right answers, so that the same place means the same side.
-
-    Raises
-    ------
-    InputError
-        If a strength is not a number above 0.
+    Within a group, stimuli are sorted by their correct answers, so that the same index means the same side at every
+    strength. Raises InputError if a strength is not a number above 0.
     """
     try:
         strength = [float(design.stimulus(name).levels[block.strength]) for name in block.stimuli]
@@ -33,20 +29,20 @@ def stimulus_levels(design: Design, block: Block) -> tuple[list[tuple[str, ...]]
 
 
 def check_sides(design: Design, block: Block) -> None:
-    """Raise InputError if a strength tells the right answer, or one answer is right in every trial of the block."""
-    ladder, strength = stimulus_levels(design, block)
-    if len(ladder) < 3:
+    """Raise InputError if the strength gives the correct answer away, or if one answer is correct in all trials."""
+    groups, strength = stimulus_levels(design, block)
+    if len(groups) < 3:
         raise InputError(f"block {block.name!r}: expected three strengths or more, got {strength.tolist()}")
-    rights = [[_right(design, block, name) for name in rung] for rung in ladder]
+    rights = [[_right(design, block, name) for name in group] for group in groups]
     if any(right != rights[0] for right in rights):
         raise InputError(
-            f"block {block.name!r}: expected the same right answers at every strength, got "
-            f"{', '.join(rights[0])} at the weakest and others elsewhere; list each strength once for each of them"
+            f"block {block.name!r}: expected the same correct answers at every strength, got "
+            f"{', '.join(rights[0])} at the lowest strength and others elsewhere; list each strength once per answer"
         )
     catches = [name for extra in block.extras if extra.role == "catch" for name in extra.stimuli]
     if len({*rights[0], *(_right(design, block, name) for name in catches)}) < 2:
         raise InputError(
-            f"block {block.name!r}: expected trials with different right answers, got {rights[0][0]!r} in all of them; "
+            f"block {block.name!r}: expected trials with different correct answers, got {rights[0][0]!r} in all; "
             "list each strength once for every answer (left and right, first and second), or add catch trials"
         )
 

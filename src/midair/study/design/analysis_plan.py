@@ -1,4 +1,4 @@
-"""What will be tested and who will be left out, said before the first participant."""
+"""Planned analyses, exclusion rules and power of a study, fixed before the first participant."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,53 +8,37 @@ from midair.errors import InputError
 from midair.study.design.question import one_of
 
 Incomplete = Literal["leave out", "refuse"]
-"""People who lack a cell of the analysis of variance: the others are analysed; nobody is."""
+"""Participants who lack a cell of the analysis of variance: leave them out, or refuse the analysis."""
 
 UnpresentedAnswers = Literal["wrong", "leave out", "refuse"]
-"""Answers that name what was never presented: wrong answers; left out; no analysis of choices."""
+"""Answers that name an object that was never presented: count them as wrong, leave them out, or refuse the analysis of
+choices."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Analysis:
-    """What will be tested, said before the first participant.
-
-    Attributes
-    ----------
-    choice : str
-        The question of the confusion matrix; none if empty.
-    condition : str
-        Factor of two levels whose F-measures are compared; none if empty.
-    only : mapping of str to str
-        Levels that a trial must have to count, such as ``{"presentation": "reproduced"}``.
-    rated : tuple of str
-        Questions of the analysis of variance; none if empty.
-    within : tuple of str
-        Its factors.
-    between : tuple of str
-        Factors by which people differ: questions of the form, or columns with one level for each person.
-    incomplete : {"leave out", "refuse"}
-        What becomes of people who lack a cell of the analysis of variance.
-    foils : {"wrong", "leave out", "refuse"}
-        What becomes of answers to `choice` that name what was never presented.
-    strength : str
-        Factor whose levels are numbers: a psychometric function is fitted to right answers; none if empty.
-    guess : float
-        Chance of a right answer without a stimulus, for that function: 1/m with m alternatives.
-    margin : float
-        Difference of macro F between conditions that does not matter.
-    """
+    """Planned analyses of a study."""
 
     choice: str = ""
+    """Question of the confusion matrix; no matrix if empty."""
     condition: str = ""
+    """Factor of two levels whose F-measures are compared; no comparison if empty."""
     only: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Levels that a trial must have to be analysed, such as ``{"presentation": "reproduced"}``."""
     rated: tuple[str, ...] = ()
+    """Questions of the analysis of variance; no analysis of variance if empty."""
     within: tuple[str, ...] = ()
+    """Within-subject factors of the analysis of variance."""
     between: tuple[str, ...] = ()
+    """Between-subject factors: questions of the form, or columns with one level per participant."""
     incomplete: Incomplete = "leave out"
     foils: UnpresentedAnswers = "wrong"
     strength: str = ""
+    """Factor with numeric levels for which a psychometric function is fitted to correct answers; no fit if empty."""
     guess: float = 0.5
+    """Guess rate of the psychometric function: 1/m with m alternatives."""
     margin: float = 0.1
+    """Equivalence margin of the difference of macro F between conditions."""
 
     def __post_init__(self) -> None:
         one_of(self.incomplete, Incomplete, "analysis: incomplete")
@@ -62,29 +46,23 @@ class Analysis:
 
 
 PowerTest = Literal["paired", "identification", "rating", "equivalence", "threshold"]
-"""Paired t over people; objects told apart better than by guessing; a factor of two levels of a rating; two conditions
-that do not differ, shown to be within a margin; a mean threshold whose limits leave out a bound."""
+"""Paired t-test over participants; identification above chance; effect of a two-level factor on a rating; equivalence
+of two conditions within a margin; mean threshold whose confidence interval excludes a bound."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedPower:
-    """What the number of people is for: the chance that a test finds an effect of a stated size.
-
-    Attributes
-    ----------
-    test : {"paired", "identification", "rating", "equivalence", "threshold"}
-        As in `midair study power`.
-    effect : float
-        d_z; mean d'; difference in rating steps; margin over the standard deviation of people's differences; distance
-        of the bound from the mean of the logarithms of thresholds, over their standard deviation.
-    objects, trials : int
-        Of "identification": alternatives, and trials of each participant.
-    """
+    """A test and an effect size for which the plan page computes the power."""
 
     test: PowerTest
     effect: float
+    """Effect size, in the unit of the test: d_z (paired); mean d' (identification); difference in rating steps
+    (rating); margin over the standard deviation of the participants' differences (equivalence); distance of the bound
+    from the mean of the log thresholds, over their standard deviation (threshold)."""
     objects: int = 3
+    """Number of alternatives (identification)."""
     trials: int = 12
+    """Trials per participant (identification)."""
 
     def __post_init__(self) -> None:
         one_of(self.test, PowerTest, "power: test")
@@ -92,34 +70,23 @@ class PlannedPower:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exclusions:
-    """Answers and people that will not be analysed; each rule is off unless it is given.
-
-    Attributes
-    ----------
-    fastest_s, slowest_s : float
-        Answers given sooner or later are left out, in s; 0 for no limit.
-    attention : float
-        Least share of attention checks that a participant must have answered rightly.
-    catch : float
-        Least share of catch trials that a participant must have answered rightly.
-    timeouts : float
-        Largest share of questions that may have gone without an answer in time.
-    training : bool
-        Whether somebody who did not reach the criterion of a training block is left out.
-    failed_plays : bool
-        Whether a trial is left out whose presentation failed and was made again.
-    unfinished : bool
-        Whether a participant with open questions in the log, in any session of the plan, is left out.
-    """
+    """Rules that exclude answers and participants from the analysis; each rule is off by default."""
 
     fastest_s: float = 0.0
     slowest_s: float = 0.0
+    """Answers faster than `fastest_s` or slower than `slowest_s` are excluded, in s; 0 for no limit."""
     attention: float = 0.0
+    """Least share of attention checks that a participant must answer correctly."""
     catch: float = 0.0
+    """Least share of catch trials that a participant must answer correctly."""
     timeouts: float = 1.0
+    """Largest share of questions without an answer within the time limit."""
     training: bool = False
+    """Whether participants who did not reach the criterion of a training block are excluded."""
     failed_plays: bool = False
+    """Whether trials whose presentation failed and was repeated are excluded."""
     unfinished: bool = False
+    """Whether participants with unanswered questions in any session of the plan are excluded."""
 
     def __post_init__(self) -> None:
         if not self.fastest_s >= 0 or not (self.slowest_s == 0 or self.fastest_s < self.slowest_s):

@@ -1,4 +1,4 @@
-"""The answers of a study as a table, and with it the key that opens the blinding."""
+"""Table of the answers of a study, with the condition of each trial."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
 
 def answers_table(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
-    """Every answer that counts as a row, but for those to private questions, which stay in the log.
+    """Table of all valid answers, without those to private questions (they stay in the log).
 
     Returns
     -------
     DataFrame
-        Columns participant, session, trial, block, group, repetition, stimulus, role, scored, excluded (why an answer
-        or its participant is left out, by the rules of the plan; such are not scored), question, kind, answer, right,
-        correct (1, 0, or -1 where nothing is right or wrong), reaction_s, reaction_by, failed_plays, time (from the
-        beginning of the session, in s), simulated, one a question of the form, and one a factor, "n/a" where a factor
-        has no level. In the order of asking.
+        One row per answer, in the order of asking, with columns participant, session, trial, block, group, repetition,
+        stimulus, role, scored, excluded (rule of the plan that excludes the answer or its participant; excluded answers
+        are not scored), question, kind, answer, right (correct answer), correct (1, 0, or -1 for questions without a
+        correct answer), reaction_s, reaction_by, failed_plays, time (s from the beginning of the session), simulated,
+        one column per question of the form, and one per factor, "n/a" where a factor has no level.
     """
     from pandas import DataFrame
 
@@ -79,7 +79,7 @@ def _answer_row(plan: Plan, session: SessionState, trial: Trial, name: str, out:
 
 
 def _since(begin: str, end: str) -> float:
-    """Time between two moments in ISO 8601, in s."""
+    """Time between two ISO 8601 times, in s."""
     try:
         return round((datetime.fromisoformat(end) - datetime.fromisoformat(begin)).total_seconds(), 3)
     except (ValueError, TypeError) as wrong:

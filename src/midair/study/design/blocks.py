@@ -1,4 +1,4 @@
-"""Blocks: trials that belong together, in the order that is promised, and what is strewn among them."""
+"""Blocks of trials, their order, and extra trials inserted among them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,37 +7,27 @@ from typing import Literal
 from midair.errors import InputError
 from midair.study.design.question import one_of
 
-StopGuard = Literal["shuffle", "rounds", "fixed"]
-"""All trials of a block mixed; every stimulus once, in a new order, repetition by repetition; as written."""
+BlockOrder = Literal["shuffle", "rounds", "fixed"]
+"""All trials of a block shuffled; every stimulus once per repetition, shuffled anew in each; as listed."""
 
 Adaptive = Literal["", "staircase", "quest+"]
-"""A plan drawn beforehand; 3-down/1-up; QUEST+."""
+"""Stimuli fixed by the plan; 3-down/1-up staircase; QUEST+."""
 
 ExtraRole = Literal["catch", "anchor", "attention"]
-"""A trial in which nothing (or nothing else) is to be felt; an end of the scale; one that whoever attends answers
-rightly."""
+"""A trial without a stimulus or difference; an end of the rating scale; a trial that every attentive participant
+answers correctly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extra:
-    """Trials of another purpose that are strewn among those of a block, never the first of it.
-
-    Attributes
-    ----------
-    role : {"catch", "anchor", "attention"}
-        What they are for.
-    stimuli : tuple of str
-        Names.
-    repetitions : int
-        Trials of each stimulus.
-    questions : tuple of str
-        Names; those of the block if empty.
-    """
+    """Extra trials inserted at random positions of a block, never the first one."""
 
     role: ExtraRole
     stimuli: tuple[str, ...]
     repetitions: int = 1
+    """Trials of each stimulus."""
     questions: tuple[str, ...] = ()
+    """Names of the questions; those of the block if empty."""
 
     def __post_init__(self) -> None:
         one_of(self.role, ExtraRole, "extras: role")
@@ -47,18 +37,12 @@ class Extra:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """When a training is over: a share of the last answers to the first question is right.
-
-    Attributes
-    ----------
-    right : float
-        Least share, above 0 to 1.
-    last : int
-        Of so many answers.
-    """
+    """Criterion that ends a training block: share of correct answers to the first question."""
 
     right: float
+    """Least share of correct answers, above 0 to 1."""
     last: int
+    """Number of latest answers over which the share is computed."""
 
     def __post_init__(self) -> None:
         if not 0 < self.right <= 1 or self.last < 1:
@@ -67,72 +51,46 @@ class Criterion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Block:
-    """Trials that belong together.
-
-    Attributes
-    ----------
-    name : str
-        Name of the block.
-    stimuli, questions : tuple of str
-        Names.
-    repetitions : int
-        Trials of each stimulus.
-    order : {"shuffle", "rounds", "fixed"}
-        Order of the trials.
-    longest_run : int
-        Most trials with the same stimulus in a row; 0 for no limit.
-    group : str
-        Blocks of one group follow each other as written; the block's own name if empty. Groups are what
-        `Design.counterbalanced` puts in order.
-    scored : bool
-        False for familiarisation: stored, not analysed.
-    levels : mapping of str to str
-        Levels of all its trials.
-    text : str
-        Told to the participant before the first trial.
-    rest_s : float
-        Shortest break after the block, in s.
-    adaptive : {"", "staircase", "quest+"}
-        What chooses the stimuli from the answers to the first question; `repetitions` is then the number of trials.
-    strength : str
-        Factor whose levels are the strengths of an adaptive block's stimuli, as numbers. Where several stimuli share a
-        strength (left and right), which of them comes is drawn beforehand, each equally often.
-    extras : tuple of Extra
-        Trials strewn among these: catch trials, anchors, attention checks.
-    criterion : Criterion, optional
-        Ends the block as soon as it is met; `repetitions` is then the most there can be.
-    feedback : bool
-        Whether the participant is told after each trial what was right.
-    break_every : int
-        A break of `rest_s` after so many trials within the block; 0 for none.
-    jitter_s : tuple of float
-        Shortest and longest time before each stimulus, in s; drawn beforehand.
-    session : int
-        Number of the session that the block belongs to, from 1 on.
-    """
+    """A sequence of trials with the same questions."""
 
     name: str
     stimuli: tuple[str, ...]
     questions: tuple[str, ...]
     repetitions: int = 1
-    order: StopGuard = "shuffle"
+    """Trials of each stimulus; in an adaptive block the number of all trials; with a criterion the maximum."""
+    order: BlockOrder = "shuffle"
     longest_run: int = 0
+    """Largest number of trials with the same stimulus in a row; 0 for no limit."""
     group: str = ""
+    """Group of consecutive blocks, the unit of `Design.counterbalanced`; the name of the block if empty."""
     scored: bool = True
+    """Whether the answers are analysed; false for familiarisation."""
     levels: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Factor levels of all trials of the block."""
     text: str = ""
+    """Instruction shown before the first trial."""
     rest_s: float = 0.0
+    """Shortest break after the block, in s."""
     adaptive: Adaptive = ""
+    """Method that chooses the stimuli from the answers to the first question."""
     strength: str = ""
+    """Factor with the numeric stimulus strength of an adaptive block. If several stimuli share a strength (left and
+    right), the plan draws each equally often."""
     extras: tuple[Extra, ...] = ()
+    """Catch trials, anchors and attention checks."""
     criterion: Criterion | None = None
+    """Ends the block as soon as it is met."""
     feedback: bool = False
+    """Whether the correct answer is shown after each trial."""
     break_every: int = 0
+    """Number of trials between breaks of `rest_s` within the block; 0 for none."""
     jitter_s: tuple[float, float] = (0.0, 0.0)
+    """Shortest and longest time before each stimulus, in s; drawn with the plan."""
     session: int = 1
+    """Session number, from 1."""
 
     def __post_init__(self) -> None:
-        one_of(self.order, StopGuard, f"block {self.name!r}: order")
+        one_of(self.order, BlockOrder, f"block {self.name!r}: order")
         one_of(self.adaptive, Adaptive, f"block {self.name!r}: adaptive")
         if bool(self.adaptive) != bool(self.strength) or (self.adaptive and len(self.stimuli) < 3):
             raise InputError(f"block {self.name!r}: expected adaptive, strength and three stimuli or more, or neither")

@@ -1,4 +1,4 @@
-"""Who and what is left out, by the rules that the plan has stated beforehand."""
+"""Participants and answers that the exclusion rules of the plan leave out of the analysis."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ if TYPE_CHECKING:
 
 
 def left_out(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
-    """Every participant whom a rule of the plan leaves out.
+    """Participants whom a rule of the plan excludes.
 
     Returns
     -------
     DataFrame
-        Columns participant, rule, value (what was found), limit (what the plan allows); empty if nobody is.
+        Columns participant, rule, value (measured), limit (allowed by the plan); no rows if all participants are
+        analysed.
     """
     from pandas import DataFrame
 
@@ -30,12 +31,12 @@ def left_out(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
 
 
 def why_left_out(plan: Plan, session: SessionState) -> str:
-    """The first rule that leaves the participant of a session out; empty if none does."""
+    """First rule that excludes the participant of a session; empty if none does."""
     return next((f"participant: {row['rule']}" for row in _broken_rules(plan, session)), "")
 
 
 def why_answer_left_out(plan: Plan, session: SessionState, code: str, given: GivenAnswer) -> str:
-    """The rule that leaves one answer out; empty if none does."""
+    """Rule that excludes one answer; empty if none does."""
     rules = plan.design.exclusions
     if given.late:
         return "timeout"
@@ -67,7 +68,7 @@ def _broken_rules(plan: Plan, session: SessionState) -> list[dict[str, Any]]:
 
 
 def _share_right(plan: Plan, session: SessionState, role: str) -> float | None:
-    """Share of right answers in the trials of a role that have a right answer; None if there are none yet."""
+    """Share of correct answers in the trials of a role that have a correct answer; None if there are none yet."""
     right = [
         session.answers[trial.code, name].answer == truth
         for trial in session.trials

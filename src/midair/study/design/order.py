@@ -1,4 +1,4 @@
-"""Orders: balanced Latin squares, and shuffles without long runs."""
+"""Trial orders: balanced Latin squares and shuffles without long runs."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -12,15 +12,15 @@ Item = TypeVar("Item")
 
 
 def balanced_latin_square(count: int) -> list[list[int]]:
-    """Orders of `count` conditions in which each stands equally often in each place and after each other one.
+    """Orders of `count` conditions that balance position and immediate carry-over.
 
-    The design of Williams (1949): 0, 1, n-1, 2, n-2, ... shifted by one a row; for an odd number every row also comes
-    backwards.
+    The design of Williams (1949): each row is 0, 1, n-1, 2, n-2, ... plus the row number; for an odd count the reversed
+    rows are added.
 
     Parameters
     ----------
     count : int
-        1 or more.
+        Number of conditions, 1 or more.
 
     Returns
     -------
@@ -37,21 +37,17 @@ def balanced_latin_square(count: int) -> list[list[int]]:
 def constrained_shuffle(
     items: Sequence[Item], *, rng: np.random.Generator, longest_run: int = 0, tries: int = 1000
 ) -> list[Item]:
-    """A random order in which no item stands more than `longest_run` times in a row.
+    """Random order in which no item stands more than `longest_run` times in a row.
 
-    All such orders are equally likely (by rejection) unless they are so rare that `tries` shuffles miss them; then one
-    is built item by item.
+    All such orders are equally likely (rejection sampling), unless `tries` shuffles find none; then one order is built
+    item by item.
 
     Parameters
     ----------
     items : sequence
-        May repeat.
-    rng : Generator
-        Draws the shuffle.
+        Items to shuffle, with repetitions.
     longest_run : int
         0 for no limit.
-    tries : int
-        Shuffles before one is built.
 
     Raises
     ------
@@ -68,7 +64,7 @@ def constrained_shuffle(
 
 
 def longest_run_of(items: Sequence[object]) -> int:
-    """Most equal items in a row."""
+    """Largest number of equal items in a row."""
     longest = run = 0
     for i, item in enumerate(items):
         run = run + 1 if i and items[i - 1] == item else 1
@@ -93,7 +89,7 @@ def _built(items: list[Item], rng: np.random.Generator, longest_run: int) -> lis
         while run < len(order) and order[-1 - run] == order[-1]:
             run += 1
         allowed = [item for item in left if left[item] and _can_follow(item, left, order, run, longest_run)]
-        # As from an urn: what is left more often comes sooner, and is not piled up for the end.
+        # Weighted by the remaining count, so that frequent items do not pile up at the end.
         weight = np.array([left[item] for item in allowed], float)
         chosen = allowed[int(rng.choice(len(allowed), p=weight / weight.sum()))]
         left[chosen] -= 1
@@ -102,7 +98,7 @@ def _built(items: list[Item], rng: np.random.Generator, longest_run: int) -> lis
 
 
 def _can_follow(item: Item, left: Counter[Item], order: list[Item], run: int, longest_run: int) -> bool:
-    """Whether the rest can still be laid out once this item is taken."""
+    """Whether the remaining items can still be ordered after this item."""
     now = run + 1 if order and order[-1] == item else 1
     if now > longest_run:
         return False
@@ -111,7 +107,7 @@ def _can_follow(item: Item, left: Counter[Item], order: list[Item], run: int, lo
     total = rest.total()
     for other, count in rest.items():
         start = longest_run - now if other == item else longest_run
-        # Each of the others can part two runs; more than these runs hold would have to stand together.
+        # Each other item can separate two runs; a count above the capacity of these runs breaks the limit.
         if count > start + longest_run * (total - count):
             return False
     return True

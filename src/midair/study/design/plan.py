@@ -1,4 +1,4 @@
-"""The trials of every participant, drawn before the first one comes."""
+"""The trials of every participant, drawn before the first session."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -18,75 +18,48 @@ from midair.study.design.study_design import Design
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """One stimulus for one participant.
-
-    Attributes
-    ----------
-    code : str
-        Names the trial and gives nothing away, such as ``p03-t017``.
-    participant, number : int
-        Both from 1 on; the number counts over the whole session.
-    block, group : str
-        Where it belongs.
-    repetition : int
-        How often the stimulus has come in the block, this time included.
-    stimulus : str
-        What is presented; for the presenter only. Empty in an adaptive block: chosen when its time comes.
-    levels : mapping of str to str
-        Levels of the stimulus and of the block.
-    questions : tuple of str
-        Asked in this order.
-    scored : bool
-        Whether it is analysed.
-    role : str
-        What the trial is for: "test", or the role of an `Extra`.
-    variant : int
-        In an adaptive block: which of the stimuli of one strength is presented.
-    wait_s : float
-        Time before the stimulus, in s.
-    session : int
-        From 1 on.
-    """
+    """One stimulus for one participant."""
 
     code: str
+    """Identifier that does not reveal the condition, such as ``p03-t017``."""
     participant: int
     number: int
+    """Position within all sessions of the participant, from 1."""
     block: str
     group: str
     repetition: int
+    """Number of this presentation of the stimulus in its block, from 1."""
     stimulus: str
+    """Name of the stimulus, for the presenter only. Empty in an adaptive block, where it is chosen before the trial."""
     questions: tuple[str, ...]
+    """Questions in the order of asking."""
     scored: bool = True
+    """Whether the trial is analysed."""
     levels: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Levels of the stimulus and of the block."""
     role: str = "test"
+    """"test", or the role of an `Extra`."""
     variant: int = 0
+    """Index of the stimulus among those of equal strength, in an adaptive block."""
     wait_s: float = 0.0
+    """Time before the stimulus, in s."""
     session: int = 1
+    """Session number, from 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """A design and the trials drawn for it.
-
-    Attributes
-    ----------
-    design : Design
-        With its seed.
-    trials : tuple of Trial
-        Trials of all participants, in the order of presentation.
-    digest : str
-        Names the plan by its content when it was drawn: a log says which plan it followed.
-    drives : mapping of str to str
-        SHA-256 of each drive by its source; empty if none were there when the plan was drawn.
-    chain : bool
-        Whether each line of a log has to have its link; false for plans of before 2026-11-23.
-    """
+    """A design and the trials drawn for it."""
 
     design: Design
     trials: tuple[Trial, ...]
+    """Trials of all participants, in the order of presentation."""
     digest: str = ""
+    """Digest of the content when the plan was drawn; every log states the digest of its plan."""
     drives: Mapping[str, str] = field(default_factory=dict[str, str])
+    """SHA-256 of each drive by its source; empty if the drives did not exist when the plan was drawn."""
     chain: bool = False
+    """Whether each line of a log must carry its chain hash; false for plans drawn before 2026-11-23."""
 
     def __post_init__(self) -> None:
         if not self.digest:
@@ -94,12 +67,12 @@ class Plan:
             object.__setattr__(self, "digest", digest)
 
     def trial(self, code: str) -> Trial:
-        """The trial of this code.
+        """Trial with this code.
 
         Raises
         ------
         InputError
-            If no trial has it.
+            If no trial has this code.
         """
         for trial in self.trials:
             if trial.code == code:
@@ -112,7 +85,7 @@ class Plan:
         Raises
         ------
         InputError
-            If none were drawn for this number.
+            If no trials were drawn for this number.
         """
         found = tuple(trial for trial in self.trials if trial.participant == participant)
         if not found:
@@ -128,29 +101,27 @@ def digest_of(
     drives: Mapping[str, str] | None = None,
     chain: bool = False,
 ) -> str:
-    """Sixteen hexadecimal digits of SHA-256 over the JSON of a design, its trials, its drives and its chain, if any."""
+    """First 16 hexadecimal digits of the SHA-256 over the JSON of a design, its trials, drives and chain flag."""
     content = [dict(design), list(trials), *([dict(drives)] if drives else []), *(["chain"] if chain else [])]
-    # Sorted, so that only content makes a difference and not the order of keys in a file.
+    # Sorted keys: the digest depends on the content, not on the order of keys in a file.
     return sha256(dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Plan:
     """Draw all trials from the seed of the design.
 
-    Each participant has a stream of random numbers of their own: planning for more people leaves the others as they
-    were.
+    Each participant has an independent random stream: a larger number of participants does not change the others'
+    trials. Pairs in either order become two stimuli, see `both_orders`.
 
     Parameters
     ----------
-    design : Design
-        Pairs that come in either order become two stimuli, see `both_orders`.
     drives : mapping of str to str, optional
-        SHA-256 of each drive, for the plan.
+        SHA-256 of each drive, stored in the plan.
 
     Raises
     ------
     InputError
-        If whoever says the same in every trial of an adaptive block would always be right.
+        If a participant who always gives the same answer would always be correct in an adaptive block.
     """
     whole = _in_both_orders(design)
     for block in whole.blocks:
@@ -161,10 +132,10 @@ def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Pla
 
 
 def block_order(design: Design, participant: int) -> list[Block]:
-    """Blocks of one participant: counterbalanced groups change places by a row of a Latin square.
+    """Blocks of one participant: counterbalanced groups are permuted by a row of a balanced Latin square.
 
-    Groups that each belong to one session change sessions with their places; one that has blocks in several sessions
-    keeps them, and the places are those within a session.
+    Groups that each belong to one session exchange their sessions too. If a group has blocks in several sessions, the
+    groups are permuted within each session.
     """
     groups = list(dict.fromkeys(block.group for block in design.blocks))
     places = [group for group in groups if group in design.counterbalanced]
@@ -218,7 +189,7 @@ def _session(design: Design, participant: int) -> list[Trial]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Place:
-    """What comes in one place of a block."""
+    """Content of one position in a block."""
 
     stimulus: str
     questions: tuple[str, ...]
@@ -243,7 +214,7 @@ def _places(design: Design, block: Block, rng: np.random.Generator) -> list[_Pla
 
 
 def _variants(design: Design, block: Block, rng: np.random.Generator) -> list[int]:
-    """Which stimulus of a strength comes in each trial of an adaptive block: each equally often, in random order."""
+    """Index of the stimulus of equal strength for each trial of an adaptive block: balanced, in random order."""
     many = len(stimulus_levels(design, block)[0][0])
     if many == 1:
         return [0] * block.repetitions
@@ -252,13 +223,13 @@ def _variants(design: Design, block: Block, rng: np.random.Generator) -> list[in
 
 
 def _counts(design: Design, place: _Place) -> bool:
-    """Whether a trial is analysed: catch trials are where nothing is the other half of what d' is made of."""
+    """Whether a trial is analysed; d' of yes-no and same-different questions needs the false alarms of catch trials."""
     kind = design.question(place.questions[0]).kind if place.questions else ""
     return place.role == "test" or (place.role == "catch" and kind in ("yes-no", "same-different"))
 
 
 def _in_both_orders(design: Design) -> Design:
-    """The design with every pair of either order as two stimuli, which take its place in the blocks."""
+    """Design in which each pair in either order is replaced by two stimuli, in the blocks too."""
     names = {one.name: tuple(each.name for each in both_orders(one)) for one in design.stimuli}
 
     def all_of(asked: tuple[str, ...]) -> tuple[str, ...]:
@@ -284,7 +255,7 @@ def _stimuli(block: Block, rng: np.random.Generator) -> list[str]:
     order: list[str] = []
     for _ in range(block.repetitions):
         part = constrained_shuffle(block.stimuli, rng=rng)
-        # Within a round none comes twice: only where two rounds meet can it follow itself.
+        # Within a round each stimulus comes once: repeats can occur only between two rounds.
         while block.longest_run == 1 and len(set(block.stimuli)) > 1 and order and order[-1] == part[0]:
             part = constrained_shuffle(block.stimuli, rng=rng)
         order += part

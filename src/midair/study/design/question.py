@@ -1,4 +1,4 @@
-"""Something to ask after a stimulus, and what counts as an answer to it."""
+"""A question of a study, and the check of its answers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,59 +7,45 @@ from typing import Any, Literal, get_args
 from midair.errors import InputError
 
 QuestionKind = Literal["choice", "rating", "magnitude", "yes-no", "same-different", "slider", "text"]
-"""One of several names; a whole number on a scale; any number of 0 or more; yes or no; same or different; a number
-between two ends; words."""
+"""One of several options; an integer on a scale; any number of 0 or more; yes or no; same or different; a number
+between two ends; free text."""
 
 LONGEST_TEXT = 2000
-"""Letters of a text that are stored."""
+"""Largest number of stored characters of a free text."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """Something to ask after a stimulus.
-
-    Attributes
-    ----------
-    name : str
-        Name of the column.
-    kind : {"choice", "rating", "magnitude", "yes-no", "same-different", "slider", "text"}
-        What an answer may be.
-    text : str
-        As it is asked.
-    options : tuple of str
-        Options of a choice.
-    low, high : int
-        Ends of a rating or of a slider.
-    low_label, high_label : str
-        What the ends mean.
-    truth : str
-        Factor whose level is the right answer; empty where there is none. "yes-no" asks for anything but silence,
-        "same-different" for the two members of the pair, if `truth` is empty.
-    levels : mapping of str to str
-        Levels that the question itself adds, such as ``{"rated": "towel"}``.
-    timeout_s : float
-        Time after which no answer is taken any more, in s; 0 for as long as it takes.
-    private : bool
-        Whether the answer stays in the log and goes into no table.
-    """
+    """A question asked after a stimulus or in the form."""
 
     name: str
+    """Name of the question, and of its column for a question of the form."""
     kind: QuestionKind
     text: str
     options: tuple[str, ...] = ()
+    """Options of a choice."""
     low: int = 1
     high: int = 7
+    """`low` and `high` are the ends of a rating or slider."""
     low_label: str = ""
     high_label: str = ""
+    """`low_label` and `high_label` name the ends."""
     truth: str = ""
+    """Factor whose level is the correct answer. If empty, a yes-no question is correct with "yes" for any stimulus but
+    silence, a same-different question by the members of the pair; other kinds have no correct answer."""
     levels: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Levels that the question adds, such as ``{"rated": "towel"}``."""
     timeout_s: float = 0.0
+    """Time limit for an answer, in s; 0 for no limit."""
     private: bool = False
+    """Whether the answer stays in the log and is left out of all tables."""
 
     def __post_init__(self) -> None:
         one_of(self.kind, QuestionKind, f"question {self.name!r}: kind")
         if blank := [option for option in self.options if option != option.strip() or not option]:
-            raise InputError(f"question {self.name!r}: expected options without space around them, got {blank[0]!r}")
+            raise InputError(
+                f"question {self.name!r}: expected options without leading or trailing spaces, got {blank[0]!r}"
+            )
         if not 0 <= self.timeout_s < float("inf"):
             raise InputError(f"question {self.name!r}: expected timeout_s of 0 or more, got {self.timeout_s:g}")
         if self.kind == "choice" and (len(set(self.options)) < 2 or len(set(self.options)) < len(self.options)):
@@ -69,16 +55,17 @@ class Question:
 
     @property
     def answers(self) -> tuple[str, ...]:
-        """Everything that may be answered; empty where that is any number or any text."""
+        """All possible answers; empty if any number or text is allowed."""
         fixed = {"yes-no": ("yes", "no"), "same-different": ("same", "different"), "choice": self.options}
         scale = tuple(str(n) for n in range(self.low, self.high + 1)) if self.kind == "rating" else ()
         return fixed.get(self.kind, scale)
 
     @property
     def numbered(self) -> bool:
-        """Whether 1, 2 and so on stand for the answers.
+        """Whether 1, 2 and so on select the answers.
 
-        Not where an answer begins with the number of another: of 2, 3, 4, a typed "2" would be the second as well.
+        False if an answer begins with the number of another one: with the options 2, 3, 4, a typed "2" would be
+        ambiguous.
         """
         return self.kind != "rating" and not any(
             option.startswith(str(number))
@@ -89,18 +76,18 @@ class Question:
 
     @property
     def keys(self) -> Mapping[str, str]:
-        """The answer that one key gives, by the key; empty if one key does not reach every answer."""
+        """Answer selected by each single key; empty if single keys cannot select every answer."""
         if self.numbered and 0 < len(self.answers) <= 9:
             return {str(number): answer for number, answer in enumerate(self.answers, start=1)}
         return {answer: answer for answer in self.answers} if all(len(answer) == 1 for answer in self.answers) else {}
 
     def read(self, text: str) -> str:
-        """An answer as it is stored; the number of an option, and the beginning of one, count as the option.
+        """Parse an answer; the number of an option or an unambiguous beginning of it selects the option.
 
         Raises
         ------
         InputError
-            If it is no answer to this question.
+            If the text is no valid answer to this question.
         """
         said = text.strip()
         if self.kind == "magnitude":
@@ -113,7 +100,7 @@ class Question:
             return said
         if self.numbered and said.isdecimal() and 1 <= int(said) <= len(self.answers):
             return self.answers[int(said) - 1]
-        # A number that is no whole answer is a slip of a key, and not the beginning of one.
+        # A number that is not a complete answer is a typing error, not the beginning of an answer.
         begun = [option for option in self.answers if said and option.lower().startswith(said.lower())]
         if self.kind != "rating" and len(begun) == 1 and (self.numbered or not said.isdecimal()):
             return begun[0]
@@ -121,13 +108,7 @@ class Question:
 
 
 def one_of(value: str, kinds: Any, what: str) -> None:
-    """Check that a word is one of a Literal's.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
+    """Raise InputError if a value is not one of those of a Literal."""
     if value not in get_args(kinds):
         raise InputError(f"{what}: expected one of {', '.join(get_args(kinds))}, got {value!r}")
 
@@ -136,7 +117,7 @@ def _number(said: str, low: float, high: float, expected: str) -> str:
     try:
         value = float(said)
     except ValueError:
-        # Refused below, as it is not between the ends.
+        # NaN fails the range check below.
         value = float("nan")
     if not low <= value <= high or value == float("inf"):
         raise InputError(f"answer: expected {expected}, got {said!r}")

@@ -1,4 +1,4 @@
-"""What a log of events says: which answers count, and where a session goes on. Pure: the log is a list of dicts."""
+"""State of a session, computed from the events of its log: valid answers and the next trial."""
 
 from __future__ import annotations
 
@@ -13,80 +13,56 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
 Policy = Literal["resume", "restart", "block"]
-"""After an interruption: go on with the trial that was not finished; begin again; begin the block again."""
+"""After an interruption: continue with the unfinished trial, repeat the session, or repeat the block."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GivenAnswer:
-    """One answer that counts.
-
-    Attributes
-    ----------
-    answer : str
-        As `Question.read` gave it.
-    reaction_s : float
-        Time from the question to the answer, in s.
-    time : str
-        When, ISO 8601.
-    by : str
-        How the time was taken: "key", "line", "page", "model"; empty where the log does not say.
-    late : bool
-        Whether none came in time; the answer is then "n/a".
-    """
+    """One valid answer."""
 
     answer: str
+    """Text as returned by `Question.read`; "n/a" if late."""
     reaction_s: float
+    """Time from the question to the answer, in s."""
     time: str
+    """ISO 8601."""
     by: str = ""
+    """How the time was measured: "key", "line", "page", "model"; empty if the log does not state it."""
     late: bool = False
+    """Whether the time limit passed without an answer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionState:
-    """Where a session stands.
-
-    Attributes
-    ----------
-    trials : tuple of Trial
-        Trials of this participant.
-    answers : mapping of (code, question) to GivenAnswer
-        Those that count.
-    chosen : mapping of code to str
-        Stimuli of adaptive trials.
-    interruptions, withdrawn : int
-        How often the session was taken up again, and answers that a policy has put aside (they stay in the log).
-    simulated : bool
-        Whether a simulated participant gave any of them.
-    waived : frozenset of str
-        Codes of trials that do not come any more: the criterion of their training was met.
-    untrained : tuple of str
-        Blocks that ended without their criterion.
-    form : mapping of str to str
-        Answers to the questions of the form.
-    failed : mapping of code to int
-        How often the presentation of a trial failed and was made again.
-    began : mapping of int to str
-        When each session was first opened, ISO 8601.
-    broken_off : bool
-        Whether the program ended before the session did.
-    """
+    """Progress of a participant's sessions."""
 
     trials: tuple[Trial, ...]
     answers: Mapping[tuple[str, str], GivenAnswer]
+    """Valid answers by (trial code, question)."""
     chosen: Mapping[str, str]
+    """Stimuli of adaptive trials by trial code."""
     interruptions: int = 0
+    """How often the session was resumed."""
     withdrawn: int = 0
+    """Answers that a policy discarded; they stay in the log."""
     simulated: bool = False
+    """Whether a simulated participant gave any answer."""
     waived: frozenset[str] = frozenset()
+    """Codes of training trials that are skipped because the criterion was met."""
     untrained: tuple[str, ...] = ()
+    """Blocks that ended without their criterion."""
     form: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Answers to the questions of the form."""
     failed: Mapping[str, int] = field(default_factory=dict[str, int])
+    """Number of failed and repeated presentations by trial code."""
     began: Mapping[int, str] = field(default_factory=dict[int, str])
+    """Time at which each session was first opened, ISO 8601."""
     broken_off: bool = False
+    """Whether the program ended before the session did."""
 
     @property
     def next_trial(self) -> int:
-        """Index of the first trial that lacks an answer; their number if none does."""
+        """Index of the first trial that lacks an answer; the number of trials if none does."""
         for index, trial in enumerate(self.trials):
             if self.open_questions(trial):
                 return index
@@ -94,27 +70,27 @@ class SessionState:
 
     @property
     def finished(self) -> bool:
-        """Whether every question of every session is answered, and the log says that it ended."""
+        """Whether every question of every session is answered and the log contains the end."""
         return self.next_trial == len(self.trials) and not self.broken_off
 
     @property
     def state(self) -> str:
-        """How far the session is, in words."""
+        """Progress as text."""
         many, due = len(self.trials), sum(bool(self.open_questions(trial)) for trial in self.trials)
         if due:
             return f"not finished, {many - due} of {many} trials"
         return f"not finished, {many} of {many} trials without an end" if self.broken_off else "finished"
 
     def open_questions(self, trial: Trial) -> tuple[str, ...]:
-        """Questions of a trial without an answer; none of a trial that is waived."""
+        """Unanswered questions of a trial; empty for a waived trial."""
         if trial.code in self.waived:
             return ()
         return tuple(name for name in trial.questions if (trial.code, name) not in self.answers)
 
     def redo(self, policy: Policy) -> tuple[str, ...]:
-        """Codes of the trials whose answers a policy puts aside."""
+        """Codes of the trials whose answers a policy discards."""
         index = self.next_trial
-        # Up to the trial that was interrupted, some of whose questions may have been answered.
+        # Includes the interrupted trial: some of its questions may have been answered.
         if policy == "restart":
             current = self.trials[min(index, len(self.trials) - 1)].session
             return tuple(trial.code for trial in self.trials[: index + 1] if trial.session == current)
@@ -125,25 +101,25 @@ class SessionState:
 
 
 def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int, *, name: str = "log") -> SessionState:
-    """Where a session stands after its events.
+    """Compute the state of a session from its events.
 
     Parameters
     ----------
     events : iterable of mapping
         Lines of the log, in order.
     plan : Plan
-        The plan that the session follows.
+        Plan that the session follows.
     participant : int
-        Number of the participant whose log it is.
+        Number of the participant.
     name : str
-        Of the log, for messages.
+        Name of the log in messages.
 
     Raises
     ------
     MismatchError
         If the log follows another plan, or belongs to another participant.
     BrokenFileError
-        If an event lacks something, or says what none can.
+        If an event is incomplete or invalid.
     """
     try:
         return _replayed(events, plan, participant)
@@ -152,40 +128,40 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int, *,
     except MidairError:
         raise
     except (AttributeError, LookupError, TypeError, ValueError) as wrong:
-        said = f"nothing of {wrong}" if isinstance(wrong, KeyError) else str(wrong)[:80]
+        problem = f"{wrong} is missing" if isinstance(wrong, KeyError) else str(wrong)[:80]
         raise BrokenFileError(
-            f"{name}: expected the events of participant {participant}, got a damaged one ({said}); restore a copy"
+            f"{name}: expected the events of participant {participant}, got a damaged event ({problem}); restore a copy"
         ) from wrong
 
 
 def _replayed(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) -> SessionState:
-    told = _EventsTold()
+    state = _EventState()
     for event in events:
-        told.take(event, plan, participant)
+        state.take(event, plan, participant)
     trials = plan.of(participant)
-    if stray := {code for code, _ in told.answers} - {trial.code for trial in trials}:
-        raise ValueError(f"trial {min(stray)} is none of participant {participant}")
-    _check_presented(trials, {code for code, _ in told.answers}, told.chosen, plan)
-    waived, untrained = _trained(plan, trials, told)
+    if stray := {code for code, _ in state.answers} - {trial.code for trial in trials}:
+        raise ValueError(f"trial {min(stray)} does not belong to participant {participant}")
+    _check_presented(trials, {code for code, _ in state.answers}, state.chosen, plan)
+    waived, untrained = _trained(plan, trials, state)
     return SessionState(
         trials=trials,
-        answers=told.answers,
-        chosen=told.chosen,
-        interruptions=told.interruptions,
-        withdrawn=told.withdrawn,
-        simulated=told.simulated,
+        answers=state.answers,
+        chosen=state.chosen,
+        interruptions=state.interruptions,
+        withdrawn=state.withdrawn,
+        simulated=state.simulated,
         waived=waived,
         untrained=untrained,
-        form=told.form,
-        failed=told.failed,
-        began=told.began,
-        broken_off=told.broken_off,
+        form=state.form,
+        failed=state.failed,
+        began=state.began,
+        broken_off=state.broken_off,
     )
 
 
 @dataclass(slots=True, kw_only=True)
-class _EventsTold:
-    """What the events have told so far."""
+class _EventState:
+    """State accumulated over the events."""
 
     answers: dict[tuple[str, str], GivenAnswer] = field(default_factory=dict[tuple[str, str], GivenAnswer])
     chosen: dict[str, str] = field(default_factory=dict[str, str])
@@ -199,10 +175,10 @@ class _EventsTold:
     opened: bool = False
 
     def take(self, event: Mapping[str, Any], plan: Plan, participant: int) -> None:
-        """Take down one event."""
+        """Apply one event."""
         kind = event["event"]
         if not self.opened and kind not in ("open", "repair"):
-            raise ValueError(f"it begins with {kind!r} and not with 'open'")
+            raise ValueError(f"the log begins with {kind!r}, not with 'open'")
         match kind:
             case "open":
                 self._open(event, plan, participant)
@@ -211,12 +187,12 @@ class _EventsTold:
             case "resume":
                 self._resume(set(event["redo"]))
             case "present" if "stimulus" in event:
-                self.chosen[_told(event, "trial", str)] = _told(event, "stimulus", str)
+                self.chosen[_field(event, "trial", str)] = _field(event, "stimulus", str)
             case "silent":
-                code = _told(event, "trial", str)
+                code = _field(event, "trial", str)
                 self.failed[code] = self.failed.get(code, 0) + 1
             case "form":
-                self.form[_told(event, "question", str)] = _told(event, "answer", str)
+                self.form[_field(event, "question", str)] = _field(event, "answer", str)
             case "answer" | "late":
                 self._answer(event)
             case _:
@@ -225,18 +201,18 @@ class _EventsTold:
     def _open(self, event: Mapping[str, Any], plan: Plan, participant: int) -> None:
         if event["plan"] != plan.digest:
             raise MismatchError(
-                f"expected plan {plan.digest}, got {event['plan']}; the plan has been changed since, or the log"
-                " is of another study: restore a copy"
+                f"expected plan {plan.digest}, got {event['plan']}; the plan was changed, or the log"
+                " belongs to another study: restore a copy"
             )
         if event["participant"] != participant:
             raise MismatchError(
-                f"expected participant {participant}, got {event['participant']}; the log is of another person:"
+                f"expected participant {participant}, got {event['participant']}; the log belongs to another person:"
                 " restore a copy"
             )
         self.opened = True
         self.simulated = self.simulated or bool(event["simulated"])
         if "time" in event:
-            self.began.setdefault(int(event.get("session", 1)), _told(event, "time", str))
+            self.began.setdefault(int(event.get("session", 1)), _field(event, "time", str))
         self.broken_off = True
 
     def _resume(self, again: set[str]) -> None:
@@ -247,17 +223,17 @@ class _EventsTold:
 
     def _answer(self, event: Mapping[str, Any]) -> None:
         late = event["event"] == "late"
-        self.answers[_told(event, "trial", str), _told(event, "question", str)] = GivenAnswer(
-            answer="n/a" if late else _told(event, "answer", str),
-            reaction_s=_told(event, "reaction_s", int, float),
-            time=_told(event, "time", str),
+        self.answers[_field(event, "trial", str), _field(event, "question", str)] = GivenAnswer(
+            answer="n/a" if late else _field(event, "answer", str),
+            reaction_s=_field(event, "reaction_s", int, float),
+            time=_field(event, "time", str),
             by=str(event.get("by", "")),
             late=late,
         )
 
 
-def _trained(plan: Plan, trials: Sequence[Trial], told: _EventsTold) -> tuple[frozenset[str], tuple[str, ...]]:
-    """Trials that do not come since a criterion was met, and blocks that ended without theirs."""
+def _trained(plan: Plan, trials: Sequence[Trial], state: _EventState) -> tuple[frozenset[str], tuple[str, ...]]:
+    """Trials waived because a training criterion was met, and blocks that ended without theirs."""
     waived: list[str] = []
     untrained: list[str] = []
     for block in plan.design.blocks:
@@ -268,8 +244,8 @@ def _trained(plan: Plan, trials: Sequence[Trial], told: _EventsTold) -> tuple[fr
         for trial in (trial for trial in trials if trial.block == block.name):
             if met:
                 waived.append(trial.code)
-            elif trial.role == "test" and (given := told.answers.get((trial.code, block.questions[0]))):
-                last.append(given.answer == right_of(plan, trial, told.chosen, block.questions[0]))
+            elif trial.role == "test" and (given := state.answers.get((trial.code, block.questions[0]))):
+                last.append(given.answer == right_of(plan, trial, state.chosen, block.questions[0]))
                 recent = last[-block.criterion.last :]
                 met = len(recent) == block.criterion.last and sum(recent) >= block.criterion.right * len(recent)
         if last and not met:
@@ -278,25 +254,25 @@ def _trained(plan: Plan, trials: Sequence[Trial], told: _EventsTold) -> tuple[fr
 
 
 def right_of(plan: Plan, trial: Trial, chosen: Mapping[str, str], name: str) -> str:
-    """The right answer to a question of a trial; empty where there is none, or nothing was presented yet."""
+    """Correct answer to a question of a trial; empty if there is none or nothing was presented yet."""
     presented = trial.stimulus or chosen.get(trial.code, "")
     if not presented:
         return ""
     stimulus, question = plan.design.stimulus(presented), plan.design.question(name)
-    # What is said nearer to the question goes before.
+    # Levels of the question override those of the trial, which override those of the stimulus.
     return right_answer(question, stimulus, {**stimulus.levels, **trial.levels, **question.levels})
 
 
 def _check_presented(trials: Sequence[Trial], answered: set[str], chosen: Mapping[str, str], plan: Plan) -> None:
-    """Raise if nothing says what was presented before an answer."""
+    """Raise ValueError if a trial was answered and the log does not state its stimulus."""
     known = {stimulus.name for stimulus in plan.design.stimuli}
     for trial in trials:
         if trial.code in answered and (trial.stimulus or chosen.get(trial.code)) not in known:
-            raise ValueError(f"trial {trial.code} was answered, and nothing says what was presented")
+            raise ValueError(f"trial {trial.code} was answered, but the log does not state its stimulus")
 
 
-def _told(event: Mapping[str, Any], name: str, *kinds: type) -> Any:
-    """What an event says; TypeError if it is of another kind."""
+def _field(event: Mapping[str, Any], name: str, *kinds: type) -> Any:
+    """Value of a field of an event; TypeError if its type is not one of `kinds`."""
     value = event[name]
     if type(value) not in kinds:
         raise TypeError(f"{name} is {str(value)[:40]!r}")

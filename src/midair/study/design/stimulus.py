@@ -1,4 +1,4 @@
-"""Something to feel, and the right answer to a question about it."""
+"""A stimulus, and the correct answer to a question about it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -8,52 +8,41 @@ from midair.errors import InputError
 from midair.study.design.question import Question, one_of
 
 StimulusKind = Literal["drive", "object", "silence", "pair"]
-"""A drive that an array plays; a real object that the experimenter presents; nothing; two stimuli in a row."""
+"""A drive that an array plays; a real object that the experimenter presents; nothing (catch trial); two stimuli in a
+row."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stimulus:
-    """Something to feel: a drive, an object, nothing, or a pair.
-
-    Attributes
-    ----------
-    name : str
-        Known to nobody but the plan.
-    kind : {"drive", "object", "silence", "pair"}
-        How it is presented.
-    source : str
-        File of the drive, or what the experimenter is to take up.
-    made_from : str
-        Where a drive comes from if none is given: ``virtual:towel+groove``, as `midair record` takes it; SIMULATED.
-    share : float
-        Share of the drive's radiation pressure that is played, above 0 to 1.
-    members : tuple of str
-        Names of the two stimuli of a pair.
-    either_order : str
-        Of a pair: the name of a factor that says whether its first member comes "first" or "second". Both orders are
-        drawn equally often; see `both_orders`. As written if empty.
-    gap_s : float
-        Silence between the members of a pair, in s.
-    levels : mapping of str to str
-        Level of each factor, such as ``{"object": "towel"}``.
-    """
+    """A drive, a real object, silence, or a pair of stimuli."""
 
     name: str
+    """Identifier in the plan; participants never see it."""
     kind: StimulusKind = "drive"
     source: str = ""
+    """File of the drive, or the object that the experimenter presents."""
     made_from: str = ""
+    """Source of a missing drive, as in `midair record`: ``virtual:towel+groove``. Such drives are SIMULATED."""
     share: float = 1.0
+    """Share of the drive's radiation pressure that is played, above 0 to 1."""
     members: tuple[str, ...] = ()
+    """Names of the two stimuli of a pair."""
     either_order: str = ""
+    """Factor of a pair whose level, "first" or "second", is the position of the first member; both orders are drawn
+    equally often (`both_orders`). If empty, the order of `members` is kept."""
     gap_s: float = 0.5
+    """Silence between the members of a pair, in s."""
     levels: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Level of each factor, such as ``{"object": "towel"}``."""
 
     def __post_init__(self) -> None:
         one_of(self.kind, StimulusKind, f"stimulus {self.name!r}: kind")
         if (self.kind == "pair") != (len(self.members) == 2):
-            raise InputError(f"stimulus {self.name!r}: expected two members of a pair, got {list(self.members)}")
+            raise InputError(
+                f"stimulus {self.name!r}: expected two members for a pair and none otherwise, got {list(self.members)}"
+            )
         if (self.either_order and self.kind != "pair") or not 0 <= self.gap_s < float("inf"):
-            raise InputError(f"stimulus {self.name!r}: expected either_order of pairs only, and gap_s of 0 or more")
+            raise InputError(f"stimulus {self.name!r}: expected either_order only for pairs, and gap_s of 0 s or more")
         if not 0 < self.share <= 1 or (self.made_from and not self.made_from.startswith("virtual:")):
             raise InputError(
                 f"stimulus {self.name!r}: expected share above 0 to 1 and made_from virtual:NAME, got {self.share:g} "
@@ -62,11 +51,11 @@ class Stimulus:
         if self.kind in ("drive", "object") and not self.source:
             raise InputError(f"stimulus {self.name!r}: expected the source of the {self.kind}, got none")
         if self.kind == "drive" and (self.source.startswith("/") or ".." in self.source.split("/")):
-            raise InputError(f"stimulus {self.name!r}: expected a drive beside the plan, got {self.source!r}")
+            raise InputError(f"stimulus {self.name!r}: expected a drive below the plan's folder, got {self.source!r}")
 
 
 def both_orders(stimulus: Stimulus) -> tuple[Stimulus, ...]:
-    """A pair in its two orders, each a stimulus of its own with its level of the factor; anything else as it is."""
+    """The two orders of a pair, each as a stimulus with its level of the factor; any other stimulus unchanged."""
     if not stimulus.either_order:
         return (stimulus,)
     return tuple(
@@ -82,7 +71,7 @@ def both_orders(stimulus: Stimulus) -> tuple[Stimulus, ...]:
 
 
 def right_answer(question: Question, stimulus: Stimulus, levels: Mapping[str, str]) -> str:
-    """The right answer to a question about a stimulus; empty where there is none."""
+    """Correct answer to a question about a stimulus; empty if the question has none."""
     if question.truth:
         return levels.get(question.truth, "")
     if question.kind == "yes-no":

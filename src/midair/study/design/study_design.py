@@ -1,4 +1,4 @@
-"""A whole study, before chance has been asked."""
+"""Settings of a whole study."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,101 +12,71 @@ from midair.study.design.stimulus import Stimulus
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MaskingNoise:
-    """White noise in the headphones while the array presents, so that nobody hears the stimulus.
-
-    Attributes
-    ----------
-    level_dbfs : float
-        Its rms over that of the largest sine of the sound card, in dB.
-    full_scale_db : float, optional
-        Sound pressure level that the headphones make of the largest sine, as measured; None where nobody has.
-    ramp_s : float
-        Time in which it swells before the stimulus and fades after it, in s.
-    """
+    """White noise in the headphones during a presentation, which masks the sound of the array."""
 
     level_dbfs: float
+    """Rms level relative to the rms of a full-scale sine, in dB."""
     full_scale_db: float | None = None
+    """Measured sound pressure level of a full-scale sine in the headphones, in dB SPL; None if not measured."""
     ramp_s: float = 0.2
+    """Fade-in before and fade-out after the stimulus, in s."""
 
     def __post_init__(self) -> None:
         if not -90 <= self.level_dbfs <= -2:
-            # Noise that is spread evenly over the whole range has an rms 1.8 dB below that of the largest sine.
+            # Uniform full-scale noise has an rms 1.8 dB below that of a full-scale sine.
             raise InputError(f"noise: expected level_dbfs from -90 to -2 dB, got {self.level_dbfs:g} dB")
         if not 0.01 <= self.ramp_s <= 5:
             raise InputError(f"noise: expected ramp_s from 0.01 to 5 s, got {self.ramp_s:g} s")
 
     @property
     def said(self) -> str:
-        """The level in words."""
-        words = f"white noise at {self.level_dbfs:g} dB (rms, over the largest sine)"
+        """The level as text."""
+        words = f"white noise at {self.level_dbfs:g} dB (rms, relative to a full-scale sine)"
         if self.full_scale_db is None:
-            return f"{words}; its sound pressure is not known: measure the headphones and state full_scale_db"
+            return f"{words}; sound pressure level unknown: measure the headphones and state full_scale_db"
         return f"{words}, {self.level_dbfs + self.full_scale_db:g} dB SPL"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """A study, before chance has been asked.
-
-    Attributes
-    ----------
-    name : str
-        Letters and digits only: it becomes the task of BIDS file names.
-    title : str
-        What the study is called for people.
-    participants : int
-        Number of people for whom the trials are drawn.
-    seed : int
-        Seed of all shuffles.
-    stimuli, questions, blocks : tuple
-        The parts.
-    counterbalanced : tuple of str
-        Groups of blocks that go through a balanced Latin square, over sessions too; the others stay where they are
-        written.
-    consent, debrief : str
-        Told before and after.
-    analysis : Analysis
-        What will be tested.
-    form : tuple of str
-        Questions that are asked once, before the first trial: a pseudonym, the hand.
-    cue : str
-        Told to the participant when a stimulus comes; nothing if empty.
-    noise : MaskingNoise, optional
-        White noise in the headphones while the array presents.
-    exclusions : Exclusions
-        Who and what will be left out.
-    hypotheses : tuple of str
-        In words, for the page to be registered.
-    power : tuple of PlannedPower
-        What the number of people is for, worked out on that page.
-    authors : tuple of str
-        Names, for datasets.
-    license : str
-        Of datasets, such as "CC0".
-    institution : str
-        Where the study takes place, for datasets.
-    """
+    """A study: stimuli, questions, blocks, planned analyses and texts."""
 
     name: str
+    """ASCII letters and digits only: the task name in BIDS file names."""
     participants: int
+    """Number of participants for whom trials are drawn."""
     seed: int
+    """Seed of all shuffles."""
     stimuli: tuple[Stimulus, ...]
     questions: tuple[Question, ...]
     blocks: tuple[Block, ...]
     title: str = ""
+    """Title for participants and reports."""
     counterbalanced: tuple[str, ...] = ()
+    """Groups of blocks whose order follows a balanced Latin square, across sessions too; other groups keep their
+    position."""
     consent: str = ""
+    """Text shown before the session."""
     debrief: str = ""
+    """Text shown after the session."""
     analysis: Analysis = field(default_factory=Analysis)
     form: tuple[str, ...] = ()
+    """Questions asked once before the first trial, such as a pseudonym."""
     cue: str = "Feel now."
+    """Text shown when a stimulus starts; no text if empty."""
     noise: MaskingNoise | None = None
+    """Masking noise in the headphones while the array plays."""
     exclusions: Exclusions = field(default_factory=Exclusions)
     hypotheses: tuple[str, ...] = ()
+    """Hypotheses as text, for the page to be registered."""
     power: tuple[PlannedPower, ...] = ()
+    """Tests for which the plan page computes the power."""
     authors: tuple[str, ...] = ()
+    """Authors of published datasets."""
     license: str = ""
+    """License of published datasets, such as "CC0"."""
     institution: str = ""
+    """Institution stated in published datasets."""
 
     def __post_init__(self) -> None:
         if not (self.name.isascii() and self.name.isalnum()):
@@ -165,12 +135,12 @@ class Design:
         truths = tuple(question.truth for question in self.questions if question.truth)
         _known((*factors, *truths), list(self.factors), "factors")
         _known(self.analysis.between, [*self.form, *self.factors], "analysis: between")
-        # The table of answers has columns of these names, and one for each factor beside them.
+        # The answers table has columns of these names, and one column per factor.
         taken = {"participant", "trial", "answer", "question", "block", "correct", "right", "stimulus", "scored"}
         taken |= {"role", "session", "excluded", "simulated"}
         if clash := (taken & {*self.factors, *self.form}) | (set(self.form) & set(self.factors)):
             raise MismatchError(
-                f"factors: expected names other than those of columns, got {sorted(clash)}; rename them"
+                f"factors: expected names other than columns of the answers table, got {sorted(clash)}; rename them"
             )
 
 
