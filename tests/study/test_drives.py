@@ -70,14 +70,14 @@ def test_a_recording_of_that_name_is_solved_and_a_stroke_is_made(tmp_path):
 
 
 def test_what_is_not_there_is_named_all_at_once(tmp_path):
-    with pytest.raises(MissingFileError, match=r"expected a\.drive\.h5, b\.drive\.h5 anywhere"):
+    with pytest.raises(MissingFileError, match=r"expected a\.drive\.h5, b\.drive\.h5 in a folder"):
         prepare_drives(design(A, B), tmp_path, found_in=None)
 
 
 def test_silent_drives_and_those_of_another_array_are_refused(tmp_path):
     (tmp_path / "to").mkdir()
     save_solution(solution(level=0.0, status="silent"), tmp_path / "a.drive.h5")
-    with pytest.raises(BrokenFileError, match=r"a\.drive\.h5: expected a drive that sounds"):
+    with pytest.raises(BrokenFileError, match=r"a\.drive\.h5: expected a drive with sound"):
         prepare_drives(design(A), tmp_path / "to", found_in=tmp_path)
     (tmp_path / "a.drive.h5").unlink()
     save_solution(solution(), tmp_path / "a.drive.h5")
@@ -90,11 +90,11 @@ def test_a_drive_that_was_changed_is_told(tmp_path):
     save_solution(solution(), tmp_path / "a.drive.h5")
     known = {"a.drive.h5": digest_of_file(tmp_path / "a.drive.h5")}
     check_digests(tmp_path, known, (A,))
-    with pytest.raises(MissingFileError, match="drawn without; it can be run with --simulate only"):
+    with pytest.raises(MissingFileError, match="drawn without; run it with --simulate only"):
         check_digests(tmp_path, {}, (A,))
     with (tmp_path / "a.drive.h5").open("ab") as file:
         file.write(b"x")
-    with pytest.raises(MismatchError, match="changed since the plan was drawn"):
+    with pytest.raises(MismatchError, match="changed after the plan was drawn"):
         check_digests(tmp_path, known, (A,))
     (tmp_path / "a.drive.h5").unlink()
     with pytest.raises(MissingFileError, match="copy it back"):

@@ -50,7 +50,7 @@ def test_a_plan_that_was_changed_is_refused(tmp_path):
     whole = json.loads(file.read_text())
     whole["trials"][0]["stimulus"] = "real_towel" if whole["trials"][0]["stimulus"] != "real_towel" else "real_brush"
     file.write_text(json.dumps(whole))
-    with pytest.raises(BrokenFileError, match="changed since"):
+    with pytest.raises(BrokenFileError, match="changed after it was drawn"):
         folder.plan()
     file.write_text("[]")
     with pytest.raises(BrokenFileError, match="expected a plan"):

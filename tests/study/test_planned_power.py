@@ -83,10 +83,10 @@ def report(plan, table):
 @pytest.mark.parametrize(
     ("template", "title", "effect"),
     [
-        ("paper", "Which object: plain", None),
-        ("paper", "Which object: plain", 0.35),
-        ("paired", "Which object: all", None),
-        ("paired", "Which object: all", 0.2),
+        ("paper", "Identification: plain", None),
+        ("paper", "Identification: plain", 0.35),
+        ("paired", "Identification: all", None),
+        ("paired", "Identification: all", 0.2),
     ],
 )
 def test_objects_told_apart(table_of, template, title, effect):
@@ -150,7 +150,7 @@ def test_two_conditions(table_of, test):
                 (table["surface"] == "plain").astype(int), people(table)
             ]
         )
-        words = report(plan, choices(rng, table, "closest", d))["Over people"].words
+        words = report(plan, choices(rng, table, "closest", d))["Effect of the condition over people"].words
         p = {"paired": r"t\(\d+\) = [-\d.]+, p ([=<]) ([.\d]+)", "equivalence": r"TOST p ([=<]) ([.\d]+)"}[test]
         found.append(float(re.search(p, words)[2]) < 0.05)
     assert agrees(found, told(plan, power)), (np.mean(found), told(plan, power))

@@ -27,12 +27,12 @@ def test_the_page_says_what_was_planned(plan):
     assert f"Plan {plan.digest} " in said
     assert "seed 2020 for 10 participants" in said
     assert all(" ".join(line.split()) in said for line in plan.design.hypotheses)
-    assert "Answers given sooner than 0.2 s" in said
+    assert "Answers faster than 0.2 s" in said
     assert "equivalence within 0.1" in said
-    assert "left out of it. Answers that name what was never presented count as wrong." in said
+    assert "excluded from the analysis of variance. Answers that name an object that was never" in said
     assert "towel-plain.drive.h5 " + "ab" * 32 in said
     assert f"d_z = 1: power {power_paired_t(10, d_z=1.0):.2f}" in said
-    assert "plain_scored 1 12 shuffle, at most 3 alike in a row" in said
+    assert "plain_scored 1 12 shuffle, at most 3 equal in a row" in said
 
 
 def test_the_same_plan_gives_the_same_page_and_another_another(plan):
@@ -55,12 +55,12 @@ def test_every_rule_of_exclusion_has_its_sentence():
     )
     said = exclusions_in_words(rules)
     assert len(said) == 8
-    assert said[2] == "People who answered rightly fewer than 80 % of the attention checks."
-    assert exclusions_in_words(Exclusions()) == ("Nobody and nothing, but answers that were not given in time.",)
+    assert said[2] == "Participants with correct answers in fewer than 80 % of the attention checks."
+    assert exclusions_in_words(Exclusions()) == ("No participants; only answers after the time limit.",)
 
 
 def test_what_was_not_said_is_not_said():
-    assert analysis_in_words(Analysis()) == ("Nothing was said.",)
+    assert analysis_in_words(Analysis()) == ("No analyses are planned.",)
     assert [line.split(" over ")[1][:7] for line in analysis_in_words(Analysis(strength="percent"))] == ["percent"]
 
 

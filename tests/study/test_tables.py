@@ -124,7 +124,7 @@ def test_csv_comes_back(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "why"),
-    [(b"a,b\n1\n", "2 fields a line, got 1 in line 2"), (b"a,a\n1,2\n", "different names"), (b"", "got 0 lines")],
+    [(b"a,b\n1\n", "2 fields per line, got 1 in line 2"), (b"a,a\n1,2\n", "different names"), (b"", "got 0 lines")],
 )
 def test_what_is_no_table_is_refused(tmp_path, content, why):
     (tmp_path / "t.csv").write_bytes(content)

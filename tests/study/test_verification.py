@@ -78,7 +78,7 @@ def test_a_chain_that_was_removed_is_an_error(folder, tmp_path):
         lambda: study("export", folder.path, tmp_path / "bids"),
         lambda: study("run", folder.path, "--simulate", "--participant", 1),
     ):
-        with pytest.raises(BrokenFileError, match=r"sub-01\.jsonl: .* line 1: it has no link"):
+        with pytest.raises(BrokenFileError, match=r"sub-01\.jsonl: .* line 1: it has no hash"):
             read()
     found = verify_study(folder)
     assert [line.startswith("FAULT") for line in found.sessions] == [True, False, False]
@@ -93,7 +93,7 @@ def test_the_plan_cannot_drop_the_chain_alone(folder):
     assert plan["chain"] is True
     del plan["chain"]
     file.write_text(json.dumps(plan))
-    with pytest.raises(BrokenFileError, match="changed since"):
+    with pytest.raises(BrokenFileError, match="changed after it was drawn"):
         folder.plan()
     file.write_text(json.dumps(plan | {"digest": digest_of(plan["design"], plan["trials"], plan["drives"])}))
     with pytest.raises(MismatchError, match=r"sub-01\.jsonl: expected plan"):
@@ -117,7 +117,7 @@ def test_a_cut_end_is_reported(folder, tmp_path, capsys, lines, state):
     assert [row[rows[0].index("finished")] for row in rows[1:]] == ["true", "false", "true"]
     assert study("verify", folder.path) == 0, "a session may be under way"
     assert study("verify", folder.path, "--seal", tmp_path / "seals.txt") == 1
-    assert "its end was cut" in " ".join(capsys.readouterr().out.split())
+    assert "its end was removed" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_log_of_another_person_or_study_is_reported(folder, whole):
@@ -148,8 +148,8 @@ def test_noted_seals_prove_that_nothing_was_written_anew(folder, whole, tmp_path
     anew = noted | {"sub-02.jsonl": ["0" * 32]}
     lines = verify_study(folder, noted=anew).sessions
     assert [line.startswith("FAULT") for line in lines] == [False, True, True]
-    assert "the log was written anew or its end was cut" in lines[1]
-    assert "got no file" in lines[2]
+    assert "the log was rewritten or its end was removed" in lines[1]
+    assert "the file does not exist" in lines[2]
     text.write_text("nothing")
     with pytest.raises(InputError, match="lines such as"):
         noted_seals(text)
@@ -175,5 +175,5 @@ def test_a_study_of_before_is_read_and_noted(tmp_path):
     assert found.faults == 0
     assert "the plan is older than chained logs" in found.summary
     assert found.sessions == (
-        "sub-01.jsonl: seal none; finished; the plan asks for no chain: an edit cannot be noticed",
+        "sub-01.jsonl: seal none; finished; the plan requires no chain: changes cannot be detected",
     )

@@ -75,7 +75,7 @@ def test_the_number_stays_empty_and_the_study_goes_on(study, capsys):
     withdraw(study, 2)
     assert withdrawn(study) == {2}
     assert midair(["study", "run", "s", "--participant", "2", "--array", "virtual"]) == 1
-    assert "got one who withdrew" in capsys.readouterr().err
+    assert "this one has withdrawn" in capsys.readouterr().err
     assert midair(["study", "run", "s", "--simulate"]) == 0
     assert not study.log(2).exists()
     assert midair(["study", "analyse", "s", "--draws", "20"]) == 0
@@ -84,7 +84,7 @@ def test_the_number_stays_empty_and_the_study_goes_on(study, capsys):
 
 def test_whoever_is_not_there_cannot_go_and_nobody_goes_unasked(study, tmp_path, capsys):
     before = everything(tmp_path)
-    with pytest.raises(InputError, match="somebody who took part, got 9"):
+    with pytest.raises(InputError, match="participant with a log, got 9"):
         withdraw(study, 9)
     assert midair(["study", "withdraw", "s", "2"]) == 1
     assert "--force does not ask" in capsys.readouterr().err
@@ -104,13 +104,13 @@ def test_what_a_kill_has_left_is_deleted_by_the_same_call(study, tmp_path):
     (tmp_path / "s" / "withdrawn.jsonl").write_text(json.dumps({"participant": 2}) + "\n")
     withdraw(study, 2)
     assert not [name for name in everything(tmp_path) if "sub-02" in name]
-    assert withdraw(study, 2)[0].endswith("if it went elsewhere")
+    assert withdraw(study, 2)[0].endswith("if it was moved, delete the participant from it by hand")
 
 
 def test_an_export_that_was_moved_is_named(study, tmp_path):
     (tmp_path / "table.csv").rename(tmp_path / "elsewhere.csv")
     said = withdraw(study, 2)
-    assert [line for line in said if "table.csv: not there; delete the person from it by hand" in line]
+    assert [line for line in said if "table.csv: not found; if it was moved, delete the participant" in line]
 
 
 def test_a_disk_that_fills_up_leaves_no_half_a_line(tmp_path):
@@ -122,7 +122,7 @@ def test_a_disk_that_fills_up_leaves_no_half_a_line(tmp_path):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 10, hard))
     try:
-        with pytest.raises(FileError, match=r"made\.jsonl: cannot be written: No space left on device; .* taken out"):
+        with pytest.raises(FileError, match=r"made\.jsonl: cannot be written: No space left on device; .* withdrawals"):
             log_derived_file(folder, tmp_path / "b.html", "report")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

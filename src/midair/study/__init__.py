@@ -1,4 +1,4 @@
-"""Studies with people: their design, sessions, statistics, findings and report."""
+"""Perception studies: design, sessions, statistics, findings and report."""
 
 from midair.study.design import (
     Analysis,

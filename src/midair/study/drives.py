@@ -1,4 +1,4 @@
-"""The drives of a study: found or made when its plan is drawn, checked, and known by their digests from then on."""
+"""The drives of a study: copied or solved when the plan is drawn, then identified by their SHA-256."""
 
 import shutil
 from collections.abc import Callable, Mapping
@@ -18,44 +18,32 @@ from midair.targets import led_in
 
 ENDING = ".drive.h5"
 Stage = Callable[[str], Progress | None]
-"""From what is being done to who is told how far it is."""
+"""Function of the name of a step that returns its progress callback."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyDrive:
-    """One drive of a study, as it was found or made.
-
-    Attributes
-    ----------
-    source : str
-        Its name in the plan.
-    how : {"found", "solved", "virtual"}
-        A drive that was there; one solved from a recording that was there; one of a virtual stroke.
-    duration : float
-        In s.
-    digest : str
-        SHA-256 of the file.
-    """
+    """One prepared drive of a study."""
 
     source: str
+    """File name in the plan."""
     how: Literal["found", "solved", "virtual"]
+    """A copied drive; a drive solved from a recording; a drive of a virtual stroke."""
     duration: float
+    """In s."""
     digest: str
+    """SHA-256 of the file."""
 
 
 def digest_of_file(path: Path) -> str:
-    """SHA-256 of a file, 64 hexadecimal digits.
-
-    Raises
-    ------
-    MissingFileError
-        If it is not there.
-    """
+    """SHA-256 of a file, 64 hexadecimal digits; raises MissingFileError if it does not exist."""
     try:
         with path.open("rb") as file:
             return file_digest(file, "sha256").hexdigest()
     except FileNotFoundError as wrong:
-        raise MissingFileError(f"{path.name}: expected the drive beside the plan, found none; copy it back") from wrong
+        raise MissingFileError(
+            f"{path.name}: expected the drive in the folder of the study, the file does not exist; copy it back"
+        ) from wrong
 
 
 def prepare_drives(
@@ -68,37 +56,35 @@ def prepare_drives(
     seed: int = 0,
     stage: Stage = lambda _: None,
 ) -> list[StudyDrive]:
-    """Put every drive of a design into a folder: copied, solved from a recording, or made of a virtual stroke.
+    """Put every drive of a design into a folder: copied, solved from a recording, or from a virtual stroke.
 
     Parameters
     ----------
-    design : Design
-        Whose stimuli name their drives.
     into : Path
-        Where they go.
+        Target folder.
     found_in : Path or None
-        Folder of drives, or of recordings: for ``felt.drive.h5`` also ``felt.h5``, which is then solved. Without one,
-        what the stimuli say they are made from is taken.
+        Folder of drives or recordings: if ``felt.drive.h5`` is missing, ``felt.h5`` is solved. If None, the virtual
+        sources of the stimuli (`made_from`) are used.
     settings : Settings, optional
-        To solve with; those of `mode` if not given, at 1 kHz for virtual strokes.
+        Solver settings; by default those of `mode`, at 1 kHz for virtual strokes.
     mode : {"paper", "best", "quick"}
-        The settings by name.
+        Named settings.
     seed : int
-        Of virtual strokes and of the virtual sensor.
+        Seed of virtual strokes and the virtual sensor.
     stage : callable, optional
-        Shows progress.
+        Receives the name of each step and returns its progress callback.
 
     Raises
     ------
     MissingFileError
-        If a drive can be had in no way; names all of them.
+        If drives have no source; names all of them.
     BrokenFileError
-        If a file is no drive, or never sounds.
+        If a file is no drive, or silent in all frames.
     MismatchError
         If drives are for different arrays.
     """
     drives = [one for one in design.stimuli if one.kind == "drive"]
-    # Of those that share a drive, the one that says where it comes from counts.
+    # If several stimuli share a drive, the one with `made_from` is used.
     wanted = {one.source: one for one in sorted(drives, key=lambda one: bool(one.made_from))}
     _all_there(wanted, found_in)
     gathered: list[StudyDrive] = []
@@ -115,7 +101,7 @@ def prepare_drives(
             take = open_take(recording)
             _solve(calibrated_pressure(take.recording, take.calibration, chosen), chosen, target, stage(source))
         else:
-            # At 4 kHz a drive for no skin would take four times as long and as much of the disk.
+            # At 4 kHz a simulated drive would take four times as long and four times the disk space.
             how, chosen = "virtual", settings or MODES[mode]().but(rate=1000.0)
             _solve(_virtual(stimulus.made_from, chosen, seed), chosen, target, stage(source))
         target.chmod(0o600)
@@ -125,30 +111,30 @@ def prepare_drives(
 
 
 def check_digests(folder: Path, drives: Mapping[str, str], stimuli: tuple[Stimulus, ...]) -> None:
-    """Raise if a drive is not the one for which the plan was drawn.
+    """Check that every drive is the one for which the plan was drawn.
 
     Raises
     ------
     MissingFileError
-        If the plan was drawn without drives, or one is gone.
+        If the plan was drawn without drives, or a drive is missing.
     MismatchError
-        If one was changed since.
+        If a drive was changed after the plan was drawn.
     """
     for source in dict.fromkeys(one.source for one in stimuli if one.kind == "drive"):
         if source not in drives:
             raise MissingFileError(
-                f"{source}: expected a plan that knows its drives, got one drawn without; it can be run with --simulate"
-                " only: draw a new one, `midair study new NAME --drives FOLDER`"
+                f"{source}: expected a plan with drives, got one drawn without; run it with --simulate only, or"
+                " draw a new one: `midair study new NAME --drives FOLDER`"
             )
         if (found := digest_of_file(folder / source)) != drives[source]:
             raise MismatchError(
-                f"{source}: expected the drive of the plan (SHA-256 {drives[source][:12]}), got {found[:12]}; it was"
-                " changed since the plan was drawn: copy it back"
+                f"{source}: expected the drive of the plan (SHA-256 {drives[source][:12]}), got {found[:12]}; the file"
+                " was changed after the plan was drawn: copy it back"
             )
 
 
 def _places(source: str, folder: Path | None) -> tuple[Path | None, Path | None]:
-    """The drive, or the recording for it, that lies in a folder."""
+    """Drive and recording of a source in a folder, None where missing."""
     if folder is None:
         return None, None
     ready, recording = folder / source, folder / f"{source.removesuffix(ENDING)}.h5"
@@ -163,7 +149,7 @@ def _all_there(wanted: Mapping[str, Stimulus], folder: Path | None) -> None:
     ]
     if missing:
         names = ", ".join(missing)
-        where = f"in {folder}" if folder else "anywhere"
+        where = f"in {folder}" if folder else "in a folder"
         raise MissingFileError(
             f"drives: expected {names} {where} (or recordings, {missing[0].removesuffix(ENDING)}.h5 and so on), found"
             " none; give their folder with --drives, or --drives none for a plan that is only simulated"
@@ -184,10 +170,10 @@ def _solve(pressure: PressureFrames, settings: Settings, target: Path, progress:
 
 
 def _checked(path: Path) -> float:
-    """Duration of a drive that sounds at all, in s."""
+    """Duration of a drive in s; raises BrokenFileError if all its frames are silent."""
     solution = load_solution(path, streamed=True)
     if all(status == "silent" for status in solution.status):
-        raise BrokenFileError(f"{path.name}: expected a drive that sounds, got silence in every frame; solve it again")
+        raise BrokenFileError(f"{path.name}: expected a drive with sound, got silence in all frames; solve it again")
     return solution.drive.frames / solution.drive.rate
 
 
@@ -197,6 +183,6 @@ def _one_array(paths: list[Path]) -> None:
     for name, array in arrays.items():
         if first is not None and (array.name, array.count) != (first.name, first.count):
             raise MismatchError(
-                f"{name}: expected a drive for {first.name} with {first.count} transducers as the others, got one for "
-                f"{array.name} with {array.count}; solve them all for one array"
+                f"{name}: expected a drive for {first.name} with {first.count} transducers like the others, got one "
+                f"for {array.name} with {array.count}; solve all drives for one array"
             )

@@ -1,4 +1,4 @@
-"""Where the text of a study enters: its TOML, checked by pydantic, and the folder that holds its plan and logs."""
+"""The design of a study as TOML, checked by pydantic, and the folder with its plan and logs."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -21,12 +21,12 @@ from midair.study.design import (
 )
 
 Template = Literal["paper", "detection", "intervals", "paired"]
-"""Studies that are shipped: section 5.3 of the paper; the threshold of a vibration; which of two intervals is the
-stronger; all pairs compared."""
+"""Included designs: section 5.3 of the paper; detection threshold of a vibration; two-interval comparison of strength;
+paired comparison."""
 
 
 def template_text(template: Template) -> str:
-    """TOML of a study that is shipped."""
+    """TOML of an included design."""
     return files("midair.study").joinpath("templates", f"{template}.toml").read_text(encoding="utf-8")
 
 
@@ -36,19 +36,19 @@ def paper_design_text() -> str:
 
 
 def read_design(text: str, *, name: str = "", participants: int = 0, seed: int | None = None) -> Design:
-    """A design from TOML.
+    """Parse a design from TOML.
 
     Parameters
     ----------
     text : str
-        The TOML.
+        TOML text.
     name, participants, seed
-        Take the place of what the text says, if given (not empty, not 0, not None).
+        Override the text if given (not empty, not 0, not None).
 
     Raises
     ------
     InputError
-        If the text is no TOML or does not describe a study; says where.
+        If the text is no TOML or no valid design; states where.
     """
     try:
         raw: dict[str, Any] = toml_of(text)
@@ -56,7 +56,7 @@ def read_design(text: str, *, name: str = "", participants: int = 0, seed: int |
         raise InputError(f"study: expected TOML, got: {wrong}") from wrong
     given = {"name": name, "participants": participants, "seed": seed}
     raw |= {key: value for key, value in given.items() if value or (key == "seed" and value is not None)}
-    # pydantic takes no settings beside a dataclass, but hands those of a tuple down to the dataclasses inside it.
+    # pydantic accepts no config for a dataclass, but applies that of a tuple to the dataclasses inside.
     design = TypeAdapter(tuple[Design], config=ConfigDict(extra="forbid"))
     try:
         return design.validate_python((raw,))[0]
@@ -65,13 +65,7 @@ def read_design(text: str, *, name: str = "", participants: int = 0, seed: int |
 
 
 class StudyFolder:
-    """A study on disk: ``plan.toml`` as it was written, ``plan.json`` as it was drawn, ``sessions/sub-NN.jsonl``.
-
-    Parameters
-    ----------
-    path : Path
-        The folder.
-    """
+    """A study on disk: ``plan.toml`` (the design), ``plan.json`` (the drawn plan), ``sessions/sub-NN.jsonl``."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -80,25 +74,25 @@ class StudyFolder:
     def create(
         cls, path: Path, text: str, design: Design, *, drives: Callable[[Path], Mapping[str, str]] | None = None
     ) -> "StudyFolder":
-        """Draw the plan of a new study and store it, whole or not at all; for this user alone.
+        """Draw the plan of a new study and store it atomically, readable by this user only.
 
         Parameters
         ----------
         path : Path
-            The new folder.
+            New folder.
         text : str
-            The TOML, kept beside the plan.
+            TOML, stored with the plan.
         design : Design
-            What it says.
+            Design parsed from the TOML.
         drives : callable, optional
-            Puts the drives into a folder and gives their digests by their names; the plan knows none if None.
+            Writes the drives into a folder and returns their digests by name; None for a plan without drives.
 
         Raises
         ------
         FileError
-            If the folder holds something already: a plan is never drawn twice.
+            If the folder is not empty: a plan is never overwritten.
         """
-        draw_plan(design)  # what cannot be drawn is refused before drives are made, which takes its time
+        draw_plan(design)  # raises before the drives are solved, which takes long
         with whole_folder(path) as partial:
             partial.chmod(0o700)
             plan = draw_plan(design, drives=drives(partial) if drives else None)
@@ -109,46 +103,50 @@ class StudyFolder:
         return cls(path)
 
     def plan(self) -> Plan:
-        """Read the plan back.
+        """Read the plan.
 
         Raises
         ------
         MissingFileError
-            If there is none.
+            If it does not exist.
         BrokenFileError
-            If it has been changed since it was drawn.
+            If it was changed after it was drawn.
         """
         file = self.path / "plan.json"
         if not file.exists():
-            raise MissingFileError(f"{self.path}: expected a study with a plan.json; make one with `midair study new`")
+            raise MissingFileError(
+                f"{self.path}: expected a study with a plan.json; create one with `midair study new`"
+            )
         try:
             content = json_of(read_text(file, "a plan"))
             found = digest_of(content["design"], content["trials"], content.get("drives"), content.get("chain", False))
             plan = TypeAdapter(Plan).validate_python(content)
         except (ValueError, KeyError, AttributeError, TypeError) as wrong:
-            raise BrokenFileError(f"{file.name}: expected a plan, got something else; restore a copy") from wrong
+            raise BrokenFileError(f"{file.name}: expected a plan, got other content; restore a copy") from wrong
         if plan.digest != found:
-            raise BrokenFileError(f"{file.name}: expected plan {plan.digest}, got {found}; it was changed since")
+            raise BrokenFileError(
+                f"{file.name}: expected plan {plan.digest}, got {found}; it was changed after it was drawn"
+            )
         return plan
 
     def log(self, participant: int) -> Path:
-        """Where the log of a participant is."""
+        """Path of the log of a participant."""
         return self.path / "sessions" / f"sub-{participant:02d}.jsonl"
 
     def sessions(self) -> list[SessionState]:
-        """Where every session that was begun stands."""
+        """State of every session with a log."""
         plan = self.plan()
         return [self.session(plan, n) for n in range(1, plan.design.participants + 1) if self.log(n).exists()]
 
     def session(self, plan: Plan, participant: int) -> SessionState:
-        """Where the session of one participant stands.
+        """State of the session of one participant.
 
         Raises
         ------
         MissingFileError
-            If it was not begun.
+            If it has no log.
         BrokenFileError
-            If its log was changed since it was written.
+            If its log was changed after it was written.
         MismatchError
             If the log belongs to another participant or another study.
         """
@@ -159,7 +157,7 @@ class StudyFolder:
 
 
 def _in_words(wrong: ValidationError) -> InputError:
-    """What a design itself refuses is said as it says it; for the rest, where in the TOML it stands."""
+    """Error of the design itself, or the pydantic error with its position in the TOML."""
     first = wrong.errors()[0]
     refused = first.get("ctx", {}).get("error")
     if isinstance(refused, InputError):

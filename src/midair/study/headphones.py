@@ -1,4 +1,4 @@
-"""White noise through the sound card, so that a participant does not hear the array (paper, 5.3)."""
+"""Masking noise in the headphones, so that participants do not hear the array (paper, 5.3)."""
 
 from threading import Event, Lock
 from types import TracebackType
@@ -12,20 +12,16 @@ from midair.study.design import MaskingNoise
 
 
 class Headphones:
-    """An open sound output that can be full of white noise; a context manager, silent on leaving.
+    """Sound output with white noise; a context manager that is silent on exit.
 
-    The noise is spread evenly between two bounds, the same in all channels of a frame, and new in every frame.
+    The samples are uniform, equal in all channels and new in every frame.
 
     Parameters
     ----------
     noise : MaskingNoise
-        Its level and ramp.
+        Level and ramp.
     device : str
-        Name of the sound output as the system lists it, or a part of it; "default" for the system's choice.
-    channels : int
-        Channels of the output.
-    seed : int, optional
-        Of the noise.
+        Name of the sound output or part of it; "default" for the system's choice.
     """
 
     def __init__(
@@ -37,7 +33,7 @@ class Headphones:
         self._device = None if device == "default" else device
         self._channels = channels
         self._rng = np.random.default_rng(seed)
-        # Full scale is 1; the rms of the largest sine 1/sqrt 2, of evenly spread noise its bound/sqrt 3.
+        # Full scale is 1; the rms of a full-scale sine is 1/sqrt 2, of uniform noise its bound/sqrt 3.
         self._bound = 10 ** (noise.level_dbfs / 20) * np.sqrt(1.5)
         self._gain = 0.0
         self._wanted = 0.0
@@ -72,17 +68,17 @@ class Headphones:
             self._stream.close()
 
     def on(self) -> None:
-        """Let the noise swell; returns when it has its level.
+        """Fade the noise in; return when it has its full level.
 
         Raises
         ------
         DeviceError
-            If the sound card takes no more samples.
+            If the sound card accepts no samples.
         """
         self._go(1.0)
 
     def off(self) -> None:
-        """Let the noise fade; returns when it is silent."""
+        """Fade the noise out; return when it is silent."""
         self._go(0.0)
 
     def _go(self, gain: float) -> None:
@@ -90,10 +86,12 @@ class Headphones:
             self._there.clear()
             self._wanted = gain
         if not self._there.wait(self.noise.ramp_s + 2):
-            raise DeviceError("headphones: expected the sound card to take samples, it has taken none for 2 s")
+            raise DeviceError(
+                "headphones: expected the sound card to accept samples, it accepted none for 2 s; check the output"
+            )
 
     def _fill(self, out: NDArray[np.float32], frames: int, _time: Any, status: Any) -> None:
-        """Give the sound card its next frames; called from its own thread."""
+        """Callback of the sound card, in its own thread: fill the next frames."""
         self.underflows += bool(status)
         wanted = self._wanted
         step = 1 / (self.noise.ramp_s * self.rate)
@@ -103,7 +101,7 @@ class Headphones:
         out[:] = (gain * self._rng.uniform(-self._bound, self._bound, frames))[:, None]
         self._gain = float(gain[-1])
         with self._lock:
-            # Another may have been wanted meanwhile.
+            # The target may have changed in the meantime.
             if self._gain == self._wanted:
                 self._there.set()
 

@@ -1,4 +1,4 @@
-"""Single keys at a terminal, with the moment at which each came; where a terminal can give them."""
+"""Single key presses at a terminal with their times."""
 
 import os
 import select
@@ -13,24 +13,19 @@ if sys.platform != "win32":
     import tty
 
 ARROWS = {b"\x1b[D": "left", b"\x1b[C": "right", b"\x1b[B": "down", b"\x1b[A": "up"}
-"""What terminals send for the arrow keys; in application mode with O in place of the bracket."""
+"""Escape sequences of the arrow keys; in application mode terminals send O instead of the bracket."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Keyboard:
-    """The keys of a terminal, one by one and without Enter. Ctrl-C still interrupts.
-
-    Attributes
-    ----------
-    file : int
-        Descriptor of the terminal.
-    """
+    """Key presses of a terminal without Enter; Ctrl-C still interrupts."""
 
     file: int
+    """File descriptor of the terminal."""
 
     @contextmanager
     def listening(self) -> Generator[None]:
-        """While inside, keys come one by one and are not shown; what was typed before is forgotten."""
+        """Context in which keys are read one by one without echo; earlier input is discarded."""
         before = termios.tcgetattr(self.file)
         try:
             tty.setcbreak(self.file, termios.TCSAFLUSH)
@@ -39,17 +34,9 @@ class Keyboard:
             termios.tcsetattr(self.file, termios.TCSADRAIN, before)
 
     def key(self, until: float | None = None) -> str:
-        """The next key: a letter, "left", "right", "up", "down", or "enter"; empty if none came.
+        """Next key: a character, "left", "right", "up", "down" or "enter"; empty if none came until the time limit.
 
-        Parameters
-        ----------
-        until : float, optional
-            Monotonic time to wait for, in s; without end if None.
-
-        Raises
-        ------
-        EOFError
-            If the terminal is gone.
+        `until` is a monotonic time in s; without limit if None. Raises EOFError if the terminal is closed.
         """
         if not select.select([self.file], [], [], None if until is None else max(0.0, until - monotonic()))[0]:
             return ""
@@ -58,7 +45,7 @@ class Keyboard:
         return arrow or ("enter" if typed[:1] in b"\r\n" else typed.decode(errors="replace")[:1])
 
     def _one(self) -> bytes:
-        """The bytes of one key; of keys that come at once, each is one."""
+        """Bytes of one key, also if several keys arrive together."""
         typed = os.read(self.file, 1)
         if not typed:
             raise EOFError
@@ -68,7 +55,7 @@ class Keyboard:
         return typed
 
     def line_in(self, seconds: float) -> bool:
-        """Whether somebody presses Enter within so many seconds; what was typed without is forgotten."""
+        """Whether Enter is pressed within this time; other input is discarded."""
         if select.select([self.file], [], [], seconds)[0]:
             return True
         termios.tcflush(self.file, termios.TCIFLUSH)
@@ -76,7 +63,7 @@ class Keyboard:
 
 
 def keyboard_of_terminal() -> Keyboard | None:
-    """The keyboard of the terminal in which the program runs; None where there is none, or it gives lines only."""
+    """Keyboard of the program's terminal; None without a terminal or on Windows."""
     if sys.platform == "win32" or not sys.stdin.isatty():
         return None
     return Keyboard(file=sys.stdin.fileno())

@@ -1,4 +1,4 @@
-"""Who presents the stimuli of a study: the experimenter, an array, and noise in the headphones meanwhile."""
+"""Presenters of a study session: the experimenter, an array, and masking noise in the headphones."""
 
 from collections.abc import Callable, Generator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -23,21 +23,13 @@ from midair.study.session import ArrayPresenter, ExperimenterPresenter, MaskedPr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StimulusRig:
-    """What presents in a session, and what its log says of that.
-
-    Attributes
-    ----------
-    presenter : Presenter
-        Open.
-    simulated : bool
-        Whether the array exists only here.
-    about : mapping
-        For `Session`: the array, and the level of the noise (None without) in dB.
-    """
+    """Open presenter of a session, with the fields that its log states about it."""
 
     presenter: Presenter
     simulated: bool = False
+    """Whether the array is simulated."""
     about: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """Fields for `Session`: the array, and the level of the noise in dB (None without noise)."""
 
 
 @contextmanager
@@ -51,11 +43,11 @@ def open_stimulus_rig(
     before: Callable[[Drive], None] | None = None,
     noise: str = "default",
 ) -> Generator[StimulusRig]:
-    """What presents: the experimenter, told on the error stream, or an array that plays drives beside the plan.
+    """Open the presenter: the experimenter, instructed on the error stream, or an array that plays the plan's drives.
 
-    Every drive is the one of the plan and passes the exposure gate before the session begins, which `before` is called
-    with ahead of that, and each time it plays is in the log. The experimenter is told what the air of the room does to
-    it, and how loud the noise in the headphones is.
+    Before the session begins, the digests of all drives are checked, `before` is called with each drive, and each drive
+    must pass the exposure check; every playback is logged. The effect of the room air and the noise level are printed
+    for the experimenter.
     """
     console = Console(stderr=True, emoji=False)
     by_hand = ExperimenterPresenter(
@@ -65,7 +57,7 @@ def open_stimulus_rig(
     drives = [stimulus for stimulus in plan.design.stimuli if stimulus.kind == "drive"]
     if array == "none":
         if drives:
-            raise InputError(f"array: expected one to play {len(drives)} drives of the plan, got none; give --array")
+            raise InputError(f"array: expected an array for {len(drives)} drives of the plan, got none; give --array")
         yield StimulusRig(presenter=by_hand)
         return
     check_digests(folder.path, plan.drives, plan.design.stimuli)
@@ -103,7 +95,7 @@ def _array_presenter(
         drive = load_solution(folder.path / source).drive
         if share == 1 and before is not None:
             before(drive)
-        # Radiation pressure goes with the square of the sound's, which goes with the level.
+        # Radiation pressure is proportional to the square of the sound pressure, which is proportional to the level.
         return check_exposure(drive if share == 1 else replace(drive, level=drive.level * share**0.5), device, choices)
 
     def admitted(stimulus: Stimulus) -> ExposureClearance:
@@ -124,9 +116,9 @@ def _array_presenter(
 
 
 def _wait(console: Console) -> None:
-    console.input("[dim]Enter when it was presented[/] ")
+    console.input("[dim]Press Enter after the presentation[/] ")
 
 
 def _plain(text: str) -> str:
-    """Words of a plan or an answer, which are no markup and no escape sequence."""
+    """Text of a plan or an answer, without markup and escape sequences."""
     return escape(printable(text))

@@ -1,4 +1,4 @@
-"""Figures of a study: confusions, F-measures and ratings, like the paper's Figs. 6, 7 and 8; chance and power."""
+"""Figures of a study: confusion matrices, F-measures and ratings (paper, Figs. 6 to 8), chance and power."""
 
 from __future__ import annotations
 
@@ -21,15 +21,7 @@ if TYPE_CHECKING:
 
 
 def confusion_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None = None) -> Figure:
-    """How often each object was taken for each, a matrix a condition (Fig. 6).
-
-    Parameters
-    ----------
-    choices : sequence of Choices
-        One or more.
-    simulated : bool
-        Whether the answers are.
-    """
+    """Confusion matrix of each condition (Fig. 6); `simulated` marks the figure."""
     style = style or Style()
     figure = new_figure(2.7 * len(choices) + 0.4, 2.9, simulated=simulated, style=style)
     for place, one in enumerate(choices):
@@ -49,15 +41,7 @@ def confusion_figure(choices: Sequence[Choices], *, simulated: bool, style: Styl
 
 
 def f_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None = None) -> Figure:
-    """F-measure of each object with limits over people (Fig. 7).
-
-    Parameters
-    ----------
-    choices : sequence of Choices
-        One or more, of the same objects.
-    simulated : bool
-        Whether the answers are.
-    """
+    """F-measure of each object with confidence intervals (Fig. 7), for choices of the same objects."""
     style = style or Style()
     figure = new_figure(4.2, 3, simulated=simulated, style=style)
     axes = plain(figure.add_subplot(), style)
@@ -69,7 +53,7 @@ def f_figure(choices: Sequence[Choices], *, simulated: bool, style: Style | None
         axes.bar(x, value, width * 0.92, label=one.name, color=colours[place % 3])
         if one.f_limits is not None:
             limits = np.clip([value - one.f_limits.low, one.f_limits.high - value], 0, None)
-            # Twice, the wider one white: seen on a bar of any colour, and beside it.
+            # A wide white bar below a black one is visible on every colour.
             axes.errorbar(x, value, limits, fmt="none", ecolor="white", capsize=4, linewidth=3.0, capthick=3.0)
             axes.errorbar(x, value, limits, fmt="none", ecolor="black", capsize=3.5, linewidth=1.2, capthick=1.2)
     labels = [str(label) for label in choices[0].confusion.labels]
@@ -90,25 +74,11 @@ def rating_figure(
     span: tuple[float, float] | None = None,
     style: Style | None = None,
 ) -> Figure:
-    """Mean ratings with limits, a panel for each level of the first factor if there are three (Fig. 8).
+    """Mean ratings with confidence intervals; with three factors one panel for each level of the first (Fig. 8).
 
-    Parameters
-    ----------
-    ratings : DataFrame
-        Columns of the factors, mean, low, high.
-    within : sequence of str
-        One to three factors: the last is the colour, the one before it the axis.
-    simulated : bool
-        Whether the answers are.
-    title : str
-        Above a single panel.
-    span : tuple of float, optional
-        Least and greatest rating on the axis.
-
-    Raises
-    ------
-    InputError
-        If there are more than three factors.
+    `ratings` has the columns of the factors, mean, low, high. The last factor of `within` is the colour, the one before
+    it the axis; `title` is that of a single panel, `span` the range of the rating axis. Raises InputError for more than
+    three factors.
     """
     style = style or Style()
     if not 1 <= len(within) <= 3:
@@ -132,7 +102,7 @@ def rating_figure(
 
 
 def chance_figure(chance: Chance, *, simulated: bool, quantity: str = "macro F", style: Style | None = None) -> Figure:
-    """What chance makes of a figure, its middle 95 %, and what was observed."""
+    """Distribution of a statistic under the null hypothesis, its middle 95 %, and the observed value."""
     style = style or Style()
     figure = new_figure(5, 2.8, simulated=simulated, style=style)
     axes = plain(figure.add_subplot(), style)
@@ -148,12 +118,12 @@ def chance_figure(chance: Chance, *, simulated: bool, quantity: str = "macro F",
 def power_figure(
     curves: Sequence[tuple[str, DataFrame]], *, simulated: bool = False, style: Style | None = None
 ) -> Figure:
-    """Power against the number of people or pairs.
+    """Power against the number of participants or pairs.
 
     Parameters
     ----------
     curves : sequence of (name, DataFrame)
-        Columns participants, power, and low and high where they were simulated.
+        Columns participants, power, and low and high if simulated.
     simulated : bool
         Whether to mark the figure.
     """

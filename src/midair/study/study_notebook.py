@@ -1,4 +1,4 @@
-"""A notebook of the whole analysis: what the report says, made again step by step from the answers."""
+"""A Jupyter notebook that repeats the analysis of the report step by step."""
 
 import json
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ CHOICES = """\
 rng = np.random.default_rng({seed})
 for name, rows in data.choices.groupby("condition", sort=False):
     labels = sorted(set(rows["presented"]))
-    # Answers that name what was never presented; what becomes of them is said in the plan.
+    # Answers that name an object that was never presented; the plan states how they count.
     foils = sorted(set(rows["answered"]) - set(labels))
     if data.foils == "leave out":
         rows, foils = rows[rows["answered"].isin(labels)], []
@@ -58,7 +58,7 @@ mixed.assign(p_Holm=study.holm(mixed["p"]))
 """
 
 RATINGS = """\
-# People without an answer in every cell; what becomes of them is said in the plan.
+# Participants with an answer in every cell; the plan states how the others are treated.
 cells = data.ratings.groupby("participant")[list(data.within)].apply(lambda one: len(one.drop_duplicates()))
 whole = cells.index[cells == len(data.ratings[list(data.within)].drop_duplicates())]
 ratings = data.ratings[data.ratings["participant"].isin(whole)]
@@ -84,7 +84,7 @@ study.fit_psychometric(
 
 
 def load_study(folder: str) -> str:
-    """Python that loads the answers of a study, whose folder is given from where the notebook lies."""
+    """Python code that loads the answers of a study; `folder` is relative to the notebook."""
     return f"""\
 folder = study.StudyFolder(Path({folder!r}))
 answers = study.answers_table(folder.plan(), folder.sessions())
@@ -94,43 +94,38 @@ answers
 
 
 def load_table(path: str, columns: Mapping[str, Any], *, bids: bool = False) -> str:
-    """Python that loads answers from a table or a BIDS folder; `columns` are the options of `data_of_columns`."""
+    """Python code that loads answers from a table or a BIDS folder; `columns` are the options of `data_of_columns`."""
     named = "".join(f"    {name}={value!r},\n" for name, value in columns.items())
     reader = "read_bids" if bids else "read_csv"
     return f"answers = study.{reader}(Path({path!r}))\ndata = study.data_of_columns(\n    answers,\n{named})\nanswers\n"
 
 
 def analysis_notebook(data: StudyData, loading: str, *, title: str, seed: int = 0, draws: int = 10_000) -> str:
-    """The analysis as a Jupyter notebook (nbformat 4.5).
+    """The analysis as a Jupyter notebook (JSON of nbformat 4.5).
 
     Parameters
     ----------
     data : StudyData
-        What is analysed: decides which steps there are.
+        Decides which steps the notebook has.
     loading : str
-        Python that makes `data` from the answers, run where the notebook lies; `Path` and `study` are known.
+        Python code that creates `data`, run in the folder of the notebook; `Path` and `study` are defined.
     title : str
-        Of the study.
+        Title of the study.
     seed, draws : int
         As for `analyse`.
-
-    Returns
-    -------
-    str
-        The file's content.
     """
     said = "**SIMULATED: no person was asked.** " if data.simulated else ""
-    head = f"# {title}\n\n{said}The whole analysis, step by step; made by midair {__version__}."
-    cells = [_cell(head), _cell(BEGIN, code=True), _cell("## The answers"), _cell(loading, code=True)]
-    steps: list[tuple[str, str]] = [("The report, all of it", WHOLE.format(seed=seed, draws=draws))]
+    head = f"# {title}\n\n{said}The whole analysis step by step, created by midair {__version__}."
+    cells = [_cell(head), _cell(BEGIN, code=True), _cell("## Answers"), _cell(loading, code=True)]
+    steps: list[tuple[str, str]] = [("Complete report", WHOLE.format(seed=seed, draws=draws))]
     if data.choices is not None:
-        steps.append(("Which object? One condition after the other", CHOICES.format(seed=seed, draws=draws)))
-        steps.append(("Right answers: a mixed model", MIXED))
+        steps.append(("Identification by condition", CHOICES.format(seed=seed, draws=draws)))
+        steps.append(("Mixed model of correct answers", MIXED))
     if data.ratings is not None:
         steps.append(("Ratings: analysis of variance", RATINGS))
-        steps.append(("Ratings: on ranks", RANKS.format(seed=seed)))
+        steps.append(("Ratings: check on ranks", RANKS.format(seed=seed)))
     if data.strengths is not None:
-        steps.append(("The psychometric function", STRENGTHS.format(seed=seed)))
+        steps.append(("Psychometric function", STRENGTHS.format(seed=seed)))
     steps.append(("Figures", FIGURES))
     for name, code in steps:
         cells += [_cell(f"## {name}"), _cell(code, code=True)]

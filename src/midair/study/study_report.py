@@ -1,4 +1,4 @@
-"""The report of a study: one HTML file with figures, figures in numbers, and words."""
+"""Report of a study as one HTML file with figures, tables and text."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 
 def report_page(report: Report, *, title: str, within: tuple[str, ...] = ()) -> str:
-    """The report as HTML that needs nothing from outside.
+    """The report as a self-contained HTML page.
 
     Parameters
     ----------
     report : Report
-        What was found.
+        Result of the analysis.
     title : str
-        Of the study.
+        Title of the study.
     within : tuple of str
         Factors of the ratings, for their figure.
     """
@@ -42,12 +42,12 @@ def report_page(report: Report, *, title: str, within: tuple[str, ...] = ()) -> 
 
 
 def report_text(report: Report) -> str:
-    """The words of the report for a terminal."""
+    """Titles and texts of the report for a terminal."""
     return "\n\n".join(f"{finding.title}\n{finding.words}" for finding in report.findings)
 
 
 def report_json(report: Report) -> str:
-    """Words and tables for a program; a number that does not exist is null."""
+    """Texts and tables as JSON; undefined numbers are null."""
     content: Mapping[str, Any] = {
         "simulated": report.simulated,
         "seed": report.seed,
@@ -66,15 +66,7 @@ def report_json(report: Report) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureRow:
-    """Pictures of one thing, side by side where there is room and below each other where not.
-
-    Attributes
-    ----------
-    title, caption : str
-        Above all of them.
-    panels : tuple of Picture
-        Each as wide as a telephone at most.
-    """
+    """Pictures with a common title and caption; each is at most as wide as a telephone screen."""
 
     title: str
     caption: str
@@ -82,33 +74,31 @@ class PictureRow:
 
 
 def study_pictures(report: Report, *, within: tuple[str, ...]) -> list[PictureRow]:
-    """Figures like the paper's 6, 7 and 8, those that the answers allow."""
+    """Figures like the paper's 6, 7 and 8, as far as the answers allow."""
     found: list[PictureRow] = []
     if report.choices:
         panels = tuple(
             Picture(title=f"Answers: {one.name}", data=png(confusion_figure([one], simulated=report.simulated)))
             for one in report.choices
         )
-        caption = "How often each object (row) was answered as each (column): what lies on the diagonal is right."
-        found.append(PictureRow(title="Answers to “which object?”", caption=caption, panels=panels))
+        caption = "Number of answers (columns) to each object (rows); the diagonal contains the correct answers."
+        found.append(PictureRow(title="Confusion matrices", caption=caption, panels=panels))
     compared = [one for one in report.choices if one.confusion.labels == report.choices[-1].confusion.labels]
     if compared:
         panel = Picture(title="F-measures", data=png(f_figure(compared, simulated=report.simulated)))
         limited = any(one.f_limits is not None for one in compared)
-        whiskers = "Whiskers: 95 % over people." if limited else "Fewer than five people: no limits."
-        caption = (
-            f"F of each object. {whiskers} Dotted: what guessing comes to on average; single studies lie around it."
-        )
+        whiskers = "Whiskers: 95 % limits over people." if limited else "Fewer than five people: no limits."
+        caption = f"F of each object. {whiskers} Dotted: mean by guessing; single studies vary around it."
         found.append(PictureRow(title="F-measure of each object", caption=caption, panels=(panel,)))
     if report.ratings is not None and 1 <= len(within) <= 3:
-        caption = "Mean ratings; whiskers: 95 % with each person's own level taken out, for these people."
+        caption = "Mean ratings; whiskers: within-subject 95 % limits, for these people."
         panels = tuple(_rating_panels(report.ratings, within, simulated=report.simulated))
         found.append(PictureRow(title="Ratings", caption=caption, panels=panels))
     return found
 
 
 def _rating_panels(ratings: DataFrame, within: tuple[str, ...], *, simulated: bool) -> Iterator[Picture]:
-    """A picture for each level of the first of three factors, all with one scale."""
+    """One picture for each level of the first of three factors, with a common scale."""
     low, high = (ratings[name].to_numpy(float) for name in ("low", "high"))
     span = (float(low.min()) - 0.1, float(high.max()) + 0.1)
     levels = sorted(set(ratings[within[0]].tolist())) if len(within) == 3 else [""]

@@ -1,4 +1,4 @@
-"""Answers as files: plain CSV, and the tables of the Brain Imaging Data Structure for behaviour (BIDS 1.10, "beh")."""
+"""Answers as CSV, and as behavioural tables of the Brain Imaging Data Structure (BIDS 1.10, "beh")."""
 
 from __future__ import annotations
 
@@ -21,51 +21,51 @@ if TYPE_CHECKING:
     from midair.study.design import Design
 
 MEANING: Mapping[str, str] = {
-    "trial": "Number of the trial within the session, from 1 on.",
+    "trial": "Number of the trial within all sessions of the participant, from 1.",
     "block": "Block of the plan.",
-    "group": "Group of blocks that stay together.",
-    "repetition": "How often the stimulus had come in the block, this time included.",
+    "group": "Group of consecutive blocks.",
+    "repetition": "Number of this presentation of the stimulus in the block, from 1.",
     "stimulus": "Name of the stimulus in the plan.",
-    "scored": "Whether the trial counts; false for familiarisation.",
-    "question": "Question that was asked.",
+    "scored": "Whether the answer is analysed; false for familiarisation and exclusions.",
+    "question": "Name of the question.",
     "kind": "Kind of the question.",
-    "answer": "Answer that was given.",
-    "right": "Right answer; n/a where nothing is right or wrong.",
-    "correct": "1 if right, 0 if wrong; n/a where nothing is right or wrong.",
-    "response_time": "From the question to the answer.",
-    "time": "When the answer was given, from the beginning of the session.",
-    "session": "Number of the session, from 1 on.",
-    "role": "What the trial is for: test, catch, anchor or attention.",
-    "excluded": "Rule of the plan that leaves the answer or its participant out; n/a if none does.",
-    "reaction_by": "How the response time was taken: key, line (of the Enter after it), page, or model.",
-    "failed_plays": "How often the presentation had failed and was made again.",
+    "answer": "Given answer.",
+    "right": "Correct answer; n/a if the question has none.",
+    "correct": "1 if correct, 0 if wrong; n/a if the question has no correct answer.",
+    "response_time": "Time from the question to the answer.",
+    "time": "Time of the answer from the beginning of the session.",
+    "session": "Number of the session, from 1.",
+    "role": "Role of the trial: test, catch, anchor or attention.",
+    "excluded": "Rule of the plan that excludes the answer or its participant; n/a if none does.",
+    "reaction_by": "How the response time was measured: key press, line (Enter after the answer), page, or model.",
+    "failed_plays": "Number of failed and repeated presentations.",
     "simulated": "Whether the participant is simulated.",
 }
-"""What the columns of an answers table mean."""
+"""Descriptions of the columns of an answers table."""
 
 
 def write_csv(table: DataFrame, path: Path) -> None:
-    """A table as CSV with a line of names, whole or not at all.
+    """Write a table as CSV with a header, atomically.
 
     Raises
     ------
     FileError
-        If the file is there already, or cannot be written.
+        If the file exists or cannot be written.
     """
     if path.exists():
-        raise FileError(f"{path.name}: expected a new file, got one that is there; choose another name")
+        raise FileError(f"{path.name}: expected a new file, the file exists; choose another name")
     with whole_file(path) as partial:
-        partial.chmod(0o600)  # it holds what people answered
+        partial.chmod(0o600)  # it contains the answers of participants
         _write_separated(table, partial, ",")
 
 
 def read_csv(path: Path) -> DataFrame:
-    """A table from CSV or TSV with a line of names; a column of numbers becomes numbers.
+    """Read a table from CSV or TSV with a header; numeric columns become numbers.
 
     Raises
     ------
     MissingFileError
-        If there is no such file.
+        If the file does not exist.
     BrokenFileError
         If it is no such table.
     """
@@ -75,32 +75,32 @@ def read_csv(path: Path) -> DataFrame:
 def write_bids(
     answers: DataFrame, design: Design, folder: Path, *, files: str = "", unfinished: Collection[str] | None = None
 ) -> list[Path]:
-    """Answers as a BIDS dataset: ``sub-NN/beh/sub-NN_task-NAME_beh.tsv`` with a JSON sidecar for each participant.
+    """Write answers as a BIDS dataset: ``sub-NN/beh/sub-NN_task-NAME_beh.tsv`` with a JSON sidecar per participant.
 
-    With several sessions each has a folder of its own, ``sub-NN/ses-MM/beh/sub-NN_ses-MM_task-NAME_beh.tsv``.
+    With several sessions: ``sub-NN/ses-MM/beh/sub-NN_ses-MM_task-NAME_beh.tsv``.
 
     Parameters
     ----------
     answers : DataFrame
-        As `answers_table` makes it.
+        Result of `answers_table`.
     design : Design
-        For the sidecars.
+        Texts and factors for the sidecars.
     folder : Path
-        New or empty.
+        New or empty folder.
     files : str
-        Result of the check of the study's files, for the README and the description of the dataset.
+        Result of the check of the study's files, for the README and the dataset description.
     unfinished : collection of str
-        Participants whose sessions are not finished, for a column of the participants; without it if not given.
+        Participants with unfinished sessions, for a column of the participants; no column if None.
 
     Returns
     -------
     list of Path
-        What was written.
+        Written files.
 
     Raises
     ------
     FileError
-        If the folder holds something.
+        If the folder is not empty.
     InputError
         If there are no answers.
     """
@@ -108,7 +108,7 @@ def write_bids(
         raise InputError("export: expected answers, got none; run a participant first")
     with whole_folder(folder) as partial:
         written = _dataset(answers, design, partial, files, unfinished)
-        for inside in (partial, *partial.rglob("*")):  # it holds what people answered
+        for inside in (partial, *partial.rglob("*")):  # contains the answers of participants
             inside.chmod(0o700 if inside.is_dir() else 0o600)
         return [folder / path.relative_to(partial) for path in written]
 
@@ -135,14 +135,14 @@ def _dataset(
 
 
 def read_bids(folder: Path) -> DataFrame:
-    """Every behavioural table of a BIDS dataset below each other, with the participant as a column.
+    """Concatenate all behavioural tables of a BIDS dataset, with the participant as a column.
 
-    Columns that one table lacks are "n/a" there.
+    Missing columns are filled with "n/a".
 
     Raises
     ------
     MissingFileError
-        If there are none.
+        If there are no such tables.
     """
     from pandas import DataFrame, concat
 
@@ -158,14 +158,14 @@ def read_bids(folder: Path) -> DataFrame:
 
 
 def _words(path: Path) -> DataFrame:
-    """The fields as they are written.
+    """Fields of a table as text.
 
-    Read line by line: pandas fills a line that is short, shifts one that ends in a comma, and takes "n/a" for nothing.
+    Read line by line: pandas fills short lines, shifts lines that end in a comma, and reads "n/a" as missing.
     """
     from pandas import DataFrame
 
     if not path.is_file():
-        raise MissingFileError(f"{path.name}: expected a table, got no such file")
+        raise MissingFileError(f"{path.name}: expected a table, the file does not exist; check the path")
     delimiter = "\t" if path.suffix == ".tsv" else ","
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
@@ -174,11 +174,13 @@ def _words(path: Path) -> DataFrame:
         raise BrokenFileError(f"{path.name}: expected a table in UTF-8, got: {wrong}") from wrong
     rows = [row for row in rows if row]
     if len(rows) < 2 or len(set(rows[0])) < len(rows[0]):
-        raise BrokenFileError(f"{path.name}: expected different names and rows of answers, got {len(rows)} lines")
+        raise BrokenFileError(
+            f"{path.name}: expected a header of different names and rows of answers, got {len(rows)} lines"
+        )
     uneven = next((i for i, row in enumerate(rows, start=1) if len(row) != len(rows[0])), None)
     if uneven:
         raise BrokenFileError(
-            f"{path.name}: expected {len(rows[0])} fields a line, got {len(rows[uneven - 1])} in line {uneven}"
+            f"{path.name}: expected {len(rows[0])} fields per line, got {len(rows[uneven - 1])} in line {uneven}"
         )
     return DataFrame(rows[1:], columns=rows[0])
 
@@ -221,7 +223,7 @@ def _description(design: Design, simulated: bool, files: str) -> dict[str, Any]:
 def _readme(design: Design, simulated: bool, files: str) -> str:
     first = "SIMULATED: no person took part. These answers come from a model.\n\n" if simulated else ""
     return (
-        f"{first}{design.title or design.name}\n\nAnswers of a study of touch in midair, one row an answer. The plan"
+        f"{first}{design.title or design.name}\n\nAnswers of a study of touch in midair, one row per answer. The plan"
         f" was drawn before the first participant with seed {design.seed} for {design.participants} participants.\n"
         + (f"\n{files}\n" if files else "")
     )
@@ -240,19 +242,20 @@ def _participants(answers: DataFrame, design: Design, folder: Path, unfinished: 
     meaning = {
         "participant_id": {"Description": "Name of the participant in this dataset."},
         "simulated": {"Description": MEANING["simulated"]},
-        "answers": {"Description": "Number of answers that count."},
+        "answers": {"Description": "Number of valid answers."},
         **{question.name: {"Description": question.text} for question in form},
     }
     if unfinished is not None:
-        meaning["finished"] = {"Description": "Whether the log has an answer to every question, and its end."}
+        meaning["finished"] = {
+            "Description": "Whether the log contains an answer to every question and the end of the session."
+        }
     return [path, _json(folder / "participants.json", meaning)]
 
 
 def _sidecar(table: DataFrame, design: Design) -> dict[str, Any]:
     meaning = {**MEANING, **{name: design.question(name).text for name in design.form}}
     columns: dict[str, Any] = {
-        name: {"Description": meaning.get(name, f"Level of the factor {name}; n/a where it has none.")}
-        for name in table
+        name: {"Description": meaning.get(name, f"Level of the factor {name}; n/a if it has none.")} for name in table
     }
     columns["response_time"]["Units"] = columns["time"]["Units"] = "s"
     columns["question"]["Levels"] = {question.name: question.text for question in design.questions}

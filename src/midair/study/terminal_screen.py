@@ -1,4 +1,4 @@
-"""A study at a terminal: the screen, its keys, and signals that stop."""
+"""Screen of a study session at a terminal, with its keys and stop signals."""
 
 import signal
 from collections.abc import Generator
@@ -18,14 +18,14 @@ from midair.study.session import Reply, TrialStep
 
 
 class TerminalScreen:
-    """Participant and experimenter at one terminal; never shows a condition.
+    """Screen for participant and experimenter at one terminal; never shows a condition.
 
     Parameters
     ----------
     console : Console
-        To print to and to read from.
+        Output and line input.
     keyboard : Keyboard, optional
-        For questions that one key answers, and for sliders; whole lines are read if None.
+        For questions with single-key answers and for sliders; lines are read if None.
     """
 
     def __init__(self, console: Console, keyboard: Keyboard | None = None) -> None:
@@ -35,20 +35,20 @@ class TerminalScreen:
     def show(self, text: str) -> None:
         """Show a text until Enter."""
         self._console.print(f"\n{_plain(text)}")
-        self._console.input("[dim]Enter to go on, Ctrl-C to stop at any time[/] ")
+        self._console.input("[dim]Press Enter to continue, Ctrl-C to stop at any time[/] ")
 
     def rest(self, step: TrialStep) -> None:
-        """Hold the session until the shortest break is over and somebody presses Enter."""
+        """Wait until the shortest break is over and Enter is pressed."""
         end = monotonic() + step.rest_s
-        self._console.print(f"\nA break of at least {step.rest_s:g} s.")
+        self._console.print(f"\nPlease rest for at least {step.rest_s:g} s.")
         while True:
-            self._console.input("[dim]Enter to go on[/] ")
+            self._console.input("[dim]Press Enter to continue[/] ")
             if monotonic() >= end:
                 return
             self._console.print(f"Please rest for another {end - monotonic():.0f} s.")
 
     def cue(self, text: str) -> None:
-        """Say that a stimulus comes now."""
+        """Show the cue of a stimulus."""
         if text:
             self._console.print(f"\n[bold]{_plain(text)}[/]")
 
@@ -56,7 +56,7 @@ class TerminalScreen:
         """Ask a question, and read a key or a line."""
         question = step.question
         if question is None:
-            raise InputError("terminal: expected a question to ask, got none")
+            raise InputError("terminal: expected a step with a question, got none")
         place = f"[bold]{step.number} of {step.total}[/] " if step.code else ""
         self._console.print(f"\n{place}{_plain(question.text)}")
         for line in _menu(question):
@@ -68,7 +68,7 @@ class TerminalScreen:
         return self._typed(question)
 
     def _pressed(self, keyboard: Keyboard, question: Question) -> Reply:
-        """The answer of one key, and when it came."""
+        """Answer of a single key, with its reaction time."""
         with keyboard.listening():
             self._console.print(f"Press {_plain(', '.join(question.keys))}")
             begin = monotonic()
@@ -81,12 +81,12 @@ class TerminalScreen:
             return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
 
     def _slid(self, keyboard: Keyboard, question: Question) -> Reply:
-        """Where the mark stood at Enter; there is none before the first arrow key."""
+        """Position of the slider at Enter; an arrow key must come first."""
         span = question.high - question.low
         moves = {"left": -0.01, "right": 0.01, "down": -0.1, "up": 0.1}
         share: float | None = None
         with keyboard.listening():
-            self._console.print("Arrow keys: left and right by a hundredth, down and up by a tenth; then Enter")
+            self._console.print("Arrow keys: left and right move by 1 %, down and up by 10 %; then press Enter")
             begin = monotonic()
             until = begin + question.timeout_s if question.timeout_s else None
             while key := keyboard.key(until):
@@ -108,18 +108,18 @@ class TerminalScreen:
         return Reply(text=self._console.input("> "), by="line")
 
     def accepted(self, step: TrialStep, answer: str) -> None:
-        """Nothing, since feedback would teach the answers; but that the time was over."""
+        """Print a message if the time limit passed; nothing else, since feedback would bias the answers."""
         if step.question and step.question.timeout_s and answer == "n/a":
             self._console.print(f"No answer within {step.question.timeout_s:g} s.")
 
     def refused(self, step: TrialStep, why: str) -> None:
-        """Say why the answer to this trial's question was none."""
+        """Print the reason why the answer is invalid."""
         self._console.print(f"trial {step.number}: {_plain(why)}")
 
 
 @contextmanager
 def stops_on_signals() -> Generator[None]:
-    """A request to end the program stops the session as Ctrl-C does: silence first."""
+    """Handle termination signals like Ctrl-C: the session silences the array and stops."""
 
     def stop(number: int, _frame: FrameType | None) -> None:
         raise KeyboardInterrupt(signal.Signals(number).name)
@@ -129,14 +129,14 @@ def stops_on_signals() -> Generator[None]:
 
 
 def _menu(question: Question) -> list[str]:
-    """What may be answered, line by line."""
+    """Possible answers, line by line."""
     if question.kind in ("rating", "slider"):
         return [f"{question.low}: {question.low_label}, {question.high}: {question.high_label}"]
     if question.kind == "magnitude":
         return ["any number of 0 or more"]
     if question.numbered:
         return [f"{number}  {option}" for number, option in enumerate(question.answers, start=1)]
-    # The options are numbers themselves: others before them would be taken for answers.
+    # The options are numbers themselves: line numbers would look like answers.
     return list(question.answers)
 
 
@@ -145,5 +145,5 @@ def _bar(share: float, value: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Words of a plan or an answer, which are no markup and no escape sequence."""
+    """Text of a plan or an answer, without markup and escape sequences."""
     return escape(printable(text))

@@ -1,4 +1,4 @@
-"""Check the files of a study: plan, drives, and the chain and seal of each log; and read them for the analysis."""
+"""Check of the files of a study: the plan, its drives, and the chain hashes of each log."""
 
 from __future__ import annotations
 
@@ -27,62 +27,56 @@ _NOTED = re.compile(r"(sub-\d+\.jsonl): seal\s+([0-9a-f]{32})")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
-    """Result of the check of a study's files.
-
-    Attributes
-    ----------
-    sessions : tuple of str
-        One line for each log, in which a fault says what to do.
-    faults : int
-        Number of drives and logs that are not as the plan or a noted seal says.
-    unfinished : mapping of str to str
-        State of each session that is not finished, by participant.
-    summary : str
-        One line on everything, without names of participants: for reports and exports.
-    """
+    """Result of the check of a study's files."""
 
     sessions: tuple[str, ...]
+    """One line for each log; a fault states what to do."""
     faults: int
+    """Number of drives and logs that differ from the plan or a noted seal."""
     unfinished: Mapping[str, str]
+    """State of each unfinished session by participant."""
     summary: str
+    """One line on all files without names of participants, for reports and exports."""
 
     @property
     def unfinished_words(self) -> str:
-        """The unfinished sessions in a sentence; empty if there are none."""
+        """Sentence on the unfinished sessions; empty if there are none."""
         named = ", ".join(f"{who} ({state})" for who, state in self.unfinished.items())
         return f"Sessions that are not finished: {named}." if named else ""
 
 
 def noted_seals(file: Path) -> dict[str, list[str]]:
-    """Seals in a text, by the name of the log: lines as `midair study run` and `verify` print them.
+    """Seals (last chain hashes) in a text by the name of the log, as `midair study run` and `verify` print them.
 
     Raises
     ------
     InputError
-        If there is none.
+        If the text contains none.
     """
     found: dict[str, list[str]] = {}
     for name, seal in _NOTED.findall(read_text(file, "noted seals")):
         found.setdefault(name, []).append(seal)
     if not found:
-        raise InputError(f"{file.name}: expected lines such as 'sub-01.jsonl: seal ' and 32 digits, got none")
+        raise InputError(
+            f"{file.name}: expected lines such as 'sub-01.jsonl: seal ' and 32 hexadecimal digits, got none"
+        )
     return found
 
 
 def verify_study(folder: StudyFolder, *, noted: Mapping[str, Sequence[str]] | None = None) -> Verification:
-    """Check the plan, its drives, and the chain of each log; and the seals, if some were noted elsewhere.
+    """Check the plan, its drives, the chain of each log, and seals that were noted elsewhere.
 
     Parameters
     ----------
     folder : StudyFolder
         The study.
     noted : mapping of str to sequence of str, optional
-        Seals by the name of the log, see `noted_seals`. A log that has grown since still has its earlier seals.
+        Seals by the name of the log, see `noted_seals`. A log that has grown still contains its earlier seals.
 
     Raises
     ------
     BrokenFileError
-        If the plan was changed since it was drawn.
+        If the plan was changed after it was drawn.
     """
     plan, gone = folder.plan(), {folder.log(number).name for number in withdrawn(folder)}
     known = {name: seals for name, seals in (noted or {}).items() if name not in gone}
@@ -122,12 +116,12 @@ def verify_study(folder: StudyFolder, *, noted: Mapping[str, Sequence[str]] | No
 
 
 def data_of_study(folder: StudyFolder) -> StudyData:
-    """Read, check and sort the answers of a study: what the report, the notebook and Python analyse.
+    """Read, check and sort the answers of a study for `analyse`.
 
     Raises
     ------
     BrokenFileError
-        If the plan or a log was changed since it was written.
+        If the plan or a log was changed after it was written.
     MismatchError
         If a log belongs to another participant or another study.
     InputError
@@ -146,19 +140,21 @@ def data_of_study(folder: StudyFolder) -> StudyData:
 
 
 def _checked_log(folder: StudyFolder, plan: Plan, number: int, name: str, noted: Sequence[str]) -> tuple[str, str, str]:
-    """Seal and state of a log, and a word on noted seals; an error if something is wrong."""
+    """Seal, state and comparison with noted seals of a log; raises MidairError for a fault."""
     if not number:
-        raise InputError(f"{name}: expected logs of participants 1 to {plan.design.participants}; move it elsewhere")
+        raise InputError(
+            f"{name}: expected logs of participants 1 to {plan.design.participants} only; move it elsewhere"
+        )
     if not folder.log(number).exists():
-        raise InputError(f"{name}: expected a log, since its seal was noted, got no file; restore a copy")
+        raise InputError(f"{name}: expected a log because its seal was noted, the file does not exist; restore a copy")
     state = folder.session(plan, number).state
     links = links_of(folder.log(number))
     seal = links[-1] if links else ""
     for one in noted:
         if one not in links:
             raise InputError(
-                f"{name}: expected the noted seal {one}, got {seal or 'none'}; the log was written anew or its end was"
-                f" cut ({state}): restore a copy"
+                f"{name}: expected the noted seal {one}, got {seal or 'none'}; the log was rewritten or its end was"
+                f" removed ({state}): restore a copy"
             )
     if not noted:
         return seal, state, ""
@@ -169,11 +165,11 @@ def _checked_log(folder: StudyFolder, plan: Plan, number: int, name: str, noted:
 def _chain(plan: Plan, seal: str) -> str:
     if plan.chain:
         return ""
-    return "the plan asks for no chain" + ("" if seal else ": an edit cannot be noticed")
+    return "the plan requires no chain" + ("" if seal else ": changes cannot be detected")
 
 
 def _drives(folder: StudyFolder, plan: Plan) -> tuple[str, int]:
-    """How many drives are those of the plan, in words; and how many are not."""
+    """Comparison of the drives with the plan as text, and the number of changed or missing drives."""
     if not plan.drives:
         return "drawn without drives", 0
     wrong = [

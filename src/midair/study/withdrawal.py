@@ -1,4 +1,4 @@
-"""A person who withdraws: deleted everywhere, and whoever asked is told what was deleted."""
+"""Withdrawal of a participant: deletes the log and all derived data."""
 
 import errno
 import json
@@ -12,60 +12,55 @@ from midair.files import hold_open, json_of, whole_file
 from midair.study.folder import StudyFolder
 
 MADE = "made.jsonl"
-"""What was made of a study's answers and where, one line each, so that a person can be taken out of it."""
+"""File that lists derived reports, datasets and tables, one per line, for the deletion of a participant."""
 
 WITHDRAWN = "withdrawn.jsonl"
-"""Numbers of people who withdrew, one line each."""
+"""File with the numbers of withdrawn participants, one per line."""
 
 
 def log_derived_file(folder: StudyFolder, path: Path, kind: str) -> None:
-    """Note that a report, a BIDS dataset or a table was made of the answers of a study."""
+    """Record a report, BIDS dataset or table that was derived from the answers of a study."""
     known = [(entry["path"], entry["kind"]) for entry in _entries(folder.path / MADE)]
     if (entry := (str(path.resolve()), kind)) not in known:
         _append(folder.path / MADE, {"path": entry[0], "kind": kind})
 
 
 def withdrawn(folder: StudyFolder) -> frozenset[int]:
-    """Numbers of the people who withdrew."""
+    """Numbers of withdrawn participants."""
     return frozenset(int(entry["participant"]) for entry in _entries(folder.path / WITHDRAWN))
 
 
 def check_not_withdrawn(folder: StudyFolder, participant: int) -> None:
-    """Raise InputError if a participant has withdrawn: the number stays empty."""
+    """Raise InputError if a participant has withdrawn: the number is not used again."""
     if participant in withdrawn(folder):
-        raise InputError(f"participant {participant}: expected somebody who takes part, got one who withdrew")
+        raise InputError(
+            f"participant {participant}: expected an active participant, this one has withdrawn; use another number"
+        )
 
 
 def withdraw(folder: StudyFolder, participant: int) -> list[str]:
-    """Delete everything that one person said, in the log and in all that is known to be made of it.
+    """Delete all data of one participant: the log, and the data in all recorded derived files.
 
-    What holds other people's answers too keeps those: rows and folders of the one are taken out of datasets and
-    tables. Reports are deleted, since their figures are made of everybody. If the program ends in the middle, the same
-    call goes on.
-
-    Parameters
-    ----------
-    folder : StudyFolder
-        The study.
-    participant : int
-        Number, from 1 on.
+    Rows and folders of the participant are removed from datasets and tables, which keep all others. Reports are
+    deleted, since their figures contain all participants. After an interruption, call it again to complete the
+    deletion.
 
     Returns
     -------
     list of str
-        What was deleted, and what is to be done by hand, one line each.
+        Deleted files and remaining manual steps, one line each.
 
     Raises
     ------
     InputError
-        If nobody of this number took part.
+        If no log exists for this participant.
     DeviceStateError
         If the session is running.
     """
     log, person = folder.log(participant), f"sub-{participant:02d}"
     before = participant in withdrawn(folder)
     if not log.exists() and not before:
-        raise InputError(f"participant: expected the number of somebody who took part, got {participant}")
+        raise InputError(f"participant: expected the number of a participant with a log, got {participant}")
     said: list[str] = []
     if log.exists():
         handle = os.open(log, os.O_RDWR)
@@ -89,10 +84,10 @@ def _out_of_all(folder: StudyFolder, person: str) -> list[str]:
     for entry in _entries(folder.path / MADE):
         path, kind = Path(entry["path"]), entry["kind"]
         if not path.exists():
-            said.append(f"{path}: not there; delete the person from it by hand if it went elsewhere")
+            said.append(f"{path}: not found; if it was moved, delete the participant from it by hand")
         elif kind == "report":
             path.unlink()
-            said.append(f"{path}: deleted; `midair study analyse` makes it again without the person")
+            said.append(f"{path}: deleted; `midair study analyse` creates it again without the participant")
         elif kind == "csv":
             said.append(_rows_out(path, ",", person))
         else:
@@ -110,7 +105,7 @@ def _out_of_dataset(path: Path, person: str) -> list[str]:
 
 
 def _rows_out(path: Path, separator: str, person: str) -> str:
-    """Take the rows of a person out of a table whose first column says who; other rows stay byte by byte."""
+    """Remove a participant's rows from a table with the participant in its first column; other bytes stay."""
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     kept = [line for line in lines if line.partition(separator)[0] != person]
     if len(kept) < len(lines):
@@ -126,11 +121,11 @@ def _entries(path: Path) -> list[dict[str, Any]]:
     try:
         return [dict(json_of(line)) for line in path.read_bytes().split(b"\n")[:-1]]
     except (ValueError, TypeError) as wrong:
-        raise FileError(f"{path.name}: expected one JSON object a line, got something else; restore a copy") from wrong
+        raise FileError(f"{path.name}: expected one JSON object per line, got other content; restore a copy") from wrong
 
 
 def _append(path: Path, entry: dict[str, Any]) -> None:
-    """A whole line on the disk, or none: half of one would keep the study from being read."""
+    """Append one whole line and sync, or nothing: half a line would make the study unreadable."""
     line = (json.dumps(entry) + "\n").encode()
     try:
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
@@ -144,6 +139,6 @@ def _append(path: Path, entry: dict[str, Any]) -> None:
             os.close(handle)
     except OSError as wrong:
         raise FileError(
-            f"{path}: cannot be written: {wrong.strerror or wrong}; a study's folder notes what was made of its "
-            "answers, so that a person can be taken out of it: give it room and the right to write"
+            f"{path}: cannot be written: {wrong.strerror or wrong}; the folder of a study lists the files derived "
+            "from its answers, which withdrawals need: free disk space and allow writing"
         ) from wrong

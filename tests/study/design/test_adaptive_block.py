@@ -227,5 +227,5 @@ def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
         ["sub-02", "unfinished", 20.0],
         ["sub-01", "unfinished", 13.0],
     ]
-    assert found["Who took part"].startswith("SIMULATED: no person was asked. 1 participant(s), 20 answers")
+    assert found["Participants"].startswith("SIMULATED: no person was asked. 1 participant(s), 20 answers")
     assert found["Thresholds of adaptive blocks"].startswith("Geometric mean of 1 thresholds")

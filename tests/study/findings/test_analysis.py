@@ -41,14 +41,14 @@ def test_everything_is_found_in_whole_data():
     report = analyse(data_of_columns(choices(), **NAMES), draws=500)
     titles = [one.title for one in report.findings]
     assert titles == [
-        "Who took part",
-        "Which object: plain",
-        "Which object: grooved",
-        "Over objects, as in the paper",
-        "Over people",
-        "Mixed model of right answers",
+        "Participants",
+        "Identification: plain",
+        "Identification: grooved",
+        "Effect of the condition over objects, as in the paper",
+        "Effect of the condition over people",
+        "Mixed model of correct answers",
     ]
-    assert "better than chance" in found(report, "Which object: plain").words
+    assert "better than chance" in found(report, "Identification: plain").words
     assert not any("Not computed" in one.words or "nan" in one.words for one in report.findings)
     assert [one.name for one in report.choices] == ["plain", "grooved"]
     rated = analyse(data_of_columns(ratings(), **RATED), draws=500)
@@ -60,7 +60,7 @@ def test_everything_is_found_in_whole_data():
 def test_conditions_that_are_numbers_are_compared_too():
     table = choices() | {"surface": np.where(choices()["surface"] == "plain", 1.0, 2.0)}
     report = analyse(data_of_columns(table, **NAMES), draws=200)
-    assert "1.0 and 2.0" in found(report, "Over people").words
+    assert "1.0 and 2.0" in found(report, "Effect of the condition over people").words
 
 
 def test_the_seed_decides():
@@ -70,13 +70,13 @@ def test_the_seed_decides():
 
 def test_no_skill_is_not_called_skill():
     report = analyse(data_of_columns(choices(skill=0, seed=5), **NAMES), draws=500)
-    assert "no better than chance" in found(report, "Which object: plain").words
+    assert "no better than chance" in found(report, "Identification: plain").words
 
 
 def test_one_participant():
     report = analyse(data_of_columns(choices(people=1), **NAMES), draws=200)
-    assert "no tests over people" in found(report, "Who").words
-    assert "Not computed. Pairs: expected two or more people" in found(report, "Does the condition").words or any(
+    assert "no tests over people" in found(report, "Participants").words
+    assert "Not computed. Pairs: expected two or more people" in found(report, "Effect of the condition").words or any(
         "two or more people" in one.words for one in report.findings
     )
     assert found(report, "Mixed").words.startswith("Not computed. Participants: expected two or more")
@@ -90,7 +90,7 @@ def test_constant_answers():
     report = analyse(data_of_columns(table, **NAMES), draws=200)
     words = " ".join(one.words for one in report.findings)
     assert "no better than chance" in words
-    assert "expected differences that vary, got 0 from everyone" in words
+    assert "expected differences that vary, got 0 from all participants" in words
     assert "nan" not in words
     same = ratings() | {"score": np.full(36, 4.0)}
     assert (
@@ -103,7 +103,7 @@ def test_missing_cells_as_the_plan_says():
     table = {name: values[1:] for name, values in ratings().items()}
     report = analyse(data_of_columns(table, **RATED), draws=200)
     words = found(report, "Ratings: analysis").words
-    assert "Left out, as the plan says, for want of an answer in every cell: 0 (5 of 6 cells)" in words
+    assert "Left out, as planned, because cells have no answer: 0 (5 of 6 cells)" in words
     assert "5 people" in words
     without = {name: values[6:] for name, values in ratings().items()}
     same = found(analyse(data_of_columns(without, **RATED), draws=200), "Ratings: analysis")
@@ -122,15 +122,15 @@ def test_answers_that_name_what_was_never_presented_as_the_plan_says():
     foils = int(((table["answer"] == "towel") & (table["surface"] == "plain")).sum())
 
     def words(**policy):
-        return found(analyse(data_of_columns(table, **policy, **NAMES), draws=50), "Which object: plain").words
+        return found(analyse(data_of_columns(table, **policy, **NAMES), draws=50), "Identification: plain").words
 
-    assert "expected each to be presented, got no trial of ['towel']" in words(foils="refuse")
+    assert "expected each to be presented, got answers ['towel'] without a trial" in words(foils="refuse")
     wrong, out = words(), words(foils="leave out")
-    assert f"{foils} answers name what was never presented (towel); they count as wrong" in wrong
+    assert f"{foils} answers name an object that was never presented (towel); they count as wrong" in wrong
     plain = table["surface"] == "plain"
-    assert f"of {plain.sum()} answers are right, among 3 possible ones" in wrong
-    assert f"{foils} answers that name what was never presented are left out" in out
-    assert f"of {plain.sum() - foils} answers are right, among 2 possible ones" in out
+    assert f"of {plain.sum()} answers are correct, among 3 possible ones" in wrong
+    assert f"{foils} answers that name an object that was never presented are left out" in out
+    assert f"of {plain.sum() - foils} answers are correct, among 2 possible ones" in out
     right = (table["answer"] == table["right"]) & plain
     assert wrong.startswith(f"{100 * right.sum() / plain.sum():.1f} %")
 
@@ -151,11 +151,11 @@ def test_people_in_groups():
 
 def test_limits_are_over_people_or_are_not_given():
     words = [
-        found(analyse(data_of_columns(choices(people=people), **NAMES), draws=200), "Which object: plain").words
+        found(analyse(data_of_columns(choices(people=people), **NAMES), draws=200), "Identification: plain").words
         for people in (4, 6)
     ]
-    assert "no limits with 4 people, who are fewer than five" in words[0]
-    assert "95 % over people" in words[1]
+    assert "no limits with fewer than five people, got 4" in words[0]
+    assert "95 % limits over people" in words[1]
     assert "Kappa" in words[1]
 
 
@@ -173,9 +173,9 @@ def test_who_took_part_counts_answers_of_a_known_strength_and_who_is_left_out():
         {"participant": ["a", "a", "b"], "level": [1.0, 2, 3], "correct": [0.0, 1, 1], "guess": 0.5}
     )
     excluded = pd.DataFrame({"participant": ["c"], "rule": ["attention"], "value": [0.2], "limit": [0.8]})
-    words = found(analyse(StudyData(strengths=strengths, excluded=excluded), draws=50), "Who").words
+    words = found(analyse(StudyData(strengths=strengths, excluded=excluded), draws=50), "Participants").words
     assert words.startswith("2 participant(s), 3 answers analysed")
-    assert "The rules of the plan leave out c." in words
+    assert "The plan excludes c." in words
 
 
 def test_other_questions():
@@ -224,6 +224,6 @@ def test_limits_that_hold_less_often_say_so():
             presented="presented",
             answered="answered",
         )
-        words = next(one.words for one in analyse(data, draws=20).findings if one.title.startswith("Which object"))
+        words = next(one.words for one in analyse(data, draws=20).findings if one.title.startswith("Identification"))
         assert f"{100 * (72 - wrong) / 72:.1f} % of 72" in words
-        assert ("Fewer answers are wrong than people took part" in words) == warned
+        assert ("There are fewer wrong answers than people" in words) == warned

@@ -21,9 +21,9 @@ def test_what_cannot_be_had_says_why():
 
 def test_limits_or_why_there_are_none():
     x = np.array([1.0, 2, 3, 4, 5])
-    assert limits_words(np.mean, x, "plain") == "95 % over people 1.04 to 4.96"
+    assert limits_words(np.mean, x, "plain") == "95 % limits over people 1.04 to 4.96"
     assert "fewer than five" in limits_words(np.mean, x[:4], "plain")
-    assert "nothing shows how people differ" in limits_words(np.mean, np.ones(5), "share")
+    assert "the differences between people are unknown" in limits_words(np.mean, np.ones(5), "share")
 
 
 def test_a_note_comes_last_and_columns_have_words():

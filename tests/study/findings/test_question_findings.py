@@ -69,7 +69,7 @@ def test_every_kind_of_question_is_in_the_report_wherever_it_is_asked(kind, plac
     parts = {one.title: one for one in found.findings}
     listed = parts["Questions of the plan"]
     notes = dict(zip(listed.table["question"], listed.table["part"], strict=True))
-    assert notes["which"] == "Which object"
+    assert notes["which"] == "Identification"
     analysed = place in ("scored", "scored without truth", "form") and kind != "text"
     if analysed:
         title = "Question asked of the form" if place == "form" else "Question asked"
@@ -95,8 +95,8 @@ def test_a_rating_without_an_analysis_has_its_mean_and_spread(tmp_path):
     assert part.table["mean_rating"].tolist() == pytest.approx(means.mean(axis=1).tolist())
     assert part.table["sd_people"].tolist() == pytest.approx(means.std(axis=1).tolist())
     assert part.table["given"].tolist() == [15, 15]
-    assert f"Mean {means.to_numpy().mean():.2f} (95 % over people" in part.words
-    whole = next(one for one in found.findings if one.title == "Who took part")
+    assert f"Mean {means.to_numpy().mean():.2f} (95 % limits over people" in part.words
+    whole = next(one for one in found.findings if one.title == "Participants")
     assert "60 answers analysed" in whole.words
 
 
@@ -104,7 +104,7 @@ def test_ratings_and_choices_outside_the_main_comparison_are_told(tmp_path):
     made = design("rating", "scored", rated=("asked",), within=("thing",), only={"thing": "felt"})
     found, _ = report(made, tmp_path)
     listed = next(one for one in found.findings if one.title == "Questions of the plan")
-    assert listed.table["part"].tolist() == ["Which object", "Ratings; Question asked"]
+    assert listed.table["part"].tolist() == ["Identification", "Ratings; Question asked"]
     assert listed.table["analysed"].tolist() == listed.table["given"].tolist() == [30, 30]
     part = next(one for one in found.findings if one.title == "Question asked")
     assert part.table["stimulus"].tolist() == ["denim"]
@@ -114,13 +114,13 @@ def test_a_main_question_without_right_answers_is_told(tmp_path):
     made = design("choice", "scored without truth")
     found, _ = report(replace(made, analysis=Analysis(choice="asked")), tmp_path)
     parts = {one.title: one.words for one in found.findings}
-    assert parts["Question asked"].startswith("30 answers; none is right or wrong.")
-    assert "right" in parts["Question which"]
+    assert parts["Question asked"].startswith("30 answers; the question has no correct one.")
+    assert "correct" in parts["Question which"]
 
 
 def test_answers_that_the_rules_leave_out_are_told(tmp_path):
     made = replace(design("rating", "scored"), exclusions=Exclusions(slowest_s=1e-9))
-    with pytest.raises(InputError, match="got none of 60; the plan leaves out 60 by the rule 'too slow'"):
+    with pytest.raises(InputError, match="got none among 60; the plan excludes 60 by the rule 'too slow'"):
         report(made, tmp_path)
 
 
@@ -128,4 +128,4 @@ def test_one_person_has_a_mean_and_no_spread(tmp_path):
     found, _ = report(replace(design("slider", "scored"), participants=1), tmp_path)
     part = next(one for one in found.findings if one.title == "Question asked")
     assert np.isnan(part.table["sd_people"]).all()
-    assert "no limits with 1 people" in part.words
+    assert "no limits with fewer than five people, got 1" in part.words

@@ -11,7 +11,7 @@ PEOPLE = ["1"] * 4
 @pytest.mark.parametrize(
     ("presented", "answered", "why"),
     [
-        ([1.0, 2, 3, 1], ["1", "2", "n/a", "1"], r"column 'b': .* got 'n/a' where the other has numbers"),
+        ([1.0, 2, 3, 1], ["1", "2", "n/a", "1"], r"column 'b': .* got 'n/a' where the other column has numbers"),
         (["1", "n/a", "2", "1"], [1.0, 2, 3, 1], r"column 'a': .* got 'n/a'"),
         ([1.0, 2, 3, 1], ["brush", "towel", "brush", "brush"], "got 'brush' where"),
     ],

@@ -53,12 +53,12 @@ def test_answers_that_follow_no_such_function_are_told():
 def test_thresholds_of_blocks_have_a_geometric_mean():
     table = pd.DataFrame({"participant": np.array(["a", "b", "c"]), "threshold": np.array([0.5, 2.0, np.nan])})
     (found,) = adaptive(StudyData(thresholds=table))
-    assert found.words.startswith("Geometric mean of 2 thresholds: 1 (no limits with 2 people")
+    assert found.words.startswith("Geometric mean of 2 thresholds: 1 (no limits with fewer than five people, got 2")
     assert found.table is table
 
 
 def test_blocks_that_never_ended_are_an_error():
-    with pytest.raises(InputError, match="an adaptive block that came to an end"):
+    with pytest.raises(InputError, match="a finished adaptive block"):
         adaptive(StudyData(thresholds=pd.DataFrame({"threshold": np.array([np.nan, np.inf])})))
 
 

@@ -113,7 +113,7 @@ def test_a_log_that_was_edited_is_told(path, how):
             log.append(event)
     lines = path.read_bytes().splitlines()
     path.write_bytes(b"\n".join(changed(lines, how)) + b"\n")
-    with pytest.raises(BrokenFileError, match=r"events\.jsonl: expected the chain .* break in line \d: .* changed"):
+    with pytest.raises(BrokenFileError, match=r"events\.jsonl: expected an unbroken chain .* line \d: .* changed"):
         read_events(path)
 
 

@@ -53,7 +53,7 @@ def test_an_array_plays_drives_and_the_experimenter_takes_up_objects():
         one.present(NOTHING)
         one.silence()
     assert loaded == ["a.drive.h5", "a.drive.h5"]
-    assert told[2:] == ["nothing is to touch the participant now"]
+    assert told[2:] == ["remove the object: nothing may touch the participant now"]
 
 
 class Noise:
@@ -165,5 +165,5 @@ def test_a_presentation_with_a_hole_in_it_does_not_count():
         def emit(self, drive, progress, **options):
             return replace(super().emit(drive, progress, **options), late=2, gap=0.25)
 
-    with Stuttering(ARRAY) as device, pytest.raises(SilentFramesError, match=r"2 were late after 0\.250 s of silence"):
+    with Stuttering(ARRAY) as device, pytest.raises(SilentFramesError, match=r"2 late frames and 0\.250 s of silence"):
         presenter(device, lambda _: drive(), []).present(TONE)

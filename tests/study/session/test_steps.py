@@ -104,8 +104,8 @@ def test_training_ends_with_its_criterion(tmp_path, wrong_until, trials):
     first = [step for step in seen if step.kind == "present" and step.number <= 20]
     assert len(first) == trials
     told = [step.text for step in seen if step.kind == "show"]
-    assert len([text for text in told if text.startswith("Wrong: it was ")]) == wrong_until
-    assert told.count("Right.") == trials - wrong_until
+    assert len([text for text in told if text.startswith("Wrong. The correct answer is ")]) == wrong_until
+    assert told.count("Correct.") == trials - wrong_until
     found = standing(plan, tmp_path / "log")
     assert len(found.waived) == 20 - trials
     assert (found.untrained, found.next_trial) == ((), 28)

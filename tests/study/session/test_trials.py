@@ -190,7 +190,7 @@ def test_a_trial_in_which_the_array_was_silent_is_marked_and_comes_again_before_
 
 
 def test_an_array_that_stays_silent_ends_the_session_which_can_be_taken_up_again(plan, tmp_path):
-    with pytest.raises(SilentFramesError, match=r"trial 3: silent 3 times.*frames 5 to 9"):  # noqa: SIM117
+    with pytest.raises(SilentFramesError, match=r"trial 3: the array failed 3 times.*frames 5 to 9"):  # noqa: SIM117
         with session(plan, tmp_path / "log.jsonl", Faulty(silent=(2, 3, 4))) as one:
             run(one, Script(plan))
     presenter = Recorder()
@@ -296,7 +296,7 @@ def test_the_experimenter_is_told_what_to_take_up(plan, tmp_path):
     with session(plan, tmp_path / "log.jsonl", presenter) as one:
         run(one, Script(plan))
     assert told[0] == f"present: {plan.design.stimulus(plan.of(1)[0].stimulus).source}"
-    assert told[-1].startswith("nothing is to touch")
+    assert told[-1].startswith("remove the object: nothing may touch")
 
 
 def test_another_plan_or_another_program_is_refused(plan, tmp_path):
@@ -317,7 +317,7 @@ def test_calls_in_the_wrong_order(plan, tmp_path):
     one = session(plan, tmp_path / "log.jsonl")
     with pytest.raises(DeviceStateError, match="context manager"):
         one.present()
-    with one, pytest.raises(DeviceStateError, match="expected ask to be due, got show"):
+    with one, pytest.raises(DeviceStateError, match="expected the step ask, got show"):
         one.answer(Reply(text="brush"))
     with pytest.raises(DeviceStateError, match="open log"):
         EventLog(tmp_path / "x").append({"event": "x"})

@@ -120,7 +120,7 @@ def test_a_group_that_cannot_be_is_refused():
     first = data["participant"].index("s01")
     moved = [*data["hand"]]
     moved[first] = "right"
-    with pytest.raises(InputError, match="got more from participant s01"):
+    with pytest.raises(InputError, match="got several from participant s01"):
         rm_anova(data | {"hand": moved}, between=["hand"], **options)
     none = [hand if hand == "right" else site for hand, site in zip(data["hand"], data["site"], strict=True)]
     with pytest.raises(InputError, match="got none with hand="):
@@ -129,7 +129,7 @@ def test_a_group_that_cannot_be_is_refused():
         rm_anova(data, between=["surface"], **options)
     everyone = rm_anova(data | {"own": data["participant"]}, between=["hand"], **options)
     assert everyone["effect"].tolist()[:2] == ["hand", "surface"]
-    with pytest.raises(InputError, match="another person to compare with"):
+    with pytest.raises(InputError, match="every group needs an error term"):
         rm_anova(data | {"own": data["participant"]}, between=["own"], **options)
 
 
@@ -151,7 +151,7 @@ def test_says_what_is_missing():
         small(y=[1.0, 2, 3, 4, 6, 5], x=list("ststss"))
     with pytest.raises(InputError, match="got 4 everywhere"):
         small(y=[4.0] * 6)
-    with pytest.raises(InputError, match="one person has no error term"):
+    with pytest.raises(InputError, match="one participant gives no error term"):
         small(who=["a"] * 6)
     with pytest.raises(NonFiniteError, match="row 1"):
         small(y=[1.0, np.nan, 3, 4, 6, 5])
@@ -172,5 +172,5 @@ def test_too_few_people_for_mauchly_has_a_note():
     table = {"y": rng.normal(size=15), "who": np.repeat([0, 1, 2], 5), "x": [*range(5)] * 3}
     row = rm_anova(table, value="y", participant="who", within=["x"]).iloc[0]
     assert np.isnan(row["W"])
-    assert "4 or more people beyond one" in row["note"]
+    assert "4 or more participants beyond one" in row["note"]
     assert np.isfinite([row["F"], row["p_GG"], row["p_HF"]]).all()

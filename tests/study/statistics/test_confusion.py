@@ -94,10 +94,10 @@ def test_says_what_is_wrong():
         confusion_matrix(["a", "b"], ["a", "c"])
     with pytest.raises(InputError, match="no trial of"):
         confusion_matrix(["a", "b"], ["a", "a"], labels=["a", "b", "c"])
-    with pytest.raises(InputError, match="two or more to tell apart"):
+    with pytest.raises(InputError, match="two or more to identify"):
         confusion_matrix(["a", "a"], ["a", "a"])
     table = scores(confusion_matrix(["a", "b"], ["a", "a"]))
-    assert table["note"][1] == "never answered: no precision"
+    assert table["note"][1] == "never answered: precision is undefined"
 
 
 def test_kappa_agrees_with_statsmodels():

@@ -124,7 +124,7 @@ def test_a_cell_that_is_all_right_is_pointed_at(choices):
     changed = choices | {"correct": correct}
     table = logistic_mixed(changed, correct="correct", participant="participant", within=["object"])
     assert np.isfinite(table["p"]).all()
-    assert "unsafe" in table["note"][0]
+    assert "unreliable" in table["note"][0]
 
 
 def integral(counts, fixed, varying, group, mode):

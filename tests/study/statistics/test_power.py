@@ -46,7 +46,7 @@ def test_more_people_more_power_and_none_without_an_effect():
 
 
 def test_says_what_is_wrong():
-    with pytest.raises(InputError, match="needs more"):
+    with pytest.raises(InputError, match="100 pairs, got less"):
         participants_for_paired_t(d_z=0.001, most=100)
     with pytest.raises(InputError):
         power_paired_t(1, d_z=1)

@@ -42,9 +42,9 @@ def test_says_what_is_wrong():
     rng = np.random.default_rng(0)
     with pytest.raises(InputError, match="three or more"):
         fit_psychometric([1, 2], [1, 2], [3, 3], rng=rng)
-    with pytest.raises(InputError, match="no threshold"):
+    with pytest.raises(InputError, match="no threshold found"):
         fit_psychometric([1, 2, 3], [2, 2, 2], [3, 3, 3], rng=rng)
-    with pytest.raises(InputError, match="no threshold"):
+    with pytest.raises(InputError, match="no threshold found"):
         fit_psychometric([1, 2, 3], [3, 2, 1], [3, 3, 3], rng=rng)
     with pytest.raises(ShapeError):
         fit_psychometric([1, 2, 3], [3, 2], [3, 3, 3], rng=rng)

@@ -1,4 +1,4 @@
-"""Findings: the analysis of a study in plain words."""
+"""Report texts and tables of the planned analyses."""
 
 from midair.study.findings.analysis import Choices, Report, analyse
 from midair.study.findings.finding import Finding

@@ -1,4 +1,4 @@
-"""The analysis of a study in plain words: each figure beside what it means and what it cannot say."""
+"""Analysis of a study: all findings in the order of the report."""
 
 from __future__ import annotations
 
@@ -22,46 +22,37 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Report:
-    """Everything that an analysis found.
-
-    Attributes
-    ----------
-    findings : tuple of Finding
-        In the order of reading.
-    choices : tuple of Choices
-        For the figures.
-    ratings : DataFrame or None
-        Mean rating and 95 % limits over people of each cell: one column a factor, mean, low, high.
-    simulated : bool
-        Whether any answer comes from a simulated participant.
-    seed : int
-        Of the resampling.
-    """
+    """Result of an analysis."""
 
     findings: tuple[Finding, ...]
+    """Parts in the order of the report."""
     choices: tuple[Choices, ...]
+    """Confusion matrices, for the figures."""
     ratings: DataFrame | None
+    """Mean rating of each cell with 95 % limits over participants: one column per factor, mean, low, high."""
     simulated: bool
+    """Whether any answer comes from a simulated participant."""
     seed: int
+    """Seed of the resampling."""
 
 
 def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
-    """Make every analysis that the data allow; one that they do not allow says why.
+    """Run every analysis that the data allow; the report gives the reason for each that cannot be computed.
 
     Parameters
     ----------
     data : StudyData
-        What was answered.
+        Answers.
     seed : int
-        Of permutations and drawn data; stored in the report.
+        Seed of permutations and simulated data; stored in the report.
     draws : int
-        Permutations.
+        Number of permutations.
     """
     rng = np.random.default_rng(seed)
     choices, failed = confusions(data)
     findings = [_people(data), *failed]
     jobs: list[Callable[[], Sequence[Finding]]] = [
-        lambda one=one: attempt(f"Which object: {one.name}", lambda: choice_findings(one, rng=rng, draws=draws))
+        lambda one=one: attempt(f"Identification: {one.name}", lambda: choice_findings(one, rng=rng, draws=draws))
         for one in choices
     ]
     conditions = [] if data.choices is None else data.choices["condition"].map(str).tolist()
@@ -69,14 +60,14 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     if len(pair) == 2:
         jobs.append(lambda: compared(pair, data, rng=rng))
     if data.choices is not None:
-        jobs.append(lambda: attempt("Mixed model of right answers", lambda: mixed(data)))
+        jobs.append(lambda: attempt("Mixed model of correct answers", lambda: mixed(data)))
     if data.ratings is not None:
         jobs.append(lambda: attempt("Ratings: analysis of variance", lambda: anova(data)))
         jobs.append(lambda: attempt("Ratings: check on ranks", lambda: ranks(data, rng=rng)))
     jobs.append(lambda: question_findings(data))
     jobs.append(lambda: attempt("Psychometric function", lambda: psychometric(data, rng=rng)))
     jobs.append(lambda: attempt("Thresholds of adaptive blocks", lambda: adaptive(data)))
-    # In this order: they draw from one generator.
+    # The order matters: all jobs use the same random generator.
     for job in passing(jobs, len(jobs)):
         findings += job()
     if data.questions is not None:
@@ -92,22 +83,22 @@ def _people(data: StudyData) -> Finding:
     known = None if data.thresholds is None else data.thresholds.loc[np.isfinite(data.thresholds["threshold"])]
     parts = [data.choices, data.other_choices, data.ratings, data.others, data.strengths, known]
     people = {who for part in parts if part is not None for who in part["participant"].tolist()}
-    # The strengths are of answers to questions that may be among the others.
+    # Answers in `strengths` may also be in `others`.
     answers = [data.choices, data.other_choices, data.ratings, data.strengths if data.others is None else data.others]
     many = sum(len(part) for part in answers if part is not None)
     words = f"{len(people)} participant(s), {many} answers analysed"
     words += (
-        f", {data.left_out} answers left out (familiarisation, checks, rules of the plan)." if data.left_out else "."
+        f", {data.left_out} answers left out (familiarisation, checks, exclusions by the plan)."
+        if data.left_out
+        else "."
     )
     if data.excluded is not None:
         out = sorted(set(data.excluded["participant"].tolist()))
-        words += (
-            f" The rules of the plan leave out {', '.join(out)}." if out else " The rules of the plan leave nobody out."
-        )
+        words += f" The plan excludes {', '.join(out)}." if out else " The plan excludes no participant."
     if len(people) < 2:
-        words += " One person says nothing about others: there are no limits and no tests over people."
+        words += " With one person there are no limits and no tests over people."
     elif len(people) < 5:
-        words += " With fewer than five people there are no limits over people: they would not cover what they promise."
+        words += " With fewer than five people there are no limits over people: their coverage would be below 95 %."
     title = ("SIMULATED: no person was asked. " if data.simulated else "") + words
     excluded = data.excluded if data.excluded is not None and len(data.excluded) else None
-    return Finding(title="Who took part", words=title, table=excluded)
+    return Finding(title="Participants", words=title, table=excluded)

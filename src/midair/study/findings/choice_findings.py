@@ -1,4 +1,4 @@
-"""What is said about choices among objects."""
+"""Report on choices among objects."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
-    """Confusions of the other trials and of each condition, and a word on those that cannot be had."""
+    """Confusion matrices of the other trials and of each condition, and findings on those that cannot be computed."""
     parts: list[tuple[str, DataFrame]] = []
     if data.other_choices is not None:
         parts.append((str(data.other_choices["condition"].iloc[0]), data.other_choices))
@@ -49,7 +49,7 @@ def confusions(data: StudyData) -> tuple[tuple[Choices, ...], list[Finding]]:
     failed: list[Finding] = []
     for name, rows in parts:
         failed += attempt(
-            f"Which object: {name}",
+            f"Identification: {name}",
             lambda name=name, rows=rows: found.append(_confusion(name, rows, data.foils)) or [],
         )
     return tuple(found), failed
@@ -60,8 +60,8 @@ def _confusion(name: str, rows: DataFrame, policy: UnpresentedAnswers) -> Choice
     foils = sorted(set(rows["answered"].tolist()) - set(labels))
     if foils and policy == "refuse":
         raise InputError(
-            f"objects: expected each to be presented, got no trial of {foils}, which were answered; say in the plan"
-            ' what becomes of such answers (foils = "wrong" or "leave out")'
+            f"objects: expected each to be presented, got answers {foils} without a trial; set the treatment of"
+            ' such answers in the plan (foils = "wrong" or "leave out")'
         )
     left_out = 0
     if policy == "leave out":
@@ -76,43 +76,43 @@ def _confusion(name: str, rows: DataFrame, policy: UnpresentedAnswers) -> Choice
 
 
 def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> list[Finding]:
-    """Scores, chance, sensitivity, information and bias of one confusion matrix."""
+    """Scores, chance level, sensitivity, information and bias of one confusion matrix."""
     words = [*_share_words(one), _chance_words(one.confusion, rng, draws), *_sense_words(one.confusion)]
     table = scores(one.confusion).drop(columns=["recall_low", "recall_high"])
     if one.f_limits is not None:
         table = table.assign(F_low=one.f_limits.low, F_high=one.f_limits.high)
     table = note_last(table)
-    return [Finding(title=f"Which object: {one.name}", words=" ".join(words), table=table)]
+    return [Finding(title=f"Identification: {one.name}", words=" ".join(words), table=table)]
 
 
 def _share_words(one: Choices) -> list[str]:
     confusion, counts = one.confusion, one.confusion.counts
     limits = interval_words(share_limits, confusion.by_person, form=".3f")
     words = [
-        f"{100 * confusion.accuracy:.1f} % of {counts.sum()} answers are right, among {counts.shape[1]} possible"
+        f"{100 * confusion.accuracy:.1f} % of {counts.sum()} answers are correct, among {counts.shape[1]} possible"
         f" ones (share {confusion.accuracy:.3f}, {limits})."
     ]
     if confusion.foils:
         named = int(counts[:, len(confusion.labels) :].sum())
         words.append(
-            f"{named} answers name what was never presented ({', '.join(map(str, confusion.foils))}); they count as"
-            " wrong."
+            f"{named} answers name an object that was never presented ({', '.join(map(str, confusion.foils))}); they"
+            " count as wrong."
         )
     wrong = int(counts.sum() - np.trace(counts))
     if 0 < wrong < len(confusion.participants) >= 5:
         words.append(
-            "Fewer answers are wrong than people took part, so that nobody sees how people differ: limits are at least"
-            " those of independent answers."
+            "There are fewer wrong answers than people, too few to measure how people differ: the limits are at least"
+            " as wide as those of independent answers."
         )
     if one.left_out:
-        words.append(f"{one.left_out} answers that name what was never presented are left out, as the plan says.")
+        words.append(f"{one.left_out} answers that name an object that was never presented are left out, as planned.")
     return words
 
 
 def _chance_words(confusion: Confusion, rng: np.random.Generator, draws: int) -> str:
     chance = chance_macro_f(confusion, rng=rng, draws=draws)
     low, high = chance.range95
-    better = "better than chance" if chance.p < 0.05 else "no better than chance can be"
+    better = "better than chance" if chance.p < 0.05 else "no better than chance"
     limits = interval_words(macro_f_limits, confusion.by_person, form=".3f")
     return (
         f"Macro F, the mean of F over the objects, is {confusion.macro_f:.3f} ({limits}), {better}: shuffled answers"
@@ -130,27 +130,26 @@ def _sense_words(confusion: Confusion) -> list[str]:
     words = [
         f"d' is {sense.d_prime:.2f} ({limits}{'; corrected for a rate of 0 or 1' if sense.corrected else ''}).",
         f"Kappa, the agreement beyond chance, is {cohen_kappa(counts):.2f} ({agreement}).",
-        f"An answer carries {corrected:.2f} of {np.log2(objects):.2f} bits ({plain:.2f} before the correction for"
-        " bias).",
+        f"An answer carries {corrected:.2f} of {np.log2(objects):.2f} bits ({plain:.2f} without bias correction).",
     ]
     if objects == alternatives:
         taste = choice_model(counts)
         favourite = confusion.labels[int(np.argmax(taste.bias))]
         words.append(
-            f"The favourite answer is {favourite} (Luce bias {taste.bias.max():.2f}; {1 / alternatives:.2f} if there"
-            " were none)."
+            f"The most preferred answer is {favourite} (Luce bias {taste.bias.max():.2f}; {1 / alternatives:.2f}"
+            " without bias)."
         )
     return words
 
 
 def compared(pair: tuple[Choices, ...], data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
-    """F-measures of two conditions: over objects as in the paper, and over people."""
+    """F-measures of two conditions: over objects as in the paper, and over participants."""
     first, second = pair
     names = f"{first.name} and {second.name}"
-    title = "Does the condition matter for telling objects apart?"
+    title = "Effect of the condition on identification"
     return [
-        *attempt(f"{title} Over objects, as in the paper", lambda: [_over_objects(first, second, names)]),
-        *attempt(f"{title} Over people", lambda: _over_people(first, second, data, names, rng)),
+        *attempt(f"{title}, over objects as in the paper", lambda: [_over_objects(first, second, names)]),
+        *attempt(f"{title}, over people", lambda: _over_people(first, second, data, names, rng)),
     ]
 
 
@@ -158,10 +157,10 @@ def _over_objects(first: Choices, second: Choices, names: str) -> Finding:
     found = paired_t(first.confusion.f_measure, second.confusion.f_measure)
     words = (
         f"Paired t over {found.n} objects, {names}: t({found.df}) = {found.t:.2f}, {p_words(found.p)}. This is the test"
-        " of the paper. Its unit is the object, not the person: with so few pairs it misses most real differences, and"
-        " three numbers that happen to lie close pass for certainty. Go by the test over people."
+        " of the paper. Its unit is the object, not the person: with so few pairs its power is low, and three"
+        " differences that are similar by chance give a small p-value. Use the test over people instead."
     )
-    return Finding(title="Over objects, as in the paper", words=words)
+    return Finding(title="Effect of the condition over objects, as in the paper", words=words)
 
 
 def _over_people(
@@ -173,19 +172,19 @@ def _over_people(
     evidence = bayes_factor(found.t, found.n)
     exact = sign_flip(a - b, rng=rng)
     verdict = (
-        f"The two are equivalent within {data.margin:g}"
+        f"The conditions are equivalent within {data.margin:g}"
         if same.p < 0.05
-        else f"It is not shown that the two are equivalent within {data.margin:g}"
+        else f"Equivalence within {data.margin:g} is not shown"
     )
     strength = max(evidence, 1 / evidence)
     side = "for a difference" if evidence > 1 else "for no difference"
     words = (
         f"Macro F of each of {found.n} people, {names}: mean difference {found.difference:.3f} ({found.low:.3f} to"
-        f" {found.high:.3f}), t({found.df}) = {found.t:.2f}, {p_words(found.p)}; by turning signs {p_words(exact)}."
+        f" {found.high:.3f}), t({found.df}) = {found.t:.2f}, {p_words(found.p)}; sign-flip test {p_words(exact)}."
         f" {verdict} (TOST {p_words(same.p)}, 90 % limits {same.low:.3f} to {same.high:.3f}). Bayes factor"
-        f" {strength:.1f} {side}{'' if strength >= 3 else ', too little to tell'}."
+        f" {strength:.1f} {side}{'' if strength >= 3 else ', inconclusive'}."
     )
-    return [Finding(title="Over people", words=words)]
+    return [Finding(title="Effect of the condition over people", words=words)]
 
 
 def _macro_f_of_same_people(first: Confusion, second: Confusion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -197,7 +196,7 @@ def _macro_f_of_same_people(first: Confusion, second: Confusion) -> tuple[NDArra
 
 
 def mixed(data: StudyData) -> list[Finding]:
-    """Logistic mixed model of right answers."""
+    """Logistic mixed model of correct answers."""
     if data.choices is None:
         return []
     rows = data.choices.assign(correct=data.choices["presented"] == data.choices["answered"])
@@ -207,14 +206,13 @@ def mixed(data: StudyData) -> list[Finding]:
     table = note_last(table)
     small = table["effect"][table["p_Holm"] < 0.05].tolist()
     words = (
-        f"The chance of a right answer depends on {', '.join(small)}."
+        f"The probability of a correct answer depends on {', '.join(small)}."
         if small
-        else "No effect on the chance of a right"
-        " answer was found; that none was found does not show that there is none."
+        else "No effect on the probability of a correct answer was found; this does not show that there is none."
     )
     words += (
-        " A logistic model in which people differ in their level and in every effect (Laplace's approximation); F from"
-        f" likelihood ratios, so that {len(set(rows['participant']))} people are taken for no more than they are;"
+        " Logistic mixed model with random intercepts and slopes of all effects (Laplace approximation); F from"
+        f" likelihood ratios, with error degrees of freedom for {len(set(rows['participant']))} people;"
         f" Holm's correction for {len(table)} effects."
     )
-    return [Finding(title="Mixed model of right answers", words=words, table=table)]
+    return [Finding(title="Mixed model of correct answers", words=words, table=table)]

@@ -1,4 +1,4 @@
-"""Every question of the plan: its figure, or why it has none."""
+"""Report on every question of the plan: its result, or the reason why it has none."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
     from midair.study.findings.study_data import StudyData
 
-_UNTESTED = "No test is made, since the analysis of the plan does not name these answers."
+_UNTESTED = "There is no test, since the planned analyses do not include this question."
 
 
 def question_findings(data: StudyData) -> list[Finding]:
-    """A part for each question that no other part analyses."""
+    """One finding for each question that no other part of the report analyses."""
     found: list[Finding] = []
     for rows, title in ((data.others, "Question {}"), (data.form, "Question {} of the form")):
         for name, answers in [] if rows is None else rows.groupby("question", sort=False):
@@ -34,18 +34,18 @@ def question_findings(data: StudyData) -> list[Finding]:
 
 
 def _without_stimulus(part: Finding) -> Finding:
-    """The same for the form, before which nothing was presented."""
+    """The finding without the column "stimulus", for questions of the form."""
     return part if part.table is None else replace(part, table=part.table.drop(columns="stimulus"))
 
 
 def every_question(questions: DataFrame) -> Finding:
-    """Where each question of the plan is analysed, or the reason why it is not."""
+    """Part of the report that analyses each question of the plan, or the reason why none does."""
     from pandas import DataFrame
 
     rows = questions.to_dict("records")
     notes = [row["part"] or f"not analysed, because {_reason(row)}" for row in rows]
     silent = [f"{row['question']}: {note}." for row, note in zip(rows, notes, strict=True) if not row["part"]]
-    words = " ".join(silent) or "Each question of the plan is analysed, in the part that the table names."
+    words = " ".join(silent) or "Every question of the plan is analysed; the table names the part of the report."
     table = DataFrame(questions, columns=["question", "kind", "given", "analysed"])
     return Finding(title="Questions of the plan", words=words, table=table.assign(part=notes))
 
@@ -58,10 +58,10 @@ def _reason(row: dict[str, object]) -> str:
     if not row["given"]:
         return "it has no answer"
     if row["kind"] == "text":
-        return "its answers are texts, which are in the exports"
+        return "its answers are texts; the exported tables contain them"
     if not row["analysed"]:
-        return "its answers are of familiarisation, checks, or left out by rules of the plan"
-    return "no analysis takes it"
+        return "its answers belong to familiarisation or checks, or the plan excludes them"
+    return "no analysis supports it"
 
 
 def _of_kind(title: str, rows: DataFrame) -> list[Finding]:
@@ -75,7 +75,7 @@ def _of_kind(title: str, rows: DataFrame) -> list[Finding]:
 
 
 def _rated(title: str, rows: DataFrame) -> Finding:
-    """Mean of each stimulus over people, and how much people differ."""
+    """Mean rating of each stimulus over participants, and the standard deviation between participants."""
     from pandas import DataFrame
 
     rating = np.array(rows["answer"].tolist(), float)
@@ -111,7 +111,7 @@ def _mean(values: NDArray[np.float64]) -> float:
 
 
 def _chosen(title: str, rows: DataFrame) -> Finding:
-    """How often each answer was given to each stimulus."""
+    """Counts of each answer to each stimulus."""
     from pandas import DataFrame
 
     counts = Counter(zip(rows["stimulus"].tolist(), rows["answer"].tolist(), strict=True))
@@ -120,7 +120,9 @@ def _chosen(title: str, rows: DataFrame) -> Finding:
     )
     right = [answer == known for answer, known in zip(rows["answer"], rows["right"], strict=True) if known != "n/a"]
     words = (
-        f"{sum(right)} of {len(right)} answers are right." if right else f"{len(rows)} answers; none is right or wrong."
+        f"{sum(right)} of {len(right)} answers are correct."
+        if right
+        else f"{len(rows)} answers; the question has no correct one."
     )
     return Finding(title=title, words=f"{words} {_UNTESTED}", table=table)
 
@@ -137,7 +139,7 @@ def _detected(title: str, rows: DataFrame) -> Finding:
     sense = measure(hits, signals, alarms, blanks)
     limits = interval_words(lambda people: two_answers_limits(measure, people), by_person)
     words = (
-        f"{hits} of {signals} answered {signal!r} when it was right, {alarms} of {blanks} when it was wrong:"
+        f"{hits} of {signals} answered {signal!r} when it was correct, {alarms} of {blanks} when it was wrong:"
         f" d' = {sense.d_prime:.2f} ({limits}), criterion {sense.criterion:.2f}, over all people together."
     )
     return Finding(title=title, words=words)
@@ -152,5 +154,5 @@ def _magnitudes(title: str, rows: DataFrame) -> Finding:
     size["mean"] += unit[~size["participant"].duplicated()].mean() - unit
     table = size.groupby("stimulus", sort=False, as_index=False).agg(mean=("mean", "mean"))
     table["mean"] = np.exp(table["mean"])
-    words = "Geometric means after every person's unit was taken out."
+    words = "Geometric means after normalising each person's geometric mean."
     return Finding(title=title, words=words, table=table)

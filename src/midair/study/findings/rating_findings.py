@@ -1,4 +1,4 @@
-"""What is said about ratings."""
+"""Report on ratings."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 def whole_ratings(data: StudyData) -> tuple[DataFrame, str]:
-    """Ratings of the people who have one in every cell, and a word on the others; all of them if the plan refuses."""
+    """Ratings of participants with an answer in every cell, and a sentence on the others; all if the plan refuses."""
     ratings = data.ratings
     if ratings is None:
-        raise InputError("ratings: expected some, got none")
+        raise InputError("ratings: expected a table of ratings, got none")
     if data.incomplete == "refuse":
         return ratings, ""
     filled = {
@@ -40,12 +40,12 @@ def whole_ratings(data: StudyData) -> tuple[DataFrame, str]:
     named = ", ".join(f"{who} ({many[who]} of {cells} cells)" for who in short)
     rest = ratings.loc[~ratings["participant"].isin(short)]
     if rest.empty:
-        raise InputError(f"ratings: expected somebody with an answer in every cell, got none: {named}")
-    return rest, f" Left out, as the plan says, for want of an answer in every cell: {named}."
+        raise InputError(f"ratings: expected a participant with an answer in every cell, got none: {named}")
+    return rest, f" Left out, as planned, because cells have no answer: {named}."
 
 
 def anova(data: StudyData) -> list[Finding]:
-    """Analysis of variance of the ratings, and whether its contrasts vary alike."""
+    """Analysis of variance of the ratings, with its sphericity statistics."""
     from pandas import DataFrame, Series
 
     ratings, left_out = whole_ratings(data)
@@ -57,38 +57,39 @@ def anova(data: StudyData) -> list[Finding]:
     found = f"Ratings depend on {', '.join(small)}." if small else "No effect on the ratings was found."
     words = (
         f"{found} p-values with Greenhouse and Geisser's correction, and Holm's for {len(known)} effects,"
-        f" {len(set(ratings['participant']))} people. The test takes the steps of the scale as equal; the check on"
-        f" ranks does not. No effect found is not no effect.{left_out}"
+        f" {len(set(ratings['participant']))} people. The test assumes equal steps of the scale; the check on ranks"
+        f" does not. A missing effect in this test does not show that there is none.{left_out}"
     )
     main = DataFrame(table, columns=["effect", "df1", "df2", "F", "p_GG", "p_Holm", "np2", "ges", "note"])
     several = DataFrame(table.loc[table["df1"] > 1], columns=["effect", "eps_GG", "eps_HF", "p", "p_HF", "W", "p_W"])
     findings = [Finding(title="Ratings: analysis of variance", words=words, table=main)]
     if len(several):
         words = (
-            "An effect of more than one contrast needs contrasts that vary alike. Epsilon says by how much they do not;"
-            " p is without the correction, p_HF with the milder one of Huynh and Feldt."
+            "The F-test of an effect with more than one contrast assumes sphericity. Epsilon measures the violation; p"
+            " is uncorrected, p_HF has the less strict correction of Huynh and Feldt."
         )
-        findings.append(Finding(title="Ratings: do contrasts vary alike?", words=words, table=several))
+        findings.append(Finding(title="Ratings: sphericity", words=words, table=several))
     return findings
 
 
 def ranks(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
-    """The same on ranks."""
+    """Analysis of variance on ranks with sign-flip p-values."""
     ratings, _ = whole_ratings(data)
     table = ordinal_check(ratings, value="rating", participant="participant", within=data.within, rng=rng)
     table["p_Holm"] = holm(table["p_sign"].to_numpy())
     small = table["effect"][table["p_Holm"] < 0.05].tolist()
     words = (
-        f"On each person's ranks, by turning signs and with Holm's correction for {len(table)} effects, p is below .05"
-        f" for: {', '.join(small) or 'no effect'}. Where this differs from the analysis of variance, trust neither."
+        f"On ranks within each person, with a sign-flip test and Holm's correction for {len(table)} effects, p is"
+        f" below .05 for: {', '.join(small) or 'no effect'}. If this differs from the analysis of variance, neither"
+        " result is reliable."
     )
     if data.between:
-        words += " Factors between people have no place in it: each person is ranked alone."
+        words += " Factors between people are not tested, since ranks are within each person."
     return [Finding(title="Ratings: check on ranks", words=words, table=table)]
 
 
 def rating_means(data: StudyData) -> DataFrame | None:
-    """Means and limits with each person's own level taken out (Cousineau and Morey), for the figure."""
+    """Cell means with within-subject 95 % limits (Cousineau and Morey), for the figure."""
     if data.ratings is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""What an analysis works on: choices, ratings and other answers, apart from how they were collected."""
+"""Input of an analysis: choices, ratings and other answers, independent of their origin."""
 
 from __future__ import annotations
 
@@ -20,69 +20,45 @@ if TYPE_CHECKING:
 
 
 _SINGLE = ("yes-no", "same-different", "magnitude")
-"""Kinds of questions that have a part of their own, whatever else takes them."""
+"""Kinds of questions that always get their own part of the report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StudyData:
-    """Answers ready for `analyse`.
-
-    Attributes
-    ----------
-    choices : DataFrame or None
-        Columns participant, presented, answered, condition (one word if there are no conditions), one row a trial.
-    other_choices : DataFrame or None
-        The same for trials outside the comparison, such as those with real objects; their condition names them.
-    ratings : DataFrame or None
-        Columns participant, rating and one a factor of `within`.
-    within : tuple of str
-        Factors of the ratings within each person.
-    between : tuple of str
-        Factors of the ratings by which people differ.
-    incomplete, foils : str
-        What becomes of people without a whole set of ratings, and of answers that name what was never presented: see
-        `Analysis`.
-    excluded : DataFrame or None
-        People whom the rules of the plan leave out, see `left_out`: columns participant, rule, value, limit.
-    others : DataFrame or None
-        Answers to yes-no, same-different and magnitude questions, and all others that are in neither choices nor
-        ratings, but no texts: columns participant, question, kind, stimulus, answer, right.
-    form : DataFrame or None
-        Answers to the form, of people whose answers count: the same columns.
-    questions : DataFrame or None
-        Every question of the plan: columns question, kind, private, asked, given and analysed (numbers of answers), and
-        part (of the report that analyses it; empty if none does).
-    strengths : DataFrame or None
-        Columns participant, level, correct (0 or 1), guess: answers to stimuli of a known strength.
-    thresholds : DataFrame or None
-        Columns participant, block, threshold, sd, note: of adaptive blocks.
-    margin : float
-        Difference of macro F that does not matter.
-    simulated : bool
-        Whether any answer comes from a simulated participant.
-    left_out : int
-        Answers that were not analysed: familiarisation, and those that the rules of the plan leave out.
-    files : str
-        Result of the check of plan, drives and logs, see `verify_study`; empty for data of tables.
-    """
+    """Answers prepared for `analyse`."""
 
     choices: DataFrame | None = None
+    """Columns participant, presented, answered, condition ("all" without conditions); one row per trial."""
     other_choices: DataFrame | None = None
+    """As `choices` for trials outside the comparison, such as those with real objects, with one condition name."""
     ratings: DataFrame | None = None
+    """Columns participant, rating and one per factor of `within` and `between`."""
     within: tuple[str, ...] = ()
     between: tuple[str, ...] = ()
     incomplete: Incomplete = "leave out"
     foils: UnpresentedAnswers = "wrong"
     excluded: DataFrame | None = None
+    """Participants excluded by the plan, see `left_out`: columns participant, rule, value, limit."""
     others: DataFrame | None = None
+    """Answers to yes-no, same-different and magnitude questions and all answers outside `choices` and `ratings`, except
+    texts: columns participant, question, kind, stimulus, answer, right."""
     form: DataFrame | None = None
+    """Answers to the form of analysed participants, with the same columns."""
     questions: DataFrame | None = None
+    """Every question of the plan: columns question, kind, private, asked, given and analysed (numbers of answers), and
+    part (section of the report with its analysis; empty if there is none)."""
     strengths: DataFrame | None = None
+    """Columns participant, level, correct (0 or 1), guess: answers to stimuli with numeric strength."""
     thresholds: DataFrame | None = None
+    """Thresholds of adaptive blocks: columns participant, block, threshold, sd, note."""
     margin: float = 0.1
+    """Equivalence margin of the difference of macro F."""
     simulated: bool = False
+    """Whether any answer comes from a simulated participant."""
     left_out: int = 0
+    """Number of answers that are not analysed: familiarisation, and exclusions by the plan."""
     files: str = ""
+    """Result of the check of plan, drives and logs (`verify_study`); empty for imported tables."""
 
 
 def data_of_answers(
@@ -94,22 +70,22 @@ def data_of_answers(
     files: str = "",
     design: Design | None = None,
 ) -> StudyData:
-    """Sort the answers of a study by what its design says will be tested.
+    """Sort the answers of a study by the planned analyses.
 
     Parameters
     ----------
     answers : DataFrame
-        As `answers_table` makes it.
+        Result of `answers_table`.
     analysis : Analysis
-        Of the design.
+        Planned analyses.
     thresholds : DataFrame, optional
-        Of adaptive blocks, see `thresholds_of`.
+        Result of `thresholds_of`.
     excluded : DataFrame, optional
-        People whom the rules of the plan leave out, see `left_out`.
+        Result of `left_out`.
     files : str
-        Result of the check of plan, drives and logs, for the report.
+        Result of the check of plan, drives and logs.
     design : Design, optional
-        For the list of all questions, and for those of the form.
+        Design, for the list of all questions and the form.
 
     Raises
     ------
@@ -120,8 +96,8 @@ def data_of_answers(
     if scored.empty:
         rules = Counter(answers["excluded"].tolist() if "excluded" in answers else [])
         why = ", ".join(f"{many} by the rule '{rule}'" for rule, many in rules.items() if rule != "n/a")
-        next_step = f"the plan leaves out {why}" if why else "run a participant first"
-        raise InputError(f"answers: expected some that are scored, got none of {len(answers)}; {next_step}")
+        next_step = f"the plan excludes {why}" if why else "run a participant first"
+        raise InputError(f"answers: expected scored answers, got none among {len(answers)}; {next_step}")
     counts = np.ones(len(scored), bool)
     for factor, level in analysis.only.items():
         counts &= (scored[factor] == level).to_numpy(bool)
@@ -133,7 +109,7 @@ def data_of_answers(
     rest = scored.loc[(single | ~(named | listed)) & (scored["kind"] != "text").to_numpy(bool)]
     form = _of_form(scored, design)
     parts = {
-        "Which object": scored.loc[named],
+        "Identification": scored.loc[named],
         "Ratings": rated,
         "Question {}": rest,
         "Question {} of the form": form,
@@ -174,12 +150,14 @@ def data_of_columns(
     margin: float = 0.1,
     simulated: bool = False,
 ) -> StudyData:
-    """Answers from any table by the names of its columns: old data of a lab. The options are those of `Analysis`.
+    """Answers from the named columns of any table, such as earlier data of a laboratory.
+
+    The other options are those of `Analysis`.
 
     Raises
     ------
     InputError
-        If a column is not there, or neither choices nor ratings are named.
+        If a column is missing, or neither choices nor ratings are named.
     """
     data = frame_of(table)
     choices = ratings = None
@@ -213,7 +191,7 @@ def _choices(
 ) -> DataFrame | None:
     from pandas import DataFrame
 
-    # Without a right answer nothing was presented that could be named: a catch trial, an attention check.
+    # Trials without a correct answer are catch trials or attention checks.
     rows = rows.loc[(rows["right"] != "n/a").to_numpy(bool)] if presented == "right" and len(rows) else rows
     if rows.empty:
         return None
@@ -224,7 +202,7 @@ def _choices(
 
 
 def _check_labels(found: DataFrame, presented: str, answered: str) -> None:
-    """Raise if one column of labels is numbers and the other is not: such labels are never the same."""
+    """Raise InputError if labels are numbers in one column and text in the other: they would never match."""
     given = {presented: found["presented"].tolist(), answered: found["answered"].tolist()}
     words = {name: [label for label in labels if isinstance(label, str)] for name, labels in given.items()}
     mixed = [name for name in given if words[name]]
@@ -234,7 +212,7 @@ def _check_labels(found: DataFrame, presented: str, answered: str) -> None:
     odd = next((word for word in words[name] if not _is_number(word)), words[name][0])
     raise InputError(
         f"column {name!r}: expected labels of one kind in {presented!r} and {answered!r}, got {odd!r} where the other "
-        "has numbers; leave out or name what has no answer"
+        "column has numbers; remove or rename the rows without an answer"
     )
 
 
@@ -247,7 +225,7 @@ def _is_number(word: str) -> bool:
 
 
 def _of_form(scored: DataFrame, design: Design | None) -> DataFrame:
-    """Answers to the form as rows, one a participant and question; private ones are in no table."""
+    """One row per participant and question of the form, without private and text questions."""
     from pandas import DataFrame
 
     people = scored.drop_duplicates("participant")
@@ -263,7 +241,7 @@ def _of_form(scored: DataFrame, design: Design | None) -> DataFrame:
 
 
 def _questions(answers: DataFrame, design: Design, parts: Mapping[str, DataFrame]) -> DataFrame:
-    """Every question of the plan, how many answers it has, and which parts of a report analyse how many of them."""
+    """Every question of the plan with its number of answers and the parts of the report that analyse them."""
     from pandas import DataFrame
 
     asked = {
@@ -283,7 +261,7 @@ def _questions(answers: DataFrame, design: Design, parts: Mapping[str, DataFrame
             sum(answer != "n/a" for answer in people[name].tolist()) if name in design.form and name in people else 0
         )
         where = [part for part, number in many.items() if number]
-        where += ["factor between people"] if name in design.analysis.between else []
+        where += ["factor between participants"] if name in design.analysis.between else []
         rows.append(
             {
                 "question": name,
@@ -291,7 +269,7 @@ def _questions(answers: DataFrame, design: Design, parts: Mapping[str, DataFrame
                 "private": question.private,
                 "asked": name in asked or name in design.form,
                 "given": given[name] + in_form,
-                # Answers of one kind may be in two parts.
+                # Answers of these kinds may be in two parts.
                 "analysed": max(many.values()) if question.kind in _SINGLE else sum(many.values()),
                 "part": "; ".join(where),
             }
@@ -300,7 +278,7 @@ def _questions(answers: DataFrame, design: Design, parts: Mapping[str, DataFrame
 
 
 def _named(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
-    """Choices under the one level that they share of the factors that set them apart."""
+    """Choices outside the comparison, named by the level that they share of the selecting factors."""
     choices = _choices(rows, "")
     shared = [rows[factor].unique().tolist() for factor in analysis.only]
     name = ", ".join(str(found[0]) for found in shared if len(found) == 1) or "other trials"

@@ -1,4 +1,4 @@
-"""What is said about thresholds: psychometric functions over people, and adaptive blocks person by person."""
+"""Report on thresholds: psychometric functions over all participants, and adaptive blocks of each participant."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from midair.study.statistics import fit_psychometric, fit_threshold, levels
 
 
 def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
-    """One Weibull function for the answers of all people; limits by leaving out people."""
+    """One Weibull function for the answers of all participants, with jackknife limits over participants."""
     from pandas import DataFrame
 
     if data.strengths is None:
@@ -33,9 +33,9 @@ def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
 
     over_people = limits_words(threshold, counts, "positive", form=".3g")
     words = (
-        f"Threshold {fit.function.threshold:.3g} (where {100 * _rate(guess, fit.function.lapse):.0f} % are right),"
+        f"Threshold {fit.function.threshold:.3g} ({100 * _rate(guess, fit.function.lapse):.0f} % correct answers),"
         f" slope {fit.function.slope:.2g}; 95 % limits from trials {fit.threshold_low:.3g} to {fit.threshold_high:.3g},"
-        f" which hold for these people only; {over_people}"
+        f" valid for these people only; {over_people}"
     )
     fits = "fits" if fit.deviance_p > 0.05 else "does NOT fit"
     words += f". The Weibull function {fits} the answers (deviance {fit.deviance:.1f}, p = {fit.deviance_p:.2f})."
@@ -45,17 +45,17 @@ def psychometric(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
 
 
 def adaptive(data: StudyData) -> list[Finding]:
-    """Thresholds of adaptive blocks, and their geometric mean over people."""
+    """Thresholds of adaptive blocks, and their geometric mean over participants."""
     if data.thresholds is None:
         return []
     known = data.thresholds.loc[np.isfinite(data.thresholds["threshold"])]
     if known.empty:
-        raise InputError("thresholds: expected an adaptive block that came to an end, got none; see the notes of each")
+        raise InputError("thresholds: expected a finished adaptive block, got none; see the notes of the blocks")
     values = known["threshold"].to_numpy(float)
     limits = limits_words(_geometric_mean, values, "positive", form=".3g")
     words = f"Geometric mean of {len(known)} thresholds: {_geometric_mean(values):.3g} ({limits})."
     if len(known) < len(data.thresholds):
-        words += " Those without a number say why."
+        words += " The note gives the reason for a missing threshold."
     return [Finding(title="Thresholds of adaptive blocks", words=words, table=data.thresholds)]
 
 

@@ -1,4 +1,4 @@
-"""A session: present, ask, time, store; and participants who are simulated."""
+"""Sessions of a study: presentation, questions, timing, the event log and simulated participants."""
 
 from midair.study.session.event_log import chain_hash, links_of, read_events
 from midair.study.session.participant import SimulatedParticipant

@@ -1,9 +1,9 @@
-"""The log of a session: one JSON object a line, appended and on disk before anybody is told that it is stored.
+"""Append-only log of a session: one JSON object per line, written to disk before the session continues.
 
-Each line ends in a link, a digest of all bytes of the log up to it: whoever changes, removes or inserts a line breaks
-the chain from there on. Whoever computes the chain anew is found out by the last link alone, if somebody noted it.
-The plan says whether every line has to have a link. Studies of before 2026-11-23 do not: their logs, which may begin
-without links, are read as they are, and lines that are appended to one cover what is there.
+Each line ends with a chain hash, a digest of all bytes of the log up to that point. A changed, removed or inserted line
+breaks the chain; a log rewritten with a new chain differs in its last hash, which the experimenter can note. The plan
+states whether every line needs a hash. Logs of studies from before 2026-11-23 may begin without; lines appended to them
+have hashes that cover the earlier lines.
 """
 
 import json
@@ -20,40 +20,31 @@ from midair.files import hold_open, json_of
 
 _LINK = b', "chain": "'
 LINK = 32
-"""Hexadecimal digits of a link."""
+"""Number of hexadecimal digits of a chain hash."""
 
 
 class _Digest(Protocol):
-    """A digest that grows."""
+    """An incremental digest, such as SHA-256."""
 
     def update(self, data: bytes, /) -> None:
-        """Take in more."""
+        """Add data."""
         ...
 
     def copy(self) -> "_Digest":
-        """The same, to go on separately."""
+        """Return an independent copy."""
         ...
 
     def hexdigest(self) -> str:
-        """What it is by now."""
+        """Return the digest of all data so far."""
         ...
 
 
 class EventLog:
-    """A log that only grows; a context manager that holds the file alone.
+    """Append-only log as a context manager that locks the file.
 
-    Opening it cuts off a last line that was never finished (its event was never acknowledged) and says so in a
-    ``repair`` event.
-
-    Parameters
-    ----------
-    path : Path
-        Created with its folders if it is not there.
-    synced : bool
-        Whether each event is on the disk, and not only with the system, before `append` returns: it then outlives a
-        cut of the power. A killed program loses nothing either way.
-    chained : bool
-        Whether the lines that are there already have to have links, as `Plan.chain` says.
+    Opening removes an incomplete last line, whose event was never confirmed, and records it in a ``repair`` event. With
+    `synced` each event is on the disk before `append` returns, so that it survives a power failure; an event survives
+    the end of the program in any case. `chained` requires a chain hash in every existing line, as `Plan.chain`.
     """
 
     def __init__(self, path: Path, *, synced: bool = True, chained: bool = False) -> None:
@@ -66,7 +57,7 @@ class EventLog:
         self._chain: _Digest = sha256()
 
     def __enter__(self) -> Self:
-        # For this user alone, as the log: it holds what people answered.
+        # Readable by this user only, like the log: it contains the answers of participants.
         self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
         try:
@@ -88,19 +79,13 @@ class EventLog:
         self.close()
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file and release its lock."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
 
     def append(self, event: Mapping[str, Any]) -> None:
-        """Store an event; when this returns it is on disk.
-
-        Raises
-        ------
-        DeviceStateError
-            If the log is not open.
-        """
+        """Write one event with its chain hash; raises DeviceStateError if the log is not open."""
         body = json.dumps(dict(event), ensure_ascii=False).encode()
         with self._lock:
             if self._file is None:
@@ -116,40 +101,42 @@ class EventLog:
 
 
 def read_events(path: Path, *, chained: bool = False) -> list[dict[str, Any]]:
-    """Every event of a log, without its links; a last line that was never finished does not count.
+    """Every event of a log without its chain hash; an incomplete last line is ignored.
 
     Parameters
     ----------
     path : Path
-        The log.
+        File of the log.
     chained : bool
-        Whether every line has to have a link, as `Plan.chain` says. If not, lines before the first link need none.
+        Whether every line needs a chain hash, as `Plan.chain`. If not, lines before the first hash need none.
 
     Raises
     ------
     MissingFileError
-        If there is no log.
+        If the log does not exist.
     BrokenFileError
-        If a line within is not an event, or the chain is broken: the log was changed since it was written.
+        If a line is not an event, or the chain is broken: the log was changed after it was written.
     """
     return _checked(path, chained)[0]
 
 
 def chain_hash(path: Path) -> str:
-    """The last link of a log; empty if it has none."""
+    """Last chain hash of a log; empty if it has none."""
     return (links_of(path) or [""])[-1]
 
 
 def links_of(path: Path) -> list[str]:
-    """The link of each line of a log, empty where a line has none: each was the seal when its line was the last."""
+    """Chain hash of each line of a log, empty where a line has none."""
     lines = path.read_bytes().split(b"\n")[:-1]
     return [line.rpartition(_LINK)[2][:LINK].decode(errors="replace") if _LINK in line else "" for line in lines]
 
 
 def _checked(path: Path, chained: bool) -> tuple[list[dict[str, Any]], _Digest]:
-    """The events of a log whose chain holds, and the digest with which it goes on."""
+    """Events of a log with a valid chain, and the digest state for the next line."""
     if not path.exists():
-        raise MissingFileError(f"{path.name}: expected a log of a session, got no such file; run the session first")
+        raise MissingFileError(
+            f"{path.name}: expected the log of a session, the file does not exist; run the session first"
+        )
     events: list[dict[str, Any]] = []
     chain: _Digest = sha256()
     linked = chained
@@ -162,15 +149,15 @@ def _checked(path: Path, chained: bool) -> tuple[list[dict[str, Any]], _Digest]:
             raise BrokenFileError(f"{path.name}: expected an event in line {number}, got {line[:40]!r}")
         if linked and "chain" not in event:
             raise BrokenFileError(
-                f"{path.name}: expected the chain of what was written, got a break in line {number}: it has no link,"
-                " so that it was changed since; restore a copy"
+                f"{path.name}: expected an unbroken chain of hashes, got a break in line {number}: it has no"
+                " hash, so it was changed after it was written; restore a copy"
             )
         linked = linked or "chain" in event
         body = line.rpartition(_LINK)[0] + b"}"
         if linked and _linked(body, chain)[0] != line + b"\n":
             raise BrokenFileError(
-                f"{path.name}: expected the chain of what was written, got a break in line {number}: it, or a line"
-                " before it, was changed since; restore a copy"
+                f"{path.name}: expected an unbroken chain of hashes, got a break in line {number}: this or an"
+                " earlier line was changed after it was written; restore a copy"
             )
         chain.update(line + b"\n")
         event.pop("chain", None)
@@ -179,7 +166,7 @@ def _checked(path: Path, chained: bool) -> tuple[list[dict[str, Any]], _Digest]:
 
 
 def _linked(body: bytes, chain: _Digest) -> tuple[bytes, str]:
-    """The line of an event with its link, and the link."""
+    """Line of an event with its chain hash, and the hash."""
     whole = chain.copy()
     whole.update(body)
     link = whole.hexdigest()[:LINK]

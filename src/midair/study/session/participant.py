@@ -1,4 +1,4 @@
-"""A simulated participant with a stated psychometric model: to try a study, and to know what its analysis can see."""
+"""Simulated participants with a signal detection model, for trial runs and power analysis of a study."""
 
 from dataclasses import dataclass
 from hashlib import sha256
@@ -11,61 +11,49 @@ from midair.study.design import Design, Plan, Question, Stimulus, Trial, right_a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedParticipant:
-    """An observer of signal detection theory.
+    """Simulated observer of signal detection theory.
 
-    - Choice: every option has an internal value, normal with deviation 1 and mean d' at the right one, 0 elsewhere,
-      moved by a taste of this person for each option; the largest is chosen.
-    - Yes or no: yes if a normal value of mean d' (0 for silence) exceeds d'/2. Same or different: "different" if two
-      normal values, d' apart for different stimuli, differ by more than d'/2 + 1/2.
-    - Rating: the middle of the scale, plus `rating_effect` steps (minus for a question about another object), plus the
-      person's level, plus normal noise, rounded to the scale.
-    - Slider: as a rating, without rounding. A text says SIMULATED. Attention checks are answered rightly.
-    - Magnitude: log-normal, `magnitude` times the person's unit.
-    - Where the stimuli of an adaptive block have strengths, d' is that of their geometric middle, and goes with the
-      strength; "yes" is then said above a fixed 1.5, so that 7 % of silences are felt.
-    - A lapse is an answer at random. Reaction times are log-normal with a median of 0.9 s.
+    - Choice: every option has a normal internal value with standard deviation 1 and mean d' for the correct option, 0
+    for the others, plus the participant's bias for the option; the largest is chosen.
+    - Yes-no: "yes" if a normal value with mean d' (0 for silence) exceeds d'/2. Same-different: "different" if two
+    normal values, d' apart for different stimuli, differ by more than d'/2 + 1/2.
+    - Rating: the middle of the scale, plus `rating_effect` / 2 steps (minus for a question about another object), plus
+    the participant's level, plus normal noise, rounded to the scale.
+    - Slider: as a rating, without rounding. Texts are SIMULATED. Attention checks are answered correctly.
+    - Magnitude: log-normal, `magnitude` times the participant's unit.
+    - In adaptive blocks, d' is that of the geometric mean of the strengths and proportional to the strength; the yes-no
+    criterion is 1.5, so that 7 % of silences are false alarms.
+    - A lapse is a random answer. Reaction times are log-normal with a median of 0.9 s.
 
-    Each answer depends only on the seed, the participant, the trial and the question: a session that is interrupted and
-    taken up again has the answers of one that was not.
-
-    Attributes
-    ----------
-    d_prime : float
-        Of objects, mean over people.
-    real_d_prime : float
-        The same for real objects.
-    spread : float
-        Standard deviation of d' over people.
-    taste : float
-        Standard deviation of the taste for an option.
-    lapse : float
-        Chance of a lapse, 0 to 1.
-    rating_effect : float
-        Steps up for the object that was presented.
-    rating_noise : float
-        Standard deviation of ratings, in steps; the person's level has 0.8 of it.
-    magnitude : float
-        Median answer.
-    seed : int
-        Of everybody.
+    Each answer depends only on the seed, the participant, the trial and the question: an interrupted and resumed
+    session gives the same answers.
     """
 
     d_prime: float = 1.2
+    """Mean d' over participants, for drives."""
     real_d_prime: float = 3.5
+    """Mean d' over participants, for real objects."""
     spread: float = 0.3
+    """Standard deviation of d' over participants."""
     taste: float = 0.2
+    """Standard deviation of the bias for an option."""
     lapse: float = 0.02
+    """Lapse rate, 0 to 1."""
     rating_effect: float = 1.0
+    """Difference in rating steps between the presented and another object."""
     rating_noise: float = 1.0
+    """Standard deviation of ratings, in steps; that of the participants' levels is 0.8 of it."""
     magnitude: float = 10.0
+    """Median answer."""
     seed: int = 0
+    """Seed of all participants."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.lapse <= 1 or min(self.spread, self.taste, self.rating_noise) < 0 or self.magnitude <= 0:
             raise InputError("simulated participant: expected lapse in 0 to 1, deviations of 0 or more, magnitude > 0")
 
     def answer(self, plan: Plan, trial: Trial, name: str, *, felt: str = "") -> tuple[str, float]:
-        """What this participant answers to a question, and after how many seconds; `felt` in adaptive trials."""
+        """Answer to a question and its reaction time in s; `felt` names the stimulus of an adaptive trial."""
         question, stimulus = plan.design.question(name), plan.design.stimulus(trial.stimulus or felt)
         rng = self._stream(f"{plan.design.name} {plan.design.seed} {trial.code} {name}")
         reaction = float(np.exp(rng.normal(np.log(0.9), 0.35)))
@@ -117,7 +105,7 @@ class SimulatedParticipant:
 
 
 def _middles(design: Design) -> dict[str, float]:
-    """Geometric middle of the strengths of each factor that an adaptive block climbs."""
+    """Geometric mean of the strengths of each adaptive factor."""
     return {
         block.strength: float(np.exp(np.log(stimulus_levels(design, block)[1]).mean()))
         for block in design.blocks

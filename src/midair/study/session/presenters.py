@@ -1,4 +1,4 @@
-"""Who makes a stimulus felt: an array, an experimenter with an object in hand, or nobody."""
+"""Presenters of stimuli: an array, an experimenter with real objects, masking noise, or none."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,76 +13,59 @@ from midair.study.design import Stimulus
 
 
 class Presenter(Protocol):
-    """What makes a stimulus felt: an array, or a person with an object in hand."""
+    """Presents stimuli, such as an array or an experimenter."""
 
     def present(self, stimulus: Stimulus) -> None:
-        """Present it; return when it is over."""
+        """Present a stimulus; return when it has ended."""
         ...
 
     def silence(self) -> None:
-        """End it at once; may come at any time, from any thread, and more than once."""
+        """End the presentation at once; callable at any time, from any thread, and repeatedly."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExperimenterPresenter:
-    """A person presents: told what to take up, who says when it is done. The one who presents cannot be blind.
-
-    Attributes
-    ----------
-    tell : callable
-        Shows a line to the experimenter only.
-    done : callable
-        Returns when the experimenter says that the stimulus was presented.
-    """
+    """Presentation by an experimenter, who is not blind to the condition."""
 
     tell: Callable[[str], None]
+    """Shows a line to the experimenter only."""
     done: Callable[[], None]
+    """Returns when the experimenter confirms the presentation."""
 
     def present(self, stimulus: Stimulus) -> None:
-        """Ask the experimenter to do it."""
+        """Show the instruction and wait for the confirmation."""
         self.tell("wait, present nothing" if stimulus.kind == "silence" else f"present: {stimulus.source}")
         self.done()
 
     def silence(self) -> None:
-        """Ask the experimenter to take the hand away."""
-        self.tell("nothing is to touch the participant now")
+        """Instruct the experimenter to remove the object."""
+        self.tell("remove the object: nothing may touch the participant now")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArrayPresenter:
-    """An open array plays the drives; anything else is handed on to the experimenter.
-
-    Attributes
-    ----------
-    array : ArrayDevice
-        Open.
-    admitted : callable
-        From a stimulus to its drive, admitted on this array; asked before the first trial, see `check`.
-    by_hand : Presenter
-        For real objects.
-    room : Medium, optional
-        The air, where somebody stated it; the log of what was played has it.
-    silence_s : float
-        How long a stimulus of silence lasts, in s: as long as the others, or the end of the wait would tell.
-    ended : Event
-        Set when silence is ordered.
-    """
+    """Plays drives on an open array and passes real objects to the experimenter."""
 
     array: ArrayDevice
     admitted: Callable[[Stimulus], ExposureClearance]
+    """Returns the drive of a stimulus with its exposure clearance for this array."""
     by_hand: Presenter
+    """Presenter of real objects."""
     room: Medium | None = None
+    """Air for the log of played drives; None if unknown."""
     silence_s: float = 0.0
+    """Duration of a silent stimulus, in s; equal to that of the drives, so that it does not reveal the silence."""
     ended: Event = field(default_factory=Event)
+    """Set when silence is requested."""
 
     def check(self, stimuli: tuple[Stimulus, ...]) -> None:
-        """Admit every drive once, so that a file that is missing or too loud stops the session before it begins.
+        """Check the exposure of every drive, so that a missing or too strong drive stops the session before it begins.
 
         Raises
         ------
         InputError
-            If a drive is for another array, or exceeds the exposure profile.
+            If a drive belongs to another array, or exceeds the exposure profile.
         """
         for stimulus in stimuli:
             if stimulus.kind == "drive":
@@ -92,12 +75,12 @@ class ArrayPresenter:
                     raise type(wrong)(f"{stimulus.source}: {wrong}") from wrong
 
     def present(self, stimulus: Stimulus) -> None:
-        """Play it, or have it presented; what is played is in the log.
+        """Present a stimulus; played drives are logged.
 
         Raises
         ------
         SilentFramesError
-            If the array was silent where it should have sounded, at the end or within.
+            If the array was silent during or at the end of the drive because frames were late.
         """
         self.ended.clear()
         if stimulus.kind == "silence":
@@ -108,50 +91,45 @@ class ArrayPresenter:
             report = play_cleared(admission, self.array, source=stimulus.source + share, room=self.room)
             if report.gap:
                 raise SilentFramesError(
-                    f"array: expected every frame in time, {report.late} were late after {report.gap:.3f} s of "
+                    f"array: expected every frame in time, got {report.late} late frames and {report.gap:.3f} s of "
                     "silence; close other programs"
                 )
         elif stimulus.kind == "object":
             self.by_hand.present(stimulus)
 
     def silence(self) -> None:
-        """Silence the array, then tell the experimenter."""
+        """Silence the array, then instruct the experimenter."""
         self.ended.set()
         self.array.silence()
         self.by_hand.silence()
 
 
 class Masking(Protocol):
-    """Noise that hides what is to be heard of a stimulus."""
+    """Masking noise."""
 
     def on(self) -> None:
-        """Let it swell; return when it has."""
+        """Fade the noise in; return when it has its full level."""
         ...
 
     def off(self) -> None:
-        """Let it fade."""
+        """Fade the noise out."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MaskedPresenter:
-    """Another presenter, with noise in the headphones while a drive or a silence is presented (paper, 5.3).
+    """Presenter with masking noise in the headphones during drives and silent stimuli (paper, 5.3).
 
-    Silence has the same noise, or it would be told by the ear. Real objects are presented without.
-
-    Attributes
-    ----------
-    inner : Presenter
-        That presents.
-    noise : Masking
-        Open.
+    Silent stimuli have the same noise, so that participants cannot hear the difference. Real objects have none.
     """
 
     inner: Presenter
+    """Presents the stimuli."""
     noise: Masking
+    """An open source of noise."""
 
     def present(self, stimulus: Stimulus) -> None:
-        """Present it under the noise."""
+        """Present a stimulus during the noise."""
         if stimulus.kind == "object":
             self.inner.present(stimulus)
             return
@@ -162,26 +140,23 @@ class MaskedPresenter:
             self.noise.off()
 
     def silence(self) -> None:
-        """Silence the stimulus first, then the noise."""
+        """Silence the stimulus, then the noise."""
         self.inner.silence()
         self.noise.off()
 
 
 class SilentPresenter:
-    """Presents nothing: for simulated participants, who ask it what they would have felt.
+    """Presents nothing and stores the names of the last two stimuli in `felt`, for simulated participants.
 
-    Attributes
-    ----------
-    felt : tuple of str
-        Names of the last two stimuli: those of a pair come one by one.
+    The members of a pair are presented one by one.
     """
 
     def __init__(self) -> None:
         self.felt: tuple[str, ...] = ()
 
     def present(self, stimulus: Stimulus) -> None:
-        """Remember it."""
+        """Store the name of the stimulus."""
         self.felt = (*self.felt[-1:], stimulus.name)
 
     def silence(self) -> None:
-        """Nothing to end."""
+        """Do nothing."""

@@ -1,4 +1,4 @@
-"""A simulated participant in front of the screen."""
+"""Screen for a simulated participant."""
 
 from dataclasses import dataclass, field
 
@@ -11,36 +11,27 @@ from midair.study.session.steps import Reply, TrialStep
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedScreen:
-    """A simulated participant before the screen: reads nothing, rests never, answers by its model.
-
-    Attributes
-    ----------
-    plan : Plan
-        In which it looks up what it felt.
-    participant : SimulatedParticipant
-        Its model.
-    presenter : NoPresenter
-        Of the session; tells what an adaptive block has chosen.
-    number : int
-        Of the participant: the first gives the first answer to a question of the form, the second the second.
-    """
+    """Screen that answers by the model of a simulated participant and shows nothing."""
 
     plan: Plan
+    """Plan of the session."""
     participant: SimulatedParticipant
     presenter: SilentPresenter = field(default_factory=SilentPresenter)
+    """Presenter of the session, which knows the stimuli of adaptive blocks."""
     number: int = 1
+    """Participant number, from 1; form questions are answered with the option of this index."""
 
     def show(self, text: str) -> None:
-        """Does not read."""
+        """Ignore the text."""
 
     def rest(self, step: TrialStep) -> None:
-        """Does not tire."""
+        """Skip the break."""
 
     def cue(self, text: str) -> None:
-        """Needs no telling."""
+        """Ignore the cue."""
 
     def ask(self, step: TrialStep) -> Reply:
-        """Answers by the model; to a form, one participant after the other gives the next answer."""
+        """Answer by the model; to the form, successive participants give successive options."""
         if step.question and not step.code:
             possible = step.question.answers or (str(step.question.low),)
             return Reply(text=possible[(self.number - 1) % len(possible)], reaction_s=1.0, by="model")
@@ -50,7 +41,7 @@ class SimulatedScreen:
         return Reply(text=text, reaction_s=reaction, by="model")
 
     def _felt(self, trial: Trial) -> str:
-        """The stimulus of a trial, by what was presented: the plan does not know that of an adaptive block."""
+        """Presented stimulus of a trial; in an adaptive block from the presenter, since the plan does not state it."""
         known = (self.plan.design.stimulus(name) for name in self.plan.design.block(trial.block).stimuli)
         last = self.presenter.felt
         return trial.stimulus or next(
@@ -58,14 +49,8 @@ class SimulatedScreen:
         )
 
     def accepted(self, step: TrialStep, answer: str) -> None:
-        """Does not care."""
+        """Do nothing."""
 
     def refused(self, step: TrialStep, why: str) -> None:
-        """Its answers are answers; a refusal is a defect of the model.
-
-        Raises
-        ------
-        DeviceStateError
-            Always.
-        """
+        """Raise DeviceStateError: an invalid answer is a defect of the model."""
         raise DeviceStateError(f"simulated participant: expected its answer to be accepted, got {why} at {step.code}")

@@ -1,4 +1,4 @@
-"""What a session does step by step, and what a screen has to show of it. No step tells the condition."""
+"""Steps of a session and the protocol of the screens that show them. No step reveals the condition."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -11,23 +11,23 @@ from midair.study.design import Design, Plan, Question, SessionState, Trial, rig
 
 
 class Clock(Protocol):
-    """Time, as an argument."""
+    """Source of time."""
 
     def now(self) -> str:
         """Date and time, ISO 8601."""
         ...
 
     def elapsed(self) -> float:
-        """A time that never goes back, in s."""
+        """Monotonic time, in s."""
         ...
 
     def wait(self, seconds: float, ended: Event) -> None:
-        """Return after so many seconds, or as soon as `ended` is set."""
+        """Return after this time in s, or as soon as `ended` is set."""
         ...
 
 
 class SystemClock:
-    """The clock of this computer."""
+    """Clock of this computer."""
 
     def now(self) -> str:
         """Date and time in UTC, ISO 8601."""
@@ -38,12 +38,12 @@ class SystemClock:
         return monotonic()
 
     def wait(self, seconds: float, ended: Event) -> None:
-        """Return after so many seconds, or as soon as `ended` is set."""
+        """Return after this time in s, or as soon as `ended` is set."""
         ended.wait(seconds)
 
 
 class StillClock(SystemClock):
-    """The clock of simulated participants, who wait for nothing."""
+    """Clock for simulated participants, without waiting."""
 
     def wait(self, seconds: float, ended: Event) -> None:
         """Return at once."""
@@ -51,57 +51,39 @@ class StillClock(SystemClock):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialStep:
-    """What is due, without a word on the condition.
-
-    Attributes
-    ----------
-    kind : {"show", "present", "ask", "rest", "done", "stopped"}
-        A text to read; a stimulus to present; a question; a break; the end of the session; the end by a stop.
-    text : str
-        To show; of a "present" what the participant is told when the stimulus comes.
-    code : str
-        Of the trial, if it belongs to one; a question without one is of the form.
-    number, total : int
-        Of the trial within the session.
-    question : Question or None
-        To ask.
-    rest_s : float
-        Shortest break, in s.
-    """
+    """The current step of a session, without the condition."""
 
     kind: Literal["show", "present", "ask", "rest", "done", "stopped"]
+    """A text to read; a stimulus to present; a question; a break; the end of the session; the end after a stop."""
     text: str = ""
+    """Text to show; for "present" the cue when the stimulus starts."""
     code: str = ""
+    """Code of the trial; empty for questions of the form."""
     number: int = 0
+    """Number of the trial within the session."""
     total: int = 0
+    """Number of trials in the session."""
     question: Question | None = None
     rest_s: float = 0.0
+    """Shortest break, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reply:
-    """What somebody said.
-
-    Attributes
-    ----------
-    text : str
-        As it was typed or chosen.
-    reaction_s : float, optional
-        Only where the screen has measured it better than the session can, in s.
-    by : str
-        How: "key" (the moment of one key), "line" (of the Enter after it), "page", "model".
-    late : bool
-        Whether the time for the question ran out before anything was said.
-    """
+    """Answer of a participant."""
 
     text: str
+    """Typed or chosen text."""
     reaction_s: float | None = None
+    """Reaction time measured by the screen, in s; None if the session measures it."""
     by: str = ""
+    """How the time was measured: "key" (key press), "line" (Enter after a line), "page", "model"."""
     late: bool = False
+    """Whether the time limit passed without an answer."""
 
 
 class Screen(Protocol):
-    """What participant and experimenter see."""
+    """Display for participant and experimenter."""
 
     def show(self, text: str) -> None:
         """Show a text; return when it has been read."""
@@ -112,7 +94,7 @@ class Screen(Protocol):
         ...
 
     def cue(self, text: str) -> None:
-        """Tell at once that a stimulus comes now; the text is empty when it is over."""
+        """Show the cue of a stimulus; an empty text ends it."""
         ...
 
     def ask(self, step: TrialStep) -> Reply:
@@ -120,24 +102,16 @@ class Screen(Protocol):
         ...
 
     def accepted(self, step: TrialStep, answer: str) -> None:
-        """Tell that the answer is stored; "n/a" where none came in time."""
+        """Confirm the stored answer; "n/a" if the time limit passed."""
         ...
 
     def refused(self, step: TrialStep, why: str) -> None:
-        """Tell that it was no answer; the question comes again."""
+        """Reject an invalid answer; the question is repeated."""
         ...
 
 
 def steps_of(plan: Plan, progress: Callable[[], SessionState]) -> Iterator[TrialStep]:
-    """What is due from where a session stands until it is over, one step after the other.
-
-    Parameters
-    ----------
-    plan : Plan
-        That the session follows.
-    progress : callable
-        Where it stands now: a criterion that was met since ends its block.
-    """
+    """Steps from the current state of a session to its end; `progress` returns the state at any time."""
     design, begun = plan.design, progress()
     first, trials = begun.next_trial, begun.trials
     if first == len(trials):
@@ -160,7 +134,7 @@ def steps_of(plan: Plan, progress: Callable[[], SessionState]) -> Iterator[Trial
 
 
 def _before(design: Design, trials: Sequence[Trial], index: int, first: int, done: int) -> Iterator[TrialStep]:
-    """The break that is due before a trial, and what is told before a block."""
+    """Break and instruction that precede a trial."""
     block = design.block(trials[index].block)
     earlier = design.block(trials[index - 1].block) if index > first else None
     within = index - next(place for place, trial in enumerate(trials) if trial.block == block.name)
@@ -185,9 +159,9 @@ def _trial(
 
 
 def _feedback(plan: Plan, trial: Trial, now: SessionState) -> str:
-    """Whether the answer to the first question was right, and what would have been."""
+    """Feedback on the answer to the first question."""
     name = trial.questions[0]
     right = right_of(plan, trial, now.chosen, name)
     if not right:
-        return "No answer is right or wrong here."
-    return "Right." if now.answers[trial.code, name].answer == right else f"Wrong: it was {right}."
+        return "This question has no correct answer."
+    return "Correct." if now.answers[trial.code, name].answer == right else f"Wrong. The correct answer is {right}."

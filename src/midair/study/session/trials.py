@@ -1,7 +1,7 @@
-"""One participant's session: present, ask, time, store. Free of any screen: a terminal, a page or a test drives it.
+"""Session of one participant, independent of the screen.
 
-A `Session` is a state: `step` says what is due, and `acknowledge`, `present`, `answer` and `stop` move it on. `run` is
-the loop for whoever drives with calls of their own (`Screen`). What a step shows never tells the condition.
+A `Session` is a state machine: `step` is the current step, and `acknowledge`, `present`, `answer` and `stop` advance
+it. `run` is a loop that drives it with a `Screen`. No step reveals the condition.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -19,42 +19,42 @@ from midair.study.session.presenters import Presenter, SilentPresenter
 from midair.study.session.steps import Clock, Reply, Screen, SystemClock, TrialStep, steps_of
 
 ATTEMPTS = 3
-"""How often a stimulus is presented that an array did not play to its end, before the session ends."""
+"""Number of failed presentations in a row that end the session."""
 
-AGAIN = "The last presentation was interrupted by a fault of the device. It comes once more, from its beginning."
+AGAIN = "The device interrupted the last presentation. It will be repeated from the beginning."
 
 
 class Session:
-    """A session of one participant; a context manager that silences the presenter however it is left.
+    """Session of one participant; a context manager that silences the presenter on every exit.
 
     Parameters
     ----------
     plan : Plan
-        Drawn before.
+        Plan of the study.
     participant : int
-        Number, from 1 on.
+        Participant number, from 1.
     log : Path
-        Of this participant; a log with answers in it is taken up again.
+        Log of this participant; an existing log with answers is continued.
     presenter : Presenter
-        What makes the stimuli felt.
+        Presents the stimuli.
     policy : {"resume", "restart", "block"}
-        How a session that was interrupted goes on, always at the beginning of a trial: "resume" presents the unfinished
-        trial again and asks only what has no answer yet; the others put answers aside, which stay in the log.
+        How an interrupted session continues, always at the beginning of a trial: "resume" repeats the unfinished trial
+        and asks only unanswered questions; the others discard answers, which stay in the log.
     simulated : bool
-        Whether no person takes part; written into the log and from there into every result.
+        Whether a simulated participant takes part; stored in the log and all results.
     room : Medium, optional
-        The air in which it takes place, for the log; None where nobody stated it.
+        Air in the room, for the log; None if unknown.
     clock : Clock, optional
-        The computer's if None.
+        Source of time; the computer's clock if None.
     about : mapping, optional
-        What else the log says of the session when it is opened, such as the noise in the headphones.
+        Further fields of the "open" event, such as the masking noise.
 
     Raises
     ------
     MismatchError
         On entering, if the log follows another plan.
     BrokenFileError
-        On entering, if the log was changed since it was written.
+        On entering, if the log was changed after it was written.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Session:
     ) -> None:
         self.plan = plan
         self.participant = participant
-        # Where nothing is presented nobody answers: a model would say the same again.
+        # Simulated answers need no sync: the model would give the same ones again.
         self._log = EventLog(log, synced=not isinstance(presenter, SilentPresenter), chained=plan.chain)
         self._presenter = presenter
         self._policy: Policy = policy
@@ -82,7 +82,7 @@ class Session:
         self._about = dict(about or {})
         self._stopped = Event()
         self._entered = False
-        self._ending = RLock()  # a stop from another thread is in the log before the log closes
+        self._ending = RLock()  # a stop from another thread is logged before the log closes
         self._step = TrialStep(kind="show")
         self._silences = 0
         self._since = 0.0
@@ -121,49 +121,50 @@ class Session:
 
     @property
     def step(self) -> TrialStep:
-        """What is due."""
+        """Current step."""
         return TrialStep(kind="stopped") if self._stopped.is_set() else self._step
 
     @property
     def log(self) -> Path:
-        """The file of the log."""
+        """File of the log."""
         return self._log.path
 
     @property
     def seal(self) -> str:
-        """The last link of the chain over the whole log: whoever noted it can tell a log that was written anew."""
+        """Last chain hash of the log; a noted hash reveals a log that was rewritten later."""
         return self._log.seal
 
     def standing(self) -> SessionState:
-        """Where the session stands, by its log."""
+        """State of the session, computed from its log."""
         return replay(read_events(self._log.path, chained=self.plan.chain), self.plan, self.participant)
 
     def acknowledge(self) -> None:
-        """The text was read, or the break is over."""
+        """Continue after a text was read or a break is over."""
         self._expect("show", "rest")
         self._advance()
 
     def present(self, cue: Callable[[str], None] | None = None) -> None:
-        """Present the stimulus that is due, after the time that was drawn for it; returns when it is over.
+        """Present the stimulus of the current step after its planned delay; return when it has ended.
 
-        One that an array did not play to its end is marked in the log and due again, after a word to the participant.
+        If the array did not play it completely, the failure is logged and the trial is repeated after a message to the
+        participant.
 
         Parameters
         ----------
         cue : callable, optional
-            Called with what the participant is to be told as a stimulus begins, and with "" when all is over.
+            Called with the cue when a stimulus begins, and with "" after the last one.
 
         Raises
         ------
         SilentFramesError
-            If the array went silent in it `ATTEMPTS` times, one after the other.
+            If the presentation failed `ATTEMPTS` times in a row.
         """
         step = self._expect("present")
         trial = self._trials[step.code]
         stimulus = self._due(trial)
         try:
             self._clock.wait(trial.wait_s, self._stopped)
-            self._make_felt(stimulus, step.text, cue or _to_nobody)
+            self._present_members(stimulus, step.text, cue or _ignore_cue)
         except DeviceError as wrong:
             self._failed(step, wrong)
             return
@@ -173,22 +174,22 @@ class Session:
             self._advance()
 
     def answer(self, reply: Reply) -> str:
-        """Store an answer to the question that is due; when this returns it is on disk.
+        """Store the answer to the current question on disk.
 
         Returns
         -------
         str
-            As it was stored; "n/a" if the time for the question was over.
+            Stored answer; "n/a" if the time limit had passed.
 
         Raises
         ------
         InputError
-            If it is no answer to the question; the question stays due.
+            If the text is no valid answer; the question stays current.
         """
         step = self._expect("ask")
         question = step.question
         if question is None:
-            raise DeviceStateError("session: expected a question to be due, got none")
+            raise DeviceStateError("session: expected a current question, got none")
         reaction = self._clock.elapsed() - self._since if reply.reaction_s is None else reply.reaction_s
         how: dict[str, Any] = {"reaction_s": round(reaction, 4), "by": reply.by}
         if question.timeout_s and (reply.late or reaction > question.timeout_s):
@@ -204,14 +205,14 @@ class Session:
         return said
 
     def stop(self, reason: str) -> None:
-        """Emergency stop: silence first, then a line in the log. From any thread, at any time."""
+        """Emergency stop: silence the presenter, then log the reason. Callable from any thread at any time."""
         with self._ending:
             self._stopped.set()
             self._presenter.silence()
             if self._entered:
                 self._write("stop", reason=reason)
 
-    def _make_felt(self, stimulus: Stimulus, text: str, cue: Callable[[str], None]) -> None:
+    def _present_members(self, stimulus: Stimulus, text: str, cue: Callable[[str], None]) -> None:
         """Present a stimulus, or the members of a pair with the gap between them."""
         names = stimulus.members or (stimulus.name,)
         for place, name in zip(("first", "second"), names, strict=False):
@@ -226,7 +227,7 @@ class Session:
             cue("")
 
     def _failed(self, step: TrialStep, wrong: DeviceError) -> None:
-        """Take down that a trial was not felt as it should, and make it due again if the array can still play."""
+        """Log a failed presentation and repeat the trial if the array can still play."""
         if self._stopped.is_set():
             raise wrong
         self._write("silent", trial=step.code, reason=str(wrong))
@@ -235,13 +236,13 @@ class Session:
             raise wrong
         if self._silences == ATTEMPTS:
             raise SilentFramesError(
-                f"trial {step.number}: silent {ATTEMPTS} times, the session ends; {wrong}"
+                f"trial {step.number}: the array failed {ATTEMPTS} times in a row, the session ends; {wrong}"
             ) from wrong
         self._script = chain([step], self._script)
         self._step = TrialStep(kind="show", text=AGAIN)
 
     def _due(self, trial: Trial) -> Stimulus:
-        """The stimulus of a trial; the choice of an adaptive block is in the log before it is felt."""
+        """Stimulus of a trial; the choice of an adaptive block is logged before the presentation."""
         if trial.stimulus:
             self._write("present", trial=trial.code)
             return self.plan.design.stimulus(trial.stimulus)
@@ -251,9 +252,9 @@ class Session:
 
     def _expect(self, *kinds: str) -> TrialStep:
         if not self._entered:
-            raise DeviceStateError("session: expected to be entered; use it as a context manager")
+            raise DeviceStateError("session: expected an entered session; use it as a context manager")
         if self.step.kind not in kinds:
-            raise DeviceStateError(f"session: expected {' or '.join(kinds)} to be due, got {self.step.kind}")
+            raise DeviceStateError(f"session: expected the step {' or '.join(kinds)}, got {self.step.kind}")
         return self.step
 
     def _advance(self) -> None:
@@ -266,18 +267,12 @@ class Session:
         self._log.append({"event": event, **fields, "time": self._clock.now()})
 
 
-def _to_nobody(_text: str) -> None:
-    """No screen shows a cue."""
+def _ignore_cue(_text: str) -> None:
+    """Default for sessions without a screen."""
 
 
 def run(session: Session, screen: Screen) -> TrialStep:
-    """Drive a session that was entered to its end, or to a stop.
-
-    Returns
-    -------
-    Step
-        Of kind "done" or "stopped".
-    """
+    """Drive an entered session to its end or to a stop; return the last step, "done" or "stopped"."""
     while (step := session.step).kind not in ("done", "stopped"):
         if step.kind == "present":
             session.present(screen.cue)

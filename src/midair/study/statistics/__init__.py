@@ -1,4 +1,4 @@
-"""Statistics: numbers in, numbers out."""
+"""Statistics of choices, ratings and thresholds as pure functions of arrays and tables."""
 
 from midair.study.statistics.anova import rm_anova
 from midair.study.statistics.cell_averages import cell_means

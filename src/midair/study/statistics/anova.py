@@ -1,4 +1,4 @@
-"""Repeated-measures analysis of variance with any number of factors, within people and between groups of them."""
+"""Repeated-measures analysis of variance with any number of within- and between-subject factors."""
 
 from __future__ import annotations
 
@@ -24,22 +24,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Groups:
-    """Who belongs to which group of a design between people.
-
-    Attributes
-    ----------
-    number : ndarray of int, shape (participant,)
-        Group of each person, counted through the levels of the factors.
-    shape : tuple of int
-        Levels of each factor between people; empty without one.
-    """
+    """Group of each participant, as an index over the levels of the between-subject factors."""
 
     number: NDArray[np.int64]
     shape: tuple[int, ...]
+    """Levels of each between-subject factor; empty without one."""
 
     @property
     def sizes(self) -> Array:
-        """People in each group."""
+        """Participants per group."""
         return np.bincount(self.number, minlength=int(np.prod(self.shape))).astype(float)
 
     def means(self, z: Array) -> Array:
@@ -56,58 +49,58 @@ def rm_anova(
     within: Sequence[str],
     between: Sequence[str] = (),
 ) -> DataFrame:
-    """Analysis of variance of a design in which every participant sees every cell; people may belong to groups.
+    """Repeated-measures or mixed analysis of variance; every participant has every cell of the within-subject factors.
 
-    Each effect within people is the Kronecker product of orthonormal Helmert contrasts of its factors and of averages
-    over the others: Z = Y C'. With n people in G groups, d contrasts within and c (r of them) between groups, M the
-    means of Z in the groups, D the diagonal of 1 / (people in a group), and S the covariance of Z within groups:
+    Each within-subject effect is the Kronecker product of orthonormal Helmert contrasts of its factors and of averages
+    over the others: Z = Y C'. With n participants in G groups, d within-subject and r between-subject contrasts (rows
+    of c), M the group means of Z, D the diagonal of 1 / group size, and S the pooled covariance of Z within groups:
 
-    - F = tr[(c M)' (c D c')^-1 (c M)] / (r tr S), on r d and d (n - G) degrees of freedom. These are sums of squares of
-      type III: means of groups count alike, however many people are in each.
+    - F = tr[(c M)' (c D c')^-1 (c M)] / (r tr S), with r d and d (n - G) degrees of freedom. These are type III sums of
+    squares: unweighted group means.
     - Greenhouse and Geisser (1959): eps_GG = tr(S)^2 / (d sum S^2).
-    - Huynh and Feldt (1976): eps_HF = ((n - G + 1) d eps_GG - 2) / (d (n - G - d eps_GG)), as it comes out, even above
-      1; its p-value takes 1 then.
+    - Huynh and Feldt (1976): eps_HF = ((n - G + 1) d eps_GG - 2) / (d (n - G - d eps_GG)). The returned value may
+    exceed 1; its p-value uses at most 1.
     - Mauchly (1940): W = det S / (tr S / d)^d, with p from the second-order expansion of Box (1949).
-    - Partial eta squared np2, and generalised eta squared ges of Olejnik and Algina (2003) with every factor
-      manipulated.
+    - Partial eta squared np2, and generalised eta squared ges of Olejnik and Algina (2003) with all factors
+    manipulated.
 
     Several answers in one cell are averaged first.
 
     Parameters
     ----------
     table : DataFrame or dict of arrays
-        One row an answer.
+        One row per answer.
     value, participant : str
-        Names of the columns of the answer and of who gave it.
+        Columns of the answer and of the participant.
     within : sequence of str
-        Names of the columns of the factors that vary within each person.
+        Columns of the within-subject factors.
     between : sequence of str
-        Names of the columns of the factors by which people differ, such as the dominant hand.
+        Columns of the between-subject factors, such as the dominant hand.
 
     Returns
     -------
     DataFrame
-        One row an effect; columns effect, df1, df2, F, p, eps_GG, p_GG, eps_HF, p_HF, W, p_W, np2, ges, note. An effect
-        with one contrast is spherical: its epsilons and W are 1. Where a number does not exist it is NaN and `note`
-        says why.
+        One row per effect; columns effect, df1, df2, F, p, eps_GG, p_GG, eps_HF, p_HF, W, p_W, np2, ges, note. An
+        effect with one contrast is spherical: its epsilons and W are 1. A value that is undefined is NaN, and `note`
+        gives the reason.
 
     Raises
     ------
     InputError
-        If there is one participant more than groups or fewer, a cell or a group is empty, a factor has one level, a
-        person is in two groups, or every answer is the same.
+        If there are fewer participants than groups + 1, a cell or group is empty, a factor has one level, a participant
+        is in two groups, or all answers are equal.
     """
     from pandas import DataFrame
 
     if not within:
         raise InputError("within: expected one factor or more, got none")
     if both := set(within) & set(between):
-        raise InputError(f"factors: expected each within or between people, got {sorted(both)} in both")
+        raise InputError(f"factors: expected within- or between-subject factors, got {sorted(both)} in both")
     cells = cell_means(table, value=value, participant=participant, within=within)
     groups = _groups(frame_of(table), cells, participant, list(between))
     people, needed = len(cells.participants), len(groups.sizes) + 1
     if people < needed:
-        what = "one person has no error term" if needed == 2 else "a group needs another person to compare with"
+        what = "one participant gives no error term" if needed == 2 else "every group needs an error term"
         raise InputError(f"participants: expected {'two' if needed == 2 else needed} or more, got {people}; {what}")
     if np.ptp(cells.mean) == 0:
         raise InputError(f"column {value!r}: expected answers that vary, got {cells.mean.flat[0]:g} everywhere")
@@ -115,19 +108,14 @@ def rm_anova(
 
 
 def effects(factors: Sequence[str]) -> list[tuple[int, ...]]:
-    """Every main effect and interaction as numbers of factors, the small ones first."""
+    """Every main effect and interaction as indices of factors, lowest order first."""
     return [chosen for size in range(1, len(factors) + 1) for chosen in combinations(range(len(factors)), size)]
 
 
 def contrasts(shape: Sequence[int], effect: Sequence[int]) -> Array:
     """Orthonormal contrasts of one effect over the cells of a design, shape (contrast, cell).
 
-    Parameters
-    ----------
-    shape : sequence of int
-        Levels of each factor.
-    effect : sequence of int
-        Factors that take part; the design is averaged over the others.
+    `shape` gives the levels of each factor; the design is averaged over the factors that are not in `effect`.
     """
     from scipy.linalg import helmert
 
@@ -146,10 +134,10 @@ def _groups(data: DataFrame, cells: CellMeans, participant: str, between: list[s
     for name in between:
         order, number = levels(column(data, name))
         if len(order) < 2:
-            raise InputError(f"factor {name!r}: expected two or more levels, got {order}; leave it out of `between`")
+            raise InputError(f"factor {name!r}: expected two or more levels, got {order}; remove it from `between`")
         if (strange := number != number[first][person]).any():
             who = cells.participants[person[strange][0]]
-            raise InputError(f"factor {name!r}: expected one level a person, got more from participant {who}")
+            raise InputError(f"factor {name!r}: expected one level per participant, got several from participant {who}")
         numbers.append(number[first])
         orders.append(order)
     shape = tuple(len(order) for order in orders)
@@ -158,7 +146,7 @@ def _groups(data: DataFrame, cells: CellMeans, participant: str, between: list[s
     if (found.sizes == 0).any():
         empty = np.unravel_index(int(np.argmin(found.sizes)), shape)
         what = ", ".join(f"{name}={order[i]}" for name, order, i in zip(between, orders, empty, strict=True))
-        raise InputError(f"groups: expected people in each, got none with {what}; leave a factor out of `between`")
+        raise InputError(f"groups: expected participants in every group, got none with {what}; remove the factor")
     return found
 
 
@@ -179,9 +167,10 @@ def _rows(cells: CellMeans, groups: _Groups, within: list[str], between: list[st
 
 
 def _row(z: Array, rest: Array, groups: _Groups, outer: Array, noise: float, scale: float) -> dict[str, object]:
-    """One effect from its contrasts `z` within people (participant, contrast), `rest` of them within groups.
+    """Statistics of one effect.
 
-    `outer` are the contrasts between groups; `noise`: all sums of squares that are no effect.
+    `z`: within-subject contrasts (participant, contrast); `rest`: their deviations from the group means; `outer`:
+    between-subject contrasts; `noise`: sum of all error sums of squares.
     """
     from scipy.stats import f as f_distribution
 
@@ -190,7 +179,7 @@ def _row(z: Array, rest: Array, groups: _Groups, outer: Array, noise: float, sca
     shown = outer @ groups.means(z)
     weight = np.linalg.inv((outer / groups.sizes) @ outer.T)
     effect, error = float(np.einsum("ij,ik,kj->", shown, weight, shown)), float((rest**2).sum())
-    # Sums of squares as small as this are the rounding of the answers.
+    # Smaller sums of squares are rounding errors.
     negligible = len(z) * d * (1e-12 * scale) ** 2
     shares = {
         "np2": effect / (effect + error) if effect + error > negligible else np.nan,

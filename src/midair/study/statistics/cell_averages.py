@@ -1,4 +1,4 @@
-"""Trials averaged to one figure for each participant in each cell of a complete design."""
+"""Mean of each participant in each cell of a complete within-subject design."""
 
 from __future__ import annotations
 
@@ -21,21 +21,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CellMeans:
-    """Mean of every participant in every cell of a within-participant design.
-
-    Attributes
-    ----------
-    mean : ndarray, shape (participant, level of the first factor, level of the second, ...)
-        In the unit of the values.
-    participants : tuple
-        One a row.
-    levels : tuple of tuple
-        Levels of each factor.
-    """
+    """Mean of each participant in each cell of a complete within-subject design."""
 
     mean: Array
+    """Shape (participant, level of the first factor, level of the second, ...), in the unit of the values."""
     participants: tuple[Any, ...]
     levels: tuple[tuple[Any, ...], ...]
+    """Levels of each factor."""
 
 
 def cell_means(
@@ -43,22 +35,10 @@ def cell_means(
 ) -> CellMeans:
     """Average the trials of each participant in each cell.
 
-    Parameters
-    ----------
-    table : DataFrame or dict of arrays
-        One row an answer.
-    value, participant, within
-        Names of the columns.
-
-    Returns
-    -------
-    CellMeans
-        Complete: no cell is empty.
-
     Raises
     ------
     InputError
-        If a column is not there, a factor has one level, or a participant lacks a cell (which is named).
+        If a column is missing, a factor has one level, or a participant has an empty cell.
     NonFiniteError
         If a value is missing or infinite.
     """
@@ -69,7 +49,7 @@ def cell_means(
     shape = (len(people), *(len(order) for order, _ in found))
     for name, (order, _) in zip(within, found, strict=True):
         if len(order) < 2:
-            raise InputError(f"factor {name!r}: expected two or more levels, got {order}; leave it out of `within`")
+            raise InputError(f"factor {name!r}: expected two or more levels, got {order}; remove it from `within`")
     cell = np.ravel_multi_index((person, *(number for _, number in found)), shape)
     count = np.bincount(cell, minlength=int(np.prod(shape))).reshape(shape)
     total = np.bincount(cell, weights=values, minlength=count.size).reshape(shape)
@@ -79,6 +59,6 @@ def cell_means(
         what = ", ".join(f"{name}={level}" for name, level in zip(within, first, strict=True))
         raise InputError(
             f"cells: expected an answer in every cell, got none from participant {people[where[0][0]]} at {what}"
-            f" ({len(where)} empty in all); leave the participant out, or use the mixed model"
+            f" ({len(where)} empty cells in all); exclude the participant, or use the mixed model"
         )
     return CellMeans(mean=total / count, participants=tuple(people), levels=tuple(tuple(order) for order, _ in found))

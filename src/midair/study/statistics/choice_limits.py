@@ -1,4 +1,8 @@
-"""Limits over people of the figures of choices: share of right answers, F, d', kappa; and d' of two answers."""
+"""Confidence intervals over participants of accuracy, F, d' and kappa.
+
+All functions take counts of trials as an integer array of shape (participant, presented, answered), unless stated
+otherwise, and raise InputError for fewer than five participants.
+"""
 
 from __future__ import annotations
 
@@ -22,27 +26,16 @@ Counts = NDArray[Any]
 
 
 def share_limits(by_person: Counts) -> Interval:
-    """Limits of the share of right answers.
-
-    Parameters
-    ----------
-    by_person : ndarray of int, shape (participant, presented, answered)
-        Number of trials.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than five people; so for all functions of this file.
-    """
+    """Confidence interval of the share of correct answers."""
     return limits_over_people(_share, by_person, scale="share", answers=np.sum)
 
 
 def f_limits(by_person: Counts) -> Interval:
-    """Limits of F of each object, shape (object,).
+    """Confidence interval of F of each object, shape (object,).
 
-    F is the share 2 hits / (presented + answered). It rests on fewer wrong answers than the share of right ones, and
-    less is added to it: half an answer to the middle, .85 to the width. So, and with one answer for the other figures,
-    the limits cover best in simulated studies. Presented and answered are not independent of each other.
+    F is the share 2 hits / (presented + answered). It depends on fewer wrong answers than accuracy does, so fewer
+    pseudo-answers are added: 0.5 for the centre, 0.85 for the width. These values gave the best coverage in simulated
+    studies. Presented and answered counts are not independent, so the binomial width is no lower limit.
     """
     added = (0.5, 0.85)
     return limits_over_people(
@@ -56,14 +49,14 @@ def f_limits(by_person: Counts) -> Interval:
 
 
 def macro_f_limits(by_person: Counts) -> Interval:
-    """Limits of the mean of F over the objects."""
+    """Confidence interval of the mean F over objects."""
     return limits_over_people(
         lambda counts: float(f_measure(counts.sum(axis=0)).mean()), by_person, scale="share", answers=np.sum
     )
 
 
 def d_prime_limits(by_person: Counts) -> Interval:
-    """Limits of d' of an unbiased choice: those of the share of right answers, as d'."""
+    """Confidence interval of d' of an unbiased choice, converted from the interval of the share of correct answers."""
     share, alternatives = share_limits(by_person), by_person.shape[2]
     value, low, high = (
         np.asarray(d_prime_of_share(float(one), alternatives=alternatives) if np.isfinite(one) else np.nan)
@@ -73,10 +66,10 @@ def d_prime_limits(by_person: Counts) -> Interval:
 
 
 def kappa_limits(by_person: Counts) -> Interval:
-    """Limits of Cohen's kappa.
+    """Confidence interval of Cohen's kappa.
 
-    With m objects presented equally often and answered so, 1 - kappa is the share of wrong answers times m / (m - 1);
-    the answers are counted so that one wrong answer more is one wrong answer more.
+    With m objects presented and answered equally often, 1 - kappa is the share of wrong answers times m / (m - 1); the
+    number of answers is scaled accordingly.
     """
     often = 2 * (1 - 1 / by_person.shape[1])
     return limits_over_people(
@@ -88,7 +81,7 @@ def kappa_limits(by_person: Counts) -> Interval:
 
 
 def two_answers_limits(measure: Callable[[int, int, int, int], Sensitivity], by_person: Counts) -> Interval:
-    """Limits of d' from yes and no, or from same and different.
+    """Confidence interval of d' of yes-no or same-different answers.
 
     Parameters
     ----------
@@ -100,14 +93,14 @@ def two_answers_limits(measure: Callable[[int, int, int, int], Sensitivity], by_
     Raises
     ------
     InputError
-        If there are fewer than five people, or too few signals or blanks of all of them together: 60 of yes and no, 240
-        of same and different, where the limits hold a true d' of .5 in .89 of studies with 60 and .92 with 120.
+        If there are fewer than five participants, or fewer than 60 (yes-no) or 240 (same-different) signals or blanks
+        in all. With same-different answers and a true d' of 0.5, coverage is 0.89 with 60 trials and 0.92 with 120.
     """
     fewest, needed = int(by_person[:, [1, 3]].sum(axis=0).min()), 60 if measure is d_prime_yes_no else 240
     if len(by_person) >= 5 and fewest < needed:
         raise InputError(
-            f"limits over people: expected {needed} signals and {needed} blanks or more in all, got {fewest} of one;"
-            " with fewer, limits do not cover what they promise"
+            f"limits over participants: expected {needed} or more signals and blanks in all, got {fewest} of one kind;"
+            " with fewer, the coverage is below the nominal level"
         )
     return limits_over_people(lambda people: measure(*people.sum(axis=0).tolist()).d_prime, by_person)
 
@@ -118,6 +111,6 @@ def _share(counts: Counts) -> float:
 
 
 def _named(counts: Counts) -> Array:
-    """How often each object was presented or answered."""
+    """Number of times each object was presented or answered."""
     table = counts.sum(axis=0)
     return np.asarray(table.sum(axis=1) + table.sum(axis=0)[: len(table)], np.float64)

@@ -1,4 +1,4 @@
-"""Columns of a table that comes from outside: there, whole, and of the kind that is needed."""
+"""Checked access to the columns of a table."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 
 
 def frame_of(table: DataFrame | Mapping[str, Any]) -> DataFrame:
-    """A frame or a dict of arrays as a frame of its own with rows 0, 1, 2 and so on.
+    """Copy a frame or a dict of arrays to a DataFrame with the index 0, 1, 2, ...
 
     Raises
     ------
     ShapeError
-        If the columns differ in length, or one has more than one axis.
+        If the columns differ in length or have more than one axis.
     """
     from pandas import DataFrame, Series
 
@@ -35,12 +35,12 @@ def frame_of(table: DataFrame | Mapping[str, Any]) -> DataFrame:
 
 
 def column(frame: DataFrame, name: str) -> Series:
-    """A column with a value in every row.
+    """Column with a value in every row.
 
     Raises
     ------
     InputError
-        If it is not there.
+        If the column is missing.
     NonFiniteError
         If a value is missing.
     """
@@ -52,14 +52,14 @@ def column(frame: DataFrame, name: str) -> Series:
 
 
 def numbers(frame: DataFrame, name: str) -> Array:
-    """A column as finite float64.
+    """Column as finite float64.
 
     Raises
     ------
     InputError
-        If it is not there, is empty, or holds something else than numbers.
+        If the column is missing, empty or not numeric.
     NonFiniteError
-        If one is missing or infinite.
+        If a value is missing or infinite.
     """
     column = _found(frame, name)
     try:
@@ -75,10 +75,10 @@ def numbers(frame: DataFrame, name: str) -> Array:
 
 
 def levels(values: Series | NDArray[Any]) -> tuple[list[Any], NDArray[np.int64]]:
-    """The different values in the order in which they first appear, and the number of each row's value."""
+    """Unique values in order of first appearance, and the index of each row's value."""
     from pandas import factorize
 
-    # With a sentinel, a missing value would be number -1, which indexes the last level.
+    # With a sentinel, a missing value would get the index -1, which is the last level.
     number, order = factorize(values, use_na_sentinel=False)
     return order.tolist(), number.astype(np.int64)
 

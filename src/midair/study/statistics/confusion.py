@@ -1,4 +1,4 @@
-"""What people answered to what was presented: confusion matrix, precision, recall, F, and what chance makes of them."""
+"""Confusion matrices: precision, recall, F, kappa, mutual information and permutation tests."""
 
 from __future__ import annotations
 
@@ -23,28 +23,19 @@ Counts = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Confusion:
-    """Counts of answers, person by person.
-
-    Attributes
-    ----------
-    by_person : ndarray of int, shape (participant, presented, answered)
-        Number of trials; the answers that are no object that was presented come last.
-    labels : tuple
-        Names of the objects, for both axes.
-    participants : tuple
-        One an entry of the first axis.
-    foils : tuple
-        Names of the answers that were never presented.
-    """
+    """Confusion matrix of each participant."""
 
     by_person: Counts
+    """Number of trials, shape (participant, presented, answered); foils are the last columns."""
     labels: tuple[Any, ...]
+    """Names of the objects, for both axes."""
     participants: tuple[Any, ...]
     foils: tuple[Any, ...] = ()
+    """Names of possible answers that were never presented."""
 
     @property
     def counts(self) -> Counts:
-        """Counts over all people, shape (presented, answered)."""
+        """Sum over participants, shape (presented, answered)."""
         return self.by_person.sum(axis=0)
 
     @property
@@ -54,7 +45,7 @@ class Confusion:
 
     @property
     def f_measure(self) -> Array:
-        """F of each object over all people, shape (object,)."""
+        """F of each object over all participants, shape (object,)."""
         return f_measure(self.counts)
 
     @property
@@ -64,7 +55,7 @@ class Confusion:
 
     @property
     def macro_f_by_person(self) -> Array:
-        """Macro F of each person alone, shape (participant,)."""
+        """Macro F of each participant, shape (participant,)."""
         return f_measure(self.by_person).mean(axis=-1)
 
 
@@ -76,29 +67,25 @@ def confusion_matrix(
     labels: Sequence[Any] | None = None,
     foils: Sequence[Any] = (),
 ) -> Confusion:
-    """Count the answers to each object, person by person.
+    """Count the answers to each object by participant.
 
     Parameters
     ----------
     presented, answered : sequence, length trial
         Names of objects.
     participant : sequence, length trial, optional
-        The person who answered; one for all trials if None.
+        Participant of each trial; one participant if None.
     labels : sequence, optional
-        The objects in the order wanted; those presented, in order of appearance, if None.
+        Objects in the wanted order; by default those presented, in order of appearance.
     foils : sequence
-        Answers that were possible but never right: they count as wrong.
-
-    Returns
-    -------
-    Confusion
+        Possible answers that are never correct; they count as wrong.
 
     Raises
     ------
     ShapeError
         If the lengths differ or are 0.
     InputError
-        If an object was never presented, or an answer is none of the objects.
+        If an object was never presented, or an answer is no known object.
     """
     truth, answer = np.asarray(presented), np.asarray(answered)
     who = np.zeros(len(truth), int) if participant is None else np.asarray(participant)
@@ -106,7 +93,7 @@ def confusion_matrix(
         raise ShapeError(f"trials: expected equal lengths above 0, got {truth.size}, {answer.size}, {who.size}")
     order = list(labels) if labels is not None else levels(truth)[0]
     if len(order) < 2:
-        raise InputError(f"objects: expected two or more to tell apart, got {order}")
+        raise InputError(f"objects: expected two or more to identify, got {order}")
     if missing := set(order) - set(truth.tolist()):
         raise InputError(f"objects: expected each to be presented, got no trial of {sorted(map(str, missing))}")
     people, person = levels(who)
@@ -144,9 +131,9 @@ def scores(confusion: Confusion, *, level: float = 0.95) -> DataFrame:
     Returns
     -------
     DataFrame
-        Columns object, presented, answered, precision, recall, recall_low, recall_high, F. The limits are Wilson's,
-        which take trials as independent; for limits over people see `limits_over_people`. The precision of an
-        object that nobody ever answered is NaN and `note` says so.
+        Columns object, presented, answered, precision, recall, recall_low, recall_high, F, note. The interval of recall
+        is Wilson's, which assumes independent trials; see `limits_over_people` for intervals over participants. The
+        precision of an object that was never answered is NaN, and `note` says so.
     """
     from pandas import DataFrame
 
@@ -163,13 +150,13 @@ def scores(confusion: Confusion, *, level: float = 0.95) -> DataFrame:
             "recall_low": low,
             "recall_high": high,
             "F": confusion.f_measure,
-            "note": np.where(said > 0, "", "never answered: no precision"),
+            "note": np.where(said > 0, "", "never answered: precision is undefined"),
         }
     )
 
 
 def wilson(hits: Any, total: Any, *, level: float = 0.95) -> tuple[Array, Array]:
-    """Wilson's (1927) interval of a proportion; arrays broadcast.
+    """Wilson's (1927) confidence interval of a proportion; arrays broadcast.
 
     Raises
     ------
@@ -184,20 +171,20 @@ def wilson(hits: Any, total: Any, *, level: float = 0.95) -> tuple[Array, Array]
     z = float(norm.ppf((1 + level) / 2))
     middle = (k + z**2 / 2) / (n + z**2)
     half = z / (n + z**2) * np.sqrt(k * (n - k) / n + z**2 / 4)
-    # At 0 and at all hits rounding can leave the limits a hair outside.
+    # With 0 or all hits, rounding can move a limit slightly outside 0 to 1.
     return np.maximum(middle - half, 0), np.minimum(middle + half, 1)
 
 
 def chance_macro_f(confusion: Confusion, *, rng: np.random.Generator, draws: int = 10_000) -> Chance:
-    """Macro F against what it would be if answers had nothing to do with objects.
+    """Permutation test of macro F against answers that are independent of the objects.
 
-    Each person's answers are shuffled over that person's trials, so that how often each object was presented and
-    answered stays as it was.
+    Each participant's answers are shuffled over that participant's trials, which keeps the number of presentations and
+    answers of each object.
 
     Returns
     -------
     Chance
-        The value, its permutation distribution, and the share of the distribution at or above the value.
+        Observed value, permutation distribution, and one-sided p-value.
     """
     total = np.zeros((draws, *confusion.counts.shape))
     for counts in confusion.by_person:
@@ -208,28 +195,28 @@ def chance_macro_f(confusion: Confusion, *, rng: np.random.Generator, draws: int
 
 
 def cohen_kappa(counts: NDArray[Any]) -> float:
-    """Agreement of answers with objects beyond that of chance (Cohen, 1960): (share - chance) / (1 - chance).
+    """Chance-corrected agreement of answers with objects (Cohen, 1960): (share - chance) / (1 - chance).
 
     Parameters
     ----------
     counts : ndarray, shape (presented, answered)
-        Number of trials; further answers than objects are never right.
+        Number of trials; answers beyond the objects are wrong.
 
     Returns
     -------
     float
-        1 if all are right, 0 as often as chance has it for these presentations and these answers.
+        1 if all answers are correct, 0 at the agreement expected by chance from the marginal counts.
     """
     counts = np.asarray(counts, float)
     if counts.ndim != 2 or counts.shape[0] > counts.shape[1] or counts.sum() <= 0:
-        raise ShapeError(f"counts: expected a table with answers in it, got shape {counts.shape}")
+        raise ShapeError(f"counts: expected a table with answers, got shape {counts.shape}")
     share = counts / counts.sum()
     chance = float(share.sum(axis=1) @ share.sum(axis=0)[: len(counts)])
     return 1.0 if chance == 1 else (float(np.trace(share)) - chance) / (1 - chance)
 
 
 def mutual_information(counts: NDArray[Any]) -> tuple[float, float]:
-    """Information that an answer carries about the object, in bits.
+    """Mutual information between answer and object, in bits.
 
     Parameters
     ----------
@@ -239,12 +226,12 @@ def mutual_information(counts: NDArray[Any]) -> tuple[float, float]:
     Returns
     -------
     plain, corrected : float
-        The plug-in estimate, and the same less its bias (r - 1)(c - 1) / (2 n ln 2), not below 0 (Miller, 1955), with r
-        and c the numbers of rows and columns that are not empty. All of it is log2 of the number of objects.
+        Plug-in estimate, and the estimate minus its bias (r - 1)(c - 1) / (2 n ln 2), at least 0 (Miller, 1955), with r
+        and c the numbers of non-empty rows and columns. The maximum is log2 of the number of objects.
     """
     joint = np.asarray(counts, float)
     if joint.ndim != 2 or joint.sum() <= 0:
-        raise ShapeError(f"counts: expected a table with answers in it, got shape {joint.shape}, sum {joint.sum():g}")
+        raise ShapeError(f"counts: expected a table with answers, got shape {joint.shape}, sum {joint.sum():g}")
     n = joint.sum()
     rows, columns = joint.sum(axis=1), joint.sum(axis=0)
     seen = joint > 0
@@ -262,11 +249,11 @@ def _number(values: NDArray[Any], order: list[Any], name: str) -> Counts:
 
 
 def _shuffled(counts: Counts, rng: np.random.Generator, draws: int) -> Counts:
-    """Confusion matrices of one person with the answers shuffled, shape (draw, presented, answered)."""
+    """Confusion matrices of one participant with shuffled answers, shape (draw, presented, answered)."""
     objects, answers = counts.shape
     truth = np.repeat(np.arange(objects), counts.sum(axis=1))
     answer = np.repeat(np.arange(answers), counts.sum(axis=0))
     shuffled = rng.permuted(np.broadcast_to(answer, (draws, answer.size)), axis=1)
-    # One number for draw, object and answer, so that all draws are counted at once.
+    # A combined index of draw, object and answer counts all draws in one call.
     where = (np.arange(draws)[:, None] * objects + truth) * answers + shuffled
     return np.bincount(where.ravel(), minlength=draws * objects * answers).reshape(draws, objects, answers)

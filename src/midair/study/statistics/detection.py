@@ -1,7 +1,7 @@
-"""Signal detection: sensitivity d' apart from the taste for one answer.
+"""Signal detection theory: sensitivity d', criterion and Luce's choice model.
 
-Sources: Macmillan and Creelman, Detection Theory (2005), chapters 1, 2, 7, 9; Luce, Handbook of Mathematical
-Psychology I (1963), chapter 3, for the choice model.
+Sources: Macmillan and Creelman, Detection Theory (2005), chapters 1, 2, 7, 9; Luce, Handbook of Mathematical Psychology
+I (1963), chapter 3, for the choice model.
 """
 
 from dataclasses import dataclass
@@ -19,56 +19,42 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensitivity:
-    """How well something is told apart.
-
-    Attributes
-    ----------
-    d_prime, low, high : float
-        d' in standard deviations of the internal noise, and its limits; NaN where no limits are known.
-    criterion : float
-        Taste for one answer: above 0 for a reluctant yes or "different"; 0 where there is none.
-    corrected : bool
-        Whether a rate of 0 or 1 was moved inwards to have a finite d'.
-    """
+    """Sensitivity d' with its confidence interval."""
 
     d_prime: float
     low: float
     high: float
+    """`d_prime`, `low`, `high`: d' in standard deviations of the internal noise and its limits; NaN for unknown limits.
+    """
     criterion: float = 0.0
+    """Response bias: above 0 for a conservative observer (few "yes" or "different"); 0 if the task has none."""
     corrected: bool = False
+    """Whether rates were corrected to obtain a finite d'."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChoiceModel:
-    """Luce's choice model fitted to a confusion matrix: P(answer j | object i) is proportional to bias_j similarity_ij.
-
-    Attributes
-    ----------
-    bias : ndarray, shape (answer,)
-        Taste for each answer, sum 1.
-    similarity : ndarray, shape (object, object)
-        Symmetric, 1 on the diagonal, 0 for objects that are never confused.
-    misfit : float
-        Likelihood ratio G^2 of the model; p its p-value on (m - 1)(m - 2) / 2 degrees of freedom (1 for two objects).
-    p : float
-        Small if confusions are not of this kind.
-    """
+    """Luce's choice model of a confusion matrix: P(answer j | object i) is proportional to bias_j similarity_ij."""
 
     bias: Array
+    """Bias towards each answer, shape (answer,), sum 1."""
     similarity: Array
+    """Shape (object, object): symmetric, 1 on the diagonal, 0 for objects that are never confused."""
     misfit: float
+    """Likelihood ratio G^2 of the model."""
     p: float
+    """P-value of G^2 with (m - 1)(m - 2) / 2 degrees of freedom (1 for two objects); small values reject the model."""
 
 
 def proportion_correct(d_prime: Any, *, alternatives: int) -> Array:
-    """Share of correct answers of an unbiased observer who picks the largest of m internal values.
+    """Share of correct answers of an unbiased observer who chooses the largest of m internal values.
 
-    The integral of phi(x - d') Phi(x)^(m - 1) over x; d' = 1 with three alternatives gives .634.
+    The integral of phi(x - d') Phi(x)^(m - 1) over x; d' = 1 with three alternatives gives 0.634.
 
     Parameters
     ----------
     d_prime : array_like, any shape
-        Distance of the right alternative from the others, in standard deviations.
+        Distance of the correct alternative from the others, in standard deviations.
     alternatives : int
         m, 2 or more.
 
@@ -83,15 +69,12 @@ def proportion_correct(d_prime: Any, *, alternatives: int) -> Array:
         raise InputError(f"alternatives: expected 2 or more, got {alternatives}")
     node, weight = _nodes()
     inside = ndtr(np.asarray(d_prime, float)[..., None] + node) ** (alternatives - 1)
-    # The quadrature weighs by exp(-x^2 / 2), which is phi without its factor.
+    # The quadrature weight is exp(-x^2 / 2), that is phi without its constant factor.
     return np.asarray(inside @ weight / np.sqrt(2 * np.pi))
 
 
 def d_prime_of_share(share: float, *, alternatives: int) -> float:
-    """Find the d' at which an unbiased choice among m alternatives is right in this share of trials.
-
-    The inverse of `proportion_correct`; infinite where no d' within 12 gives the share.
-    """
+    """Inverse of `proportion_correct`; infinite if no d' between -12 and 12 gives the share."""
     from scipy.optimize import brentq
 
     def excess(d: float) -> float:
@@ -104,14 +87,14 @@ def d_prime_of_share(share: float, *, alternatives: int) -> float:
 
 
 def d_prime_choice(correct: int, total: int, *, alternatives: int, level: float = 0.95) -> Sensitivity:
-    """Find d' of a forced choice among m alternatives, for an observer without a favourite answer.
+    """D' of a forced choice among m alternatives, for an observer without bias.
 
-    A rate of 0 or 1 is moved to (hits + 1/2) / (total + 1). The limits are those of Wilson's interval of the rate.
+    A rate of 0 or 1 is replaced by (hits + 1/2) / (total + 1). The limits are those of Wilson's interval of the rate.
 
     Raises
     ------
     InputError
-        If correct lies outside 0 to total, or total is below 1.
+        If `correct` lies outside 0 to `total`, or `total` is below 1.
     """
     low, high = wilson(correct, total, level=level)
     corrected = correct in (0, total)
@@ -121,24 +104,24 @@ def d_prime_choice(correct: int, total: int, *, alternatives: int, level: float 
 
 
 def d_prime_yes_no(hits: int, signals: int, false_alarms: int, blanks: int) -> Sensitivity:
-    """Find d' and criterion of "was there something?"; 1/2 is added to counts and 1 to totals (Hautus, 1995).
+    """D' and criterion of a yes-no task, with the log-linear correction (Hautus, 1995): counts + 1/2, totals + 1.
 
     Parameters
     ----------
     hits, signals : int
-        Yes answers to something, and how often there was something.
+        "Yes" answers to signals, and number of signals.
     false_alarms, blanks : int
-        Yes answers to nothing, and how often there was nothing.
+        "Yes" answers to blanks, and number of blanks.
 
     Returns
     -------
     Sensitivity
-        Limits by the normal approximation of Gourevitch and Galanter (1967), for trials that are independent; NaN with
-        fewer than 20 signals or blanks, where they cover up to .98 for .95.
+        Limits by the normal approximation of Gourevitch and Galanter (1967) for independent trials. They are NaN with
+        fewer than 20 signals or blanks, where the coverage of a nominal 0.95 rises to 0.98.
     """
     from scipy.stats import norm
 
-    # For its checks of the counts alone.
+    # Called only to check the counts.
     wilson([hits, false_alarms], [signals, blanks])
     rate = (np.array([hits, false_alarms]) + 0.5) / (np.array([signals, blanks]) + 1)
     z = norm.ppf(rate)
@@ -149,20 +132,21 @@ def d_prime_yes_no(hits: int, signals: int, false_alarms: int, blanks: int) -> S
 
 
 def d_prime_same_different(hits: int, different: int, false_alarms: int, same: int) -> Sensitivity:
-    """Find d' of "are these two the same?", for an observer who says "different" beyond a distance (differencing rule).
+    """D' of a same-different task, for an observer with the differencing rule.
 
-    P("different" | same) = 2 Phi(-k / sqrt 2); P("different" | different) = Phi((d' - k) / sqrt 2) +
-    Phi((-d' - k) / sqrt 2). Chapter 9 of Macmillan and Creelman; 1/2 is added to counts and 1 to totals.
+    P("different" | same) = 2 Phi(-k / sqrt 2); P("different" | different) = Phi((d' - k) / sqrt 2) + Phi((-d' - k) /
+    sqrt 2). Macmillan and Creelman, chapter 9; 1/2 is added to counts and 1 to totals.
 
     Returns
     -------
     Sensitivity
-        `criterion` is the distance k; 0 if hits are no more than false alarms. Limits are NaN: resample people.
+        `criterion` is the distance k; d' is 0 if the hit rate does not exceed the false-alarm rate. The limits are NaN:
+        use `limits_over_people`.
     """
     from scipy.optimize import brentq
     from scipy.stats import norm
 
-    # For its checks of the counts alone.
+    # Called only to check the counts.
     wilson([hits, false_alarms], [different, same])
     hit, alarm = (hits + 0.5) / (different + 1), (false_alarms + 0.5) / (same + 1)
     k = float(-np.sqrt(2) * norm.ppf(alarm / 2))
@@ -177,23 +161,19 @@ def d_prime_same_different(hits: int, different: int, false_alarms: int, same: i
 def choice_model(counts: NDArray[Any]) -> ChoiceModel:
     """Fit Luce's choice model to a confusion matrix.
 
-    Maximum likelihood by iterative proportional fitting of quasi-symmetry: the fit has the rows, the columns and the
-    sums n_ij + n_ji of the data (Bishop, Fienberg and Holland, Discrete Multivariate Analysis, 1975, 8.2).
+    Maximum likelihood by iterative proportional fitting of quasi-symmetry: the fit reproduces the row sums, the column
+    sums and n_ij + n_ji of the data (Bishop, Fienberg and Holland, Discrete Multivariate Analysis, 1975, 8.2).
 
     Parameters
     ----------
     counts : ndarray, shape (presented, answered)
         Number of trials; 1/2 is added to every cell if one is empty.
-
-    Returns
-    -------
-    ChoiceModel
     """
     from scipy.stats import chi2
 
     data = np.asarray(counts, float)
     if data.ndim != 2 or data.shape[0] != data.shape[1] or len(data) < 2 or data.sum() <= 0:
-        raise ShapeError(f"counts: expected a square table with answers in it, got shape {data.shape}")
+        raise ShapeError(f"counts: expected a square table with answers, got shape {data.shape}")
     filled = data + 0.5 if (data == 0).any() else data
     fit = _quasi_symmetry(filled)
     diagonal = np.diagonal(fit)
@@ -208,7 +188,7 @@ def choice_model(counts: NDArray[Any]) -> ChoiceModel:
 
 @cache
 def _nodes() -> tuple[Array, Array]:
-    """Nodes and weights of the integral over the right alternative; made once, since that takes a millisecond."""
+    """Nodes and weights of Gauss-Hermite quadrature; cached, since they take a millisecond."""
     node, weight = np.polynomial.hermite_e.hermegauss(81)
     return node, weight
 

@@ -1,4 +1,4 @@
-"""Maximum likelihood of a logistic model in which people differ, by adaptive quadrature or Laplace's approximation."""
+"""Maximum likelihood of logistic mixed models by adaptive quadrature or the Laplace approximation."""
 
 from __future__ import annotations
 
@@ -14,35 +14,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogisticFit:
-    """A logistic regression with normal differences between people.
-
-    Attributes
-    ----------
-    coefficient : ndarray, shape (term,)
-        In logits, the intercept first.
-    spread : ndarray, shape (group of random terms,)
-        Standard deviation over people of the coefficients of each group, in logits; 0 where none was found.
-    log_likelihood : float
-        Logarithm of the likelihood at its maximum, without the binomial coefficients, which no model changes.
-    converged : bool
-        Whether the optimiser said so.
-    """
+    """Logistic regression with normal random effects of participants."""
 
     coefficient: Array
+    """Shape (term,), in logits, the intercept first."""
     spread: Array
+    """Shape (group of random terms,): standard deviation over participants, in logits."""
     log_likelihood: float
+    """Maximum log likelihood without the constant binomial coefficients."""
     converged: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CellCounts:
-    """Right answers of each person in each cell: all that a model of factors needs to know of the trials.
-
-    Attributes
-    ----------
-    right, total : ndarray, shape (person, cell)
-        Number of right answers and of answers; a total may be 0.
-    """
+    """Correct answers and all answers, shape (participant, cell): sufficient statistics of a model of factors."""
 
     right: Array
     total: Array
@@ -57,32 +42,15 @@ def fit_logistic(
     nodes: int = 25,
     start: LogisticFit | None = None,
 ) -> LogisticFit:
-    """Fit logit P = fixed @ coefficient + varying @ (spread[group] * u), u ~ N(0, 1) for each person and column.
+    """Fit logit P = fixed @ coefficient + varying @ (spread[group] * u), u ~ N(0, 1) per participant and column.
 
-    One column of `varying`: the integral over u by Gauss-Hermite quadrature whose nodes lie about each person's mode
-    with that person's curvature (Pinheiro and Bates, 1995, Journal of Computational and Graphical Statistics 4,
-    2.4). More columns: Laplace's approximation, the same with one node (Bates et al., 2015, Journal of Statistical
-    Software 67, and lme4's glmer).
+    One column of `varying`: adaptive Gauss-Hermite quadrature (Pinheiro and Bates, 1995, Journal of Computational and
+    Graphical Statistics 4, 2.4). More columns: Laplace approximation, the same with one node (Bates et al., 2015,
+    Journal of Statistical Software 67, and lme4's glmer).
 
-    Parameters
-    ----------
-    counts : CellCounts
-        Answers of people in cells.
-    fixed : ndarray, shape (cell, term)
-        Of the coefficients that everybody shares; first column ones.
-    varying : ndarray, shape (cell, column)
-        Of those that differ between people.
-    group : ndarray of int, shape (column,)
-        Which spread a column has, from 0 on.
-    nodes : int
-        Nodes of the quadrature; 25 leave an error below 1e-6 of the spread.
-    start : LogisticFit, optional
-        Where to begin, such as the fit of a model with one more term.
-
-    Raises
-    ------
-    InputError
-        If there are no nodes.
+    `fixed` (cell, term) is the design matrix of the fixed effects, whose first column is ones; `varying` (cell, column)
+    that of the random effects; `group` (column,) the index of each column's spread. 25 nodes leave an error below 1e-6
+    of the spread. `start` is an initial fit, such as that of a model with one more term.
     """
     from scipy.optimize import minimize
 
@@ -93,8 +61,8 @@ def fit_logistic(
     begin = np.r_[np.zeros(terms), np.full(spreads, 0.25)]
     if start is not None:
         begin = np.r_[start.coefficient, np.maximum(start.spread, 0.05) ** 2]
-    # Variances, not spreads: the slope of the likelihood by a spread is 0 at 0, where a search would stay for ever.
-    # Where a logit runs off to infinity its limits stop it, beyond all that answers could tell apart.
+    # Optimised over variances: the derivative by a standard deviation is 0 at 0, where the search would stop.
+    # The bounds stop logits that diverge, far beyond values that answers can distinguish.
     limits = [(-25.0, 25.0)] * terms + [(1e-10, 400.0)] * spreads
     found = minimize(
         model.loss, begin, jac=True, method="L-BFGS-B", bounds=limits, options={"maxiter": 500, "ftol": 1e-11}
@@ -109,18 +77,18 @@ def fit_logistic(
 
 
 class _Likelihood:
-    """The likelihood of one model; keeps the modes of people from one call to the next, as a place to begin."""
+    """Likelihood of one model; keeps the modes of the random effects as a warm start for the next call."""
 
     def __init__(self, counts: CellCounts, fixed: Array, varying: Array, group: NDArray[np.int64], nodes: int) -> None:
         self._right, self._total = counts.right, counts.total
         self._fixed, self._varying, self._group = fixed, varying, group
         self._node, weight = np.polynomial.hermite_e.hermegauss(nodes)
-        # Over the weight of the rule, so that the sum is that of the integrand itself.
+        # Divided by the weight function of the rule, so that the sum is the integral of the integrand.
         self._log_weight = np.log(weight / np.sqrt(2 * np.pi)) + self._node**2 / 2
         self._mode: Array = np.zeros((len(counts.right), varying.shape[1]))
 
     def loss(self, parameters: Array) -> tuple[float, Array]:
-        """Minus the logarithm of the likelihood, and its gradient."""
+        """Negative log likelihood and its gradient."""
         coefficient, variance = np.split(parameters, [self._fixed.shape[1]])
         spread = np.sqrt(variance)
         level, scaled = self._fixed @ coefficient, self._varying * spread[self._group]
@@ -131,19 +99,19 @@ class _Likelihood:
         return -value, -np.r_[by_level @ self._fixed, by_spread / (2 * spread)]
 
     def _find_mode(self, level: Array, scaled: Array) -> tuple[Array, Array]:
-        """Most likely u of each person, and the negative second derivative there, shape (person, column, column)."""
+        """Mode of u per participant, and the negative Hessian there, shape (participant, column, column)."""
         u = self._mode
         for _ in range(50):
             slope, curvature = self._slope(level, scaled, u)
             step = np.asarray(np.linalg.solve(curvature, slope[..., None])[..., 0], np.float64)
             if np.abs(step).max() < 1e-9:
                 break
-            u = self._climb(level, scaled, u, step)
+            u = self._damped_step(level, scaled, u, step)
         self._mode = u
         return u, self._slope(level, scaled, u)[1]
 
     def _slope(self, level: Array, scaled: Array, u: Array) -> tuple[Array, Array]:
-        """First and negative second derivatives of the joint density by u."""
+        """Gradient and negative Hessian of the log joint density with respect to u."""
         from scipy.special import expit
 
         p = expit(level + u @ scaled.T)
@@ -151,8 +119,8 @@ class _Likelihood:
         curvature = np.eye(scaled.shape[1]) + np.einsum("pc,ci,cj->pij", weight, scaled, scaled)
         return (self._right - self._total * p) @ scaled - u, curvature
 
-    def _climb(self, level: Array, scaled: Array, u: Array, step: Array) -> Array:
-        """The next u. The density has one maximum, but Newton's step can leap over it: halved until it climbs."""
+    def _damped_step(self, level: Array, scaled: Array, u: Array, step: Array) -> Array:
+        """Newton step, halved until the density increases: a full step may pass the single maximum."""
         height = self._joint(level + u @ scaled.T, u)
         for _ in range(30):
             worse = self._joint(level + (u + step) @ scaled.T, u + step) < height - 1e-9
@@ -162,11 +130,11 @@ class _Likelihood:
         return u + step
 
     def _joint(self, logit: Array, u: Array) -> Array:
-        """Logarithm of the density of answers and u but for its constant, shape (person,)."""
+        """Log density of answers and u without its constant, shape (participant,)."""
         return (self._right * logit - self._total * np.logaddexp(0, logit)).sum(axis=1) - (u**2).sum(axis=1) / 2
 
     def _laplace(self, level: Array, scaled: Array, mode: Array, curvature: Array) -> tuple[float, Array, Array]:
-        """Value, and derivatives by the level of each cell and by `scaled`, the mode moving with both."""
+        """Value, and derivatives by the level of each cell and by `scaled`, including the change of the mode."""
         from scipy.special import expit
 
         logit = level + mode @ scaled.T
@@ -174,7 +142,7 @@ class _Likelihood:
         rest, weight = self._right - self._total * p, self._total * p * (1 - p)
         inverse = np.linalg.inv(curvature)
         reach = scaled @ inverse  # shape (person, cell, column)
-        # How log det of the curvature changes with the logit of a cell, and through it with the mode.
+        # Derivative of log det of the curvature by the logit of a cell, and through it by the mode.
         bend = (reach * scaled).sum(axis=2) * weight * (1 - 2 * p)
         pull = np.einsum("pij,pj->pi", inverse, bend @ scaled)
         by_logit = rest - (bend - weight * (pull @ scaled.T)) / 2
@@ -183,7 +151,7 @@ class _Likelihood:
         return value, by_logit.sum(axis=0), by_scaled
 
     def _quadrature(self, level: Array, scaled: Array, mode: Array, curvature: Array) -> tuple[float, Array, Array]:
-        """The same by quadrature; with enough nodes its derivative is the mean of that of the integrand."""
+        """As `_laplace` by quadrature; with enough nodes the derivative is the weighted mean of the integrand's."""
         from scipy.special import expit
 
         width = curvature[:, :, 0] ** -0.5
@@ -191,7 +159,7 @@ class _Likelihood:
         logit = level + u[..., None] * scaled[:, 0]
         right, total = self._right[:, None], self._total[:, None]
         joint = (right * logit - total * np.logaddexp(0, logit)).sum(axis=2) - u**2 / 2 + self._log_weight
-        # Taken out of the exponential: the product over many trials is below the smallest number.
+        # Subtracted before exp: the likelihood of many trials underflows.
         top = joint.max(axis=1, keepdims=True)
         part = np.exp(joint - top)
         sums = part.sum(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Correct or not: a logistic model in which people differ."""
+"""Logistic mixed models of correct and wrong answers."""
 
 from __future__ import annotations
 
@@ -23,32 +23,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RightAnswers:
-    """Answers sorted for a model.
-
-    Attributes
-    ----------
-    counts : CellCounts
-        Right answers of each person in each cell of the factors.
-    cells : ndarray, shape (cell, term)
-        Contrasts of each cell, the intercept first.
-    effect : ndarray of int, shape (term,)
-        Effect that a term belongs to: 0 is the intercept.
-    names : tuple of str
-        Of the effects, the intercept left out.
-    """
+    """Correct answers by participant and cell, with the design matrix of the cells."""
 
     counts: CellCounts
     cells: Array
+    """Contrasts of each cell, shape (cell, term), the intercept first."""
     effect: NDArray[np.int64]
+    """Index of the effect of each term, shape (term,); 0 is the intercept."""
     names: tuple[str, ...]
+    """Names of the effects without the intercept."""
 
     @property
     def people(self) -> int:
-        """Number of them."""
+        """Number of participants."""
         return len(self.counts.right)
 
     def fit(self, *, slopes: bool, without: int = 0, start: LogisticFit | None = None) -> LogisticFit:
-        """Fit the model, or the one without an effect, from the place of a fit with all of them."""
+        """Fit the full model, or the model without one effect starting from a full fit."""
         kept = self.effect != without if without else np.ones(len(self.effect), bool)
         differ = self._differ if slopes else self.effect == 0
         return fit_logistic(
@@ -68,7 +59,7 @@ class RightAnswers:
 
     @property
     def _differ(self) -> NDArray[np.bool_]:
-        """Terms in which people may differ: not the highest if nobody had a cell twice, since nothing would tell."""
+        """Terms with random slopes; not the highest interaction if no participant has a cell twice."""
         often = self.counts.total.max() > 1
         return np.ones(len(self.effect), bool) if often else self.effect < max(self.effect.max(), 1)
 
@@ -81,40 +72,40 @@ def logistic_mixed(
     within: Sequence[str],
     slopes: bool = True,
 ) -> DataFrame:
-    """Test each effect on the chance of a right answer, in a model in which people differ.
+    """Test each effect on the probability of a correct answer in a logistic mixed model.
 
-    correct ~ factors + (each effect | participant): people have levels of their own, and every effect has another size
-    in each of them, the contrasts of one effect with one spread. Maximum likelihood by Laplace's approximation; each
-    effect by the likelihood ratio LR of the model without it. With n people and d contrasts
+    With slopes: correct ~ factors + (each effect | participant), with one standard deviation for the contrasts of an
+    effect. Maximum likelihood by Laplace approximation; each effect is tested by the likelihood ratio LR of the model
+    without it. With n participants and d contrasts
 
-        F = (n - 1) (exp(LR / (n d)) - 1) on d and d (n - 1) degrees of freedom,
+        F = (n - 1) (exp(LR / (n d)) - 1) with d and d (n - 1) degrees of freedom,
 
-    which is what LR is of the F of a linear model of the people's contrasts. It takes into account that few people
-    show little of how people differ; chi2 does not, and finds something in up to one of ten empty studies with six
-    people. Where people do not differ in an effect the test is shy.
+    the relation between LR and F in a linear model of the participants' contrasts. It accounts for the uncertainty of
+    random effects from few participants; the chi2 test does not, and its false positive rate rises to 0.1 with six
+    participants. For effects that do not vary between participants the F test is conservative.
 
-    Without slopes: correct ~ factors + (1 | participant), by adaptive quadrature, and the p of chi2. Where effects
-    differ between people this finds something in most empty studies with many trials.
+    Without slopes: correct ~ factors + (1 | participant), by adaptive quadrature, with the chi2 test. If effects vary
+    between participants and trials are many, most of its tests of absent effects are false positives.
 
     Parameters
     ----------
     table : DataFrame or dict of arrays
-        One row an answer; cells may hold different numbers of them.
+        One row per answer; cells may hold different numbers of answers.
     correct : str
         Column of 0 and 1.
     participant : str
-        Column of who answered.
+        Column of the participant.
     within : sequence of str
         Columns of the factors; their interactions are tested too.
     slopes : bool
-        Whether effects differ between people.
+        Whether effects vary between participants.
 
     Returns
     -------
     DataFrame
-        Columns effect, df, chi2, df2, F, p, spread, note. `spread`: how people differ in the effect, the root mean
-        square over cells of the standard deviation, in logits. Without slopes df2, F and spread are NaN. The note
-        speaks where the model runs off: a cell that everyone answers right (or wrong) has an infinite logit.
+        Columns effect, df, chi2, df2, F, p, spread, note. `spread`: root mean square over cells of the standard
+        deviation of the effect between participants, in logits. Without slopes df2, F and spread are NaN. The note
+        warns of cells with only correct (or only wrong) answers, whose logit is infinite.
 
     Raises
     ------
@@ -141,19 +132,19 @@ def logistic_mixed(
             row["p"] = float(f_distribution.sf(row["F"], df, row["df2"]))
         else:
             row["p"] = float(chi2.sf(statistic, df))
-        rows.append({**row, "note": note if less.converged else "the optimiser did not finish: unsafe"})
+        rows.append({**row, "note": note if less.converged else "the optimiser did not converge: unreliable"})
     return DataFrame(rows)
 
 
 def logistic_posterior(
     table: DataFrame | Mapping[str, Any], *, correct: str, participant: str, within: Sequence[str]
 ) -> DataFrame:
-    """Fit the model without slopes as statsmodels does: a variational posterior with normal priors.
+    """Fit the random-intercept model with statsmodels: a variational posterior with normal priors.
 
     Returns
     -------
     DataFrame
-        Columns term, mean, sd, in logits; the spread of people as the logarithm of a standard deviation.
+        Columns term, mean, sd, in logits; the last row is the logarithm of the standard deviation between participants.
 
     Raises
     ------
@@ -171,7 +162,7 @@ def logistic_posterior(
             'posterior: expected the package statsmodels, it is not installed; pip install "midair[study]"'
         ) from missing
     data = right_answers(table, correct=correct, participant=participant, within=within)
-    # Trial by trial, as that package wants them.
+    # statsmodels requires one row per trial.
     total = data.counts.total.astype(int)
     person, cell = (np.repeat(where.ravel(), total.ravel()) for where in np.indices(total.shape))
     right = np.concatenate(
@@ -190,26 +181,20 @@ def logistic_posterior(
 def right_answers(
     table: DataFrame | Mapping[str, Any], *, correct: str, participant: str, within: Sequence[str]
 ) -> RightAnswers:
-    """Count right answers by person and cell, beside the contrasts of the cells.
-
-    Raises
-    ------
-    InputError
-        As `logistic_mixed`.
-    """
+    """Count correct answers by participant and cell and build the contrasts; raises like `logistic_mixed`."""
     data = frame_of(table)
     y = numbers(data, correct)
     if not np.isin(y, (0.0, 1.0)).all():
         raise InputError(f"column {correct!r}: expected 0 and 1, got {np.unique(y)[:5].tolist()}")
     if len(np.unique(y)) < 2:
-        raise InputError(f"column {correct!r}: expected right and wrong answers, got only {y[0]:g}; nothing to model")
+        raise InputError(f"column {correct!r}: expected correct and wrong answers, got only {y[0]:g}; collect both")
     people, person = levels(column(data, participant))
     if len(people) < 2:
-        raise InputError("participants: expected two or more for a model of how people differ, got 1")
+        raise InputError("participants: expected two or more for a mixed model, got 1")
     found = [levels(column(data, name)) for name in within]
     for name, (order, _) in zip(within, found, strict=True):
         if len(order) < 2:
-            raise InputError(f"factor {name!r}: expected two or more levels, got {order}; leave it out of `within`")
+            raise InputError(f"factor {name!r}: expected two or more levels, got {order}; remove it from `within`")
     shape = [len(order) for order, _ in found]
     size = int(np.prod(shape))
     cell = np.ravel_multi_index(tuple(number for _, number in found), shape) if shape else np.zeros(len(y), int)
@@ -218,7 +203,7 @@ def right_answers(
     if (empty := total.sum(axis=0) == 0).any():
         first = np.unravel_index(int(np.argmax(empty)), shape)
         what = ", ".join(f"{name}={order[i]}" for name, (order, _), i in zip(within, found, first, strict=True))
-        raise InputError(f"cells: expected answers in every cell, got none from anybody at {what}")
+        raise InputError(f"cells: expected answers in every cell, got none at {what}; remove the cell or a factor")
     # Scaled to a mean square of 1 over the cells, so that coefficients do not depend on their number.
     blocks = [np.ones((size, 1))]
     blocks += [size**0.5 * contrasts(shape, effect).T for effect in effects(list(within))]
@@ -233,5 +218,5 @@ def right_answers(
 def _note(data: RightAnswers, fit: LogisticFit) -> str:
     right, total = data.counts.right.sum(axis=0), data.counts.total.sum(axis=0)
     if ((right == 0) | (right == total)).any():
-        return "a cell is all right or all wrong: its logit is infinite, the test unsafe"
-    return "" if fit.converged else "the optimiser did not finish: unsafe"
+        return "a cell has only correct or only wrong answers: its logit is infinite, the test unreliable"
+    return "" if fit.converged else "the optimiser did not converge: unreliable"

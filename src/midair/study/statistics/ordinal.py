@@ -1,4 +1,4 @@
-"""Ratings are ordinal: a check that uses nothing but their order."""
+"""A check of rating results that uses only the order of the ratings."""
 
 from __future__ import annotations
 
@@ -26,19 +26,18 @@ def ordinal_check(
     within: Sequence[str],
     rng: np.random.Generator,
 ) -> DataFrame:
-    """Repeat an analysis of variance on ranks, with p by turning signs.
+    """Repeat an analysis of variance on ranks, with sign-flip p-values.
 
-    Each person's answers are ranked among that person's own, which removes the person's level and use of the scale.
-    The ranks go through the repeated-measures analysis; beside its p stands a p that assumes no distribution: the
-    contrasts of whole people change sign (`sign_flip`).
-    Where this and the plain analysis of variance disagree, the result depends on taking ratings for distances.
+    Answers are ranked within each participant, which removes individual levels and use of the scale. The ranks are
+    analysed by `rm_anova`; `sign_flip` of the contrasts adds a p-value without a distributional assumption. If the two
+    analyses disagree, the result depends on treating ratings as interval data.
 
     Parameters
     ----------
     table, value, participant, within
         As for `rm_anova`.
     rng : Generator
-        Draws the random turns, beyond 13 people.
+        Draws the random sign flips for more than 13 participants.
 
     Returns
     -------

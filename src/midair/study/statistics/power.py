@@ -1,4 +1,4 @@
-"""How many people a study needs: by formula for the paired t, by simulation for everything else."""
+"""Power and sample size: closed form for the paired t-test, simulation for all other tests."""
 
 from __future__ import annotations
 
@@ -22,26 +22,20 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Experiment = Callable[[int, np.random.Generator], float]
-"""From a number of people and a source of chance to the p-value of the planned test."""
+"""Function of the number of participants and a random generator that returns the p-value of the planned test."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Power:
-    """Chance that a test finds what is there.
-
-    Attributes
-    ----------
-    power, low, high : float
-        Share of simulated studies with p < alpha, and its 95 % limits.
-    participants, runs : int
-        People in each study, and studies.
-    """
+    """Power estimated from simulated studies."""
 
     power: float
     low: float
     high: float
+    """`power`, `low`, `high`: share of simulated studies with p < alpha, and its 95 % limits."""
     participants: int
     runs: int
+    """Number of simulated studies."""
 
 
 def power_paired_t(participants: int, *, d_z: float, alpha: float = 0.05) -> float:
@@ -50,11 +44,11 @@ def power_paired_t(participants: int, *, d_z: float, alpha: float = 0.05) -> flo
     Parameters
     ----------
     participants : int
-        Pairs.
+        Number of pairs.
     d_z : float
-        True mean difference over the standard deviation of differences.
+        True mean difference over the standard deviation of the differences.
     alpha : float
-        Level of the test.
+        Significance level.
     """
     from scipy.stats import nct
     from scipy.stats import t as t_distribution
@@ -63,7 +57,7 @@ def power_paired_t(participants: int, *, d_z: float, alpha: float = 0.05) -> flo
         raise InputError(f"participants: expected two or more, got {participants}")
     edge = float(t_distribution.ppf(1 - alpha / 2, participants - 1))
     shift = abs(d_z) * participants**0.5
-    # A two-sided test also rejects on the wrong side, which counts when the effect is small.
+    # A two-sided test also rejects on the opposite side, which matters for small effects.
     return float(nct.sf(edge, participants - 1, shift) + nct.cdf(-edge, participants - 1, shift))
 
 
@@ -73,13 +67,13 @@ def participants_for_paired_t(*, d_z: float, power: float = 0.8, alpha: float = 
     Raises
     ------
     InputError
-        If `most` pairs do not.
+        If `most` pairs do not reach it.
     """
     low, high = 1, 2
     while power_paired_t(high, d_z=d_z, alpha=alpha) < power:
         low, high = high, 2 * high
         if low > most:
-            raise InputError(f"power: expected to reach {power:g} with d_z = {d_z:g} below {most} pairs; it needs more")
+            raise InputError(f"power: expected to reach {power:g} with d_z = {d_z:g} and {most} pairs, got less")
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if power_paired_t(middle, d_z=d_z, alpha=alpha) >= power else (middle, high)
@@ -89,7 +83,7 @@ def participants_for_paired_t(*, d_z: float, power: float = 0.8, alpha: float = 
 def simulated_power(
     experiment: Experiment, participants: int, *, rng: np.random.Generator, runs: int = 500, alpha: float = 0.05
 ) -> Power:
-    """Share of simulated studies whose planned test comes out below alpha."""
+    """Share of simulated studies whose planned test has p < alpha."""
     if runs < 1:
         raise InputError(f"runs: expected 1 or more, got {runs}")
     found = sum(experiment(participants, rng) < alpha for _ in passing(range(runs), runs))
@@ -100,10 +94,10 @@ def simulated_power(
 def power_curve(
     experiment: Experiment, candidates: Sequence[int], *, rng: np.random.Generator, runs: int = 500, alpha: float = 0.05
 ) -> DataFrame:
-    """Power for several numbers of people: columns participants, power, low, high."""
+    """Power for several numbers of participants: columns participants, power, low, high."""
     from pandas import DataFrame
 
-    # A study of more people takes longer to simulate.
+    # The simulation time grows with the number of participants.
     each = passing(candidates, sum(candidates), weight=lambda n: n)
     found = [simulated_power(experiment, n, rng=rng, runs=runs, alpha=alpha) for n in each]
     return DataFrame(map(asdict, found), columns=["participants", "power", "low", "high"])
@@ -111,28 +105,20 @@ def power_curve(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentificationExperiment:
-    """People tell objects apart better than chance: the test of the report, macro F against shuffled answers.
-
-    Attributes
-    ----------
-    objects, trials : int
-        m alternatives, and trials a person, which is rounded to a whole number for each object.
-    d_prime : float
-        Mean over people.
-    spread : float
-        Standard deviation of d' over people.
-    draws : int
-        Shuffles; fewer than those of the report cost little power, and keep the level of the test.
-    """
+    """Identification above chance: the permutation test of macro F that the report uses."""
 
     objects: int
     trials: int
+    """Trials per participant, rounded to a multiple of `objects`, the number of alternatives."""
     d_prime: float
+    """Mean d' over participants."""
     spread: float = 0.3
+    """Standard deviation of d' over participants."""
     draws: int = 199
+    """Permutations; fewer than in the report cost little power and keep the significance level."""
 
     def __call__(self, participants: int, rng: np.random.Generator) -> float:
-        """P-value of one simulated study, one-sided."""
+        """One-sided p-value of one simulated study."""
         d = rng.normal(self.d_prime, self.spread, participants)
         right = proportion_correct(d, alternatives=self.objects)
         each = max(round(self.trials / self.objects), 1)
@@ -152,29 +138,19 @@ class IdentificationExperiment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RatingExperiment:
-    """One factor moves a rating: p_Holm of its effect in the analysis of variance of all factors, as in the report.
-
-    Attributes
-    ----------
-    means : tuple of float
-        True mean rating at each level of the factor.
-    others : tuple of int
-        Number of levels of each further factor, none of which matters; Holm corrects for all effects together, seven
-        with two further factors.
-    groups : tuple of int
-        Number of levels of each factor between people, none of which matters; people are spread over them evenly.
-    noise : float
-        Standard deviation of the mean rating of one person at one level of the factor, over the cells of the others,
-        the person's own level left out.
-    person : float
-        Standard deviation of people's levels.
-    """
+    """Effect of one factor on a rating: its Holm-corrected p_GG in the analysis of variance of all factors."""
 
     means: tuple[float, ...]
+    """True mean rating at each level of the factor."""
     others: tuple[int, ...] = ()
+    """Levels of further within-subject factors without an effect; Holm's correction covers all effects."""
     groups: tuple[int, ...] = ()
+    """Levels of between-subject factors without an effect; participants are assigned evenly."""
     noise: float = 1.0
+    """Standard deviation of a participant's mean rating at one level of the factor, over the cells of the others,
+    without the participant's own level."""
     person: float = 0.8
+    """Standard deviation of the participants' levels."""
 
     def __call__(self, participants: int, rng: np.random.Generator) -> float:
         """P-value of one simulated study."""
@@ -197,15 +173,10 @@ class RatingExperiment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EquivalenceExperiment:
-    """Two conditions between which people differ, but not on average: the report's two one-sided tests.
-
-    Attributes
-    ----------
-    margin : float
-        Largest difference that does not matter, in standard deviations of people's differences.
-    """
+    """Two one-sided tests of conditions that have no mean difference."""
 
     margin: float
+    """Equivalence margin, in standard deviations of the participants' differences."""
 
     def __call__(self, participants: int, rng: np.random.Generator) -> float:
         """P-value of one simulated study."""

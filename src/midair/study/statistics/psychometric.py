@@ -1,4 +1,4 @@
-"""Psychometric functions: the chance of an answer against the strength of a stimulus, and families of them."""
+"""Psychometric functions: the probability of an answer as a function of stimulus level."""
 
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -14,28 +14,19 @@ CurveShape = Literal["logistic", "normal", "weibull"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Psychometric:
-    """psi(x) = guess + (1 - guess - lapse) F(x).
-
-    Attributes
-    ----------
-    threshold : float
-        In the unit of x: F is 1/2 there for "logistic" and "normal", 1 - 1/e for "weibull".
-    slope : float
-        "logistic": F = 1 / (1 + exp(-slope (x - threshold))); "normal": Phi(slope (x - threshold)); "weibull":
-        1 - exp(-(x / threshold)^slope).
-    guess : float
-        Chance of the answer without a stimulus; 1/m with m alternatives.
-    lapse : float
-        Chance of a slip.
-    shape : {"logistic", "normal", "weibull"}
-        F.
-    """
+    """psi(x) = guess + (1 - guess - lapse) F(x)."""
 
     threshold: float
+    """In the unit of x: F is 1/2 there for "logistic" and "normal", 1 - 1/e for "weibull"."""
     slope: float
+    """"logistic": F = 1 / (1 + exp(-slope (x - threshold))); "normal": Phi(slope (x - threshold)); "weibull": 1 -
+    exp(-(x / threshold)^slope)."""
     guess: float = 0.0
+    """Guess rate; 1/m with m alternatives."""
     lapse: float = 0.0
+    """Lapse rate."""
     shape: CurveShape = "logistic"
+    """Shape of F."""
 
     def __post_init__(self) -> None:
         if self.shape not in get_args(CurveShape):
@@ -44,7 +35,7 @@ class Psychometric:
             raise InputError(f"guess and lapse: expected 0 or more, together below 1, got {self.guess}, {self.lapse}")
 
     def probability(self, level: Any) -> Array:
-        """Chance of the answer at each level, same shape."""
+        """Probability of the answer at each level, same shape."""
         return self.guess + (1 - self.guess - self.lapse) * steepness(level, self.threshold, self.slope, self.shape)
 
 
@@ -56,7 +47,7 @@ def steepness(level: Any, threshold: Any, slope: Any, shape: CurveShape) -> Arra
     if shape == "weibull":
         with np.errstate(divide="ignore"):
             rise = slope * np.log(np.maximum(x, 0) / threshold)
-        # Far below 50 F is 1 to the last digit; far above it the exponential overflows.
+        # F is exactly 1 in float64 well below 50; far above 50 the exponential overflows.
         return np.asarray(-np.expm1(-np.exp(np.minimum(rise, 50))))
     z = slope * (x - threshold)
     return np.asarray(expit(z) if shape == "logistic" else ndtr(z))
@@ -64,46 +55,39 @@ def steepness(level: Any, threshold: Any, slope: Any, shape: CurveShape) -> Arra
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CurveFamily:
-    """The functions that may be fitted to answers at some levels, by three numbers: place, log slope, lapse.
-
-    Attributes
-    ----------
-    x : ndarray, shape (level,)
-        Levels, rising.
-    guess, lapse_most, shape
-        Chance without a stimulus, upper limit of the lapse, and F.
-    """
+    """Functions that may be fitted, with the parameters place (rescaled or log threshold), log slope and lapse."""
 
     x: Array
+    """Levels in rising order, shape (level,)."""
     guess: float
     lapse_most: float
     shape: CurveShape
 
     @property
     def box(self) -> list[tuple[float, float]]:
-        """Least and greatest place, log slope and lapse."""
+        """Bounds of place, log slope and lapse."""
         top = np.log(max(float(self.x.max()), 1e-12))
         place = (top - 8, top + 3) if self.shape == "weibull" else (-2.0, 3.0)
         return [place, (-3.0, 6.0), (0.0, self.lapse_most)]
 
     def function(self, z: Array) -> Psychometric:
-        """The function of three numbers."""
+        """Function with these three parameters."""
         threshold, slope = (float(each) for each in self._unpack(z[0], z[1]))
         return Psychometric(
             threshold=threshold, slope=slope, guess=self.guess, lapse=float(np.clip(z[2], 0, 1)), shape=self.shape
         )
 
     def logarithms(self, z: Array) -> tuple[Array, Array]:
-        """Logarithms of the chances of the answer and of none, shape (level, ...) for z of shape (3, ...)."""
+        """Log probabilities of the answer and of its absence, shape (level, ...) for z of shape (3, ...)."""
         threshold, slope = self._unpack(z[0], z[1])
         x = self.x.reshape(-1, *[1] * (z.ndim - 1))
         p = self.guess + (1 - self.guess - z[2]) * steepness(x, threshold, slope, self.shape)
-        # An answer that a function thinks impossible must cost much, but not infinitely much.
+        # Answers of probability 0 get a large but finite log loss.
         p = np.clip(p, 1e-9, 1 - 1e-9)
         return np.log(p), np.log1p(-p)
 
     def place(self, threshold: float) -> float:
-        """The first of the three numbers at a threshold."""
+        """Place parameter of a threshold."""
         if self.shape == "weibull":
             return float(np.log(threshold))
         return (threshold - float(self.x[0])) / self._span

@@ -1,4 +1,4 @@
-"""Fit a psychometric function: the maximum of the likelihood, and limits of the threshold from its profile."""
+"""Maximum likelihood fit of a psychometric function, with profile likelihood limits of the threshold."""
 
 from __future__ import annotations
 
@@ -20,26 +20,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PsychometricFit:
-    """A psychometric function and how sure it is.
-
-    Attributes
-    ----------
-    function : Psychometric
-        The function at the maximum of the likelihood.
-    threshold_low, threshold_high : float
-        95 % limits of the threshold, for trials that are independent (`threshold_limits`); 0 or infinite where the
-        answers set no limit, NaN where none were asked for.
-    deviance : float
-        Deviance from the saturated model; about the number of levels less that of parameters for a good fit.
-    deviance_p : float
-        Share of data sets drawn from the function with a deviance as large.
-    """
+    """Fitted psychometric function with its uncertainty."""
 
     function: Psychometric
+    """Function at the maximum of the likelihood."""
     threshold_low: float
     threshold_high: float
+    """`threshold_low`, `threshold_high`: 95 % limits of the threshold for independent trials; 0 or infinite if the
+    answers give no limit, NaN if limits were not requested."""
     deviance: float
+    """Deviance from the saturated model; about the number of levels minus the number of parameters for a good fit."""
     deviance_p: float
+    """Share of data sets simulated from the function with a deviance as large."""
 
 
 def fit_psychometric(
@@ -59,44 +51,42 @@ def fit_psychometric(
     Parameters
     ----------
     level : sequence of float
-        Strength of the stimulus; the same level may come more than once.
+        Stimulus level; levels may repeat.
     correct, total : sequence of int
-        Answers counted, and all answers, at each level; 0/1 and ones for single trials.
+        Counted answers and all answers at each level; 0/1 and ones for single trials.
     rng : Generator
-        Draws the data sets that the deviance and the likelihood of other thresholds are compared with.
+        Draws the data sets for the deviance and the threshold limits.
     guess : float
-        Known chance of the answer without a stimulus.
-    shape : {"logistic", "normal", "weibull"}
-        F.
+        Known guess rate.
     lapse_most : float
-        Upper limit of the lapse.
+        Upper bound of the lapse rate.
     draws : int
-        Data sets for the deviance.
+        Simulated data sets for the deviance.
     limit_draws : int
-        Data sets at each threshold for its limits; 0 for no limits.
+        Simulated data sets per threshold for the limits; 0 for no limits.
 
     Raises
     ------
     ShapeError
         If the lengths differ.
     InputError
-        If there are fewer than three levels, or the answers do not rise with the level.
+        If there are fewer than three levels, or the answers do not increase with the level.
     """
     x, k, n = _merge(level, correct, total)
     if len(x) < 3:
-        raise InputError(f"levels: expected three or more, got {len(x)}; a function cannot be fitted to them")
+        raise InputError(f"levels: expected three or more for a fit, got {len(x)}; present more levels")
     if shape == "weibull" and x.min() < 0:
         raise InputError(f"levels: expected 0 or more for a Weibull function, got {x.min():g}")
     rate = k / n
     if np.ptp(rate) == 0 or np.cov(x, rate, aweights=n)[0, 1] <= 0:
-        raise InputError("answers: expected them to become more frequent with the level; there is no threshold in them")
+        raise InputError("answers: expected a share of correct answers that rises with the level; no threshold found")
     curves = CurveFamily(x=x, guess=guess, lapse_most=lapse_most, shape=shape)
     net = net_around(curves, k, n)
-    best, loss = _polish(curves, k, n, net.best(k[None], n)[0])
+    best, loss = _maximise(curves, k, n, net.best(k[None], n)[0])
     function = curves.function(best)
     deviance = max(float(2 * (loss + _saturated(k, n))), 0.0)
     data = rng.binomial(n.astype(int), function.probability(x), (draws, len(x))).astype(float)
-    # Both from the net: drawn data are not fitted better or worse than the answers.
+    # Both deviances come from the grid, so that simulated data and answers are fitted equally well.
     on_net, again = (2 * (_saturated(each, n) - net.profile(each, n).max(axis=1)) for each in (k[None], data))
     low, high = threshold_limits(net, k, n, rng=rng, draws=limit_draws) if limit_draws else (np.nan, np.nan)
     return PsychometricFit(
@@ -104,7 +94,7 @@ def fit_psychometric(
         threshold_low=low,
         threshold_high=high,
         deviance=deviance,
-        # The data count as one of the draws, so that p is never 0.
+        # The observed data count as one draw, so that p is never 0.
         deviance_p=float((1 + np.count_nonzero(again >= on_net)) / (1 + draws)),
     )
 
@@ -112,26 +102,16 @@ def fit_psychometric(
 def fit_threshold(
     level: Array, correct: Array, total: Array, *, guess: float, shape: CurveShape, near: Psychometric
 ) -> float:
-    """The threshold alone, from one start near a function that is known to fit: for leaving people out.
-
-    Parameters
-    ----------
-    level, correct, total : ndarray
-        As for `fit_psychometric`.
-    guess, shape
-        As for `fit_psychometric`.
-    near : Psychometric
-        Where to start.
-    """
+    """Threshold from one start near a known fit, for the jackknife; arguments as `fit_psychometric`."""
     x, k, n = _merge(level, correct, total)
     curves = CurveFamily(x=x, guess=guess, lapse_most=0.05, shape=shape)
     unit = 1.0 if shape == "weibull" else float(np.ptp(x)) or 1.0
     start = np.array([curves.place(near.threshold), np.log(near.slope * unit), near.lapse])
-    return curves.function(_polish(curves, k, n, start)[0]).threshold
+    return curves.function(_maximise(curves, k, n, start)[0]).threshold
 
 
-def _polish(curves: CurveFamily, right: Array, total: Array, start: Array) -> tuple[Array, float]:
-    """The maximum of the likelihood near a start."""
+def _maximise(curves: CurveFamily, right: Array, total: Array, start: Array) -> tuple[Array, float]:
+    """Parameters at the maximum of the likelihood near a start, and the negative log likelihood."""
     from scipy.optimize import minimize
 
     def loss(z: Array) -> float:
@@ -144,7 +124,7 @@ def _polish(curves: CurveFamily, right: Array, total: Array, start: Array) -> tu
 
 
 def _saturated(right: Array, total: Array) -> Array:
-    """Logarithm of the likelihood of a model with a rate of its own for each level."""
+    """Log likelihood of the saturated model, with a separate rate for each level."""
     with np.errstate(divide="ignore", invalid="ignore"):
         hits = np.where(right > 0, right * np.log(right / total), 0)
         misses = np.where(right < total, (total - right) * np.log1p(-right / total), 0)

@@ -1,4 +1,4 @@
-"""Limits of a threshold from the profile of its likelihood, held against what the profile does in drawn data."""
+"""Confidence limits of a threshold from its profile likelihood, with bootstrapped critical values."""
 
 from __future__ import annotations
 
@@ -17,33 +17,26 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CurveNet:
-    """Functions on a net of places, log slopes and lapses, with the logarithms of their chances.
-
-    Attributes
-    ----------
-    curves : CurveFamily
-        The family that they are of.
-    axes : tuple of ndarray
-        Places, log slopes, lapses.
-    logit, no : ndarray, shape (level, place, slope and lapse)
-        Logarithms of the odds of the answer, and of the chance of none.
-    """
+    """Psychometric functions on a grid of places, log slopes and lapses."""
 
     curves: CurveFamily
     axes: tuple[Array, Array, Array]
+    """Places, log slopes, lapses."""
     logit: Array
     no: Array
+    """`logit`, `no`: log odds of the answer and log probability of its absence, shape (level, place, slope and lapse).
+    """
 
     def likelihood(self, right: Array, total: Array, place: int) -> Array:
-        """Logarithm of the likelihood of the functions at a place, shape (data set, slope and lapse)."""
+        """Log likelihood of the functions at a place, shape (data set, slope and lapse)."""
         return right @ self.logit[:, place] + total @ self.no[:, place]
 
     def profile(self, right: Array, total: Array) -> Array:
-        """The greatest at each place, shape (data set, place), for right answers of shape (data set, level)."""
+        """Profile log likelihood, shape (data set, place), for correct answers of shape (data set, level)."""
         return np.stack([self.likelihood(right, total, i).max(axis=1) for i in range(len(self.axes[0]))], axis=1)
 
     def best(self, right: Array, total: Array) -> Array:
-        """Place, log slope and lapse of the greatest, shape (data set, 3)."""
+        """Place, log slope and lapse at the maximum, shape (data set, 3)."""
         place = self.profile(right, total).argmax(axis=1)
         found: list[list[float]] = []
         for row, i in zip(right, place, strict=True):
@@ -53,17 +46,10 @@ class CurveNet:
 
 
 def net_around(curves: CurveFamily, right: Array, total: Array) -> CurveNet:
-    """A net over all functions that the answers leave possible.
+    """Grid over all functions that are compatible with the answers.
 
-    It begins with the whole box of the family and shrinks four times to the functions whose likelihood is within
-    exp(-10) of the greatest, so that it is as fine for many answers as for few.
-
-    Parameters
-    ----------
-    curves : CurveFamily
-        What may be fitted.
-    right, total : ndarray, shape (level,)
-        Answers.
+    It starts with the bounds of the family and is narrowed four times to the functions whose likelihood is within
+    exp(-10) of the maximum, so that its resolution suits any number of answers.
     """
     box = curves.box
     net = _net(curves, box)
@@ -74,7 +60,7 @@ def net_around(curves: CurveFamily, right: Array, total: Array) -> CurveNet:
         box = []
         for number, axis in enumerate(net.axes):
             inside = np.flatnonzero(likely.any(axis=tuple({0, 1, 2} - {number})))
-            # One mesh more on either side: the likelihood may stand between two.
+            # One grid step more on either side: the maximum may lie between two points.
             box.append((float(axis[max(inside[0] - 1, 0)]), float(axis[min(inside[-1] + 1, len(axis) - 1)])))
         net = _net(curves, box)
     return net
@@ -83,30 +69,14 @@ def net_around(curves: CurveFamily, right: Array, total: Array) -> CurveNet:
 def threshold_limits(
     net: CurveNet, right: Array, total: Array, *, rng: np.random.Generator, draws: int = 400, level: float = 0.95
 ) -> tuple[float, float]:
-    """Limits of the threshold: those at which the likelihood ratio is no greater than chance makes it there.
+    """Confidence limits of the threshold: the likelihood ratio there equals its bootstrapped critical value.
 
-    The ratio of the greatest likelihood to that with the threshold held follows chi2 for endless trials only; with 40
-    to 160 it is greater. So at each threshold in question data are drawn from the best function with that threshold,
-    and the ratio is held against the ratios of these data (a parametric bootstrap under the hypothesis, inverted).
+    The likelihood ratio of the maximum to the profile follows chi2 only for many trials; with 40 to 160 trials it is
+    larger. So the critical value at each candidate threshold is a quantile of the ratios of data simulated from the
+    best function with that threshold (an inverted parametric bootstrap test).
 
-    Parameters
-    ----------
-    net : CurveNet
-        Around the answers.
-    right, total : ndarray, shape (level,)
-        Answers.
-    rng : Generator
-        Draws the data.
-    draws : int
-        Data sets at each threshold.
-    level : float
-        Confidence.
-
-    Returns
-    -------
-    low, high : float
-        In the unit of the levels; 0 or infinite where the net ends before the ratio is too great: the answers set no
-        limit there.
+    `right` and `total` have shape (level,). Returns the low and high limit in the unit of the levels; 0 (or -inf) and
+    inf if the grid ends before the ratio reaches the critical value: the answers then give no limit on that side.
     """
     from scipy.stats import chi2
 
@@ -117,7 +87,7 @@ def threshold_limits(
 
     @cache
     def excess(place: int) -> float:
-        # The same numbers at every place, so that a limit does not hang on the luck of the draw.
+        # The same random numbers at every place (common random numbers) make the ratio a smooth function of it.
         return float(ratio[place] - critical_ratio(net, right, total, place, np.random.default_rng(seed), draws, level))
 
     found: list[float] = []
@@ -129,7 +99,7 @@ def threshold_limits(
             continue
         critical = float(chi2.ppf(level, 1))
         while abs(outside - inside) > 1:
-            # Not halved: the ratio that is too great changes little from place to place, so the last one tells where.
+            # No bisection: the critical ratio changes slowly with the place, so its last value predicts the limit.
             between = range(inside + side, outside, side)
             middle = next((place for place in between if ratio[place] > critical), between[-1])
             critical = float(ratio[middle]) - excess(middle)
@@ -144,11 +114,11 @@ def threshold_limits(
 def critical_ratio(
     net: CurveNet, right: Array, total: Array, place: int, rng: np.random.Generator, draws: int, level: float
 ) -> float:
-    """The likelihood ratio that data drawn from the best function at a place do not exceed in `level` of all sets."""
+    """Quantile `level` of the likelihood ratios of data simulated from the best function at a place."""
     function = int(net.likelihood(right, total, place).argmax())
     chance = np.exp(net.logit[:, place, function] + net.no[:, place, function])
     data = rng.binomial(total.astype(int), chance, (draws, len(total))).astype(float)
-    # Every second place is near enough to the greatest likelihood: the net is fine for the sake of the limits.
+    # Every second place is accurate enough for the maximum; the limits need the full grid.
     known = net.likelihood(data, total, place).max(axis=1)
     greatest = np.max(
         [net.likelihood(data, total, i).max(axis=1) for i in range(place % 2, len(net.axes[0]), 2)], axis=0
@@ -157,7 +127,7 @@ def critical_ratio(
 
 
 def _net(curves: CurveFamily, box: list[tuple[float, float]]) -> CurveNet:
-    # Coarse in slope and lapse: the drawn data are held against the same net, so that nothing leans to one side.
+    # A coarse grid of slope and lapse adds no bias, since simulated data use the same grid.
     places, slopes, lapses = (
         np.linspace(low, high, count) for (low, high), count in zip(box, (81, 21, 4), strict=True)
     )

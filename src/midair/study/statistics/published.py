@@ -1,4 +1,4 @@
-"""The paper's published statistics (section 5.3), made again from what is printed, and what they can support."""
+"""Statistics that follow from the numbers printed in section 5.3 of the paper."""
 
 from __future__ import annotations
 
@@ -19,42 +19,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Published:
-    """What section 5.3 prints.
-
-    Attributes
-    ----------
-    t : float
-        Student's t of the paired test over objects, two surfaces.
-    objects : int
-        Pairs of that test, and alternatives of the choice.
-    people : int
-        Participants.
-    real_trials, scored_trials : int
-        Number of trials of each participant: with real objects, and of each surface.
-    real_correct : float
-        "over 95 %": share of right answers with real objects.
-    """
+    """Numbers printed in section 5.3."""
 
     t: float = 1.60
+    """Student's t of the paired test over objects, two surfaces."""
     objects: int = 3
+    """Pairs of that test, and alternatives of the choice."""
     people: int = 10
     real_trials: int = 12
+    """Trials per participant with real objects."""
     scored_trials: int = 12
+    """Trials per participant and surface."""
     real_correct: float = 0.95
+    """Share of correct answers with real objects, printed as "over 95 %"."""
 
     @property
     def trials_an_object(self) -> int:
-        """Answers to each object of one surface, over all people."""
+        """Answers to each object of one surface, over all participants."""
         return self.people * self.scored_trials // self.objects
 
 
 def derive(published: Published | None = None) -> DataFrame:
-    """Everything that follows from the printed numbers alone.
+    """Statistics that follow from the printed numbers alone.
 
     Returns
     -------
     DataFrame
-        Columns quantity, value, low, high (95 % limits, NaN where there are none).
+        Columns quantity, value, low, high (95 % limits, NaN where undefined).
     """
     from pandas import DataFrame
     from scipy.stats import t as t_distribution
@@ -63,7 +54,7 @@ def derive(published: Published | None = None) -> DataFrame:
     n, d_z = paper.objects, paper.t / paper.objects**0.5
     low, high = _effect_limits(paper.t, n)
     trials = paper.people * paper.real_trials
-    # "Over 95 %": the next whole number of answers above it.
+    # "Over 95 %": the smallest number of answers above it.
     fewest = int(np.floor(paper.real_correct * trials)) + 1
     share = wilson(fewest, trials)
     sense = d_prime_choice(fewest, trials, alternatives=n)
@@ -85,18 +76,14 @@ def derive(published: Published | None = None) -> DataFrame:
 def chance_of_published(
     value: float = 1 / 3, *, rng: np.random.Generator, draws: int = 20_000, published: Published | None = None
 ) -> Chance:
-    """Macro F of people who answer at random, for as many trials as the paper had on one surface.
+    """Macro F of participants who answer at random, for the paper's number of trials on one surface.
 
     Parameters
     ----------
     value : float
-        A macro F to hold against it.
-    rng : Generator
-        Draws the answers.
+        Macro F that is compared with chance.
     draws : int
-        Number of studies.
-    published : Published, optional
-        Numbers of trials and objects.
+        Number of simulated studies.
     """
     paper = published or Published()
     size = paper.objects
@@ -106,7 +93,7 @@ def chance_of_published(
 
 
 def _effect_limits(t: float, n: int) -> tuple[float, float]:
-    """Limits (95 %) of d_z: the noncentral t distributions of which t is the 2.5th and the 97.5th percentile."""
+    """95 % limits of d_z: t is the 97.5th and the 2.5th percentile of the noncentral t distributions."""
     from scipy.optimize import brentq
     from scipy.stats import nct
 

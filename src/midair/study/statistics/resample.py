@@ -1,4 +1,4 @@
-"""Resampling: chance distributions by permutation, and limits by leaving out one person after the other."""
+"""Resampling: permutation tests, and jackknife confidence intervals over participants."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,26 +11,19 @@ from midair.errors import InputError
 
 Array = NDArray[np.float64]
 Scale = Literal["plain", "share", "positive", "correlation"]
-"""Values without bounds; between 0 and 1; above 0; between -1 and 1."""
+"""Unbounded values; between 0 and 1; above 0; between -1 and 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chance:
-    """A figure beside what chance makes of it.
-
-    Attributes
-    ----------
-    value : float
-        What was observed.
-    distribution : ndarray, shape (draw,)
-        The same figure when the hypothesis of no effect holds.
-    p : float
-        Share of the distribution at least as extreme as the value, which counts as one of its draws.
-    """
+    """Statistic with its distribution under the null hypothesis."""
 
     value: float
+    """Observed value."""
     distribution: Array
+    """Values under the null hypothesis, shape (draw,)."""
     p: float
+    """Share of the distribution at least as extreme as the value, which counts as one draw."""
 
     @property
     def mean(self) -> float:
@@ -39,63 +32,56 @@ class Chance:
 
     @property
     def range95(self) -> tuple[float, float]:
-        """Middle 95 % of the distribution."""
+        """2.5th and 97.5th percentile of the distribution."""
         low, high = np.quantile(self.distribution, [0.025, 0.975])
         return float(low), float(high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Interval:
-    """A figure with its limits.
-
-    Attributes
-    ----------
-    value, low, high : ndarray
-        The figure and its limits, all of one shape.
-    level : float
-        Confidence.
-    people : int
-        How many it rests on.
-    """
+    """Statistic with its confidence interval."""
 
     value: Array
     low: Array
     high: Array
+    """`value`, `low`, `high` have the same shape."""
     level: float
+    """Confidence level."""
     people: int
+    """Number of participants."""
 
 
 def percentile_p(value: float, distribution: Array) -> float:
     """Share of a distribution at or above a value, the value included (Phipson and Smyth, 2010)."""
-    # Draws that are equal to the value but for rounding count.
+    # Draws equal to the value up to rounding are counted.
     slack = 1e-12 * max(1.0, abs(value))
     return float((1 + np.count_nonzero(distribution >= value - slack)) / (1 + len(distribution)))
 
 
 def sign_flip(z: NDArray[Any], *, rng: np.random.Generator, draws: int = 10_000) -> float:
-    """P-value of a mean that is not zero, by turning the sign of whole people.
+    """Two-sided p-value of a nonzero mean by flipping the signs of whole participants.
 
-    Exact, over all 2^n turns, up to 13 people; by random turns above. Two-sided.
+    Exact over all 2^n sign patterns for up to 13 participants; random sign patterns for more.
 
     Parameters
     ----------
     z : ndarray, shape (participant,) or (participant, contrast)
-        A difference, or the contrasts of one effect, of each person; symmetric about zero if there is no effect.
+        Difference, or contrasts of one effect, of each participant; symmetric about zero under the null hypothesis.
     rng : Generator
-        Draws the random turns.
+        Draws the random sign patterns.
     draws : int
-        Number of random turns.
+        Number of random sign patterns.
 
     Returns
     -------
     float
-        Share of turns for which ``|sum of z|`` is as large as observed.
+        Share of sign patterns for which ``|sum of z|`` is at least as large as observed.
     """
     z = np.asarray(z, float).reshape(len(z), -1)
     if len(z) < 2:
-        raise InputError(f"participants: expected two or more to turn signs, got {len(z)}")
+        raise InputError(f"participants: expected two or more to flip signs, got {len(z)}")
     observed = float((z.sum(axis=0) ** 2).sum())
-    # All 2^13 turns are fewer than the random ones would be.
+    # All 2^13 sign patterns are fewer than the random ones.
     if len(z) <= 13:
         turns = 1.0 - 2.0 * ((np.arange(2 ** len(z))[:, None] >> np.arange(len(z))) & 1)
         size = ((turns @ z) ** 2).sum(axis=1)
@@ -114,43 +100,43 @@ def limits_over_people(
     added: tuple[float, float] = (1.0, 1.0),
     independent: bool = True,
 ) -> Interval:
-    """Limits of a figure for people like these: the jackknife with Student's t (Efron and Stein, 1981).
+    """Confidence interval of a statistic over participants: the jackknife with Student's t (Efron and Stein, 1981).
 
-    The figure is made again without each person. On a scale without bounds (the logit of a share, the logarithm of
-    what is positive, Fisher's z of a correlation) its standard error is sqrt((n - 1) / n sum (without_i - mean)^2), and
-    the limits are t on n - 1 degrees of freedom away. A share is drawn towards one half first, as by one wrong and one
-    right answer more; without that, its limits cover up to .98 where nearly all are right. Where fewer answers are
-    wrong (or right) than people took part, how people differ cannot be seen, and limits are at least as wide as those
-    of independent answers; without that, they cover .92. A bootstrap of people (BCa) covers .83 to .86 for a 95 %
-    interval of F with five people; this .94 to .97 (docs/decisions/0034-analysis.md).
+    The statistic is recomputed without each participant. On an unbounded scale (logit of a share, logarithm of a
+    positive value, Fisher's z of a correlation) its standard error is sqrt((n - 1) / n sum (without_i - mean)^2), and
+    the limits are the t quantile with n - 1 degrees of freedom times that error away. Two corrections improve the
+    coverage: shares are shrunk towards one half by `added` wrong and correct answers (otherwise the coverage rises to
+    0.98 near a share of 1); and if fewer answers are wrong (or correct) than there are participants, the limits are at
+    least as wide as those of independent answers (otherwise the coverage is 0.92). For F with five participants the
+    coverage of a nominal 0.95 is 0.94 to 0.97; a bootstrap over participants (BCa) reaches 0.83 to 0.86
+    (docs/decisions/0034-analysis.md).
 
     Parameters
     ----------
     statistic : callable
-        Takes an array like `by_person`, with people in any number, and gives a number or an array.
+        Function of an array like `by_person`, for any number of participants, that returns a number or an array.
     by_person : ndarray, shape (participant, ...)
-        What each person contributes.
+        Data of each participant.
     scale : {"plain", "share", "positive", "correlation"}
-        Bounds of the figure.
+        Range of the statistic.
     level : float
-        Confidence.
+        Confidence level.
     answers : callable, optional
-        Takes what the statistic takes and gives the number of answers that a "share" or "correlation" is a share of.
+        Function of an array like `by_person` that returns the number of answers behind a "share" or "correlation".
     added : tuple of float
-        Answers of each kind that are added for the middle of the limits, and for their width.
+        Answers of each kind added for the centre of the interval, and for its width.
     independent : bool
-        Whether one of the answers says nothing of another, so that few wrong ones vary as a binomial number does.
+        Whether answers are independent, so that few wrong ones have a binomial variance.
 
     Returns
     -------
     Interval
-        Of the shape of the statistic; NaN where the figure is the same whoever is left out, or at its bound: nothing
-        then says how people differ.
+        With the shape of the statistic; NaN if the statistic is at its bound or equal without any participant.
 
     Raises
     ------
     InputError
-        If there are fewer than five people: the limits would not cover what they promise. If the scale is unknown.
+        If there are fewer than five participants, where the coverage is too low, or the scale is unknown.
     """
     from scipy.stats import t as t_distribution
 
@@ -159,8 +145,8 @@ def limits_over_people(
     people = len(by_person)
     if people < 5:
         raise InputError(
-            f"limits over people: expected five people or more, got {people}; with fewer, limits do not cover what they"
-            " promise"
+            f"limits over participants: expected five participants or more, got {people}; with fewer, the coverage is"
+            " below the nominal level"
         )
     value = np.asarray(statistic(by_person), float)
     others = [np.delete(by_person, i, axis=0) for i in range(people)]
@@ -175,16 +161,16 @@ def limits_over_people(
     half = error * float(t_distribution.ppf((1 + level) / 2, people - 1))
     if answers is not None and independent and scale in ("share", "correlation"):
         half = np.maximum(half, _binomial(value, np.asarray(answers(by_person), float), people, scale, level))
-    # At a bound, and where leaving people out changes nothing but rounding, there is no error to go by.
+    # At a bound, or if all leave-one-out values are equal, the standard error is unknown.
     known = (error > 1e-12) & (_open(value, scale, reach=np.inf) == _open(value, scale))
     low, high = (np.where(known, _close(middle + side * half, scale), np.nan) for side in (-1, 1))
-    # Drawn in, the middle is another than the figure, which its limits hold all the same.
+    # The centre is shrunk, so the limits are extended to include the statistic itself.
     low, high = np.minimum(low, value), np.maximum(high, value)
     return Interval(value=value, low=low, high=high, level=level, people=people)
 
 
 def _binomial(value: Array, total: Array, people: int, scale: Scale, level: float) -> Array:
-    """Half the limits of answers that are independent, on the open scale; 0 unless fewer are of one kind than people.
+    """Half-width for independent answers on the open scale; 0 unless one kind is rarer than the participants.
 
     The logit of a share p of n answers has the variance 1 / (n p (1 - p)); Fisher's z of 2 p - 1 is half that logit.
     """
@@ -198,14 +184,14 @@ def _binomial(value: Array, total: Array, people: int, scale: Scale, level: floa
 
 
 def _drawn_in(value: Array, total: Array, added: float, scale: Scale) -> Array:
-    """A share, or the share (1 + r) / 2 of a correlation r, with answers of both kinds added."""
+    """A share, or the share (1 + r) / 2 of a correlation r, after `added` answers of both kinds are added."""
     low = -1.0 if scale == "correlation" else 0.0
     share = (value - low) / (1 - low)
     return low + (1 - low) * (share * total + added) / (total + 2 * added)
 
 
 def _open(value: Array, scale: Scale, *, reach: float = 7.0) -> Array:
-    """A figure on a scale without bounds; what lies at a bound comes to `reach` (a share of .999)."""
+    """Transform to an unbounded scale; values at a bound become `reach` (7: a share of 0.999)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         if scale == "share":
             return np.clip(np.log(value) - np.log1p(-value), -reach, reach)
@@ -215,7 +201,7 @@ def _open(value: Array, scale: Scale, *, reach: float = 7.0) -> Array:
 
 
 def _close(value: Array, scale: Scale) -> Array:
-    """Back from a scale without bounds."""
+    """Inverse of `_open`."""
     if scale == "share":
         return 1 / (1 + np.exp(-value))
     if scale == "correlation":

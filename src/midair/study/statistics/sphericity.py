@@ -1,4 +1,4 @@
-"""Whether the contrasts of an effect vary alike (sphericity), and by how much an F-test is corrected where not."""
+"""Sphericity of within-subject contrasts, and the epsilon corrections of the F-test."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,21 +7,9 @@ Array = NDArray[np.float64]
 
 
 def sphericity(covariance: Array, df: int) -> tuple[dict[str, float], str]:
-    """Epsilons of Greenhouse and Geisser and of Huynh and Feldt, Mauchly's W and its p.
+    """Epsilons of Greenhouse and Geisser and of Huynh and Feldt, Mauchly's W and its p; and a note on undefined values.
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (contrast, contrast)
-        Of the contrasts within groups of people.
-    df : int
-        Degrees of freedom of the covariance: people less groups.
-
-    Returns
-    -------
-    values : dict
-        eps_GG, eps_HF, W, p_W.
-    note : str
-        What could not be had, and why.
+    `covariance` (contrast, contrast) is pooled within groups with `df` degrees of freedom: participants minus groups.
     """
     d = len(covariance)
     if d == 1:
@@ -29,14 +17,14 @@ def sphericity(covariance: Array, df: int) -> tuple[dict[str, float], str]:
     trace = float(np.trace(covariance))
     gg = trace**2 / (d * float((covariance**2).sum()))
     room = df - d * gg
-    # Where the estimate has no finite value there is nothing to correct by: 1.
+    # Where the estimate is not finite, no correction is applied: 1.
     hf = ((df + 1) * d * gg - 2) / (d * room) if room > 1e-9 else 1.0
     if df < d:
-        note = f"Mauchly's test needs {d} or more people beyond one for each group, got {df}"
+        note = f"Mauchly's test needs {d} or more participants beyond one per group, got {df}"
         return {"eps_GG": gg, "eps_HF": hf, "W": np.nan, "p_W": np.nan}, note
     sign, logarithm = np.linalg.slogdet(covariance / (trace / d))
     if sign <= 0 or logarithm < -200:
-        note = "contrasts that depend on each other: Mauchly's test does not exist"
+        note = "contrasts are linearly dependent: Mauchly's test is undefined"
         return {"eps_GG": gg, "eps_HF": hf, "W": 0.0, "p_W": np.nan}, note
     return {"eps_GG": gg, "eps_HF": hf, "W": float(np.exp(logarithm)), "p_W": _mauchly(logarithm, d, df)}, ""
 
@@ -44,7 +32,7 @@ def sphericity(covariance: Array, df: int) -> tuple[dict[str, float], str]:
 def _mauchly(log_w: float, d: int, df: int) -> float:
     """P-value of Mauchly's W by Box's expansion to second order (Anderson, Multivariate Analysis, 10.7).
 
-    R's mauchly.test writes the number of cells for d in one term of it: beyond d = 2 the third decimal differs.
+    R's mauchly.test uses the number of cells for d in one term: above d = 2 the third decimal differs.
     """
     from scipy.stats import chi2
 

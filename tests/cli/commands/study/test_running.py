@@ -18,8 +18,8 @@ from midair.study.folder import StudyFolder
 
 ROOT = Path(__file__).parents[4]
 PROMPTS = [
-    ("Enter to go on", ["Enter"]),
-    ("Enter when it was presented", ["Enter"]),
+    ("Enter to continue", ["Enter"]),
+    ("Enter after the presentation", ["Enter"]),
     ("Press 1, 2, 3, 4, 5, 6, 7", ["5"]),
     ("Press 1, 2, 3", ["2"]),
     (">", ["AB12", "Enter"]),
@@ -153,7 +153,7 @@ def test_a_session_of_every_other_template_by_keys_from_plan_to_report(terminal,
     commands = [line.replace("detection", template) for line in printed("The other three run alike")]
     assert [shlex.split(line)[2] for line in commands] == ["new", "run", "analyse"]
     prompts = [
-        ("Enter to go on", ["Enter"]),
+        ("Enter to continue", ["Enter"]),
         ("Press 1, 2, 3", ["2"]),
         ("Press 1, 2", Observer(tmp_path / "weak", least)),
         ("Arrow keys", ["Up", "Right", "Right", "Enter"]),
@@ -172,10 +172,10 @@ def test_a_session_of_every_other_template_by_keys_from_plan_to_report(terminal,
     page = (tmp_path / "weak" / "report.html").read_text(encoding="utf-8")
     assert "SIMULATED" in page
     # One person who is always right leaves the mixed model nothing, which is said.
-    assert page.count("Not computed") == page.count("got only 1; nothing to model") == (template == "paired")
+    assert page.count("Not computed") == page.count("got only 1; collect both") == (template == "paired")
     if template == "paired":
         assert {given.answer for (_, name), given in session.answers.items() if name == "how_close"} == {"62"}
-        assert "24 answers are right" in page
+        assert "24 answers are correct" in page
         return
     assert not session.untrained, "whoever feels what is strong has learned it"
     found = float(re.search(r"Geometric mean of 1 thresholds: ([\d.]+)", page)[1])

@@ -39,7 +39,7 @@ def test_ten_simulated_participants_from_plan_to_report(done, capsys):
     study("analyse", done, "--draws", 1000)
     said = capsys.readouterr()
     assert "SIMULATED: no person was asked. 10 participant(s), 1080 answers analysed, 240" in said.out
-    assert "Which object: plain" in said.out
+    assert "Identification: plain" in said.out
     page = (done / "report.html").read_text(encoding="utf-8")
     assert "SIMULATED" in page
     assert page.count("data:image/png;base64,") == 6  # three matrices, F-measures, ratings of two surfaces
@@ -106,7 +106,7 @@ def test_export_and_old_data_give_the_same_figures(done, tmp_path, capsys):
             found.append(json.loads(capsys.readouterr().out))
     study("analyse", done, "--draws", 200, "--json")
     whole = json.loads(capsys.readouterr().out)
-    for title in ("Which object: plain", "Which object: grooved"):
+    for title in ("Identification: plain", "Identification: grooved"):
         tables = [next(one["table"] for one in each["findings"] if one["title"] == title) for each in (*found, whole)]
         key = [[(row["object"], row["presented"], row["answered"], row["F"]) for row in table] for table in tables]
         assert key[0] == key[1]
@@ -275,7 +275,7 @@ def test_a_drive_that_was_changed_since_the_plan_is_refused(tmp_path, monkeypatc
     folder = study_of_drives(tmp_path, level=0.001)
     with (folder / "focus.drive.h5").open("ab") as file:
         file.write(b"\0")
-    with pytest.raises(InputError, match=r"focus\.drive\.h5: .* changed since the plan was drawn"):
+    with pytest.raises(InputError, match=r"focus\.drive\.h5: .* changed after the plan was drawn"):
         study("run", folder, "--participant", 1, "--array", "virtual")
     assert not folder.joinpath("sessions").exists()
 
@@ -324,7 +324,7 @@ def test_a_log_that_was_edited_is_told_by_every_command(tmp_path, done, capsys):
     log = folder / "sessions" / "sub-03.jsonl"
     log.write_bytes(log.read_bytes().replace(b'"answer": "brush"', b'"answer": "towel"', 1))
     for words in (("analyse", folder), ("export", folder, tmp_path / "b"), ("run", folder, "--simulate")):
-        with pytest.raises(BrokenFileError, match=r"sub-03\.jsonl: .* changed since"):
+        with pytest.raises(BrokenFileError, match=r"sub-03\.jsonl: .* changed after it was written"):
             study(*words)
 
 
