@@ -74,23 +74,10 @@ class StudyFolder:
     def create(
         cls, path: Path, text: str, design: Design, *, drives: Callable[[Path], Mapping[str, str]] | None = None
     ) -> "StudyFolder":
-        """Draw the plan of a new study and store it atomically, readable by this user only.
+        """Draw the plan of a new study and store it atomically with its TOML `text`, readable by this user only.
 
-        Parameters
-        ----------
-        path : Path
-            New folder.
-        text : str
-            TOML, stored with the plan.
-        design : Design
-            Design parsed from the TOML.
-        drives : callable, optional
-            Writes the drives into a folder and returns their digests by name; None for a plan without drives.
-
-        Raises
-        ------
-        FileError
-            If the folder is not empty: a plan is never overwritten.
+        `drives` writes the drives into a folder and returns their digests by name; without it the plan has no drives.
+        Raises FileError if the folder is not empty: a plan is never overwritten.
         """
         draw_plan(design)  # raises before the drives are solved, which takes long
         with whole_folder(path) as partial:
@@ -103,15 +90,7 @@ class StudyFolder:
         return cls(path)
 
     def plan(self) -> Plan:
-        """Read the plan.
-
-        Raises
-        ------
-        MissingFileError
-            If it does not exist.
-        BrokenFileError
-            If it was changed after it was drawn.
-        """
+        """Read the plan; raises MissingFileError, or BrokenFileError if it was changed after it was drawn."""
         file = self.path / "plan.json"
         if not file.exists():
             raise MissingFileError(
@@ -141,14 +120,8 @@ class StudyFolder:
     def session(self, plan: Plan, participant: int) -> SessionState:
         """State of the session of one participant.
 
-        Raises
-        ------
-        MissingFileError
-            If it has no log.
-        BrokenFileError
-            If its log was changed after it was written.
-        MismatchError
-            If the log belongs to another participant or another study.
+        Raises MissingFileError without a log, BrokenFileError if the log was changed after it was written, and
+        MismatchError if it belongs to another participant or study.
         """
         from midair.study.session import read_events
 

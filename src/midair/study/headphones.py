@@ -68,13 +68,7 @@ class Headphones:
             self._stream.close()
 
     def on(self) -> None:
-        """Fade the noise in; return when it has its full level.
-
-        Raises
-        ------
-        DeviceError
-            If the sound card accepts no samples.
-        """
+        """Fade the noise in; return at its full level. Raises DeviceError if the sound card accepts no samples."""
         self._go(1.0)
 
     def off(self) -> None:

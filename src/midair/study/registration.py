@@ -51,15 +51,7 @@ class PlanPart:
 
 
 def plan_page(plan: Plan, *, runs: int = 500) -> str:
-    """The plan as a self-contained HTML page; the same plan gives the same page.
-
-    Parameters
-    ----------
-    plan : Plan
-        Drawn plan.
-    runs : int
-        Simulated studies for each power analysis.
-    """
+    """The plan as a self-contained, reproducible HTML page, with `runs` simulated studies per power analysis."""
     design = plan.design
     return render_page(
         "study/registration.html.j2",

@@ -118,15 +118,7 @@ def chance_figure(chance: Chance, *, simulated: bool, quantity: str = "macro F",
 def power_figure(
     curves: Sequence[tuple[str, DataFrame]], *, simulated: bool = False, style: Style | None = None
 ) -> Figure:
-    """Power against the number of participants or pairs.
-
-    Parameters
-    ----------
-    curves : sequence of (name, DataFrame)
-        Columns participants, power, and low and high if simulated.
-    simulated : bool
-        Whether to mark the figure.
-    """
+    """Power against the number of participants; `curves` have columns participants, power, and low, high if known."""
     style = style or Style()
     figure = new_figure(5, 3, simulated=simulated, style=style)
     axes = plain(figure.add_subplot(), style)

@@ -101,18 +101,10 @@ def load_table(path: str, columns: Mapping[str, Any], *, bids: bool = False) -> 
 
 
 def analysis_notebook(data: StudyData, loading: str, *, title: str, seed: int = 0, draws: int = 10_000) -> str:
-    """The analysis as a Jupyter notebook (JSON of nbformat 4.5).
+    """The analysis as a Jupyter notebook (JSON of nbformat 4.5); `data` decides which steps it has.
 
-    Parameters
-    ----------
-    data : StudyData
-        Decides which steps the notebook has.
-    loading : str
-        Python code that creates `data`, run in the folder of the notebook; `Path` and `study` are defined.
-    title : str
-        Title of the study.
-    seed, draws : int
-        As for `analyse`.
+    `loading` is Python code that creates `data`, run in the folder of the notebook with `Path` and `study` defined;
+    `seed` and `draws` as for `analyse`.
     """
     said = "**SIMULATED: no person was asked.** " if data.simulated else ""
     head = f"# {title}\n\n{said}The whole analysis step by step, created by midair {__version__}."

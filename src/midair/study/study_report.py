@@ -20,17 +20,7 @@ if TYPE_CHECKING:
 
 
 def report_page(report: Report, *, title: str, within: tuple[str, ...] = ()) -> str:
-    """The report as a self-contained HTML page.
-
-    Parameters
-    ----------
-    report : Report
-        Result of the analysis.
-    title : str
-        Title of the study.
-    within : tuple of str
-        Factors of the ratings, for their figure.
-    """
+    """The report as a self-contained HTML page; `within` names the factors of the ratings, for their figure."""
     return render_page(
         "study/report.html.j2",
         title=title,

@@ -45,13 +45,7 @@ MEANING: Mapping[str, str] = {
 
 
 def write_csv(table: DataFrame, path: Path) -> None:
-    """Write a table as CSV with a header, atomically.
-
-    Raises
-    ------
-    FileError
-        If the file exists or cannot be written.
-    """
+    """Write a table as CSV with a header, atomically; raises FileError if the file exists or cannot be written."""
     if path.exists():
         raise FileError(f"{path.name}: expected a new file, the file exists; choose another name")
     with whole_file(path) as partial:
@@ -60,14 +54,9 @@ def write_csv(table: DataFrame, path: Path) -> None:
 
 
 def read_csv(path: Path) -> DataFrame:
-    """Read a table from CSV or TSV with a header; numeric columns become numbers.
+    """Read a CSV or TSV table with a header; numeric columns become numbers.
 
-    Raises
-    ------
-    MissingFileError
-        If the file does not exist.
-    BrokenFileError
-        If it is no such table.
+    Raises MissingFileError, or BrokenFileError if the file is no such table.
     """
     return _typed(_words(path))
 
@@ -137,12 +126,7 @@ def _dataset(
 def read_bids(folder: Path) -> DataFrame:
     """Concatenate all behavioural tables of a BIDS dataset, with the participant as a column.
 
-    Missing columns are filled with "n/a".
-
-    Raises
-    ------
-    MissingFileError
-        If there are no such tables.
+    Missing columns are filled with "n/a". Raises MissingFileError if there are no tables.
     """
     from pandas import DataFrame, concat
 

@@ -48,10 +48,7 @@ class Verification:
 def noted_seals(file: Path) -> dict[str, list[str]]:
     """Seals (last chain hashes) in a text by the name of the log, as `midair study run` and `verify` print them.
 
-    Raises
-    ------
-    InputError
-        If the text contains none.
+    Raises InputError if the text contains none.
     """
     found: dict[str, list[str]] = {}
     for name, seal in _NOTED.findall(read_text(file, "noted seals")):
@@ -66,17 +63,8 @@ def noted_seals(file: Path) -> dict[str, list[str]]:
 def verify_study(folder: StudyFolder, *, noted: Mapping[str, Sequence[str]] | None = None) -> Verification:
     """Check the plan, its drives, the chain of each log, and seals that were noted elsewhere.
 
-    Parameters
-    ----------
-    folder : StudyFolder
-        The study.
-    noted : mapping of str to sequence of str, optional
-        Seals by the name of the log, see `noted_seals`. A log that has grown still contains its earlier seals.
-
-    Raises
-    ------
-    BrokenFileError
-        If the plan was changed after it was drawn.
+    `noted` gives seals by the name of the log (`noted_seals`); a log that has grown still contains its earlier seals.
+    Raises BrokenFileError if the plan was changed after it was drawn.
     """
     plan, gone = folder.plan(), {folder.log(number).name for number in withdrawn(folder)}
     known = {name: seals for name, seals in (noted or {}).items() if name not in gone}

@@ -52,13 +52,7 @@ class Staircase:
         return replace(self, level=level, row=0, moves=(*self.moves, move), turned=turns)
 
     def threshold(self, *, last: int = 6) -> float:
-        """Mean level of the last reversals.
-
-        Raises
-        ------
-        InputError
-            If there were fewer than `last` reversals.
-        """
+        """Mean level of the last reversals; raises InputError if there are fewer than `last`."""
         if len(self.turned) < last or last < 1:
             raise InputError(f"staircase: expected {last} or more reversals, got {len(self.turned)}; run more trials")
         return float(np.mean(self.turned[-last:]))

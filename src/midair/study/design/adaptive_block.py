@@ -47,13 +47,8 @@ def threshold(plan: Plan, progress: SessionState, block_name: str) -> tuple[floa
     """Threshold of one participant from an adaptive block and its standard deviation, in the unit of the levels.
 
     QUEST+: mean and standard deviation of the posterior. Staircase: mean level of the last six reversals; NaN for the
-    deviation. The exclusion rules of the plan apply.
-
-    Raises
-    ------
-    InputError
-        If the block is not adaptive or not finished, if the exclusion rules leave no answers, or if a staircase has
-        fewer than six reversals.
+    deviation. The exclusion rules apply. Raises InputError if the block is not adaptive or not finished, has no valid
+    answers, or if a staircase has fewer than six reversals.
     """
     block = plan.design.block(block_name)
     if not block.adaptive:

@@ -14,18 +14,8 @@ Item = TypeVar("Item")
 def balanced_latin_square(count: int) -> list[list[int]]:
     """Orders of `count` conditions that balance position and immediate carry-over.
 
-    The design of Williams (1949): each row is 0, 1, n-1, 2, n-2, ... plus the row number; for an odd count the reversed
-    rows are added.
-
-    Parameters
-    ----------
-    count : int
-        Number of conditions, 1 or more.
-
-    Returns
-    -------
-    list of list of int
-        `count` rows, or twice as many for an odd count above 1.
+    The design of Williams (1949): each row is 0, 1, n-1, 2, n-2, ... plus the row number, so `count` rows; for an odd
+    count above 1 the reversed rows are added.
     """
     if count < 1:
         raise InputError(f"Latin square: expected 1 condition or more, got {count}")
@@ -37,22 +27,10 @@ def balanced_latin_square(count: int) -> list[list[int]]:
 def constrained_shuffle(
     items: Sequence[Item], *, rng: np.random.Generator, longest_run: int = 0, tries: int = 1000
 ) -> list[Item]:
-    """Random order in which no item stands more than `longest_run` times in a row.
+    """Random order in which no item stands more than `longest_run` times in a row (0: no limit).
 
     All such orders are equally likely (rejection sampling), unless `tries` shuffles find none; then one order is built
-    item by item.
-
-    Parameters
-    ----------
-    items : sequence
-        Items to shuffle, with repetitions.
-    longest_run : int
-        0 for no limit.
-
-    Raises
-    ------
-    InputError
-        If no order keeps the limit.
+    item by item. Raises InputError if no order keeps the limit.
     """
     if longest_run:
         _check_feasible(items, longest_run)

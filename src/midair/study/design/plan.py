@@ -67,26 +67,14 @@ class Plan:
             object.__setattr__(self, "digest", digest)
 
     def trial(self, code: str) -> Trial:
-        """Trial with this code.
-
-        Raises
-        ------
-        InputError
-            If no trial has this code.
-        """
+        """Trial with this code; raises InputError if there is none."""
         for trial in self.trials:
             if trial.code == code:
                 return trial
         raise InputError(f"trial: expected the code of one of {len(self.trials)} trials, got {code!r}")
 
     def of(self, participant: int) -> tuple[Trial, ...]:
-        """Trials of one participant.
-
-        Raises
-        ------
-        InputError
-            If no trials were drawn for this number.
-        """
+        """Trials of one participant; raises InputError if none were drawn for this number."""
         found = tuple(trial for trial in self.trials if trial.participant == participant)
         if not found:
             raise InputError(
@@ -108,15 +96,10 @@ def digest_of(
 
 
 def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Plan:
-    """Draw all trials from the seed of the design.
+    """Draw all trials from the seed of the design; `drives` gives the SHA-256 of each drive for the plan.
 
     Each participant has an independent random stream: a larger number of participants does not change the others'
     trials. Pairs in either order become two stimuli, see `both_orders`.
-
-    Parameters
-    ----------
-    drives : mapping of str to str, optional
-        SHA-256 of each drive, stored in the plan.
 
     Raises
     ------

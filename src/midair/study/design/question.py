@@ -82,13 +82,7 @@ class Question:
         return {answer: answer for answer in self.answers} if all(len(answer) == 1 for answer in self.answers) else {}
 
     def read(self, text: str) -> str:
-        """Parse an answer; the number of an option or an unambiguous beginning of it selects the option.
-
-        Raises
-        ------
-        InputError
-            If the text is no valid answer to this question.
-        """
+        """Parse an answer; the number or an unambiguous beginning of an option selects it. InputError if invalid."""
         said = text.strip()
         if self.kind == "magnitude":
             return _number(said, 0, float("inf"), "a number of 0 or more")

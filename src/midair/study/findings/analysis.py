@@ -39,14 +39,7 @@ class Report:
 def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     """Run every analysis that the data allow; the report gives the reason for each that cannot be computed.
 
-    Parameters
-    ----------
-    data : StudyData
-        Answers.
-    seed : int
-        Seed of permutations and simulated data; stored in the report.
-    draws : int
-        Number of permutations.
+    `seed` is that of permutations and simulated data, `draws` the number of permutations.
     """
     rng = np.random.default_rng(seed)
     choices, failed = confusions(data)

@@ -14,15 +14,15 @@ class SimulatedParticipant:
     """Simulated observer of signal detection theory.
 
     - Choice: every option has a normal internal value with standard deviation 1 and mean d' for the correct option, 0
-    for the others, plus the participant's bias for the option; the largest is chosen.
+      for the others, plus the participant's bias for the option; the largest is chosen.
     - Yes-no: "yes" if a normal value with mean d' (0 for silence) exceeds d'/2. Same-different: "different" if two
-    normal values, d' apart for different stimuli, differ by more than d'/2 + 1/2.
+      normal values, d' apart for different stimuli, differ by more than d'/2 + 1/2.
     - Rating: the middle of the scale, plus `rating_effect` / 2 steps (minus for a question about another object), plus
-    the participant's level, plus normal noise, rounded to the scale.
+      the participant's level, plus normal noise, rounded to the scale.
     - Slider: as a rating, without rounding. Texts are SIMULATED. Attention checks are answered correctly.
     - Magnitude: log-normal, `magnitude` times the participant's unit.
     - In adaptive blocks, d' is that of the geometric mean of the strengths and proportional to the strength; the yes-no
-    criterion is 1.5, so that 7 % of silences are false alarms.
+      criterion is 1.5, so that 7 % of silences are false alarms.
     - A lapse is a random answer. Reaction times are log-normal with a median of 0.9 s.
 
     Each answer depends only on the seed, the participant, the trial and the question: an interrupted and resumed

@@ -60,12 +60,9 @@ class ArrayPresenter:
     """Set when silence is requested."""
 
     def check(self, stimuli: tuple[Stimulus, ...]) -> None:
-        """Check the exposure of every drive, so that a missing or too strong drive stops the session before it begins.
+        """Check the exposure of every drive before the session.
 
-        Raises
-        ------
-        InputError
-            If a drive belongs to another array, or exceeds the exposure profile.
+        Raises InputError if a drive belongs to another array, or exceeds the exposure profile.
         """
         for stimulus in stimuli:
             if stimulus.kind == "drive":
@@ -75,13 +72,7 @@ class ArrayPresenter:
                     raise type(wrong)(f"{stimulus.source}: {wrong}") from wrong
 
     def present(self, stimulus: Stimulus) -> None:
-        """Present a stimulus; played drives are logged.
-
-        Raises
-        ------
-        SilentFramesError
-            If the array was silent during or at the end of the drive because frames were late.
-        """
+        """Present a stimulus and log played drives; raises SilentFramesError if late frames caused silence."""
         self.ended.clear()
         if stimulus.kind == "silence":
             self.ended.wait(self.silence_s)

@@ -146,18 +146,9 @@ class Session:
     def present(self, cue: Callable[[str], None] | None = None) -> None:
         """Present the stimulus of the current step after its planned delay; return when it has ended.
 
-        If the array did not play it completely, the failure is logged and the trial is repeated after a message to the
-        participant.
-
-        Parameters
-        ----------
-        cue : callable, optional
-            Called with the cue when a stimulus begins, and with "" after the last one.
-
-        Raises
-        ------
-        SilentFramesError
-            If the presentation failed `ATTEMPTS` times in a row.
+        `cue` is called with the cue when a stimulus begins, and with "" after the last one. If the array did not play
+        it completely, the failure is logged and the trial is repeated after a message to the participant; after
+        `ATTEMPTS` failures in a row SilentFramesError is raised.
         """
         step = self._expect("present")
         trial = self._trials[step.code]
@@ -174,17 +165,9 @@ class Session:
             self._advance()
 
     def answer(self, reply: Reply) -> str:
-        """Store the answer to the current question on disk.
+        """Store the answer to the current question on disk and return it, "n/a" after the time limit.
 
-        Returns
-        -------
-        str
-            Stored answer; "n/a" if the time limit had passed.
-
-        Raises
-        ------
-        InputError
-            If the text is no valid answer; the question stays current.
+        Raises InputError if the text is no valid answer; the question stays current.
         """
         step = self._expect("ask")
         question = step.question

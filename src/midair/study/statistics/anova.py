@@ -56,13 +56,13 @@ def rm_anova(
     of c), M the group means of Z, D the diagonal of 1 / group size, and S the pooled covariance of Z within groups:
 
     - F = tr[(c M)' (c D c')^-1 (c M)] / (r tr S), with r d and d (n - G) degrees of freedom. These are type III sums of
-    squares: unweighted group means.
+      squares: unweighted group means.
     - Greenhouse and Geisser (1959): eps_GG = tr(S)^2 / (d sum S^2).
     - Huynh and Feldt (1976): eps_HF = ((n - G + 1) d eps_GG - 2) / (d (n - G - d eps_GG)). The returned value may
-    exceed 1; its p-value uses at most 1.
+      exceed 1; its p-value uses at most 1.
     - Mauchly (1940): W = det S / (tr S / d)^d, with p from the second-order expansion of Box (1949).
     - Partial eta squared np2, and generalised eta squared ges of Olejnik and Algina (2003) with all factors
-    manipulated.
+      manipulated.
 
     Several answers in one cell are averaged first.
 

@@ -35,12 +35,8 @@ def cell_means(
 ) -> CellMeans:
     """Average the trials of each participant in each cell.
 
-    Raises
-    ------
-    InputError
-        If a column is missing, a factor has one level, or a participant has an empty cell.
-    NonFiniteError
-        If a value is missing or infinite.
+    Raises InputError if a column is missing, a factor has one level or a cell is empty, NonFiniteError for a missing
+    value.
     """
     data = frame_of(table)
     values = numbers(data, value)

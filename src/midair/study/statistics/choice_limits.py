@@ -81,20 +81,11 @@ def kappa_limits(by_person: Counts) -> Interval:
 
 
 def two_answers_limits(measure: Callable[[int, int, int, int], Sensitivity], by_person: Counts) -> Interval:
-    """Confidence interval of d' of yes-no or same-different answers.
+    """Confidence interval of d' of yes-no or same-different answers, by `d_prime_yes_no` or `d_prime_same_different`.
 
-    Parameters
-    ----------
-    measure : callable
-        `d_prime_yes_no` or `d_prime_same_different`.
-    by_person : ndarray of int, shape (participant, 4)
-        Hits, signals, false alarms, blanks.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than five participants, or fewer than 60 (yes-no) or 240 (same-different) signals or blanks
-        in all. With same-different answers and a true d' of 0.5, coverage is 0.89 with 60 trials and 0.92 with 120.
+    `by_person` has the shape (participant, 4): hits, signals, false alarms, blanks. Raises InputError for fewer than
+    five participants, or fewer than 60 (yes-no) or 240 (same-different) signals or blanks in all. With same-different
+    answers and a true d' of 0.5, coverage is 0.89 with 60 trials and 0.92 with 120.
     """
     fewest, needed = int(by_person[:, [1, 3]].sum(axis=0).min()), 60 if measure is d_prime_yes_no else 240
     if len(by_person) >= 5 and fewest < needed:

@@ -18,13 +18,7 @@ Array = NDArray[np.float64]
 
 
 def frame_of(table: DataFrame | Mapping[str, Any]) -> DataFrame:
-    """Copy a frame or a dict of arrays to a DataFrame with the index 0, 1, 2, ...
-
-    Raises
-    ------
-    ShapeError
-        If the columns differ in length or have more than one axis.
-    """
+    """DataFrame with the index 0, 1, 2, ...; raises ShapeError unless all columns have one axis and the same length."""
     from pandas import DataFrame, Series
 
     shapes = {str(name): np.shape(table[name]) for name in table}
@@ -35,15 +29,7 @@ def frame_of(table: DataFrame | Mapping[str, Any]) -> DataFrame:
 
 
 def column(frame: DataFrame, name: str) -> Series:
-    """Column with a value in every row.
-
-    Raises
-    ------
-    InputError
-        If the column is missing.
-    NonFiniteError
-        If a value is missing.
-    """
+    """Column with a value in every row; raises InputError if it is missing, NonFiniteError if a value is."""
     values = _found(frame, name)
     if values.isna().any():
         first = int(values.isna().argmax())
@@ -52,15 +38,7 @@ def column(frame: DataFrame, name: str) -> Series:
 
 
 def numbers(frame: DataFrame, name: str) -> Array:
-    """Column as finite float64.
-
-    Raises
-    ------
-    InputError
-        If the column is missing, empty or not numeric.
-    NonFiniteError
-        If a value is missing or infinite.
-    """
+    """Column as finite float64; raises InputError if missing, empty or not numeric, NonFiniteError if not finite."""
     column = _found(frame, name)
     try:
         values = np.array(column.to_numpy(float, na_value=np.nan))

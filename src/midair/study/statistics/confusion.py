@@ -109,15 +109,8 @@ def confusion_matrix(
 def f_measure(counts: NDArray[Any]) -> Array:
     """F of each object: 2 hits / (presented + answered), the harmonic mean of precision and recall.
 
-    Parameters
-    ----------
-    counts : ndarray, shape (..., presented, answered)
-        Number of trials.
-
-    Returns
-    -------
-    ndarray, shape (..., object)
-        0 for an object that was neither presented nor answered.
+    From counts of shape (..., presented, answered) to (..., object); 0 for an object that was neither presented nor
+    answered.
     """
     counts = np.asarray(counts, float)
     hits = np.diagonal(counts, axis1=-2, axis2=-1)
@@ -158,10 +151,7 @@ def scores(confusion: Confusion, *, level: float = 0.95) -> DataFrame:
 def wilson(hits: Any, total: Any, *, level: float = 0.95) -> tuple[Array, Array]:
     """Wilson's (1927) confidence interval of a proportion; arrays broadcast.
 
-    Raises
-    ------
-    InputError
-        If a total is below 1 or hits lie outside 0 to total.
+    Raises InputError if a total is below 1 or hits lie outside 0 to total.
     """
     from scipy.stats import norm
 
@@ -176,15 +166,10 @@ def wilson(hits: Any, total: Any, *, level: float = 0.95) -> tuple[Array, Array]
 
 
 def chance_macro_f(confusion: Confusion, *, rng: np.random.Generator, draws: int = 10_000) -> Chance:
-    """Permutation test of macro F against answers that are independent of the objects.
+    """Permutation test of macro F against answers that are independent of the objects (one-sided p-value).
 
     Each participant's answers are shuffled over that participant's trials, which keeps the number of presentations and
     answers of each object.
-
-    Returns
-    -------
-    Chance
-        Observed value, permutation distribution, and one-sided p-value.
     """
     total = np.zeros((draws, *confusion.counts.shape))
     for counts in confusion.by_person:
@@ -197,15 +182,8 @@ def chance_macro_f(confusion: Confusion, *, rng: np.random.Generator, draws: int
 def cohen_kappa(counts: NDArray[Any]) -> float:
     """Chance-corrected agreement of answers with objects (Cohen, 1960): (share - chance) / (1 - chance).
 
-    Parameters
-    ----------
-    counts : ndarray, shape (presented, answered)
-        Number of trials; answers beyond the objects are wrong.
-
-    Returns
-    -------
-    float
-        1 if all answers are correct, 0 at the agreement expected by chance from the marginal counts.
+    `counts` has the shape (presented, answered); answers beyond the objects are wrong. 1 if all answers are correct, 0
+    at the agreement expected from the marginal counts.
     """
     counts = np.asarray(counts, float)
     if counts.ndim != 2 or counts.shape[0] > counts.shape[1] or counts.sum() <= 0:

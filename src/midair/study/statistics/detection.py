@@ -87,14 +87,10 @@ def d_prime_of_share(share: float, *, alternatives: int) -> float:
 
 
 def d_prime_choice(correct: int, total: int, *, alternatives: int, level: float = 0.95) -> Sensitivity:
-    """D' of a forced choice among m alternatives, for an observer without bias.
+    """Sensitivity d' of a forced choice among m alternatives, for an observer without bias.
 
-    A rate of 0 or 1 is replaced by (hits + 1/2) / (total + 1). The limits are those of Wilson's interval of the rate.
-
-    Raises
-    ------
-    InputError
-        If `correct` lies outside 0 to `total`, or `total` is below 1.
+    A rate of 0 or 1 is replaced by (hits + 1/2) / (total + 1). The limits are those of Wilson's interval of the rate,
+    whose InputError applies.
     """
     low, high = wilson(correct, total, level=level)
     corrected = correct in (0, total)
@@ -159,15 +155,10 @@ def d_prime_same_different(hits: int, different: int, false_alarms: int, same: i
 
 
 def choice_model(counts: NDArray[Any]) -> ChoiceModel:
-    """Fit Luce's choice model to a confusion matrix.
+    """Fit Luce's choice model to counts of shape (presented, answered); 1/2 is added to every cell if one is empty.
 
     Maximum likelihood by iterative proportional fitting of quasi-symmetry: the fit reproduces the row sums, the column
     sums and n_ij + n_ji of the data (Bishop, Fienberg and Holland, Discrete Multivariate Analysis, 1975, 8.2).
-
-    Parameters
-    ----------
-    counts : ndarray, shape (presented, answered)
-        Number of trials; 1/2 is added to every cell if one is empty.
     """
     from scipy.stats import chi2
 

@@ -187,7 +187,7 @@ def right_answers(
     if not np.isin(y, (0.0, 1.0)).all():
         raise InputError(f"column {correct!r}: expected 0 and 1, got {np.unique(y)[:5].tolist()}")
     if len(np.unique(y)) < 2:
-        raise InputError(f"column {correct!r}: expected correct and wrong answers, got only {y[0]:g}; the model needs both")
+        raise InputError(f"column {correct!r}: expected both correct and wrong answers, got only {y[0]:g}")
     people, person = levels(column(data, participant))
     if len(people) < 2:
         raise InputError("participants: expected two or more for a mixed model, got 1")

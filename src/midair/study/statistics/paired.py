@@ -62,14 +62,7 @@ def paired_t(first: Sequence[float] | Array, second: Sequence[float] | Array, *,
 
 
 def equivalence(first: Sequence[float] | Array, second: Sequence[float] | Array, *, margin: float) -> Equivalence:
-    """Test whether two conditions are equivalent within a margin: TOST (Schuirmann, 1987).
-
-    Parameters
-    ----------
-    first, second : sequence of float, length pair
-        One value per participant in each condition.
-    margin : float
-        Equivalence margin, chosen before the data are seen.
+    """Test whether two conditions are equivalent within a margin that was chosen beforehand: TOST (Schuirmann, 1987).
 
     Raises
     ------
@@ -88,17 +81,12 @@ def equivalence(first: Sequence[float] | Array, second: Sequence[float] | Array,
 
 
 def bayes_factor(t: float, n: int, *, width: float = 2**-0.5) -> float:
-    """Bayes factor BF10 of a paired t-test (Rouder et al., 2009); values below 1 favour no difference.
+    """Bayes factor BF10 of a paired t-test with n pairs (Rouder et al., 2009); values below 1 favour no difference.
 
-    The effect has a Cauchy prior of the given width under the alternative: the integral over g of (1 + n g)^(-1/2) (1 +
-    t^2 / ((1 + n g) df))^(-n/2) with g inverse-gamma(1/2, width^2/2), over (1 + t^2 / df)^(-n/2).
-
-    Parameters
-    ----------
-    n : int
-        Number of pairs, 2 or more.
-    width : float
-        Scale of the prior, in units of d_z.
+    Under the alternative, the effect has a Cauchy prior of the given width in units of d_z. BF10 is the integral over g
+    of
+    (1 + n g)^(-1/2) (1 + t^2 / ((1 + n g) df))^(-n/2) with g inverse-gamma(1/2, width^2/2), divided by
+    (1 + t^2 / df)^(-n/2).
     """
     from scipy.integrate import quad
 
@@ -118,13 +106,7 @@ def bayes_factor(t: float, n: int, *, width: float = 2**-0.5) -> float:
 
 
 def holm(p: Sequence[float] | Array) -> Array:
-    """P-values corrected for multiple tests (Holm, 1979), in the given order.
-
-    Raises
-    ------
-    NonFiniteError
-        If a p-value is NaN: remove tests that could not be computed first.
-    """
+    """P-values corrected for multiple tests (Holm, 1979), in the given order; raises NonFiniteError for NaN."""
     raw = np.asarray(p, float)
     if not np.isfinite(raw).all():
         raise NonFiniteError("p-values: expected numbers, got NaN; remove the tests that could not be computed")

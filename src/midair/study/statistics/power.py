@@ -41,14 +41,7 @@ class Power:
 def power_paired_t(participants: int, *, d_z: float, alpha: float = 0.05) -> float:
     """Power of a two-sided paired t-test, from the noncentral t distribution.
 
-    Parameters
-    ----------
-    participants : int
-        Number of pairs.
-    d_z : float
-        True mean difference over the standard deviation of the differences.
-    alpha : float
-        Significance level.
+    `d_z` is the true mean difference over the standard deviation of the differences, `alpha` the significance level.
     """
     from scipy.stats import nct
     from scipy.stats import t as t_distribution
@@ -62,13 +55,7 @@ def power_paired_t(participants: int, *, d_z: float, alpha: float = 0.05) -> flo
 
 
 def participants_for_paired_t(*, d_z: float, power: float = 0.8, alpha: float = 0.05, most: int = 10_000) -> int:
-    """Smallest number of pairs that reaches a power.
-
-    Raises
-    ------
-    InputError
-        If `most` pairs do not reach it.
-    """
+    """Smallest number of pairs that reaches a power; raises InputError if `most` pairs do not reach it."""
     low, high = 1, 2
     while power_paired_t(high, d_z=d_z, alpha=alpha) < power:
         low, high = high, 2 * high

@@ -76,15 +76,7 @@ def derive(published: Published | None = None) -> DataFrame:
 def chance_of_published(
     value: float = 1 / 3, *, rng: np.random.Generator, draws: int = 20_000, published: Published | None = None
 ) -> Chance:
-    """Macro F of participants who answer at random, for the paper's number of trials on one surface.
-
-    Parameters
-    ----------
-    value : float
-        Macro F that is compared with chance.
-    draws : int
-        Number of simulated studies.
-    """
+    """Macro F of participants who answer at random, with the paper's number of trials; `value` is compared."""
     paper = published or Published()
     size = paper.objects
     counts = rng.multinomial(paper.trials_an_object, [1 / size] * size, size=(draws, size))

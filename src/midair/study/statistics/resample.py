@@ -61,16 +61,9 @@ def percentile_p(value: float, distribution: Array) -> float:
 def sign_flip(z: NDArray[Any], *, rng: np.random.Generator, draws: int = 10_000) -> float:
     """Two-sided p-value of a nonzero mean by flipping the signs of whole participants.
 
-    Exact over all 2^n sign patterns for up to 13 participants; random sign patterns for more.
-
-    Parameters
-    ----------
-    z : ndarray, shape (participant,) or (participant, contrast)
-        Difference, or contrasts of one effect, of each participant; symmetric about zero under the null hypothesis.
-    rng : Generator
-        Draws the random sign patterns.
-    draws : int
-        Number of random sign patterns.
+    `z`, shape (participant,) or (participant, contrast), holds a difference or the contrasts of one effect, symmetric
+    about zero under the null hypothesis. Exact over all 2^n sign patterns for up to 13 participants, `draws` random
+    patterns for more.
 
     Returns
     -------
