@@ -86,12 +86,12 @@ def prepare_drives(
     drives = [one for one in design.stimuli if one.kind == "drive"]
     # If several stimuli share a drive, the one with `made_from` is used.
     wanted = {one.source: one for one in sorted(drives, key=lambda one: bool(one.made_from))}
-    _all_there(wanted, found_in)
+    _check_sources(wanted, found_in)
     gathered: list[StudyDrive] = []
     for source, stimulus in sorted(wanted.items()):
         target = into / source
         target.parent.mkdir(parents=True, exist_ok=True)
-        ready, recording = _places(source, found_in)
+        ready, recording = _find_source(source, found_in)
         how: Literal["found", "solved", "virtual"]
         if ready is not None:
             how = "found"
@@ -103,10 +103,10 @@ def prepare_drives(
         else:
             # At 4 kHz a simulated drive would take four times as long and four times the disk space.
             how, chosen = "virtual", settings or MODES[mode]().but(rate=1000.0)
-            _solve(_virtual(stimulus.made_from, chosen, seed), chosen, target, stage(source))
+            _solve(_virtual_pressure(stimulus.made_from, chosen, seed), chosen, target, stage(source))
         target.chmod(0o600)
-        gathered.append(StudyDrive(source=source, how=how, duration=_checked(target), digest=digest_of_file(target)))
-    _one_array([into / one.source for one in gathered])
+        gathered.append(StudyDrive(source=source, how=how, duration=_duration(target), digest=digest_of_file(target)))
+    _check_same_array([into / one.source for one in gathered])
     return gathered
 
 
@@ -133,7 +133,7 @@ def check_digests(folder: Path, drives: Mapping[str, str], stimuli: tuple[Stimul
             )
 
 
-def _places(source: str, folder: Path | None) -> tuple[Path | None, Path | None]:
+def _find_source(source: str, folder: Path | None) -> tuple[Path | None, Path | None]:
     """Drive and recording of a source in a folder, None where missing."""
     if folder is None:
         return None, None
@@ -141,11 +141,11 @@ def _places(source: str, folder: Path | None) -> tuple[Path | None, Path | None]
     return ready if ready.is_file() else None, recording if recording.is_file() and recording != ready else None
 
 
-def _all_there(wanted: Mapping[str, Stimulus], folder: Path | None) -> None:
+def _check_sources(wanted: Mapping[str, Stimulus], folder: Path | None) -> None:
     missing = [
         source
         for source, one in sorted(wanted.items())
-        if not any(_places(source, folder)) and not (folder is None and one.made_from)
+        if not any(_find_source(source, folder)) and not (folder is None and one.made_from)
     ]
     if missing:
         names = ", ".join(missing)
@@ -156,7 +156,7 @@ def _all_there(wanted: Mapping[str, Stimulus], folder: Path | None) -> None:
         )
 
 
-def _virtual(name: str, settings: Settings, seed: int) -> PressureFrames:
+def _virtual_pressure(name: str, settings: Settings, seed: int) -> PressureFrames:
     rig = VirtualRig(seed=seed, height=settings.target.grid.height)
     with sensor_named(name, rig) as touched:
         recording = capture_recording(touched, 1.28 if "am-" not in name else 0.5)
@@ -169,7 +169,7 @@ def _solve(pressure: PressureFrames, settings: Settings, target: Path, progress:
     save_solutions(parts, target, frames=wanted.frames, target=wanted)
 
 
-def _checked(path: Path) -> float:
+def _duration(path: Path) -> float:
     """Duration of a drive in s; raises BrokenFileError if all its frames are silent."""
     solution = load_solution(path, streamed=True)
     if all(status == "silent" for status in solution.status):
@@ -177,7 +177,7 @@ def _checked(path: Path) -> float:
     return solution.drive.frames / solution.drive.rate
 
 
-def _one_array(paths: list[Path]) -> None:
+def _check_same_array(paths: list[Path]) -> None:
     arrays = {path.name: load_solution(path, streamed=True).drive.array for path in paths}
     first = next(iter(arrays.values()), None)
     for name, array in arrays.items():

@@ -61,7 +61,7 @@ def read_design(text: str, *, name: str = "", participants: int = 0, seed: int |
     try:
         return design.validate_python((raw,))[0]
     except ValidationError as wrong:
-        raise _in_words(wrong) from wrong
+        raise _input_error(wrong) from wrong
 
 
 class StudyFolder:
@@ -129,7 +129,7 @@ class StudyFolder:
         return replay(read_events(log, chained=plan.chain), plan, participant, name=log.name)
 
 
-def _in_words(wrong: ValidationError) -> InputError:
+def _input_error(wrong: ValidationError) -> InputError:
     """Error of the design itself, or the pydantic error with its position in the TOML."""
     first = wrong.errors()[0]
     refused = first.get("ctx", {}).get("error")

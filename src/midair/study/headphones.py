@@ -36,9 +36,9 @@ class Headphones:
         # Full scale is 1; the rms of a full-scale sine is 1/sqrt 2, of uniform noise its bound/sqrt 3.
         self._bound = 10 ** (noise.level_dbfs / 20) * np.sqrt(1.5)
         self._gain = 0.0
-        self._wanted = 0.0
+        self._target = 0.0
         self._lock = Lock()
-        self._there = Event()
+        self._reached = Event()
         self._stream: Any = None
 
     def __enter__(self) -> Self:
@@ -69,17 +69,17 @@ class Headphones:
 
     def on(self) -> None:
         """Fade the noise in; return at its full level. Raises DeviceError if the sound card accepts no samples."""
-        self._go(1.0)
+        self._ramp_to(1.0)
 
     def off(self) -> None:
         """Fade the noise out; return when it is silent."""
-        self._go(0.0)
+        self._ramp_to(0.0)
 
-    def _go(self, gain: float) -> None:
+    def _ramp_to(self, gain: float) -> None:
         with self._lock:
-            self._there.clear()
-            self._wanted = gain
-        if not self._there.wait(self.noise.ramp_s + 2):
+            self._reached.clear()
+            self._target = gain
+        if not self._reached.wait(self.noise.ramp_s + 2):
             raise DeviceError(
                 "headphones: expected the sound card to accept samples, it accepted none for 2 s; check the output"
             )
@@ -87,7 +87,7 @@ class Headphones:
     def _fill(self, out: NDArray[np.float32], frames: int, _time: Any, status: Any) -> None:
         """Callback of the sound card, in its own thread: fill the next frames."""
         self.underflows += bool(status)
-        wanted = self._wanted
+        wanted = self._target
         step = 1 / (self.noise.ramp_s * self.rate)
         path = self._gain + np.sign(wanted - self._gain) * step * np.arange(1, frames + 1)
         low, high = sorted((self._gain, wanted))
@@ -96,8 +96,8 @@ class Headphones:
         self._gain = float(gain[-1])
         with self._lock:
             # The target may have changed in the meantime.
-            if self._gain == self._wanted:
-                self._there.set()
+            if self._gain == self._target:
+                self._reached.set()
 
 
 def _sounddevice() -> Any:

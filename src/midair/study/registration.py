@@ -96,11 +96,11 @@ def plan_parts(plan: Plan, *, runs: int = 500) -> list[PlanPart]:
 
 def exclusions_in_words(rules: Exclusions) -> tuple[str, ...]:
     """Exclusion rules, one sentence each."""
-    said = [
+    sentences = [
         f"Answers faster than {rules.fastest_s:g} s." if rules.fastest_s else "",
         f"Answers slower than {rules.slowest_s:g} s." if rules.slowest_s else "",
-        _people(rules.attention, "attention checks"),
-        _people(rules.catch, "catch trials"),
+        _participants_below(rules.attention, "attention checks"),
+        _participants_below(rules.catch, "catch trials"),
         f"Participants who exceed the time limit in more than {100 * rules.timeouts:g} % of the questions."
         if rules.timeouts < 1
         else "",
@@ -108,13 +108,13 @@ def exclusions_in_words(rules: Exclusions) -> tuple[str, ...]:
         "Trials whose presentation failed and was repeated." if rules.failed_plays else "",
         "Participants with unfinished sessions." if rules.unfinished else "",
     ]
-    return tuple(line for line in said if line) or ("No participants; only answers after the time limit.",)
+    return tuple(line for line in sentences if line) or ("No participants; only answers after the time limit.",)
 
 
 def analysis_in_words(analysis: Analysis) -> tuple[str, ...]:
     """Planned analyses, one sentence each."""
     only = ", ".join(f"{factor} is {level}" for factor, level in analysis.only.items())
-    said = [
+    sentences = [
         f"Analysed trials: {only}." if only else "",
         f"Answers to “{analysis.choice}”: confusion matrix, F-measures, permutation test of macro F."
         if analysis.choice
@@ -134,10 +134,10 @@ def analysis_in_words(analysis: Analysis) -> tuple[str, ...]:
         if analysis.strength
         else "",
     ]
-    return tuple(line for line in said if line) or ("No analyses are planned.",)
+    return tuple(line for line in sentences if line) or ("No analyses are planned.",)
 
 
-def _people(share: float, what: str) -> str:
+def _participants_below(share: float, what: str) -> str:
     return f"Participants with correct answers in fewer than {100 * share:g} % of the {what}." if share else ""
 
 

@@ -26,7 +26,7 @@ def report_page(report: Report, *, title: str, within: tuple[str, ...] = ()) -> 
         title=title,
         simulated=report.simulated,
         pictures=study_pictures(report, within=within),
-        findings=[_shown(finding) for finding in report.findings],
+        findings=[_table_context(finding) for finding in report.findings],
         notes=f"midair {__version__}; seed of permutations {report.seed}.",
     )
 
@@ -99,21 +99,21 @@ def _rating_panels(ratings: DataFrame, within: tuple[str, ...], *, simulated: bo
         yield Picture(title=title, data=png(figure))
 
 
-def _shown(finding: Finding) -> dict[str, Any]:
+def _table_context(finding: Finding) -> dict[str, Any]:
     table = finding.table
     if table is None:
         return {"title": finding.title, "words": finding.words, "names": [], "rows": [], "legend": []}
     shown = table.loc[:, (table != "").any()]
     names = [str(name) for name in shown.columns]
     rows = [
-        [_cell(name, value) for name, value in zip(names, row, strict=True)]
+        [_cell_text(name, value) for name, value in zip(names, row, strict=True)]
         for row in shown.itertuples(index=False, name=None)
     ]
     legend = [(name, meaning) for name, meaning in finding.legend if name in names]
     return {"title": finding.title, "words": finding.words, "names": names, "rows": rows, "legend": legend}
 
 
-def _cell(name: str, value: object) -> str:
+def _cell_text(name: str, value: object) -> str:
     if isinstance(value, float):
         if math.isnan(value):
             return "none"

@@ -58,7 +58,7 @@ def read_csv(path: Path) -> DataFrame:
 
     Raises MissingFileError, or BrokenFileError if the file is no such table.
     """
-    return _typed(_words(path))
+    return _typed(_read_fields(path))
 
 
 def write_bids(
@@ -134,14 +134,14 @@ def read_bids(folder: Path) -> DataFrame:
     files = list(dict.fromkeys(files))
     if not files:
         raise MissingFileError(f"{folder.name}: expected sub-*/beh/*_beh.tsv, got none; is this a BIDS dataset?")
-    parts = [DataFrame({"participant": file.name.split("_")[0], **_words(file)}) for file in files]
+    parts = [DataFrame({"participant": file.name.split("_")[0], **_read_fields(file)}) for file in files]
     words = concat(parts, ignore_index=True).fillna("n/a").rename(columns={"response_time": "reaction_s"})
     if "correct" in words:
         words["correct"] = words["correct"].replace("n/a", "-1")
     return _typed(words, but=("answer", "right"))
 
 
-def _words(path: Path) -> DataFrame:
+def _read_fields(path: Path) -> DataFrame:
     """Fields of a table as text.
 
     Read line by line: pandas fills short lines, shifts lines that end in a comma, and reads "n/a" as missing.
@@ -171,10 +171,10 @@ def _words(path: Path) -> DataFrame:
 
 def _typed(words: DataFrame, *, but: Sequence[str] = ()) -> DataFrame:
     names = [name for name in words.columns.tolist() if name not in but]
-    return words.assign(**{name: _values(words.loc[:, name]) for name in names})
+    return words.assign(**{name: _typed_column(words.loc[:, name]) for name in names})
 
 
-def _values(column: Series) -> Series:
+def _typed_column(column: Series) -> Series:
     if column.isin(["true", "false", "True", "False"]).all():
         return column.str.lower() == "true"
     try:
@@ -243,10 +243,10 @@ def _sidecar(table: DataFrame, design: Design) -> dict[str, Any]:
     }
     columns["response_time"]["Units"] = columns["time"]["Units"] = "s"
     columns["question"]["Levels"] = {question.name: question.text for question in design.questions}
-    told = [text for text in (design.consent, *(block.text for block in design.blocks)) if text]
+    instructions = [text for text in (design.consent, *(block.text for block in design.blocks)) if text]
     task = {"TaskName": design.name, "TaskDescription": design.title or design.name}
     task |= {"InstitutionName": design.institution} if design.institution else {}
-    return {**task, "Instructions": " ".join(told), **columns} if told else {**task, **columns}
+    return {**task, "Instructions": " ".join(instructions), **columns} if instructions else {**task, **columns}
 
 
 def _json(path: Path, content: Mapping[str, Any]) -> Path:

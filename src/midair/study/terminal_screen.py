@@ -62,12 +62,12 @@ class TerminalScreen:
         for line in _menu(question):
             self._console.print(f"  {_plain(line)}")
         if self._keyboard and question.keys:
-            return self._pressed(self._keyboard, question)
+            return self._read_key(self._keyboard, question)
         if self._keyboard and question.kind == "slider":
-            return self._slid(self._keyboard, question)
-        return self._typed(question)
+            return self._read_slider(self._keyboard, question)
+        return self._read_line(question)
 
-    def _pressed(self, keyboard: Keyboard, question: Question) -> Reply:
+    def _read_key(self, keyboard: Keyboard, question: Question) -> Reply:
         """Answer of a single key, with its reaction time."""
         with keyboard.listening():
             self._console.print(f"Press {_plain(', '.join(question.keys))}")
@@ -80,7 +80,7 @@ class TerminalScreen:
                     return Reply(text=question.keys[key], reaction_s=reaction, by="key")
             return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
 
-    def _slid(self, keyboard: Keyboard, question: Question) -> Reply:
+    def _read_slider(self, keyboard: Keyboard, question: Question) -> Reply:
         """Position of the slider at Enter; an arrow key must come first."""
         span = question.high - question.low
         moves = {"left": -0.01, "right": 0.01, "down": -0.1, "up": 0.1}
@@ -99,7 +99,7 @@ class TerminalScreen:
                     return Reply(text=text, reaction_s=monotonic() - begin, by="key")
             return Reply(text="", reaction_s=question.timeout_s, by="key", late=True)
 
-    def _typed(self, question: Question) -> Reply:
+    def _read_line(self, question: Question) -> Reply:
         if self._keyboard and question.timeout_s:
             self._console.print("> ", end="")
             if not self._keyboard.line_in(question.timeout_s):

@@ -89,7 +89,7 @@ def verify_study(folder: StudyFolder, *, noted: Mapping[str, Sequence[str]] | No
             "; ".join(part for part in (f"{name}: seal {seal or 'none'}", state, _chain(plan, seal), seals) if part)
         )
     broken = len(lines) - len(sealed)
-    drives, changed = _drives(folder, plan)
+    drives, changed = _check_drives(folder, plan)
     parts = [
         f"plan {plan.digest}",
         drives,
@@ -156,7 +156,7 @@ def _chain(plan: Plan, seal: str) -> str:
     return "the plan requires no chain" + ("" if seal else ": changes cannot be detected")
 
 
-def _drives(folder: StudyFolder, plan: Plan) -> tuple[str, int]:
+def _check_drives(folder: StudyFolder, plan: Plan) -> tuple[str, int]:
     """Comparison of the drives with the plan as text, and the number of changed or missing drives."""
     if not plan.drives:
         return "drawn without drives", 0
@@ -165,5 +165,5 @@ def _drives(folder: StudyFolder, plan: Plan) -> tuple[str, int]:
         for source, digest in plan.drives.items()
         if not (folder.path / source).is_file() or digest_of_file(folder.path / source) != digest
     ]
-    said = f"{len(plan.drives) - len(wrong)} of {len(plan.drives)} drives as in the plan"
-    return said + (f" (changed or missing: {', '.join(wrong)})" if wrong else ""), len(wrong)
+    words = f"{len(plan.drives) - len(wrong)} of {len(plan.drives)} drives as in the plan"
+    return words + (f" (changed or missing: {', '.join(wrong)})" if wrong else ""), len(wrong)

@@ -61,7 +61,7 @@ def withdraw(folder: StudyFolder, participant: int) -> list[str]:
     before = participant in withdrawn(folder)
     if not log.exists() and not before:
         raise InputError(f"participant: expected the number of a participant with a log, got {participant}")
-    said: list[str] = []
+    report: list[str] = []
     if log.exists():
         handle = os.open(log, os.O_RDWR)
         try:
@@ -69,42 +69,42 @@ def withdraw(folder: StudyFolder, participant: int) -> list[str]:
             if not before:
                 _append(folder.path / WITHDRAWN, {"participant": participant})
             lines = log.read_bytes().count(b"\n")
-            said += _out_of_all(folder, person)
+            report += _delete_from_derived(folder, person)
             log.unlink()
         finally:
             os.close(handle)
-        said.append(f"{log.relative_to(folder.path)}: deleted, {lines} lines")
+        report.append(f"{log.relative_to(folder.path)}: deleted, {lines} lines")
     else:
-        said += _out_of_all(folder, person)
-    return said
+        report += _delete_from_derived(folder, person)
+    return report
 
 
-def _out_of_all(folder: StudyFolder, person: str) -> list[str]:
-    said: list[str] = []
+def _delete_from_derived(folder: StudyFolder, person: str) -> list[str]:
+    report: list[str] = []
     for entry in _entries(folder.path / MADE):
         path, kind = Path(entry["path"]), entry["kind"]
         if not path.exists():
-            said.append(f"{path}: not found; if it was moved, delete the participant from it by hand")
+            report.append(f"{path}: not found; if it was moved, delete the participant from it by hand")
         elif kind == "report":
             path.unlink()
-            said.append(f"{path}: deleted; `midair study analyse` creates it again without the participant")
+            report.append(f"{path}: deleted; `midair study analyse` creates it again without the participant")
         elif kind == "csv":
-            said.append(_rows_out(path, ",", person))
+            report.append(_delete_rows(path, ",", person))
         else:
-            said += _out_of_dataset(path, person)
-    return said
+            report += _delete_from_dataset(path, person)
+    return report
 
 
-def _out_of_dataset(path: Path, person: str) -> list[str]:
-    said = [_rows_out(path / "participants.tsv", "\t", person)] if (path / "participants.tsv").exists() else []
+def _delete_from_dataset(path: Path, person: str) -> list[str]:
+    report = [_delete_rows(path / "participants.tsv", "\t", person)] if (path / "participants.tsv").exists() else []
     if (path / person).is_dir():
         files = sum(one.is_file() for one in (path / person).rglob("*"))
         shutil.rmtree(path / person)
-        said.append(f"{path / person}: deleted, {files} files")
-    return said
+        report.append(f"{path / person}: deleted, {files} files")
+    return report
 
 
-def _rows_out(path: Path, separator: str, person: str) -> str:
+def _delete_rows(path: Path, separator: str, person: str) -> str:
     """Remove a participant's rows from a table with the participant in its first column; other bytes stay."""
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
     kept = [line for line in lines if line.partition(separator)[0] != person]

@@ -26,13 +26,13 @@ def left_out(plan: Plan, sessions: Sequence[SessionState]) -> DataFrame:
     """
     from pandas import DataFrame
 
-    rows = [row for session in sessions for row in _broken_rules(plan, session)]
+    rows = [row for session in sessions for row in _violated_rules(plan, session)]
     return DataFrame(rows, columns=["participant", "rule", "value", "limit"])
 
 
 def why_left_out(plan: Plan, session: SessionState) -> str:
     """First rule that excludes the participant of a session; empty if none does."""
-    return next((f"participant: {row['rule']}" for row in _broken_rules(plan, session)), "")
+    return next((f"participant: {row['rule']}" for row in _violated_rules(plan, session)), "")
 
 
 def why_answer_left_out(plan: Plan, session: SessionState, code: str, given: GivenAnswer) -> str:
@@ -47,12 +47,12 @@ def why_answer_left_out(plan: Plan, session: SessionState, code: str, given: Giv
     return "failed play" if rules.failed_plays and session.failed.get(code) else ""
 
 
-def _broken_rules(plan: Plan, session: SessionState) -> list[dict[str, Any]]:
+def _violated_rules(plan: Plan, session: SessionState) -> list[dict[str, Any]]:
     rules = plan.design.exclusions
     person = f"sub-{session.trials[0].participant:02d}"
     found: list[dict[str, Any]] = []
     for role, limit in (("attention", rules.attention), ("catch", rules.catch)):
-        share = _share_right(plan, session, role)
+        share = _share_correct(plan, session, role)
         if share is not None and share < limit:
             found.append({"participant": person, "rule": role, "value": share, "limit": limit})
     late = [given.late for given in session.answers.values()]
@@ -67,7 +67,7 @@ def _broken_rules(plan: Plan, session: SessionState) -> list[dict[str, Any]]:
     return found
 
 
-def _share_right(plan: Plan, session: SessionState, role: str) -> float | None:
+def _share_correct(plan: Plan, session: SessionState, role: str) -> float | None:
     """Share of correct answers in the trials of a role that have a correct answer; None if there are none yet."""
     right = [
         session.answers[trial.code, name].answer == truth

@@ -38,7 +38,7 @@ def constrained_shuffle(
         order = [items[i] for i in rng.permutation(len(items))]
         if not longest_run or longest_run_of(order) <= longest_run:
             return order
-    return _built(list(items), rng, longest_run)
+    return _build_order(list(items), rng, longest_run)
 
 
 def longest_run_of(items: Sequence[object]) -> int:
@@ -60,7 +60,7 @@ def _check_feasible(items: Sequence[object], longest_run: int) -> None:
         )
 
 
-def _built(items: list[Item], rng: np.random.Generator, longest_run: int) -> list[Item]:
+def _build_order(items: list[Item], rng: np.random.Generator, longest_run: int) -> list[Item]:
     left, order = Counter(items), list[Item]()
     while left.total():
         run = 0

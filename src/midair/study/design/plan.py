@@ -106,11 +106,11 @@ def draw_plan(design: Design, *, drives: Mapping[str, str] | None = None) -> Pla
     InputError
         If a participant who always gives the same answer would always be correct in an adaptive block.
     """
-    whole = _in_both_orders(design)
+    whole = _expand_pairs(design)
     for block in whole.blocks:
         if block.adaptive:
             check_sides(whole, block)
-    trials = tuple(trial for number in range(1, whole.participants + 1) for trial in _session(whole, number))
+    trials = tuple(trial for number in range(1, whole.participants + 1) for trial in _draw_session(whole, number))
     return Plan(design=whole, trials=trials, drives=dict(drives or {}), chain=True)
 
 
@@ -140,12 +140,12 @@ def block_order(design: Design, participant: int) -> list[Block]:
     return sorted(found, key=lambda block: block.session)
 
 
-def _session(design: Design, participant: int) -> list[Trial]:
+def _draw_session(design: Design, participant: int) -> list[Trial]:
     rng = np.random.default_rng([design.seed, participant])
     trials: list[Trial] = []
     for block in block_order(design, participant):
         seen: dict[str, int] = {}
-        for place in _places(design, block, rng):
+        for place in _draw_positions(design, block, rng):
             seen[place.stimulus] = seen.get(place.stimulus, 0) + 1
             number = len(trials) + 1
             levels = design.stimulus(place.stimulus).levels if place.stimulus else {}
@@ -160,7 +160,7 @@ def _session(design: Design, participant: int) -> list[Trial]:
                     stimulus=place.stimulus,
                     levels={**levels, **block.levels},
                     questions=place.questions,
-                    scored=block.scored and _counts(design, place),
+                    scored=block.scored and _is_scored(design, place),
                     role=place.role,
                     variant=place.variant,
                     wait_s=round(float(rng.uniform(*block.jitter_s)), 3) if block.jitter_s[1] else 0.0,
@@ -171,7 +171,7 @@ def _session(design: Design, participant: int) -> list[Trial]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Place:
+class _Position:
     """Content of one position in a block."""
 
     stimulus: str
@@ -180,14 +180,14 @@ class _Place:
     variant: int = 0
 
 
-def _places(design: Design, block: Block, rng: np.random.Generator) -> list[_Place]:
+def _draw_positions(design: Design, block: Block, rng: np.random.Generator) -> list[_Position]:
     if block.adaptive:
-        drawn = _variants(design, block, rng)
-        places = [_Place(stimulus="", questions=block.questions, variant=variant) for variant in drawn]
+        drawn = _draw_variants(design, block, rng)
+        places = [_Position(stimulus="", questions=block.questions, variant=variant) for variant in drawn]
     else:
-        places = [_Place(stimulus=name, questions=block.questions) for name in _stimuli(block, rng)]
+        places = [_Position(stimulus=name, questions=block.questions) for name in _draw_stimuli(block, rng)]
     extras = [
-        _Place(stimulus=name, questions=extra.questions or block.questions, role=extra.role)
+        _Position(stimulus=name, questions=extra.questions or block.questions, role=extra.role)
         for extra in block.extras
         for name in extra.stimuli * extra.repetitions
     ]
@@ -196,7 +196,7 @@ def _places(design: Design, block: Block, rng: np.random.Generator) -> list[_Pla
     return places
 
 
-def _variants(design: Design, block: Block, rng: np.random.Generator) -> list[int]:
+def _draw_variants(design: Design, block: Block, rng: np.random.Generator) -> list[int]:
     """Index of the stimulus of equal strength for each trial of an adaptive block: balanced, in random order."""
     many = len(stimulus_levels(design, block)[0][0])
     if many == 1:
@@ -205,13 +205,13 @@ def _variants(design: Design, block: Block, rng: np.random.Generator) -> list[in
     return constrained_shuffle(list(range(many)) * rounds, rng=rng, longest_run=block.longest_run)[: block.repetitions]
 
 
-def _counts(design: Design, place: _Place) -> bool:
+def _is_scored(design: Design, place: _Position) -> bool:
     """Whether a trial is analysed; d' of yes-no and same-different questions needs the false alarms of catch trials."""
     kind = design.question(place.questions[0]).kind if place.questions else ""
     return place.role == "test" or (place.role == "catch" and kind in ("yes-no", "same-different"))
 
 
-def _in_both_orders(design: Design) -> Design:
+def _expand_pairs(design: Design) -> Design:
     """Design in which each pair in either order is replaced by two stimuli, in the blocks too."""
     names = {one.name: tuple(each.name for each in both_orders(one)) for one in design.stimuli}
 
@@ -230,7 +230,7 @@ def _in_both_orders(design: Design) -> Design:
     return replace(design, stimuli=stimuli, blocks=blocks)
 
 
-def _stimuli(block: Block, rng: np.random.Generator) -> list[str]:
+def _draw_stimuli(block: Block, rng: np.random.Generator) -> list[str]:
     if block.order == "fixed":
         return list(block.stimuli) * block.repetitions
     if block.order == "shuffle":

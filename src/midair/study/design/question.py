@@ -83,22 +83,22 @@ class Question:
 
     def read(self, text: str) -> str:
         """Parse an answer; the number or an unambiguous beginning of an option selects it. InputError if invalid."""
-        said = text.strip()
+        given = text.strip()
         if self.kind == "magnitude":
-            return _number(said, 0, float("inf"), "a number of 0 or more")
+            return _number(given, 0, float("inf"), "a number of 0 or more")
         if self.kind == "slider":
-            return _number(said, self.low, self.high, f"a number from {self.low} to {self.high}")
+            return _number(given, self.low, self.high, f"a number from {self.low} to {self.high}")
         if self.kind == "text":
-            return "".join(letter if letter.isprintable() else " " for letter in said)[:LONGEST_TEXT]
-        if said in self.answers:
-            return said
-        if self.numbered and said.isdecimal() and 1 <= int(said) <= len(self.answers):
-            return self.answers[int(said) - 1]
+            return "".join(letter if letter.isprintable() else " " for letter in given)[:LONGEST_TEXT]
+        if given in self.answers:
+            return given
+        if self.numbered and given.isdecimal() and 1 <= int(given) <= len(self.answers):
+            return self.answers[int(given) - 1]
         # A number that is not a complete answer is a typing error, not the beginning of an answer.
-        begun = [option for option in self.answers if said and option.lower().startswith(said.lower())]
-        if self.kind != "rating" and len(begun) == 1 and (self.numbered or not said.isdecimal()):
+        begun = [option for option in self.answers if given and option.lower().startswith(given.lower())]
+        if self.kind != "rating" and len(begun) == 1 and (self.numbered or not given.isdecimal()):
             return begun[0]
-        raise InputError(f"answer: expected one of {', '.join(self.answers)}, got {said!r}")
+        raise InputError(f"answer: expected one of {', '.join(self.answers)}, got {given!r}")
 
 
 def one_of(value: str, kinds: Any, what: str) -> None:
@@ -107,12 +107,12 @@ def one_of(value: str, kinds: Any, what: str) -> None:
         raise InputError(f"{what}: expected one of {', '.join(get_args(kinds))}, got {value!r}")
 
 
-def _number(said: str, low: float, high: float, expected: str) -> str:
+def _number(given: str, low: float, high: float, expected: str) -> str:
     try:
-        value = float(said)
+        value = float(given)
     except ValueError:
         # NaN fails the range check below.
         value = float("nan")
     if not low <= value <= high or value == float("inf"):
-        raise InputError(f"answer: expected {expected}, got {said!r}")
+        raise InputError(f"answer: expected {expected}, got {given!r}")
     return f"{value:g}"

@@ -122,7 +122,7 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int, *,
         If an event is incomplete or invalid.
     """
     try:
-        return _replayed(events, plan, participant)
+        return _replay_events(events, plan, participant)
     except MismatchError as wrong:
         raise MismatchError(f"{name}: {wrong}") from wrong
     except MidairError:
@@ -134,15 +134,15 @@ def replay(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int, *,
         ) from wrong
 
 
-def _replayed(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) -> SessionState:
+def _replay_events(events: Iterable[Mapping[str, Any]], plan: Plan, participant: int) -> SessionState:
     state = _EventState()
     for event in events:
         state.take(event, plan, participant)
     trials = plan.of(participant)
     if stray := {code for code, _ in state.answers} - {trial.code for trial in trials}:
         raise ValueError(f"trial {min(stray)} does not belong to participant {participant}")
-    _check_presented(trials, {code for code, _ in state.answers}, state.chosen, plan)
-    waived, untrained = _trained(plan, trials, state)
+    _check_stimuli_logged(trials, {code for code, _ in state.answers}, state.chosen, plan)
+    waived, untrained = _training_result(plan, trials, state)
     return SessionState(
         trials=trials,
         answers=state.answers,
@@ -232,7 +232,7 @@ class _EventState:
         )
 
 
-def _trained(plan: Plan, trials: Sequence[Trial], state: _EventState) -> tuple[frozenset[str], tuple[str, ...]]:
+def _training_result(plan: Plan, trials: Sequence[Trial], state: _EventState) -> tuple[frozenset[str], tuple[str, ...]]:
     """Trials waived because a training criterion was met, and blocks that ended without theirs."""
     waived: list[str] = []
     untrained: list[str] = []
@@ -263,7 +263,7 @@ def right_of(plan: Plan, trial: Trial, chosen: Mapping[str, str], name: str) -> 
     return right_answer(question, stimulus, {**stimulus.levels, **trial.levels, **question.levels})
 
 
-def _check_presented(trials: Sequence[Trial], answered: set[str], chosen: Mapping[str, str], plan: Plan) -> None:
+def _check_stimuli_logged(trials: Sequence[Trial], answered: set[str], chosen: Mapping[str, str], plan: Plan) -> None:
     """Raise ValueError if a trial was answered and the log does not state its stimulus."""
     known = {stimulus.name for stimulus in plan.design.stimuli}
     for trial in trials:

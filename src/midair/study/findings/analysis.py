@@ -43,7 +43,7 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     """
     rng = np.random.default_rng(seed)
     choices, failed = confusions(data)
-    findings = [_people(data), *failed]
+    findings = [_participants_finding(data), *failed]
     jobs: list[Callable[[], Sequence[Finding]]] = [
         lambda one=one: attempt(f"Identification: {one.name}", lambda: choice_findings(one, rng=rng, draws=draws))
         for one in choices
@@ -72,7 +72,7 @@ def analyse(data: StudyData, *, seed: int = 0, draws: int = 10_000) -> Report:
     )
 
 
-def _people(data: StudyData) -> Finding:
+def _participants_finding(data: StudyData) -> Finding:
     known = None if data.thresholds is None else data.thresholds.loc[np.isfinite(data.thresholds["threshold"])]
     parts = [data.choices, data.other_choices, data.ratings, data.others, data.strengths, known]
     people = {who for part in parts if part is not None for who in part["participant"].tolist()}

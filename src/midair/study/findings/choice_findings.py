@@ -77,7 +77,7 @@ def _confusion(name: str, rows: DataFrame, policy: UnpresentedAnswers) -> Choice
 
 def choice_findings(one: Choices, *, rng: np.random.Generator, draws: int) -> list[Finding]:
     """Scores, chance level, sensitivity, information and bias of one confusion matrix."""
-    words = [*_share_words(one), _chance_words(one.confusion, rng, draws), *_sense_words(one.confusion)]
+    words = [*_share_words(one), _chance_words(one.confusion, rng, draws), *_sensitivity_words(one.confusion)]
     table = scores(one.confusion).drop(columns=["recall_low", "recall_high"])
     if one.f_limits is not None:
         table = table.assign(F_low=one.f_limits.low, F_high=one.f_limits.high)
@@ -120,7 +120,7 @@ def _chance_words(confusion: Confusion, rng: np.random.Generator, draws: int) ->
     )
 
 
-def _sense_words(confusion: Confusion) -> list[str]:
+def _sensitivity_words(confusion: Confusion) -> list[str]:
     counts = confusion.counts
     objects, alternatives = counts.shape
     sense = d_prime_choice(int(np.trace(counts)), int(counts.sum()), alternatives=alternatives)

@@ -28,7 +28,7 @@ def question_findings(data: StudyData) -> list[Finding]:
     for rows, title in ((data.others, "Question {}"), (data.form, "Question {} of the form")):
         for name, answers in [] if rows is None else rows.groupby("question", sort=False):
             one = title.format(name)
-            parts = attempt(one, partial(_of_kind, one, answers))
+            parts = attempt(one, partial(_finding_by_kind, one, answers))
             found += parts if rows is data.others else [_without_stimulus(part) for part in parts]
     return found
 
@@ -64,17 +64,17 @@ def _reason(row: dict[str, object]) -> str:
     return "no analysis supports it"
 
 
-def _of_kind(title: str, rows: DataFrame) -> list[Finding]:
+def _finding_by_kind(title: str, rows: DataFrame) -> list[Finding]:
     kind = rows["kind"].iloc[0]
     if kind == "magnitude":
-        return [_magnitudes(title, rows)]
+        return [_magnitude_finding(title, rows)]
     if kind in ("rating", "slider"):
-        return [_rated(title, rows)]
+        return [_rating_finding(title, rows)]
     judged = kind != "choice" and bool((rows["right"] != "n/a").any())
-    return [_detected(title, rows) if judged else _chosen(title, rows)]
+    return [_detection_finding(title, rows) if judged else _choice_finding(title, rows)]
 
 
-def _rated(title: str, rows: DataFrame) -> Finding:
+def _rating_finding(title: str, rows: DataFrame) -> Finding:
     """Mean rating of each stimulus over participants, and the standard deviation between participants."""
     from pandas import DataFrame
 
@@ -110,7 +110,7 @@ def _mean(values: NDArray[np.float64]) -> float:
     return float(values.mean())
 
 
-def _chosen(title: str, rows: DataFrame) -> Finding:
+def _choice_finding(title: str, rows: DataFrame) -> Finding:
     """Counts of each answer to each stimulus."""
     from pandas import DataFrame
 
@@ -127,7 +127,7 @@ def _chosen(title: str, rows: DataFrame) -> Finding:
     return Finding(title=title, words=f"{words} {_UNTESTED}", table=table)
 
 
-def _detected(title: str, rows: DataFrame) -> Finding:
+def _detection_finding(title: str, rows: DataFrame) -> Finding:
     signal = "yes" if rows["kind"].iloc[0] == "yes-no" else "different"
     there, said = ((rows[column] == signal).to_numpy(bool) for column in ("right", "answer"))
     measure = d_prime_yes_no if signal == "yes" else d_prime_same_different
@@ -145,7 +145,7 @@ def _detected(title: str, rows: DataFrame) -> Finding:
     return Finding(title=title, words=words)
 
 
-def _magnitudes(title: str, rows: DataFrame) -> Finding:
+def _magnitude_finding(title: str, rows: DataFrame) -> Finding:
     value = rows["answer"].to_numpy(float)
     if value.min() <= 0:
         raise InputError(f"magnitudes: expected numbers above 0 for a geometric mean, got {value.min():g}")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-def whole_ratings(data: StudyData) -> tuple[DataFrame, str]:
+def complete_ratings(data: StudyData) -> tuple[DataFrame, str]:
     """Ratings of participants with an answer in every cell, and a sentence on the others; all if the plan refuses."""
     ratings = data.ratings
     if ratings is None:
@@ -48,7 +48,7 @@ def anova(data: StudyData) -> list[Finding]:
     """Analysis of variance of the ratings, with its sphericity statistics."""
     from pandas import DataFrame, Series
 
-    ratings, left_out = whole_ratings(data)
+    ratings, left_out = complete_ratings(data)
     table = rm_anova(ratings, value="rating", participant="participant", within=data.within, between=data.between)
     known = table["p_GG"].dropna()
     table["p_Holm"] = Series(holm(known.to_numpy()), known.index)
@@ -74,7 +74,7 @@ def anova(data: StudyData) -> list[Finding]:
 
 def ranks(data: StudyData, *, rng: np.random.Generator) -> list[Finding]:
     """Analysis of variance on ranks with sign-flip p-values."""
-    ratings, _ = whole_ratings(data)
+    ratings, _ = complete_ratings(data)
     table = ordinal_check(ratings, value="rating", participant="participant", within=data.within, rng=rng)
     table["p_Holm"] = holm(table["p_sign"].to_numpy())
     small = table["effect"][table["p_Holm"] < 0.05].tolist()
@@ -93,7 +93,7 @@ def rating_means(data: StudyData) -> DataFrame | None:
     if data.ratings is None:
         return None
     try:
-        cells = cell_means(whole_ratings(data)[0], value="rating", participant="participant", within=data.within)
+        cells = cell_means(complete_ratings(data)[0], value="rating", participant="participant", within=data.within)
     except InputError:
         return None
     from pandas import DataFrame

@@ -107,7 +107,7 @@ def data_of_answers(
     single = scored["kind"].isin(_SINGLE).to_numpy(bool)
     listed = scored["question"].isin(analysis.rated).to_numpy(bool) & counts
     rest = scored.loc[(single | ~(named | listed)) & (scored["kind"] != "text").to_numpy(bool)]
-    form = _of_form(scored, design)
+    form = _form_rows(scored, design)
     parts = {
         "Identification": scored.loc[named],
         "Ratings": rated,
@@ -116,7 +116,7 @@ def data_of_answers(
     }
     return StudyData(
         choices=_choices(scored.loc[asked & counts], analysis.condition),
-        other_choices=_named(scored.loc[asked & ~counts], analysis),
+        other_choices=_other_choices(scored.loc[asked & ~counts], analysis),
         ratings=_ratings(rated, value="answer", factors=(*analysis.within, *analysis.between)) if len(rated) else None,
         within=analysis.within,
         between=analysis.between,
@@ -224,7 +224,7 @@ def _is_number(word: str) -> bool:
     return True
 
 
-def _of_form(scored: DataFrame, design: Design | None) -> DataFrame:
+def _form_rows(scored: DataFrame, design: Design | None) -> DataFrame:
     """One row per participant and question of the form, without private and text questions."""
     from pandas import DataFrame
 
@@ -277,7 +277,7 @@ def _questions(answers: DataFrame, design: Design, parts: Mapping[str, DataFrame
     return DataFrame(rows)
 
 
-def _named(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
+def _other_choices(rows: DataFrame, analysis: Analysis) -> DataFrame | None:
     """Choices outside the comparison, named by the level that they share of the selecting factors."""
     choices = _choices(rows, "")
     shared = [rows[factor].unique().tolist() for factor in analysis.only]

@@ -63,8 +63,8 @@ class EventLog:
         try:
             hold_open(self._file, f"{self.path.name}: another program is running this session; end it first")
             _sync_folder(self.path.parent)
-            torn = _cut_torn_line(self._file, self.path)
-            _, self._chain = _checked(self.path, self._chained)
+            torn = _remove_torn_line(self._file, self.path)
+            _, self._chain = _read_chain(self.path, self._chained)
             self.seal = chain_hash(self.path)
             if torn:
                 self.append({"event": "repair", "torn": torn})
@@ -90,7 +90,7 @@ class EventLog:
         with self._lock:
             if self._file is None:
                 raise DeviceStateError(f"{self.path.name}: expected an open log; use it as a context manager")
-            line, link = _linked(body, self._chain)
+            line, link = _chained_line(body, self._chain)
             written = line
             while written:
                 written = written[os.write(self._file, written) :]
@@ -117,7 +117,7 @@ def read_events(path: Path, *, chained: bool = False) -> list[dict[str, Any]]:
     BrokenFileError
         If a line is not an event, or the chain is broken: the log was changed after it was written.
     """
-    return _checked(path, chained)[0]
+    return _read_chain(path, chained)[0]
 
 
 def chain_hash(path: Path) -> str:
@@ -131,7 +131,7 @@ def links_of(path: Path) -> list[str]:
     return [line.rpartition(_LINK)[2][:LINK].decode(errors="replace") if _LINK in line else "" for line in lines]
 
 
-def _checked(path: Path, chained: bool) -> tuple[list[dict[str, Any]], _Digest]:
+def _read_chain(path: Path, chained: bool) -> tuple[list[dict[str, Any]], _Digest]:
     """Events of a log with a valid chain, and the digest state for the next line."""
     if not path.exists():
         raise MissingFileError(
@@ -154,7 +154,7 @@ def _checked(path: Path, chained: bool) -> tuple[list[dict[str, Any]], _Digest]:
             )
         linked = linked or "chain" in event
         body = line.rpartition(_LINK)[0] + b"}"
-        if linked and _linked(body, chain)[0] != line + b"\n":
+        if linked and _chained_line(body, chain)[0] != line + b"\n":
             raise BrokenFileError(
                 f"{path.name}: expected an unbroken chain of hashes, got a break in line {number}: this or an"
                 " earlier line was changed after it was written; restore a copy"
@@ -165,7 +165,7 @@ def _checked(path: Path, chained: bool) -> tuple[list[dict[str, Any]], _Digest]:
     return events, chain
 
 
-def _linked(body: bytes, chain: _Digest) -> tuple[bytes, str]:
+def _chained_line(body: bytes, chain: _Digest) -> tuple[bytes, str]:
     """Line of an event with its chain hash, and the hash."""
     whole = chain.copy()
     whole.update(body)
@@ -173,7 +173,7 @@ def _linked(body: bytes, chain: _Digest) -> tuple[bytes, str]:
     return body[:-1] + _LINK + link.encode() + b'"}\n', link
 
 
-def _cut_torn_line(file: int, path: Path) -> str:
+def _remove_torn_line(file: int, path: Path) -> str:
     content = path.read_bytes()
     end = content.rfind(b"\n") + 1
     if end == len(content):

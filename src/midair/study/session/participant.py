@@ -61,7 +61,7 @@ class SimulatedParticipant:
             return right, reaction
         if question.answers and rng.random() < self.lapse:
             return str(rng.choice(question.answers)), reaction
-        middle = _middles(plan.design)
+        middle = _mean_strengths(plan.design)
         factor = next((factor for factor in middle if factor in stimulus.levels), "")
         strength = float(stimulus.levels[factor]) / middle[factor] if factor else 1.0
         return self._answer(question, stimulus, trial, rng, strength, criterion=1.5 if middle else None), reaction
@@ -104,7 +104,7 @@ class SimulatedParticipant:
         return np.random.default_rng([self.seed, int.from_bytes(sha256(words.encode()).digest()[:8], "big")])
 
 
-def _middles(design: Design) -> dict[str, float]:
+def _mean_strengths(design: Design) -> dict[str, float]:
     """Geometric mean of the strengths of each adaptive factor."""
     return {
         block.strength: float(np.exp(np.log(stimulus_levels(design, block)[1]).mean()))

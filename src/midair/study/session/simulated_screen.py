@@ -37,10 +37,10 @@ class SimulatedScreen:
             return Reply(text=possible[(self.number - 1) % len(possible)], reaction_s=1.0, by="model")
         trial = self.plan.trial(step.code)
         name = step.question.name if step.question else ""
-        text, reaction = self.participant.answer(self.plan, trial, name, felt=self._felt(trial))
+        text, reaction = self.participant.answer(self.plan, trial, name, felt=self._presented_stimulus(trial))
         return Reply(text=text, reaction_s=reaction, by="model")
 
-    def _felt(self, trial: Trial) -> str:
+    def _presented_stimulus(self, trial: Trial) -> str:
         """Presented stimulus of a trial; in an adaptive block from the presenter, since the plan does not state it."""
         known = (self.plan.design.stimulus(name) for name in self.plan.design.block(trial.block).stimuli)
         last = self.presenter.felt

@@ -27,7 +27,7 @@ Counts = NDArray[Any]
 
 def share_limits(by_person: Counts) -> Interval:
     """Confidence interval of the share of correct answers."""
-    return limits_over_people(_share, by_person, scale="share", answers=np.sum)
+    return limits_over_people(_accuracy, by_person, scale="share", answers=np.sum)
 
 
 def f_limits(by_person: Counts) -> Interval:
@@ -42,7 +42,7 @@ def f_limits(by_person: Counts) -> Interval:
         lambda counts: f_measure(counts.sum(axis=0)),
         by_person,
         scale="share",
-        answers=_named,
+        answers=_object_counts,
         added=added,
         independent=False,
     )
@@ -96,12 +96,12 @@ def two_answers_limits(measure: Callable[[int, int, int, int], Sensitivity], by_
     return limits_over_people(lambda people: measure(*people.sum(axis=0).tolist()).d_prime, by_person)
 
 
-def _share(counts: Counts) -> float:
+def _accuracy(counts: Counts) -> float:
     table = counts.sum(axis=0)
     return float(np.trace(table) / table.sum())
 
 
-def _named(counts: Counts) -> Array:
+def _object_counts(counts: Counts) -> Array:
     """Number of times each object was presented or answered."""
     table = counts.sum(axis=0)
     return np.asarray(table.sum(axis=1) + table.sum(axis=0)[: len(table)], np.float64)

@@ -100,7 +100,7 @@ def confusion_matrix(
     possible = [*order, *foils]
     shape = (len(people), len(order), len(possible))
     where = np.ravel_multi_index(
-        (person, _number(truth, order, "presented"), _number(answer, possible, "answered")), shape
+        (person, _label_indices(truth, order, "presented"), _label_indices(answer, possible, "answered")), shape
     )
     counts = np.bincount(where, minlength=int(np.prod(shape))).reshape(shape)
     return Confusion(by_person=counts, labels=tuple(order), participants=tuple(people), foils=tuple(foils))
@@ -173,7 +173,7 @@ def chance_macro_f(confusion: Confusion, *, rng: np.random.Generator, draws: int
     """
     total = np.zeros((draws, *confusion.counts.shape))
     for counts in confusion.by_person:
-        total += _shuffled(counts, rng, draws)
+        total += _permuted_counts(counts, rng, draws)
     distribution = f_measure(total).mean(axis=-1)
     p = percentile_p(confusion.macro_f, distribution)
     return Chance(value=confusion.macro_f, distribution=distribution, p=p)
@@ -218,7 +218,7 @@ def mutual_information(counts: NDArray[Any]) -> tuple[float, float]:
     return max(plain, 0.0), max(plain - bias, 0.0)
 
 
-def _number(values: NDArray[Any], order: list[Any], name: str) -> Counts:
+def _label_indices(values: NDArray[Any], order: list[Any], name: str) -> Counts:
     number = {label: i for i, label in enumerate(order)}
     unknown = [value for value in values.tolist() if value not in number]
     if unknown:
@@ -226,7 +226,7 @@ def _number(values: NDArray[Any], order: list[Any], name: str) -> Counts:
     return np.array([number[value] for value in values.tolist()], np.int64)
 
 
-def _shuffled(counts: Counts, rng: np.random.Generator, draws: int) -> Counts:
+def _permuted_counts(counts: Counts, rng: np.random.Generator, draws: int) -> Counts:
     """Confusion matrices of one participant with shuffled answers, shape (draw, presented, answered)."""
     objects, answers = counts.shape
     truth = np.repeat(np.arange(objects), counts.sum(axis=1))

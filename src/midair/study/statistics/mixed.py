@@ -41,7 +41,7 @@ class RightAnswers:
     def fit(self, *, slopes: bool, without: int = 0, start: LogisticFit | None = None) -> LogisticFit:
         """Fit the full model, or the model without one effect starting from a full fit."""
         kept = self.effect != without if without else np.ones(len(self.effect), bool)
-        differ = self._differ if slopes else self.effect == 0
+        differ = self._random_terms if slopes else self.effect == 0
         return fit_logistic(
             self.counts,
             self.cells[:, kept],
@@ -58,7 +58,7 @@ class RightAnswers:
         )
 
     @property
-    def _differ(self) -> NDArray[np.bool_]:
+    def _random_terms(self) -> NDArray[np.bool_]:
         """Terms with random slopes; not the highest interaction if no participant has a cell twice."""
         often = self.counts.total.max() > 1
         return np.ones(len(self.effect), bool) if often else self.effect < max(self.effect.max(), 1)

@@ -54,8 +54,8 @@ def ordinal_check(
     data = frame_of(table)
     people, person = levels(column(data, participant))
     ranks = numbers(data, value)
-    for who in range(len(people)):
-        ranks[person == who] = rankdata(ranks[person == who])
+    for index in range(len(people)):
+        ranks[person == index] = rankdata(ranks[person == index])
     ranked = data.assign(**{value: ranks})
     result = analysis_of_variance(ranked, value=value, participant=participant, within=within)
     cells = cell_means(ranked, value=value, participant=participant, within=within)

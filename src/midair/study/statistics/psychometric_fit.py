@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from midair.errors import InputError, ShapeError
 from midair.study.statistics.psychometric import CurveFamily, CurveShape, Psychometric
-from midair.study.statistics.psychometric_profile import net_around, threshold_limits
+from midair.study.statistics.psychometric_profile import grid_around, threshold_limits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,7 +72,7 @@ def fit_psychometric(
     InputError
         If there are fewer than three levels, or the answers do not increase with the level.
     """
-    x, k, n = _merge(level, correct, total)
+    x, k, n = _merge_levels(level, correct, total)
     if len(x) < 3:
         raise InputError(f"levels: expected three or more for a fit, got {len(x)}; present more levels")
     if shape == "weibull" and x.min() < 0:
@@ -81,13 +81,13 @@ def fit_psychometric(
     if np.ptp(rate) == 0 or np.cov(x, rate, aweights=n)[0, 1] <= 0:
         raise InputError("answers: expected a share of correct answers that rises with the level; no threshold found")
     curves = CurveFamily(x=x, guess=guess, lapse_most=lapse_most, shape=shape)
-    net = net_around(curves, k, n)
+    net = grid_around(curves, k, n)
     best, loss = _maximise(curves, k, n, net.best(k[None], n)[0])
     function = curves.function(best)
-    deviance = max(float(2 * (loss + _saturated(k, n))), 0.0)
+    deviance = max(float(2 * (loss + _saturated_fit(k, n))), 0.0)
     data = rng.binomial(n.astype(int), function.probability(x), (draws, len(x))).astype(float)
     # Both deviances come from the grid, so that simulated data and answers are fitted equally well.
-    on_net, again = (2 * (_saturated(each, n) - net.profile(each, n).max(axis=1)) for each in (k[None], data))
+    on_net, again = (2 * (_saturated_fit(each, n) - net.profile(each, n).max(axis=1)) for each in (k[None], data))
     low, high = threshold_limits(net, k, n, rng=rng, draws=limit_draws) if limit_draws else (np.nan, np.nan)
     return PsychometricFit(
         function=function,
@@ -103,7 +103,7 @@ def fit_threshold(
     level: Array, correct: Array, total: Array, *, guess: float, shape: CurveShape, near: Psychometric
 ) -> float:
     """Threshold from one start near a known fit, for the jackknife; arguments as `fit_psychometric`."""
-    x, k, n = _merge(level, correct, total)
+    x, k, n = _merge_levels(level, correct, total)
     curves = CurveFamily(x=x, guess=guess, lapse_most=0.05, shape=shape)
     unit = 1.0 if shape == "weibull" else float(np.ptp(x)) or 1.0
     start = np.array([curves.place(near.threshold), np.log(near.slope * unit), near.lapse])
@@ -123,7 +123,7 @@ def _maximise(curves: CurveFamily, right: Array, total: Array, start: Array) -> 
     return np.asarray(found.x, np.float64), float(found.fun)
 
 
-def _saturated(right: Array, total: Array) -> Array:
+def _saturated_fit(right: Array, total: Array) -> Array:
     """Log likelihood of the saturated model, with a separate rate for each level."""
     with np.errstate(divide="ignore", invalid="ignore"):
         hits = np.where(right > 0, right * np.log(right / total), 0)
@@ -131,7 +131,7 @@ def _saturated(right: Array, total: Array) -> Array:
     return np.asarray((hits + misses).sum(axis=-1), np.float64)
 
 
-def _merge(level: Any, correct: Any, total: Any) -> tuple[Array, Array, Array]:
+def _merge_levels(level: Any, correct: Any, total: Any) -> tuple[Array, Array, Array]:
     x, k, n = (np.asarray(values, float) for values in (level, correct, total))
     if not x.shape == k.shape == n.shape or x.ndim != 1 or not x.size:
         raise ShapeError(f"answers: expected three sequences of one length, got {x.shape}, {k.shape}, {n.shape}")

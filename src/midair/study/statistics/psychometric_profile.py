@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CurveNet:
+class CurveGrid:
     """Psychometric functions on a grid of places, log slopes and lapses."""
 
     curves: CurveFamily
@@ -45,14 +45,14 @@ class CurveNet:
         return np.array(found)
 
 
-def net_around(curves: CurveFamily, right: Array, total: Array) -> CurveNet:
+def grid_around(curves: CurveFamily, right: Array, total: Array) -> CurveGrid:
     """Grid over all functions that are compatible with the answers.
 
     It starts with the bounds of the family and is narrowed four times to the functions whose likelihood is within
     exp(-10) of the maximum, so that its resolution suits any number of answers.
     """
     box = curves.box
-    net = _net(curves, box)
+    net = _make_grid(curves, box)
     for _ in range(4):
         heights = np.stack([net.likelihood(right, total, i) for i in range(len(net.axes[0]))])
         heights = heights.reshape([len(axis) for axis in net.axes])
@@ -62,12 +62,12 @@ def net_around(curves: CurveFamily, right: Array, total: Array) -> CurveNet:
             inside = np.flatnonzero(likely.any(axis=tuple({0, 1, 2} - {number})))
             # One grid step more on either side: the maximum may lie between two points.
             box.append((float(axis[max(inside[0] - 1, 0)]), float(axis[min(inside[-1] + 1, len(axis) - 1)])))
-        net = _net(curves, box)
+        net = _make_grid(curves, box)
     return net
 
 
 def threshold_limits(
-    net: CurveNet, right: Array, total: Array, *, rng: np.random.Generator, draws: int = 400, level: float = 0.95
+    net: CurveGrid, right: Array, total: Array, *, rng: np.random.Generator, draws: int = 400, level: float = 0.95
 ) -> tuple[float, float]:
     """Confidence limits of the threshold: the likelihood ratio there equals its bootstrapped critical value.
 
@@ -112,7 +112,7 @@ def threshold_limits(
 
 
 def critical_ratio(
-    net: CurveNet, right: Array, total: Array, place: int, rng: np.random.Generator, draws: int, level: float
+    net: CurveGrid, right: Array, total: Array, place: int, rng: np.random.Generator, draws: int, level: float
 ) -> float:
     """Quantile `level` of the likelihood ratios of data simulated from the best function at a place."""
     function = int(net.likelihood(right, total, place).argmax())
@@ -126,11 +126,11 @@ def critical_ratio(
     return float(np.quantile(2 * (greatest - known), level))
 
 
-def _net(curves: CurveFamily, box: list[tuple[float, float]]) -> CurveNet:
+def _make_grid(curves: CurveFamily, box: list[tuple[float, float]]) -> CurveGrid:
     # A coarse grid of slope and lapse adds no bias, since simulated data use the same grid.
     places, slopes, lapses = (
         np.linspace(low, high, count) for (low, high), count in zip(box, (81, 21, 4), strict=True)
     )
     z = np.stack(np.meshgrid(places, slopes, lapses, indexing="ij")).reshape(3, -1)
     yes, no = (each.reshape(len(curves.x), len(places), -1) for each in curves.logarithms(z))
-    return CurveNet(curves=curves, axes=(places, slopes, lapses), logit=yes - no, no=no)
+    return CurveGrid(curves=curves, axes=(places, slopes, lapses), logit=yes - no, no=no)

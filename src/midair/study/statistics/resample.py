@@ -146,23 +146,23 @@ def limits_over_people(
     without = np.array([statistic(rest) for rest in others], float)
     if answers is not None and scale in ("share", "correlation"):
         total, left = np.asarray(answers(by_person), float), np.array([answers(rest) for rest in others], float)
-        middle = _open(_drawn_in(value, total, added[0], scale), scale)
-        moved = _open(_drawn_in(without, left, added[1], scale), scale)
+        middle = _to_open_scale(_shrink(value, total, added[0], scale), scale)
+        moved = _to_open_scale(_shrink(without, left, added[1], scale), scale)
     else:
-        middle, moved = _open(value, scale), _open(without, scale)
+        middle, moved = _to_open_scale(value, scale), _to_open_scale(without, scale)
     error = np.sqrt((people - 1) / people * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
     half = error * float(t_distribution.ppf((1 + level) / 2, people - 1))
     if answers is not None and independent and scale in ("share", "correlation"):
-        half = np.maximum(half, _binomial(value, np.asarray(answers(by_person), float), people, scale, level))
+        half = np.maximum(half, _binomial_half(value, np.asarray(answers(by_person), float), people, scale, level))
     # At a bound, or if all leave-one-out values are equal, the standard error is unknown.
-    known = (error > 1e-12) & (_open(value, scale, reach=np.inf) == _open(value, scale))
-    low, high = (np.where(known, _close(middle + side * half, scale), np.nan) for side in (-1, 1))
+    known = (error > 1e-12) & (_to_open_scale(value, scale, reach=np.inf) == _to_open_scale(value, scale))
+    low, high = (np.where(known, _from_open_scale(middle + side * half, scale), np.nan) for side in (-1, 1))
     # The centre is shrunk, so the limits are extended to include the statistic itself.
     low, high = np.minimum(low, value), np.maximum(high, value)
     return Interval(value=value, low=low, high=high, level=level, people=people)
 
 
-def _binomial(value: Array, total: Array, people: int, scale: Scale, level: float) -> Array:
+def _binomial_half(value: Array, total: Array, people: int, scale: Scale, level: float) -> Array:
     """Half-width for independent answers on the open scale; 0 unless one kind is rarer than the participants.
 
     The logit of a share p of n answers has the variance 1 / (n p (1 - p)); Fisher's z of 2 p - 1 is half that logit.
@@ -176,14 +176,14 @@ def _binomial(value: Array, total: Array, people: int, scale: Scale, level: floa
     return np.where(few, float(norm.ppf((1 + level) / 2)) * error, 0.0)
 
 
-def _drawn_in(value: Array, total: Array, added: float, scale: Scale) -> Array:
+def _shrink(value: Array, total: Array, added: float, scale: Scale) -> Array:
     """A share, or the share (1 + r) / 2 of a correlation r, after `added` answers of both kinds are added."""
     low = -1.0 if scale == "correlation" else 0.0
     share = (value - low) / (1 - low)
     return low + (1 - low) * (share * total + added) / (total + 2 * added)
 
 
-def _open(value: Array, scale: Scale, *, reach: float = 7.0) -> Array:
+def _to_open_scale(value: Array, scale: Scale, *, reach: float = 7.0) -> Array:
     """Transform to an unbounded scale; values at a bound become `reach` (7: a share of 0.999)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         if scale == "share":
@@ -193,8 +193,8 @@ def _open(value: Array, scale: Scale, *, reach: float = 7.0) -> Array:
         return np.log(value) if scale == "positive" else value
 
 
-def _close(value: Array, scale: Scale) -> Array:
-    """Inverse of `_open`."""
+def _from_open_scale(value: Array, scale: Scale) -> Array:
+    """Inverse of `_to_open_scale`."""
     if scale == "share":
         return 1 / (1 + np.exp(-value))
     if scale == "correlation":
