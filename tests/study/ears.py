@@ -1,4 +1,4 @@
-"""A program that hears what is played into JACK: a client "ears" whose inputs it keeps. Run by tests.
+"""A JACK client "ears" that records its inputs. Run by tests.
 
 Arguments: where to write what it heard, shape (frame, channel), once a line comes on its input.
 """
@@ -13,7 +13,7 @@ jack.set_error_function(lambda _: None)
 
 
 def connected():
-    """A client of the server, which may have been started a moment ago."""
+    """A client of the server, which may still be starting."""
     limit = time.monotonic() + 60
     while True:
         try:

@@ -1,4 +1,4 @@
-"""A program that runs midair in processes of its own and kills them. Run by tests.
+"""A program that runs midair in child processes and kills them. Run by tests.
 
 Reads lines of JSON {"words": [...], "after": seconds or null}; for each it prints {"status": what it ended with, or -9,
 "lasted": seconds}. What it runs is forked, so that a kill after some hundredths of a second hits work and no imports.
@@ -15,7 +15,7 @@ from midair.study import analyse, data_of_columns, report_page
 
 
 def warm():
-    """Import what analyses and figures import, once."""
+    """Import the modules of analyses and figures once."""
     frame = {"participant": list("aabb"), "shown": list("xyxy"), "said": list("xyyx")}
     report_page(
         analyse(data_of_columns(frame, participant="participant", presented="shown", answered="said"), draws=5),

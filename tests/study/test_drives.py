@@ -1,4 +1,4 @@
-"""The drives of a study: found, solved, made; checked; known by their digests."""
+"""The drives of a study: copied, solved or virtual, and checked by their digests."""
 
 import hashlib
 from dataclasses import replace
@@ -38,7 +38,7 @@ def design(*stimuli):
 A, B = (Stimulus(name=name, source=f"{name}.drive.h5") for name in "ab")
 
 
-def test_drives_that_are_there_are_copied_and_hashed(tmp_path):
+def test_existing_drives_are_copied_and_hashed(tmp_path):
     (tmp_path / "from").mkdir()
     (tmp_path / "to").mkdir()
     for name in "ab":
@@ -53,7 +53,7 @@ def test_drives_that_are_there_are_copied_and_hashed(tmp_path):
     assert copied.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_recording_of_that_name_is_solved_and_a_stroke_is_made(tmp_path):
+def test_recordings_and_virtual_strokes_are_solved(tmp_path):
     rig = VirtualRig()
     (tmp_path / "to").mkdir()
     with rig.touched_by("towel") as touched:
@@ -69,7 +69,7 @@ def test_a_recording_of_that_name_is_solved_and_a_stroke_is_made(tmp_path):
     assert virtual.duration > 1.28
 
 
-def test_what_is_not_there_is_named_all_at_once(tmp_path):
+def test_all_missing_drives_are_named(tmp_path):
     with pytest.raises(MissingFileError, match=r"expected a\.drive\.h5, b\.drive\.h5 in a folder"):
         prepare_drives(design(A, B), tmp_path, found_in=None)
 
@@ -86,7 +86,7 @@ def test_silent_drives_and_those_of_another_array_are_refused(tmp_path):
         prepare_drives(design(A, B), tmp_path / "to", found_in=tmp_path)
 
 
-def test_a_drive_that_was_changed_is_told(tmp_path):
+def test_a_changed_drive_is_refused(tmp_path):
     save_solution(solution(), tmp_path / "a.drive.h5")
     known = {"a.drive.h5": digest_of_file(tmp_path / "a.drive.h5")}
     check_digests(tmp_path, known, (A,))
@@ -105,6 +105,6 @@ def test_a_drive_that_was_changed_is_told(tmp_path):
     "changes",
     [{"source": "/a.drive.h5"}, {"source": "../a.drive.h5"}, {"share": 0}, {"share": 1.1}, {"made_from": "x"}],
 )
-def test_stimuli_that_cannot_be(changes):
+def test_invalid_stimuli_are_refused(changes):
     with pytest.raises(InputError, match="stimulus 'a'"):
         replace(A, **changes)

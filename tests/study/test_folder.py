@@ -12,7 +12,7 @@ from midair.study.session import Session, SilentPresenter, read_events
 from midair.study.tables import read_csv, write_csv
 
 
-def test_a_plan_comes_back_as_it_was_drawn(tmp_path):
+def test_plan_round_trip(tmp_path):
     text = paper_design_text()
     design = read_design(text, name="mine", participants=3, seed=5)
     assert (design.name, design.participants, design.seed) == ("mine", 3, 5)
@@ -36,7 +36,7 @@ def test_a_plan_comes_back_as_it_was_drawn(tmp_path):
         ('truth = "object"', 'truth = "thing"', "^factors: expected .* got 'thing'$"),
     ],
 )
-def test_what_is_no_study_is_refused(old, new, why):
+def test_invalid_designs_are_refused(old, new, why):
     text = paper_design_text()
     assert old in text
     with pytest.raises(InputError, match=why):
@@ -60,7 +60,7 @@ def test_a_plan_that_was_changed_is_refused(tmp_path):
         folder.plan()
 
 
-def test_a_study_of_before_is_read_and_goes_on(tmp_path):
+def test_studies_of_version_0_1_can_be_continued(tmp_path):
     """Kept as version 0.1.0 of 2026-11-22 wrote it: without links, sides, roles or digests of drives."""
     shutil.copytree(Path(__file__).parent / "before", tmp_path / "s")
     folder = StudyFolder(tmp_path / "s")

@@ -1,4 +1,4 @@
-"""The noise in the headphones, as a program at the other end of JACK hears it."""
+"""Masking noise in the headphones, recorded by another JACK client."""
 
 import contextlib
 import importlib
@@ -39,7 +39,7 @@ blocks = [{ name = "b", stimuli = ["a", "n"], questions = ["felt"], order = "fix
 
 @contextlib.contextmanager
 def ears(folder):
-    """JACK and somebody who hears; gives a function that ends the hearing and returns what was heard."""
+    """A JACK server and a recording client; returns a function that ends the recording and returns it."""
     _needs("jackd", "jackd2")
     _imported("jack", "libjack-jackd2-0")
     quiet = _environment(JACK_NO_START_SERVER="1", JACK_NO_AUDIO_RESERVATION="1")
@@ -68,11 +68,11 @@ def ears(folder):
 
 
 def decibels(samples):
-    """rms over that of the largest sine, in dB."""
+    """Rms relative to a full-scale sine, in dB."""
     return 20 * np.log10(np.sqrt(2 * np.mean(np.square(samples))))
 
 
-def test_jack_hears_white_noise_at_the_stated_level_while_it_is_on_and_nothing_else(tmp_path):
+def test_jack_receives_white_noise_at_the_stated_level_only_while_on(tmp_path):
     noise = MaskingNoise(level_dbfs=-20, ramp_s=0.05)
     with ears(tmp_path) as heard:
         with Headphones(noise, device="ears", seed=1) as phones:
@@ -128,7 +128,7 @@ with Headphones(MaskingNoise(level_dbfs=-20, ramp_s=0.05), seed=1) as phones:
 
 @contextlib.contextmanager
 def pulse(folder, rate):
-    """PulseAudio with one output that nobody hears; gives the environment in which programs find it."""
+    """PulseAudio with a null output; returns the environment variables for its clients."""
     _imported("sounddevice", "libportaudio2")
     if not list(Path("/usr/lib").glob("*/alsa-lib/libasound_module_pcm_pulse.so")):
         pytest.skip("ALSA has no way to PulseAudio: apt-get install libasound2-plugins")
@@ -152,7 +152,7 @@ def pulse(folder, rate):
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("pulseaudio") is None, reason="needs PulseAudio: apt-get install pulseaudio")
 @pytest.mark.parametrize(("rate", "level"), [(44100, -20.0), (48000, -20.8)])
-def test_pulseaudio_plays_it_and_takes_a_decibel_where_it_resamples(tmp_path, rate, level):
+def test_pulseaudio_loses_one_decibel_when_resampling(tmp_path, rate, level):
     with pulse(tmp_path, rate) as runs, open(tmp_path / "heard.raw", "wb") as file:
         words = ["parec", "-d", "ears.monitor", "--format=float32le", f"--rate={rate}", "--channels=2"]
         with subprocess.Popen(words, env=runs, stdout=file) as ears:
@@ -183,7 +183,7 @@ def test_the_level_is_stated(full_scale, said):
     assert re.search(said, MaskingNoise(level_dbfs=-20, full_scale_db=full_scale).said)
 
 
-def test_headphones_that_are_not_there():
+def test_missing_headphones_are_an_error():
     _imported("sounddevice", "libportaudio2")
     with (
         pytest.raises(UnknownDeviceError, match=r"headphones: .*lists outputs"),

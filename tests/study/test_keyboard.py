@@ -1,4 +1,4 @@
-"""Keys at a terminal, which is a pty here."""
+"""Keys at a terminal, with a pseudo-terminal."""
 
 import os
 import sys
@@ -20,7 +20,7 @@ CHOICE = Question(name="w", kind="choice", text="Which?", options=("brush", "spo
 
 @pytest.fixture
 def terminal():
-    """The two ends of a terminal: what somebody types into, and what the program reads."""
+    """Both ends of a pseudo-terminal: one for typing, one that the program reads."""
     master, slave = os.openpty()
     yield master, slave
     os.close(master)
@@ -28,7 +28,7 @@ def terminal():
 
 
 def asked(terminal, question, *typed, width=100):
-    """Ask at the terminal while somebody types, each after its time in s; gives the reply and what was shown."""
+    """Ask at the terminal while keys are typed after their times in s; return the reply and the printed text."""
     master, slave = terminal
 
     def type_all():
@@ -50,7 +50,7 @@ def asked(terminal, question, *typed, width=100):
         return reply, console.export_text()
 
 
-def test_one_key_answers_and_its_moment_is_taken(terminal):
+def test_a_single_key_answers_with_its_reaction_time(terminal):
     os.write(terminal[0], b"1")  # before the question: it answers nothing
     begin = time.monotonic()
     reply, shown = asked(terminal, CHOICE, (0.5, b"x"), (0.3, b"2"))
@@ -60,12 +60,12 @@ def test_one_key_answers_and_its_moment_is_taken(terminal):
     assert "Press 1, 2" in shown
 
 
-def test_without_a_key_in_time_it_is_too_late(terminal):
+def test_no_key_within_the_time_limit_is_late(terminal):
     reply, _ = asked(terminal, Question(name="w", kind="yes-no", text="?", timeout_s=0.1))
     assert (reply.late, reply.text, reply.reaction_s) == (True, "", 0.1)
 
 
-def test_a_slider_moves_by_arrows_and_has_no_mark_before(terminal):
+def test_a_slider_needs_an_arrow_key_before_enter(terminal):
     slide = Question(
         name="s", kind="slider", text="How rough?", low=0, high=100, low_label="smooth", high_label="rough"
     )
@@ -76,14 +76,14 @@ def test_a_slider_moves_by_arrows_and_has_no_mark_before(terminal):
     assert "0: smooth, 100: rough" in shown
 
 
-def test_keys_that_come_at_once_all_count(terminal):
+def test_keys_that_arrive_together_all_count(terminal):
     slide = Question(name="s", kind="slider", text="How rough?", low=0, high=100)
     reply, _ = asked(terminal, slide, (0.2, b"\x1b[A\x1b[C\x1bOC\xc3\xa4x\r"))
     assert reply.text == "62"
 
 
 @pytest.mark.parametrize(("typed", "said", "late"), [(b"12\n", "12", False), (b"12", "", True)])
-def test_a_line_has_its_time_too(terminal, monkeypatch, typed, said, late):
+def test_lines_have_a_time_limit(terminal, monkeypatch, typed, said, late):
     number = Question(name="m", kind="magnitude", text="How strong?", timeout_s=0.5)
     with os.fdopen(os.dup(terminal[1])) as lines:
         monkeypatch.setattr("sys.stdin", lines)
@@ -99,7 +99,7 @@ def test_options_that_are_numbers_are_not_numbered(terminal):
     assert "1  2" not in shown
 
 
-def test_the_terminal_is_left_as_it_was(terminal):
+def test_terminal_settings_are_restored(terminal):
     before = termios.tcgetattr(terminal[1])
     asked(terminal, CHOICE, (0.2, b"1"))
     assert termios.tcgetattr(terminal[1]) == before

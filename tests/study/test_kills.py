@@ -1,4 +1,4 @@
-"""Two hundred kills in each of new, run, analyse and export: nothing is lost, and nothing is half-written."""
+"""Two hundred kills of each of new, run, analyse and export: no loss and no partial file."""
 
 import json
 import os
@@ -22,7 +22,7 @@ KILLS = [pytest.param(2, marks=pytest.mark.long), pytest.param(200, marks=pytest
 
 @pytest.fixture(scope="module")
 def killer():
-    """Runs midair, and kills it after some seconds."""
+    """Run midair, and kill it after some seconds."""
     program = [sys.executable, str(Path(__file__).parent / "forks.py")]
     with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as running:
         assert running.stdout.readline() == "ready\n"
@@ -38,7 +38,7 @@ def killer():
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory):
-    """TOML of a short study with the six drives of the paper beside it."""
+    """TOML of a short study in a folder with the six drives of the paper."""
     folder = tmp_path_factory.mktemp("plan")
     array = TransducerArray.autd3()
     drive = Drive(phase=np.zeros((5, array.count)), level=np.full(5, 0.01), rate=1000.0, array=array)
@@ -52,7 +52,7 @@ def plan(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def finished(killer, plan, tmp_path_factory):
-    """A study with all its answers."""
+    """A study with all answers."""
     folder = tmp_path_factory.mktemp("finished") / "s"
     assert killer("study", "new", folder, "--source", plan)["status"] == 0
     assert killer("study", "run", folder, "--simulate")["status"] == 0
@@ -60,7 +60,7 @@ def finished(killer, plan, tmp_path_factory):
 
 
 def killed(killer, kills, words, look):
-    """Kill a command at random moments, as often as asked; `look` says what is there afterwards."""
+    """Kill a command at random times, repeatedly; `look` returns the state afterwards."""
     rng = np.random.default_rng(kills)
     lasts = killer(*words(-1))["lasted"]
     look(-1)
@@ -76,7 +76,7 @@ def killed(killer, kills, words, look):
 
 
 @pytest.mark.parametrize("kills", KILLS)
-def test_a_study_is_new_or_not_there(killer, plan, tmp_path, kills):
+def test_a_study_is_complete_or_absent(killer, plan, tmp_path, kills):
     whole = []
 
     def look(number):
@@ -120,7 +120,7 @@ def test_no_answer_is_lost(killer, plan, tmp_path, kills):
 
 @pytest.mark.long
 @pytest.mark.parametrize("kills", KILLS)
-def test_a_report_is_whole(killer, finished, kills):
+def test_a_report_is_complete(killer, finished, kills):
     report = finished / "report.html"
 
     def look(_number):
@@ -134,7 +134,7 @@ def test_a_report_is_whole(killer, finished, kills):
 @pytest.mark.long
 @pytest.mark.parametrize("kills", KILLS)
 @pytest.mark.parametrize("kind", ["bids", "csv"])
-def test_an_export_is_whole_or_not_there(killer, finished, tmp_path, kind, kills):
+def test_an_export_is_complete_or_absent(killer, finished, tmp_path, kind, kills):
     first = {}
 
     def look(number):

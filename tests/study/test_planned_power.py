@@ -1,4 +1,4 @@
-"""The power that a plan tells is the share of studies in which its report finds the effect."""
+"""The power that a plan states is the share of studies in which the report finds the effect."""
 
 import re
 from dataclasses import replace
@@ -20,7 +20,7 @@ STUDIES = 80
 
 @pytest.fixture(scope="module")
 def table_of(tmp_path_factory):
-    """Gives the plan of a template and a whole table of answers, made once, in which others are put."""
+    """Return the plan of a template and a complete table of answers, computed once and then modified."""
     made = {}
 
     def make(template):
@@ -55,13 +55,13 @@ def own(plan, test):
 
 
 def agrees(found, power):
-    """Whether a share of studies is that power, but for chance in both (99.9 %)."""
+    """Whether a share of studies agrees with the power within the chance variation of both (99.9 %)."""
     spread = max(power * (1 - power), 0.01)
     return abs(np.mean(found) - power) < 3.3 * np.sqrt(spread / len(found) + spread / 400)
 
 
 def choices(rng, table, question, d):
-    """Answers to a choice of people who feel with a d' of their own; d: of each person, by rows of the table."""
+    """Answers to a choice by people with individual d'; `d` is given for each row of the table."""
     asked = (table["question"] == question).to_numpy()
     options = sorted(set(table.loc[asked, "right"]))
     right = rng.random(asked.sum()) < proportion_correct(d[asked], alternatives=len(options))
@@ -89,7 +89,7 @@ def report(plan, table):
         ("paired", "Identification: all", 0.2),
     ],
 )
-def test_objects_told_apart(table_of, template, title, effect):
+def test_power_of_identification(table_of, template, title, effect):
     plan, table = table_of(template)
     power = own(plan, "identification")
     power = power if effect is None else replace(power, effect=effect)
@@ -104,7 +104,7 @@ def test_objects_told_apart(table_of, template, title, effect):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", [None, 1.2])
-def test_a_factor_of_the_ratings(table_of, effect):
+def test_power_of_a_rating_factor(table_of, effect):
     plan, table = table_of("paper")
     power = own(plan, "rating") if effect is None else replace(own(plan, "rating"), effect=effect)
     rated, (who, grooved) = (
@@ -128,7 +128,7 @@ def test_a_factor_of_the_ratings(table_of, effect):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("test", ["paired", "equivalence"])
-def test_two_conditions(table_of, test):
+def test_power_of_two_conditions(table_of, test):
     plan, table = table_of("paper")
     rng = np.random.default_rng(3)
     means = {"plain": 1.5, "grooved": 0.7 if test == "paired" else 1.5}
@@ -157,7 +157,7 @@ def test_two_conditions(table_of, test):
 
 
 def shares(d):
-    """Chances of the answers to three objects."""
+    """Probabilities of the answers to three objects."""
     right = float(proportion_correct(d, alternatives=3))
     return np.where(np.eye(3) == 1, right, (1 - right) / 2)
 
@@ -165,7 +165,7 @@ def shares(d):
 @pytest.mark.slow
 @pytest.mark.parametrize("template", ["detection", "intervals"])
 @pytest.mark.parametrize("effect", [None, 0.6])
-def test_a_threshold_apart_from_a_bound(table_of, template, effect):
+def test_power_of_a_threshold(table_of, template, effect):
     from pandas import DataFrame
 
     plan, table = table_of(template)

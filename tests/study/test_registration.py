@@ -1,4 +1,4 @@
-"""The page of a plan: everything that was decided, and nothing that chance decides again."""
+"""The page of a plan: complete and reproducible."""
 
 import re
 from hashlib import sha256
@@ -22,7 +22,7 @@ def plan():
     return draw_plan(read_design(paper_design_text()), drives={"towel-plain.drive.h5": "ab" * 32})
 
 
-def test_the_page_says_what_was_planned(plan):
+def test_the_page_contains_the_plan(plan):
     said = words(plan_page(plan, runs=20))
     assert f"Plan {plan.digest} " in said
     assert "seed 2020 for 10 participants" in said
@@ -42,7 +42,7 @@ def test_the_same_plan_gives_the_same_page_and_another_another(plan):
     assert other.digest != plan.digest
 
 
-def test_every_rule_of_exclusion_has_its_sentence():
+def test_every_exclusion_rule_has_a_sentence():
     rules = Exclusions(
         fastest_s=0.2,
         slowest_s=9,
@@ -59,7 +59,7 @@ def test_every_rule_of_exclusion_has_its_sentence():
     assert exclusions_in_words(Exclusions()) == ("No participants; only answers after the time limit.",)
 
 
-def test_what_was_not_said_is_not_said():
+def test_unplanned_analyses_are_not_listed():
     assert analysis_in_words(Analysis()) == ("No analyses are planned.",)
     assert [line.split(" over ")[1][:7] for line in analysis_in_words(Analysis(strength="percent"))] == ["percent"]
 
@@ -78,7 +78,7 @@ def test_the_command_writes_it_with_its_digest(tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "media"), [(1200, "screen"), (390, "screen"), (718, "print")])
 @pytest.mark.parametrize("template", ["paper", "intervals"])
-def test_nothing_lies_beyond_the_edge(chromium, width, media, template):
+def test_the_page_does_not_overflow(chromium, width, media, template):
     page = chromium.new_page(viewport={"width": width, "height": 900})
     page.emulate_media(media=media)
     page.set_content(plan_page(draw_plan(read_design(template_text(template)), drives={"a.h5": "ab" * 32}), runs=2))

@@ -24,7 +24,7 @@ COLUMNS = {
 
 @pytest.fixture
 def made(tmp_path):
-    """A table of answers, its notebook beside it, and the report of the same data."""
+    """A table of answers, its notebook in the same folder, and the report of the same data."""
     from pandas import DataFrame
 
     rng = np.random.default_rng(0)

@@ -9,7 +9,7 @@ OBJECTS = ["brush", "sponge", "towel"]
 
 @pytest.fixture(scope="module")
 def reported():
-    """A report of choices and ratings with everything in it, and its page."""
+    """A complete report of choices and ratings, and its page."""
     rng = np.random.default_rng(0)
     who, surface, thing, _ = np.indices((6, 2, 3, 4)).reshape(4, -1)
     right = np.array(OBJECTS)[thing]
@@ -27,7 +27,7 @@ def reported():
     return report, report_page(report, title="Touch", within=within)
 
 
-def test_every_column_has_its_word_in_the_page(reported):
+def test_every_column_is_explained_in_the_page(reported):
     report, page = reported
     for finding in report.findings:
         for name, meaning in finding.legend:
@@ -35,7 +35,7 @@ def test_every_column_has_its_word_in_the_page(reported):
                 assert f"<b>{name}</b>: {meaning}".replace("'", "&#39;") in page, (finding.title, name)
 
 
-def test_p_is_printed_as_people_print_it(reported):
+def test_format_of_p_values(reported):
     _, page = reported
     cells = [part.split("</td>")[0] for part in page.split('data-name="p_Holm">')[1:]]
     assert len(cells) > 10
@@ -53,7 +53,7 @@ def test_a_picture_is_no_wider_than_half_a_page(reported):
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "media"), [(1200, "screen"), (390, "screen"), (718, "print")])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_nothing_lies_beyond_the_edge(reported, chromium, width, media, scheme):
+def test_the_page_does_not_overflow(reported, chromium, width, media, scheme):
     page = chromium.new_page(viewport={"width": width, "height": 900})
     page.emulate_media(media=media, color_scheme=scheme)
     page.set_content(reported[1])

@@ -29,7 +29,7 @@ def study(tmp_path_factory):
     return plan, answers_table(plan, folder.sessions())
 
 
-def test_bids_comes_back(study, tmp_path):
+def test_bids_round_trip(study, tmp_path):
     plan, answers = study
     written = write_bids(answers, plan.design, tmp_path / "bids")
     assert all(path.exists() for path in written)
@@ -39,7 +39,7 @@ def test_bids_comes_back(study, tmp_path):
         assert back[name].tolist() == answers[name].tolist(), name
 
 
-def test_bids_has_what_it_must(study, tmp_path):
+def test_bids_has_the_required_files(study, tmp_path):
     plan, answers = study
     write_bids(answers, plan.design, tmp_path / "bids")
     description = json.loads((tmp_path / "bids" / "dataset_description.json").read_text())
@@ -58,7 +58,7 @@ def test_bids_has_what_it_must(study, tmp_path):
 
 @pytest.fixture(scope="module")
 def datasets(study, tmp_path_factory):
-    """The dataset of the study, and one of two sessions with all that a plan may state about it."""
+    """The dataset of the study, and a dataset with two sessions and all optional fields."""
     folder = tmp_path_factory.mktemp("datasets")
     plan, answers = study
     write_bids(answers, plan.design, folder / "one")
@@ -85,7 +85,7 @@ def test_sessions_have_folders_of_their_own(datasets):
     assert (description["Authors"], description["License"]) == (["A. Person", "B. Person"], "CC0")
 
 
-def test_no_date_and_no_pseudonym_leave_with_a_dataset(datasets):
+def test_datasets_contain_no_date_and_no_pseudonym(datasets):
     words = "".join(path.read_text() for path in (datasets / "two").rglob("*.*") if path.suffix == ".tsv")
     assert "pseudonym" not in words
     assert not re.search(r"20\d\d-\d\d-\d\d", words)
@@ -113,7 +113,7 @@ def test_the_older_validator_finds_no_error_and_one_thing_to_state(datasets, nam
     assert [issue["key"] for issue in issues["warnings"]] == warnings
 
 
-def test_csv_comes_back(tmp_path):
+def test_csv_round_trip(tmp_path):
     table = pd.DataFrame({"who": ["a, b", 'say "x"'], "score": [0.1, 1 / 3], "n": [1, 2], "ok": [True, False]})
     write_csv(table, tmp_path / "t.csv")
     back = read_csv(tmp_path / "t.csv")
@@ -126,13 +126,13 @@ def test_csv_comes_back(tmp_path):
     ("content", "why"),
     [(b"a,b\n1\n", "2 fields per line, got 1 in line 2"), (b"a,a\n1,2\n", "different names"), (b"", "got 0 lines")],
 )
-def test_what_is_no_table_is_refused(tmp_path, content, why):
+def test_invalid_tables_are_refused(tmp_path, content, why):
     (tmp_path / "t.csv").write_bytes(content)
     with pytest.raises(BrokenFileError, match=why):
         read_csv(tmp_path / "t.csv")
 
 
-def test_what_is_not_there(study, tmp_path):
+def test_missing_files_are_an_error(study, tmp_path):
     plan, answers = study
     with pytest.raises(MissingFileError):
         read_csv(tmp_path / "no.csv")

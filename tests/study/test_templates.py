@@ -1,4 +1,4 @@
-"""The studies that are shipped, from plan to report, with simulated participants."""
+"""The included templates, from plan to report, with simulated participants."""
 
 from typing import get_args
 
@@ -19,7 +19,7 @@ PEOPLE = 6
 
 @pytest.fixture(scope="module", params=get_args(Template))
 def done(request, tmp_path_factory):
-    """A template through the sessions of six people who notice what they should."""
+    """A template after the sessions of six simulated people who meet all criteria."""
     text = template_text(request.param)
     folder = StudyFolder.create(tmp_path_factory.mktemp("t") / "s", text, read_design(text, participants=PEOPLE))
     plan = folder.plan()
@@ -70,14 +70,14 @@ def test_all_orders_of_a_pair_come_equally_often(done):
 
 
 @pytest.mark.parametrize("template", get_args(Template))
-def test_every_drive_of_a_template_says_what_it_is_made_from(template):
+def test_every_template_drive_has_a_virtual_source(template):
     design = read_design(template_text(template))
     sources = {one.source for one in design.stimuli if one.kind == "drive"}
     assert {one.source for one in design.stimuli if one.made_from} == sources
 
 
 @pytest.mark.slow
-def test_the_vibration_of_the_thresholds_is_made(tmp_path):
+def test_the_threshold_vibration_is_solved(tmp_path):
     plan = draw_plan(read_design(template_text("detection")))
     (made,) = prepare_drives(plan.design, tmp_path, found_in=None)
     assert made.how == "virtual"

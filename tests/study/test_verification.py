@@ -1,4 +1,4 @@
-"""The files of a study after somebody was at them: what was changed is reported, and what is whole is not."""
+"""Check of the files of a study: changes are reported, intact files are not."""
 
 import json
 import re
@@ -21,7 +21,7 @@ def study(*words):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A study with three simulated participants, who are done, and drives that are only bytes."""
+    """A study with three finished simulated participants and drives of arbitrary bytes."""
     path = tmp_path_factory.mktemp("verified")
     short = paper_design_text().replace("repetitions = 4", "repetitions = 1")
     for name, seed in (("s", 1), ("other", 2)):
@@ -39,7 +39,7 @@ def folder(whole, tmp_path):
 
 
 def stripped(path):
-    """Take the chain out of a log, and change an answer."""
+    """Remove the chain from a log, and change an answer."""
     words = re.sub(r', "chain": "[0-9a-f]+"', "", path.read_text())
     path.write_text(words.replace('"answer": "brush"', '"answer": "towel"'))
 
@@ -101,7 +101,7 @@ def test_the_plan_cannot_drop_the_chain_alone(folder):
 
 
 @pytest.mark.parametrize(("lines", "state"), [(20, r"\d+ of \d+ trials"), (1, "without an end")])
-def test_a_cut_end_is_reported(folder, tmp_path, capsys, lines, state):
+def test_a_truncated_log_is_reported(folder, tmp_path, capsys, lines, state):
     study("verify", folder.path)
     (tmp_path / "seals.txt").write_text(capsys.readouterr().out)
     without_end(folder.log(2), lines)
@@ -133,7 +133,7 @@ def test_a_log_of_another_person_or_study_is_reported(folder, whole):
         data_of_study(folder)
 
 
-def test_noted_seals_prove_that_nothing_was_written_anew(folder, whole, tmp_path):
+def test_noted_seals_reveal_a_rewritten_log(folder, whole, tmp_path):
     noted = {f"sub-{n:02d}.jsonl": [verify_study(folder).sessions[n - 1].split("seal ")[1][:32]] for n in (1, 2, 3)}
     assert verify_study(folder, noted=noted).faults == 0
     assert "3 of 3 seals as noted" in verify_study(folder, noted=noted).summary
@@ -169,7 +169,7 @@ def test_a_drive_that_was_changed_is_a_fault(folder):
     assert found.faults == 2
 
 
-def test_a_study_of_before_is_read_and_noted(tmp_path):
+def test_studies_without_chain_are_read_and_reported(tmp_path):
     shutil.copytree(Path(__file__).parent / "before", tmp_path / "s")
     found = verify_study(StudyFolder(tmp_path / "s"))
     assert found.faults == 0

@@ -1,4 +1,4 @@
-"""A person who withdraws is deleted everywhere, and nobody else is touched."""
+"""Withdrawal deletes one participant everywhere and leaves all others unchanged."""
 
 import json
 import os
@@ -17,7 +17,7 @@ from midair.study.withdrawal import MADE, log_derived_file, withdraw, withdrawn
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Three simulated people, a report inside, a dataset and a table elsewhere."""
+    """A study with three simulated people and a report, with a dataset and a table in other folders."""
     root = tmp_path_factory.mktemp("withdrawal")
     text = paper_design_text().replace("repetitions = 4", "repetitions = 1")
     folder = StudyFolder.create(root / "s", text, read_design(text, name="s", participants=3))
@@ -34,7 +34,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def study(made, tmp_path, monkeypatch):
-    """A copy of it, which knows where it lies."""
+    """A copy of the study, whose list of derived files has its new path."""
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)
     known = tmp_path / "s" / "made.jsonl"
     known.write_text(known.read_text().replace(str(made), str(tmp_path)))
@@ -43,11 +43,11 @@ def study(made, tmp_path, monkeypatch):
 
 
 def everything(folder):
-    """All bytes that are there, by name."""
+    """Content of all files by name."""
     return {str(path): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_one_person_goes_and_the_others_stay_byte_by_byte(study, tmp_path, capsys):
+def test_withdrawal_keeps_the_bytes_of_other_people(study, tmp_path, capsys):
     before = everything(tmp_path)
     assert midair(["study", "withdraw", "s", "2", "--force"]) == 0
     said = capsys.readouterr().out
@@ -71,7 +71,7 @@ def test_one_person_goes_and_the_others_stay_byte_by_byte(study, tmp_path, capsy
     assert after[str(tmp_path / "table.csv")].splitlines() == kept
 
 
-def test_the_number_stays_empty_and_the_study_goes_on(study, capsys):
+def test_the_number_stays_unused_and_the_study_continues(study, capsys):
     withdraw(study, 2)
     assert withdrawn(study) == {2}
     assert midair(["study", "run", "s", "--participant", "2", "--array", "virtual"]) == 1
@@ -82,7 +82,7 @@ def test_the_number_stays_empty_and_the_study_goes_on(study, capsys):
     assert "2 participant(s)" in capsys.readouterr().out
 
 
-def test_whoever_is_not_there_cannot_go_and_nobody_goes_unasked(study, tmp_path, capsys):
+def test_unknown_participants_and_unconfirmed_withdrawals_are_refused(study, tmp_path, capsys):
     before = everything(tmp_path)
     with pytest.raises(InputError, match="participant with a log, got 9"):
         withdraw(study, 9)
@@ -99,8 +99,8 @@ def test_a_session_that_runs_is_not_deleted(study):
     assert withdrawn(study) == set()
 
 
-def test_what_a_kill_has_left_is_deleted_by_the_same_call(study, tmp_path):
-    """The tombstone comes first, the log last: between them the rest may be done in part."""
+def test_a_second_call_completes_an_interrupted_withdrawal(study, tmp_path):
+    """The number is recorded first and the log deleted last: an interruption in between leaves a part of the rest."""
     (tmp_path / "s" / "withdrawn.jsonl").write_text(json.dumps({"participant": 2}) + "\n")
     withdraw(study, 2)
     assert not [name for name in everything(tmp_path) if "sub-02" in name]
@@ -113,8 +113,8 @@ def test_an_export_that_was_moved_is_named(study, tmp_path):
     assert [line for line in said if "table.csv: not found; if it was moved, delete the participant" in line]
 
 
-def test_a_disk_that_fills_up_leaves_no_half_a_line(tmp_path):
-    """Half a line was written without a word, and the study could not be analysed again."""
+def test_a_full_disk_leaves_no_partial_line(tmp_path):
+    """A partial line was written without an error, and the study could not be analysed again."""
     resource = pytest.importorskip("resource")
     folder = StudyFolder(tmp_path)
     log_derived_file(folder, tmp_path / "a.html", "report")

@@ -17,7 +17,7 @@ def test_staircase_by_hand():
     assert state.threshold(last=2) == 3.5
 
 
-def test_staircase_settles_where_79_percent_are_right():
+def test_staircase_converges_to_79_percent_correct():
     rng = np.random.default_rng(0)
     true = Psychometric(threshold=0, slope=1, shape="normal")
     found = []
@@ -87,7 +87,7 @@ def test_quest_finds_the_threshold():
     assert np.std(misses) < 2
 
 
-def test_impossible_answer_has_a_word():
+def test_impossible_answers_are_refused():
     state = QuestPlus(levels=[1, 100], thresholds=[1.0], slopes=[3], lapses=[0.0], guess=0.5)
     with pytest.raises(InputError, match="lapses above 0"):
         state.answered(100, False)

@@ -70,7 +70,7 @@ def test_finds_the_threshold_of_a_known_observer(tmp_path, adaptive, target):
     assert right == pytest.approx(target, abs=0.07)
 
 
-def test_the_ladder_goes_down_after_three_and_up_after_one(tmp_path):
+def test_levels_go_down_after_three_correct_and_up_after_one_wrong(tmp_path):
     plan = draw_plan(design("staircase"))
     progress = session(plan, 1, tmp_path / "log")
     ladder, strength = stimulus_levels(plan.design, plan.design.block("b"))
@@ -84,7 +84,7 @@ def test_the_ladder_goes_down_after_three_and_up_after_one(tmp_path):
         assert after >= before if not right else after <= before
 
 
-def test_an_interrupted_staircase_goes_on_as_if_it_had_not_been(tmp_path):
+def test_an_interrupted_staircase_continues_unchanged(tmp_path):
     plan = draw_plan(design("staircase", trials=30))
     session(plan, 3, tmp_path / "a", stop_after=11)
     first = session(plan, 3, tmp_path / "a")
@@ -95,7 +95,7 @@ def test_an_interrupted_staircase_goes_on_as_if_it_had_not_been(tmp_path):
     assert set(answers_table(plan, [whole])["correct"].tolist()) == {0, 1}
 
 
-def test_says_what_is_wrong(tmp_path):
+def test_invalid_blocks_are_refused(tmp_path):
     plan = draw_plan(design("staircase", trials=4))
     with pytest.raises(InputError, match="reversals"):
         threshold(plan, session(plan, 1, tmp_path / "log"), "b")
@@ -109,7 +109,7 @@ def test_says_what_is_wrong(tmp_path):
     ("sides", "drop", "why"),
     [(("left",), "", "'left' in all"), (("left", "right"), "s1.0left", "same correct answers at every strength")],
 )
-def test_a_ladder_that_tells_the_answer_is_refused(sides, drop, why):
+def test_levels_that_reveal_the_answer_are_refused(sides, drop, why):
     made = design("quest+", sides=sides)
     (block,) = made.blocks
     kept = tuple(name for name in block.stimuli if name != drop)
@@ -119,7 +119,7 @@ def test_a_ladder_that_tells_the_answer_is_refused(sides, drop, why):
 
 @pytest.mark.parametrize("adaptive", ["staircase", "quest+"])
 @pytest.mark.parametrize("people", [20, pytest.param(500, marks=pytest.mark.slow)])
-def test_whoever_always_says_left_is_right_by_chance(adaptive, people):
+def test_constant_answers_are_correct_by_chance(adaptive, people):
     made = replace(design(adaptive, trials=20, strengths=[0.5, 1, 2]), participants=people)
     plan = draw_plan(made)
     right = []
@@ -134,7 +134,7 @@ def test_whoever_always_says_left_is_right_by_chance(adaptive, people):
     assert {trial.variant for trial in plan.trials} == {0, 1}
 
 
-def test_which_side_comes_next_cannot_be_guessed_from_the_one_before():
+def test_the_next_side_is_independent_of_the_previous_one():
     plan = draw_plan(replace(design("quest+", trials=40), participants=100))
     sides = np.array([[trial.variant for trial in plan.of(number)] for number in range(1, 101)])
     assert (sides.sum(axis=1) == 20).all()
@@ -142,7 +142,7 @@ def test_which_side_comes_next_cannot_be_guessed_from_the_one_before():
     assert np.mean(sides[:, 1:] == sides[:, :-1]) == pytest.approx(19 / 39, abs=0.03)
 
 
-def test_catch_trials_stand_among_the_others_and_move_no_threshold(tmp_path):
+def test_catch_trials_do_not_change_the_threshold(tmp_path):
     made = design("quest+", sides=("yes",))
     felt = Question(name="where", kind="yes-no", text="Felt?")
     nothing = Stimulus(name="nothing", kind="silence")
@@ -186,7 +186,7 @@ def test_a_short_staircase_has_a_note(tmp_path):
 
 
 def with_answers(plan, number, answer, **how):
-    """A finished session in which every answer is the same, given in the same way."""
+    """A finished session with the same answer and timing in all trials."""
     answers, chosen = {}, {}
     standing = SessionState(trials=plan.of(number), answers=answers, chosen=chosen)
     for trial in standing.trials:
@@ -197,7 +197,7 @@ def with_answers(plan, number, answer, **how):
 
 
 def test_thresholds_obey_the_rules_of_the_plan(tmp_path):
-    """People and answers that the answers table leaves out give no threshold, and neither does an unfinished block."""
+    """Excluded participants, excluded answers and unfinished blocks give no threshold."""
     rules = Exclusions(fastest_s=0.2, timeouts=0.5)
     plan = draw_plan(replace(design("quest+", trials=20), exclusions=rules, analysis=Analysis(strength="strength")))
     whole = session(plan, 1, tmp_path / "1")

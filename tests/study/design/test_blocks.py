@@ -42,14 +42,14 @@ def test_an_answer_may_be_a_name_its_beginning_or_its_number():
 
 
 @pytest.mark.parametrize("text", ["", "3", "0", "x", "-1", "nan"])
-def test_what_is_no_answer_is_refused(text):
+def test_invalid_answers_are_refused(text):
     for question in (CHOICE, Question(name="r", kind="rating", text="?", low=4, high=7)):
         with pytest.raises(InputError, match="expected one of"):
             question.read(text)
 
 
 @pytest.mark.parametrize("text", ["", "many", "-1", "inf", "nan"])
-def test_what_is_no_magnitude_is_refused(text):
+def test_invalid_magnitudes_are_refused(text):
     with pytest.raises(InputError, match="0 or more"):
         Question(name="m", kind="magnitude", text="?").read(text)
 
@@ -75,7 +75,7 @@ def test_right_answers():
     assert right_answer(Question(name="r", kind="rating", text="?"), BRUSH, {}) == ""
 
 
-def test_says_what_does_not_fit():
+def test_inconsistent_designs_are_refused():
     with pytest.raises(InputError, match="letters and digits"):
         design(name="my study")
     with pytest.raises(InputError, match="different names"):

@@ -31,7 +31,7 @@ def test_square_by_hand():
     seed=st.integers(0, 100),
     tries=st.sampled_from([0, 20]),
 )
-def test_shuffle_keeps_items_and_limit_or_says_that_it_cannot(counts, longest, seed, tries):
+def test_shuffle_keeps_items_and_limit_or_raises(counts, longest, seed, tries):
     items = [i for i, count in enumerate(counts) for _ in range(count)]
     possible = max(counts) <= longest * (sum(counts) - max(counts) + 1)
     rng = np.random.default_rng(seed)

@@ -75,7 +75,7 @@ def test_the_seed_decides_and_more_people_change_nothing(plan):
     assert more.digest != plan.digest
 
 
-def test_codes_are_unique_and_tell_nothing(plan):
+def test_codes_are_unique_and_do_not_reveal_the_condition(plan):
     codes = [trial.code for trial in plan.trials]
     assert len(set(codes)) == len(codes)
     words = {word for trial in plan.trials for word in (trial.stimulus, trial.block, *trial.levels.values())}
@@ -110,7 +110,7 @@ def answered(trial, question, answer="brush"):
     }
 
 
-def test_replay_goes_on_where_a_trial_lacks_an_answer(plan):
+def test_replay_continues_at_the_first_unanswered_trial(plan):
     trials = plan.of(1)
     events = [opened(plan)] + [answered(trial, "closest") for trial in trials[:13]]
     progress = replay(events, plan, 1)
@@ -131,7 +131,7 @@ def test_a_log_of_another_plan_is_refused(plan):
         replay([opened(plan, participant=2)], plan, 1)
 
 
-def test_table_opens_the_key(plan):
+def test_answers_table_contains_the_conditions(plan):
     trial = plan.of(1)[0]
     right = trial.levels["object"]
     wrong = "towel" if right != "towel" else "brush"

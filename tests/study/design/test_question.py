@@ -1,4 +1,4 @@
-"""What counts as an answer to each kind of question."""
+"""Valid answers to each kind of question."""
 
 import pytest
 
@@ -41,7 +41,7 @@ SAME = Question(name="same", kind="same-different", text="?")
         (SAME, "diff", "different"),
     ],
 )
-def test_what_is_said_is_stored_as_the_answer(question, said, stored):
+def test_typed_text_is_stored_as_the_answer(question, said, stored):
     assert question.read(said) == stored
 
 
@@ -68,7 +68,7 @@ def test_what_is_said_is_stored_as_the_answer(question, said, stored):
         (FELT, "maybe"),
     ],
 )
-def test_what_is_no_answer_is_refused(question, said):
+def test_invalid_answers_are_refused(question, said):
     with pytest.raises(InputError, match="answer: expected"):
         question.read(said)
 
@@ -104,11 +104,11 @@ def test_every_listed_answer_is_one():
         ({"kind": "rating", "low": 7, "high": 7}, "low below high, got 7 and 7"),
     ],
 )
-def test_questions_that_cannot_be_asked(settings, message):
+def test_invalid_questions_are_refused(settings, message):
     with pytest.raises(InputError, match=f"question 'q': .*{message}|question 'q': {message}"):
         Question(name="q", text="?", **settings)
 
 
-def test_one_of_says_which():
+def test_one_of_lists_the_valid_values():
     with pytest.raises(InputError, match=r"colour: expected one of choice, .* got 'red'"):
         one_of("red", QuestionKind, "colour")

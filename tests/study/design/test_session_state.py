@@ -1,4 +1,4 @@
-"""A log that somebody edited, or a disk spoilt, is one line and never half a session."""
+"""A damaged log gives one error line and never a partial session."""
 
 import pytest
 
@@ -17,7 +17,7 @@ ANSWER = {
 }
 
 
-def test_a_sound_log_is_a_table_of_answers():
+def test_a_valid_log_gives_a_table_of_answers():
     assert answers_table(PLAN, [replay([OPEN, ANSWER], PLAN, 1)])["answer"].tolist() == ["brush"]
 
 
@@ -39,7 +39,7 @@ def test_a_sound_log_is_a_table_of_answers():
         ({"event": "open", "plan": PLAN.digest}, "'participant' is missing"),
     ],
 )
-def test_a_damaged_event_is_one_line(event, why):
+def test_a_damaged_event_gives_one_error_line(event, why):
     with pytest.raises(BrokenFileError, match=why) as told:
         replay([OPEN, event], PLAN, 1)
     assert str(told.value).startswith("log: expected the events of participant 1, got a damaged event")

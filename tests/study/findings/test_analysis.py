@@ -37,7 +37,7 @@ def found(report, begin):
     return next(one for one in report.findings if one.title.startswith(begin))
 
 
-def test_everything_is_found_in_whole_data():
+def test_complete_data_give_all_findings():
     report = analyse(data_of_columns(choices(), **NAMES), draws=500)
     titles = [one.title for one in report.findings]
     assert titles == [
@@ -68,7 +68,7 @@ def test_the_seed_decides():
     assert [one.words for one in first.findings] == [one.words for one in second.findings]
 
 
-def test_no_skill_is_not_called_skill():
+def test_random_answers_are_at_chance():
     report = analyse(data_of_columns(choices(skill=0, seed=5), **NAMES), draws=500)
     assert "no better than chance" in found(report, "Identification: plain").words
 
@@ -99,7 +99,7 @@ def test_constant_answers():
     )
 
 
-def test_missing_cells_as_the_plan_says():
+def test_missing_cells_follow_the_plan():
     table = {name: values[1:] for name, values in ratings().items()}
     report = analyse(data_of_columns(table, **RATED), draws=200)
     words = found(report, "Ratings: analysis").words
@@ -116,7 +116,7 @@ def test_missing_cells_as_the_plan_says():
     assert [one.name for one in report.choices] == ["plain"]
 
 
-def test_answers_that_name_what_was_never_presented_as_the_plan_says():
+def test_answers_that_were_never_presented_follow_the_plan():
     table = choices()
     table = table | {"right": np.where(table["right"] == "towel", "brush", table["right"])}
     foils = int(((table["answer"] == "towel") & (table["surface"] == "plain")).sum())
@@ -159,7 +159,7 @@ def test_limits_are_over_people_or_are_not_given():
     assert "Kappa" in words[1]
 
 
-def test_every_column_of_a_table_has_a_word():
+def test_every_column_of_a_table_is_explained():
     report = analyse(data_of_columns(choices(), **NAMES), draws=200)
     rated = analyse(data_of_columns(ratings(), **RATED), draws=200)
     tables = [one for one in (*report.findings, *rated.findings) if one.table is not None]
@@ -168,7 +168,7 @@ def test_every_column_of_a_table_has_a_word():
         assert {name for name, _ in one.legend} == set(one.table.columns), one.title
 
 
-def test_who_took_part_counts_answers_of_a_known_strength_and_who_is_left_out():
+def test_participants_count_threshold_answers_and_exclusions():
     strengths = pd.DataFrame(
         {"participant": ["a", "a", "b"], "level": [1.0, 2, 3], "correct": [0.0, 1, 1], "guess": 0.5}
     )
@@ -212,7 +212,7 @@ def test_nothing_to_analyse():
         data_of_columns(choices(), participant="participant", rating="answer", within=["surface"])
 
 
-def test_limits_that_hold_less_often_say_so():
+def test_few_wrong_answers_are_reported():
     who, thing, _ = np.indices((6, 3, 4)).reshape(3, -1)
     presented = np.array(["a", "b", "c"])[thing]
     answered = presented.copy()

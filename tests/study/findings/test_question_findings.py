@@ -1,4 +1,4 @@
-"""A report is silent about no question of the plan: each has its figure, or the reason why it has none."""
+"""The report has a result for each question of the plan, or the reason why there is none."""
 
 import re
 from dataclasses import replace
@@ -86,7 +86,7 @@ def test_every_kind_of_question_is_in_the_report_wherever_it_is_asked(kind, plac
 
 
 def test_a_rating_without_an_analysis_has_its_mean_and_spread(tmp_path):
-    """A plan with `which` and `rough`, of which the report had no word."""
+    """A plan with the questions `which` and `rough`, which the report once omitted."""
     found, table = report(design("rating", "scored"), tmp_path)
     part = next(one for one in found.findings if one.title == "Question asked")
     rows = table[table["question"] == "asked"].assign(answer=lambda one: one["answer"].astype(float))
@@ -100,7 +100,7 @@ def test_a_rating_without_an_analysis_has_its_mean_and_spread(tmp_path):
     assert "60 answers analysed" in whole.words
 
 
-def test_ratings_and_choices_outside_the_main_comparison_are_told(tmp_path):
+def test_ratings_and_choices_outside_the_main_comparison_are_reported(tmp_path):
     made = design("rating", "scored", rated=("asked",), within=("thing",), only={"thing": "felt"})
     found, _ = report(made, tmp_path)
     listed = next(one for one in found.findings if one.title == "Questions of the plan")
@@ -110,7 +110,7 @@ def test_ratings_and_choices_outside_the_main_comparison_are_told(tmp_path):
     assert part.table["stimulus"].tolist() == ["denim"]
 
 
-def test_a_main_question_without_right_answers_is_told(tmp_path):
+def test_a_main_question_without_correct_answers_is_reported(tmp_path):
     made = design("choice", "scored without truth")
     found, _ = report(replace(made, analysis=Analysis(choice="asked")), tmp_path)
     parts = {one.title: one.words for one in found.findings}
@@ -118,7 +118,7 @@ def test_a_main_question_without_right_answers_is_told(tmp_path):
     assert "correct" in parts["Question which"]
 
 
-def test_answers_that_the_rules_leave_out_are_told(tmp_path):
+def test_excluded_answers_are_reported(tmp_path):
     made = replace(design("rating", "scored"), exclusions=Exclusions(slowest_s=1e-9))
     with pytest.raises(InputError, match="got none among 60; the plan excludes 60 by the rule 'too slow'"):
         report(made, tmp_path)

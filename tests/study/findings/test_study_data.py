@@ -1,4 +1,4 @@
-"""Tables of other people, as they are: what does not fit is one line."""
+"""Imported tables: invalid data give one error line."""
 
 import pytest
 
@@ -16,12 +16,12 @@ PEOPLE = ["1"] * 4
         ([1.0, 2, 3, 1], ["brush", "towel", "brush", "brush"], "got 'brush' where"),
     ],
 )
-def test_no_answer_among_numbers_is_said(presented, answered, why):
+def test_labels_of_mixed_kinds_are_refused(presented, answered, why):
     with pytest.raises(InputError, match=why):
         data_of_columns({"p": PEOPLE, "a": presented, "b": answered}, participant="p", presented="a", answered="b")
 
 
 @pytest.mark.parametrize("labels", [["brush", "n/a", "towel", "brush"], [1.0, 2.0, 3.0, 1.0]])
-def test_labels_of_one_kind_are_taken_as_they_are(labels):
+def test_labels_of_one_kind_are_accepted(labels):
     data = data_of_columns({"p": PEOPLE, "a": labels, "b": labels[::-1]}, participant="p", presented="a", answered="b")
     assert data.choices["presented"].tolist() == labels

@@ -1,4 +1,4 @@
-"""Thresholds that are known, found again; and words for those that are not."""
+"""Known thresholds are estimated correctly; missing ones are reported."""
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ LEVELS = np.array([0.25, 0.5, 1.0, 2.0, 4.0])
 
 
 def answers(people, trials, *, threshold=1.0, slope=2.0, guess=0.5, seed=0):
-    """Answers of people of one Weibull function: 1 - (1 - guess) exp(-(level / threshold)^slope) are right."""
+    """Answers with the share 1 - (1 - guess) exp(-(level / threshold)^slope) correct: one Weibull function."""
     rng = np.random.default_rng(seed)
     level = np.tile(np.repeat(LEVELS, trials), people)
     right = rng.random(len(level)) < 1 - (1 - guess) * np.exp(-((level / threshold) ** slope))
@@ -42,7 +42,7 @@ def test_one_person_has_limits_from_trials_only():
     assert "over people" not in found.words
 
 
-def test_answers_that_follow_no_such_function_are_told():
+def test_a_poor_fit_is_reported():
     data = answers(1, 200)
     wrong = np.where(data.strengths["level"] == 1.0, 0.0, data.strengths["correct"])
     worse = StudyData(strengths=data.strengths.assign(correct=wrong))
@@ -62,5 +62,5 @@ def test_blocks_that_never_ended_are_an_error():
         adaptive(StudyData(thresholds=pd.DataFrame({"threshold": np.array([np.nan, np.inf])})))
 
 
-def test_what_was_not_asked_is_not_told():
+def test_no_findings_without_thresholds():
     assert psychometric(StudyData(), rng=np.random.default_rng(0)) == adaptive(StudyData()) == []

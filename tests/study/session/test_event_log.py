@@ -1,4 +1,4 @@
-"""A log that only grows: every event that was acknowledged is read, and only those."""
+"""Append-only log: exactly the confirmed events are read."""
 
 import hashlib
 import json
@@ -18,7 +18,7 @@ def path(tmp_path):
     return tmp_path / "sub-01" / "events.jsonl"
 
 
-def test_what_was_appended_is_read_in_order(path):
+def test_appended_events_are_read_in_order(path):
     with EventLog(path) as log:
         log.append(FIRST)
         assert read_events(path) == [FIRST]  # on disk before append returns
@@ -42,7 +42,7 @@ def test_a_torn_line_was_never_acknowledged(path):
 @pytest.mark.parametrize(
     ("line", "message"), [(b"{]", "damage in line 2"), (b"[1]", "in line 2"), (b"{}", "in line 2")]
 )
-def test_damage_within_is_not_cut_away(path, line, message):
+def test_damage_before_the_last_line_is_an_error(path, line, message):
     with EventLog(path) as log:
         log.append(FIRST)
     with path.open("ab") as file:
@@ -63,7 +63,7 @@ def test_one_program_at_a_time(path):
         log.append(FIRST)
 
 
-def test_a_log_that_is_not_open_takes_nothing(path):
+def test_a_closed_log_refuses_events(path):
     log = EventLog(path)
     with pytest.raises(DeviceStateError, match="open log"):
         log.append(FIRST)
@@ -74,20 +74,20 @@ def test_a_log_that_is_not_open_takes_nothing(path):
     assert read_events(path) == [FIRST]
 
 
-def test_no_log_is_told(path):
+def test_a_missing_log_is_an_error(path):
     with pytest.raises(MissingFileError, match="run the session first"):
         read_events(path)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such modes")
-def test_answers_are_for_their_owner_alone(tmp_path):
+def test_logs_are_readable_by_their_owner_only(tmp_path):
     with EventLog(tmp_path / "sub-01.jsonl") as log:
         log.append({"event": "answer"})
     assert (tmp_path / "sub-01.jsonl").stat().st_mode & 0o777 == 0o600
 
 
 def changed(lines, how):
-    """The lines of a log after somebody was at it."""
+    """The lines of an edited log."""
     match how:
         case "an answer":
             return [line.replace(b'"n": 1', b'"n": 2') for line in lines]
@@ -107,7 +107,7 @@ def changed(lines, how):
 @pytest.mark.parametrize(
     "how", ["an answer", "a space", "one line gone", "two lines swapped", "one line twice", "a link gone"]
 )
-def test_a_log_that_was_edited_is_told(path, how):
+def test_an_edited_log_is_an_error(path, how):
     with EventLog(path) as log:
         for event in (FIRST, SECOND, FIRST):
             log.append(event)
@@ -117,7 +117,7 @@ def test_a_log_that_was_edited_is_told(path, how):
         read_events(path)
 
 
-def test_the_links_are_sha256_of_all_that_was_written(path):
+def test_chain_hashes_are_sha256_of_all_bytes(path):
     with EventLog(path) as log:
         for event in (FIRST, SECOND):
             log.append(event)
@@ -129,7 +129,7 @@ def test_the_links_are_sha256_of_all_that_was_written(path):
     assert chain_hash(path) == link
 
 
-def test_a_log_written_anew_has_another_seal(path, tmp_path):
+def test_a_rewritten_log_has_another_seal(path, tmp_path):
     for name, events in (("a", (FIRST, SECOND)), ("b", (FIRST, SECOND | {"n": 2}))):
         with EventLog(tmp_path / name) as log:
             for event in events:
@@ -138,7 +138,7 @@ def test_a_log_written_anew_has_another_seal(path, tmp_path):
     assert chain_hash(tmp_path / "a") != chain_hash(tmp_path / "b")
 
 
-def test_a_log_of_before_the_chain_is_read_and_covered_by_what_is_appended(path):
+def test_logs_without_chain_are_read_and_covered_by_later_lines(path):
     path.parent.mkdir()
     path.write_text(json.dumps(FIRST) + "\n" + json.dumps(SECOND) + "\n")
     with EventLog(path) as log:

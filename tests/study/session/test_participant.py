@@ -75,7 +75,7 @@ def test_ratings_and_magnitudes_are_answers():
     assert np.median([float(magnitude.read(answer)) for _, answer in given]) == pytest.approx(20, rel=0.3)
 
 
-def test_an_answer_depends_on_nothing_that_came_before():
+def test_an_answer_is_independent_of_earlier_ones():
     question = Question(name="q", kind="choice", text="?", options=OBJECTS, truth="object")
     stimuli = tuple(Stimulus(name=o, source="x", levels={"object": o}) for o in OBJECTS)
     drawn = plan(question, stimuli, participants=2, repetitions=5)

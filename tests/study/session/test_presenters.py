@@ -35,7 +35,7 @@ def presenter(device, load, told):
     )
 
 
-def test_an_array_plays_drives_and_the_experimenter_takes_up_objects():
+def test_array_plays_drives_and_experimenter_presents_objects():
     told, loaded = [], []
 
     def load(source):
@@ -67,7 +67,7 @@ class Noise:
         self.told.append("quiet")
 
 
-def test_noise_covers_what_the_array_plays_and_its_silences_but_no_objects():
+def test_noise_masks_drives_and_silences_but_no_objects():
     told = []
 
     class Inner(SilentPresenter):
@@ -90,7 +90,7 @@ def test_noise_covers_what_the_array_plays_and_its_silences_but_no_objects():
     assert told == ["noise", "a2", "quiet", "silence", "quiet"]
 
 
-def test_silence_lasts_as_long_as_the_others_and_ends_at_once_when_ordered():
+def test_silence_has_the_duration_of_drives_and_ends_at_a_stop():
     with VirtualArray(ARRAY) as device:
         one = replace(presenter(device, lambda _: drive(), []), silence_s=0.05)
         begin = time.monotonic()
@@ -107,7 +107,7 @@ def test_a_drive_for_another_array_is_refused_before_the_session():
         presenter(device, lambda _: drive(TransducerArray.autd3(columns=2, rows=1)), []).check((TONE,))
 
 
-def test_nothing_is_told_for_silence_but_to_wait():
+def test_the_experimenter_waits_during_silence():
     told = []
     by_hand = ExperimenterPresenter(tell=told.append, done=lambda: None)
     by_hand.present(NOTHING)
@@ -117,7 +117,7 @@ def test_nothing_is_told_for_silence_but_to_wait():
     assert nobody.felt == ("b",)
 
 
-def test_a_drive_that_is_too_loud_is_refused_before_the_session_and_never_sounds():
+def test_a_too_loud_drive_is_refused_before_the_session():
     class Loud(VirtualArray):
         gated = True
 
@@ -160,7 +160,7 @@ def test_the_failsafe_of_real_units_spoils_a_presentation_and_the_next_one_sound
         one.present(TONE)
 
 
-def test_a_presentation_with_a_hole_in_it_does_not_count():
+def test_a_presentation_with_silent_frames_does_not_count():
     class Stuttering(VirtualArray):
         def emit(self, drive, progress, **options):
             return replace(super().emit(drive, progress, **options), late=2, gap=0.25)

@@ -1,4 +1,4 @@
-"""What a session does beside presenting and asking: forms, training, breaks, cues, time-outs, several sessions."""
+"""Further steps of a session: forms, training, breaks, cues, time limits, several sessions."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ STIMULI = tuple(Stimulus(name=f"s_{o}", kind="object", source=o, levels={"object
 
 
 class Slow(StillClock):
-    """A clock that notes how long somebody wanted to wait, and shows the time that it is told."""
+    """A clock that records waiting times and returns a time that tests set."""
 
     def __init__(self):
         self.waited, self.time = [], 0.0
@@ -49,7 +49,7 @@ def block(**changes):
 
 
 def go(plan, log, answer=lambda trial, question: trial.levels["object"], clock=None, steps=10**9):
-    """Drive a session; gives what was due, in order."""
+    """Drive a session; return its steps in order."""
     seen, trials = [], {trial.code: trial for trial in plan.trials}
     with Session(plan, 1, log, SilentPresenter(), clock=clock or StillClock()) as one:
         while one.step.kind != "done" and len(seen) < steps:
@@ -112,7 +112,7 @@ def test_training_ends_with_its_criterion(tmp_path, wrong_until, trials):
     assert len(answers_table(plan, [found])) == trials + 8
 
 
-def test_who_never_gets_there_is_left_out_if_the_plan_says_so(tmp_path):
+def test_participants_without_the_criterion_are_excluded_if_planned(tmp_path):
     training = block(name="train", criterion=Criterion(right=1.0, last=4), scored=False)
     plan = plan_of(training, block(), exclusions=Exclusions(training=True))
     go(plan, tmp_path / "log", lambda *_: "a")
@@ -123,7 +123,7 @@ def test_who_never_gets_there_is_left_out_if_the_plan_says_so(tmp_path):
     assert not answers_table(plan, [found])["scored"].any()
 
 
-def test_breaks_stand_within_a_block(tmp_path):
+def test_breaks_within_a_block(tmp_path):
     seen = go(plan_of(block(break_every=3, rest_s=5.0)), tmp_path / "log")
     before = [
         sum(kind == "present" for kind in kinds(seen)[:at]) for at, kind in enumerate(kinds(seen)) if kind == "rest"
@@ -139,7 +139,7 @@ def test_the_time_before_a_stimulus_is_drawn_and_kept(tmp_path):
     assert 0.5 <= min(clock.waited) < max(clock.waited) <= 1.5
 
 
-def test_a_cue_comes_with_each_stimulus_and_each_half_of_a_pair(tmp_path):
+def test_each_stimulus_and_each_member_of_a_pair_has_a_cue(tmp_path):
     pair = Stimulus(name="p", kind="pair", members=("s_a", "s_b"), levels={"object": "a"}, gap_s=0.7)
     plan, told, clock = plan_of(block(stimuli=("p",), repetitions=1), stimuli=(*STIMULI, pair)), [], Slow()
     with Session(plan, 1, tmp_path / "log", SilentPresenter(), clock=clock) as one:
@@ -149,7 +149,7 @@ def test_a_cue_comes_with_each_stimulus_and_each_half_of_a_pair(tmp_path):
     assert clock.waited == [0.0, 0.7]
 
 
-def test_after_its_time_no_answer_counts(tmp_path):
+def test_answers_after_the_time_limit_do_not_count(tmp_path):
     plan = plan_of(
         block(repetitions=1), questions=(replace(WHICH, timeout_s=2.0),), exclusions=Exclusions(timeouts=0.4)
     )
@@ -179,7 +179,7 @@ def test_answers_too_fast_or_too_slow_are_left_out_one_by_one(tmp_path):
     assert table["scored"].tolist() == [False, True, True, False]
 
 
-def test_extras_are_strewn_never_first_and_attention_is_checked(tmp_path):
+def test_extras_are_never_first_and_attention_is_checked(tmp_path):
     press = Question(name="press", kind="choice", text="Press b.", options=("a", "b"), truth="key")
     pause = Stimulus(name="pause", kind="silence", levels={"key": "b"})
     anchor = Stimulus(name="anchor", kind="object", source="iron", levels={"object": "a"})
@@ -241,6 +241,6 @@ def test_a_restart_in_the_second_session_leaves_the_first_alone(tmp_path):
         ({"session": 0}, "session of 1 or more"),
     ],
 )
-def test_what_cannot_be_done_is_refused(changes, why):
+def test_invalid_settings_are_refused(changes, why):
     with pytest.raises(InputError, match=why):
         block(**changes)

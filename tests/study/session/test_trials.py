@@ -1,4 +1,4 @@
-"""Sessions: what is asked, what is stored, and what a crash leaves behind."""
+"""Sessions: questions, stored answers, and recovery after a crash."""
 
 import json
 import signal
@@ -37,7 +37,7 @@ def plan():
 
 
 class Recorder:
-    """A presenter that remembers."""
+    """A presenter that records its calls."""
 
     def __init__(self):
         self.done = []
@@ -51,7 +51,7 @@ class Recorder:
 
 
 class Script:
-    """A screen that gives up after some answers, and remembers what it saw."""
+    """A screen that raises after some answers, and records all steps."""
 
     def __init__(self, plan, stop_after=10**9):
         self.model = SimulatedScreen(plan=plan, participant=SimulatedParticipant(seed=1))
@@ -129,7 +129,7 @@ def test_the_air_of_the_room_is_in_the_log(plan, tmp_path, room, stored):
     assert read_events(tmp_path / "log.jsonl")[0]["room"] == stored
 
 
-def test_nobody_sees_the_condition(plan, tmp_path):
+def test_no_step_reveals_the_condition(plan, tmp_path):
     screen = Script(plan)
     with session(plan, tmp_path / "log.jsonl") as one:
         run(one, screen)
@@ -164,7 +164,7 @@ class Faulty(Recorder):
             raise self.error("array: frames 5 to 9 were silent")
 
 
-def test_a_trial_in_which_the_array_was_silent_is_marked_and_comes_again_before_it_is_asked_about(plan, tmp_path):
+def test_a_failed_presentation_is_logged_and_repeated_before_the_question(plan, tmp_path):
     presenter, screen = Faulty(silent=(2, 3, 7)), Script(plan)
     with session(plan, tmp_path / "log.jsonl", presenter) as one:
         assert run(one, screen).kind == "done"
@@ -189,7 +189,7 @@ def test_a_trial_in_which_the_array_was_silent_is_marked_and_comes_again_before_
     assert replay(events, plan, 1).next_trial == len(names)
 
 
-def test_an_array_that_stays_silent_ends_the_session_which_can_be_taken_up_again(plan, tmp_path):
+def test_repeated_failures_end_a_session_that_can_be_resumed(plan, tmp_path):
     with pytest.raises(SilentFramesError, match=r"trial 3: the array failed 3 times.*frames 5 to 9"):  # noqa: SIM117
         with session(plan, tmp_path / "log.jsonl", Faulty(silent=(2, 3, 4))) as one:
             run(one, Script(plan))
@@ -219,7 +219,7 @@ def test_resume_asks_only_what_has_no_answer(plan, tmp_path):
 
 
 @pytest.mark.parametrize(("policy", "again"), [("restart", 0), ("block", 15)])
-def test_policies_put_answers_aside_and_keep_them_in_the_log(plan, tmp_path, policy, again):
+def test_policies_discard_answers_but_keep_them_in_the_log(plan, tmp_path, policy, again):
     interrupted(plan, tmp_path / "log.jsonl", after=12 + 3 * 4 + 6)
     screen = Script(plan)
     with session(plan, tmp_path / "log.jsonl", policy=policy) as one:
@@ -233,7 +233,7 @@ def test_policies_put_answers_aside_and_keep_them_in_the_log(plan, tmp_path, pol
     assert [event["policy"] for event in events if event["event"] == "resume"] == [policy]
 
 
-def test_an_interrupted_session_has_the_answers_of_one_that_was_not(plan, tmp_path):
+def test_an_interrupted_session_gives_the_same_answers(plan, tmp_path):
     interrupted(plan, tmp_path / "a.jsonl", after=21)
     for name in ("a", "b"):
         with session(plan, tmp_path / f"{name}.jsonl") as one:
@@ -290,7 +290,7 @@ def test_an_error_of_the_presenter_silences_it(plan, tmp_path):
     assert read_events(tmp_path / "log.jsonl")[-1]["reason"] == "OSError"
 
 
-def test_the_experimenter_is_told_what_to_take_up(plan, tmp_path):
+def test_the_experimenter_sees_the_object_to_present(plan, tmp_path):
     told = []
     presenter = ExperimenterPresenter(tell=told.append, done=lambda: None)
     with session(plan, tmp_path / "log.jsonl", presenter) as one:
@@ -323,7 +323,7 @@ def test_calls_in_the_wrong_order(plan, tmp_path):
         EventLog(tmp_path / "x").append({"event": "x"})
 
 
-def test_a_torn_line_is_cut_and_told(tmp_path):
+def test_a_torn_line_is_removed_and_logged(tmp_path):
     path = tmp_path / "log.jsonl"
     with EventLog(path) as log:
         log.append({"event": "one"})
@@ -365,7 +365,7 @@ with Session(plan, number, folder.log(number), SilentPresenter(), simulated=True
 
 
 def killed_run(folder, witness, number, wait, sign):
-    """Run a session in a process of its own, kill it `wait` seconds after a sign of life; whether it had finished."""
+    """Run a session in a new process and kill it `wait` s after its first output; return whether it had finished."""
     process = subprocess.Popen(
         [sys.executable, "-c", CHILD, str(folder), str(witness), str(number)], stdout=subprocess.PIPE, text=True
     )
@@ -379,7 +379,7 @@ def killed_run(folder, witness, number, wait, sign):
 
 
 def witnessed(path, what):
-    """What the process said about each question; a line that the kill has torn does not count."""
+    """Complete output lines of the process for each question."""
     lines = path.read_bytes().split(b"\n")[:-1] if path.exists() else []
     return [tuple(rest) for said, *rest in map(json.loads, lines) if said == what]
 

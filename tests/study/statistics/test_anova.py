@@ -113,7 +113,7 @@ def small(**changes):
     return rm_anova(table, value="y", participant="who", within=["x"])
 
 
-def test_a_group_that_cannot_be_is_refused():
+def test_invalid_groups_are_refused():
     data = read("between")
     data["score"] = np.array(data["score"], float)
     options = {"value": "score", "participant": "participant", "within": ["surface", "object"]}
@@ -146,7 +146,7 @@ def test_a_factor_between_people_alone_is_a_test_of_two_groups():
     assert row["p"] == pytest.approx(t.pvalue)
 
 
-def test_says_what_is_missing():
+def test_invalid_tables_are_refused():
     with pytest.raises(InputError, match="got none from participant c at x=t"):
         small(y=[1.0, 2, 3, 4, 6, 5], x=list("ststss"))
     with pytest.raises(InputError, match="got 4 everywhere"):

@@ -73,7 +73,7 @@ def test_four_people_and_people_who_are_always_right_have_none(counts, name):
 
 
 def test_few_wrong_answers_have_at_least_the_limits_of_independent_ones():
-    """Three of sixty wrong, by three of five people: those who never err say nothing of how people differ."""
+    """Three of sixty answers are wrong, by three of five people: too few to estimate differences between people."""
     wrong = np.array([1, 1, 1, 0, 0])
     table = np.stack([4 * np.eye(3, dtype=int)] * 5)
     table[:, 0, 0] -= wrong
@@ -87,7 +87,7 @@ def test_few_wrong_answers_have_at_least_the_limits_of_independent_ones():
 
 
 @pytest.mark.parametrize(("measure", "least"), [(d_prime_yes_no, 60), (d_prime_same_different, 240)])
-def test_two_answers_need_many_of_either(measure, least):
+def test_two_answers_need_enough_signals_and_blanks(measure, least):
     enough = np.array([[k, 12, 3, 12] for k in (8, 9, 10, 7, 11)]) * (least // 60)
     found = two_answers_limits(measure, enough)
     assert found.low < found.value < found.high
@@ -98,7 +98,7 @@ def test_two_answers_need_many_of_either(measure, least):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("d", [2.5, 3.0])
-def test_limits_cover_where_nearly_all_is_right(d):
+def test_limits_cover_near_a_share_of_one(d):
     # On the logit alone they hold the true share in .98 of studies of five people with twelve trials.
     rng = np.random.default_rng(int(10 * d))
 

@@ -25,7 +25,7 @@ def test_a_frame_and_a_dict_are_the_same(table):
     pd.testing.assert_frame_equal(rm_anova(table, **NAMES), rm_anova(RATINGS, **NAMES))
 
 
-def test_the_table_that_was_given_stays_as_it_was():
+def test_the_input_table_is_unchanged():
     table = pd.DataFrame(RATINGS)
     ordinal_check(table, **NAMES, rng=np.random.default_rng(0))
     pd.testing.assert_frame_equal(table, pd.DataFrame(RATINGS))
@@ -37,19 +37,19 @@ def test_levels_are_numbered_in_the_order_of_appearance():
 
 
 @pytest.mark.parametrize("values", [[1, 2], ["1", "2.0"], [True, 2], pd.array([1, 2], dtype="Int64")], ids=str)
-def test_numbers_come_as_floats(values):
+def test_numbers_are_floats(values):
     found = numbers(frame_of({"n": values}), "n")
     assert (found.dtype, found.tolist()) == (np.float64, [1.0, 2.0])
 
 
 @pytest.mark.parametrize("table", [{"a": [1], "b": [1, 2]}, {"a": [[1]]}, pd.DataFrame([[1, 2]], columns=["a", "a"])])
-def test_what_is_no_table(table):
+def test_invalid_tables_are_refused(table):
     with pytest.raises(ShapeError, match="one axis and one length, got shapes a"):
         frame_of(table)
 
 
 @pytest.mark.parametrize("missing", [None, np.nan, pd.NA, pd.NaT])
-def test_a_missing_value_is_pointed_at(missing):
+def test_a_missing_value_is_named_by_row(missing):
     frame = frame_of({"who": ["a", missing, "b"], "n": pd.Series([1, missing, 2], dtype=object)})
     with pytest.raises(NonFiniteError, match=r"column 'who': .* got none in row 1"):
         column(frame, "who")
@@ -59,7 +59,7 @@ def test_a_missing_value_is_pointed_at(missing):
         rm_anova(RATINGS | {"who": ["a", missing, "b", "b", "c", "c"]}, **NAMES)
 
 
-def test_a_column_that_is_not_there():
+def test_a_missing_column_is_an_error():
     with pytest.raises(InputError, match="expected a column 'z', got y, who, x"):
         column(frame_of(RATINGS), "z")
     with pytest.raises(InputError, match="got no columns"):

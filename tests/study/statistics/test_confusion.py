@@ -62,7 +62,7 @@ def test_chance_of_forty_trials_an_object():
     assert chance.range95 == pytest.approx((0.249, 0.420), abs=0.006)
 
 
-def test_permutation_keeps_what_people_answered():
+def test_permutation_keeps_the_marginal_counts():
     truth, answer, who = choices(3, skill=0.9)
     chance = chance_macro_f(confusion_matrix(truth, answer, participant=who), rng=np.random.default_rng(0), draws=999)
     assert chance.p == pytest.approx(0.001)
@@ -87,7 +87,7 @@ def test_mutual_information():
     assert plain - corrected == pytest.approx(1 / (40 * np.log(2)))
 
 
-def test_says_what_is_wrong():
+def test_invalid_answers_are_refused():
     with pytest.raises(ShapeError, match="equal lengths"):
         confusion_matrix(["a"], [])
     with pytest.raises(InputError, match="got 'c'"):

@@ -27,7 +27,7 @@ def test_chance_and_two_alternatives(alternatives):
 
 
 @given(d=st.floats(0.05, 3.5), alternatives=st.integers(2, 8))
-def test_choice_goes_back(d, alternatives):
+def test_d_prime_of_share_inverts_proportion_correct(d, alternatives):
     total = 1_000_000
     correct = round(total * float(proportion_correct(d, alternatives=alternatives)))
     found = d_prime_choice(correct, total, alternatives=alternatives)
@@ -79,11 +79,11 @@ def test_choice_model_returns_its_own_parameters(seed):
     assert found.p > 0.99
 
 
-def test_choice_model_sees_what_it_cannot_explain():
+def test_choice_model_misfit_is_significant():
     assert choice_model([[60, 35, 5], [5, 60, 35], [35, 5, 60]]).p < 1e-6  # a cycle of confusions is no similarity
 
 
-def test_says_what_is_wrong():
+def test_invalid_counts_are_refused():
     with pytest.raises(InputError, match="0 <= hits <= total"):
         d_prime_choice(5, 4, alternatives=3)
     with pytest.raises(InputError, match="2 or more"):

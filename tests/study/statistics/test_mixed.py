@@ -38,7 +38,7 @@ def sizes(name):
 
 
 def answers_of(trials):
-    """The answers of one size, one a trial."""
+    """Answers of one data set, one row per trial."""
     rows = [row for row in sizes("sizes.csv") if row["trials"] == trials]
     right, total = (np.array([int(row[key]) for row in rows]) for key in ("right", "total"))
     table = {key: np.repeat([row[key] for row in rows], total) for key in ("participant", *WITHIN)}
@@ -79,7 +79,7 @@ def test_agrees_with_statsmodels(choices):
     assert (np.abs(posterior["mean"][:-1] - fit.coefficient) < posterior["sd"][:-1] / 2).all()
 
 
-def test_people_who_differ_are_not_taken_for_an_effect():
+def test_differences_between_people_are_no_effect():
     # Five people feel one surface better and three the other, each of them without a doubt.
     who, surface, trial = np.indices((8, 2, 50)).reshape(3, -1)
     better = np.where(who < 5, surface == 0, surface == 1)
@@ -109,7 +109,7 @@ def test_f_is_that_of_a_linear_model_where_trials_are_many():
     assert row["p"] == pytest.approx(known["p"][0], rel=0.02)
 
 
-def test_says_what_is_wrong(choices):
+def test_invalid_tables_are_refused(choices):
     options = {"correct": "correct", "participant": "participant", "within": ["surface"]}
     with pytest.raises(InputError, match="only 1"):
         logistic_mixed(choices | {"correct": np.ones(len(choices["correct"]))}, **options)
@@ -119,7 +119,7 @@ def test_says_what_is_wrong(choices):
         logistic_mixed(choices | {"participant": ["me"] * len(choices["correct"])}, **options)
 
 
-def test_a_cell_that_is_all_right_is_pointed_at(choices):
+def test_a_cell_with_only_correct_answers_has_a_note(choices):
     correct = np.where(choices["object"] == "brush", 1.0, choices["correct"])
     changed = choices | {"correct": correct}
     table = logistic_mixed(changed, correct="correct", participant="participant", within=["object"])
@@ -128,7 +128,7 @@ def test_a_cell_that_is_all_right_is_pointed_at(choices):
 
 
 def integral(counts, fixed, varying, group, mode):
-    """Minus the logarithm of the likelihood as a function of coefficients and log spreads, by 1024 even draws a person.
+    """Negative log likelihood of coefficients and log spreads, with 1024 quasi-random draws per person.
 
     Drawn about each person's mode with that person's curvature, as quadrature is laid, but in any number of dimensions.
     """

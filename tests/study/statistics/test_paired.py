@@ -60,7 +60,7 @@ def test_holm_never_lowers_and_keeps_the_order(p):
     assert (np.diff(found[order]) >= 0).all()
 
 
-def test_says_what_is_wrong():
+def test_invalid_pairs_are_refused():
     with pytest.raises(InputError, match="differences that vary, got 0 from all participants"):
         paired_t([1, 2, 3], [1, 2, 3])
     with pytest.raises(ShapeError, match="2 or more"):

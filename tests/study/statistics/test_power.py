@@ -45,7 +45,7 @@ def test_more_people_more_power_and_none_without_an_effect():
     assert null.low < 0.06
 
 
-def test_says_what_is_wrong():
+def test_invalid_arguments_are_refused():
     with pytest.raises(InputError, match="100 pairs, got less"):
         participants_for_paired_t(d_z=0.001, most=100)
     with pytest.raises(InputError):

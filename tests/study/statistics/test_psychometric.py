@@ -38,7 +38,7 @@ def test_single_trials_are_the_same_data():
     assert one == sums
 
 
-def test_says_what_is_wrong():
+def test_invalid_answers_are_refused():
     rng = np.random.default_rng(0)
     with pytest.raises(InputError, match="three or more"):
         fit_psychometric([1, 2], [1, 2], [3, 3], rng=rng)
@@ -69,7 +69,7 @@ def test_limits_from_many_trials_are_those_of_a_regression():
     )
 
 
-def test_answers_that_set_no_limit_say_so():
+def test_unlimited_thresholds_are_infinite():
     # Right answers begin to rise at the last level only: the threshold may lie anywhere beyond.
     rng = np.random.default_rng(1)
     fit = fit_psychometric(

@@ -8,7 +8,7 @@ def value(table, begin):
     return next(row for row in table.to_dict("records") if row["quantity"].startswith(begin))
 
 
-def test_what_is_printed_follows():
+def test_published_numbers_are_reproduced():
     table = derive()
     assert value(table, "p of")["value"] == pytest.approx(0.25, abs=0.005)  # "p = .25"
     assert value(table, "power of the test at d_z = 1")["value"] == pytest.approx(0.18, abs=0.01)
@@ -19,7 +19,7 @@ def test_what_is_printed_follows():
     assert value(table, "d' of real")["low"] > 2
 
 
-def test_limits_of_the_effect_are_where_t_is_just_not_surprising():
+def test_limits_of_the_effect_are_percentiles_of_noncentral_t():
     from scipy.stats import nct
 
     row = value(derive(), "d_z over")

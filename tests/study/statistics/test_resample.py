@@ -19,7 +19,7 @@ def test_sign_flip_agrees_with_scipy():
     assert sign_flip(d, rng=np.random.default_rng(0)) == pytest.approx(exact.pvalue)
 
 
-def test_random_turns_agree_with_exact_ones():
+def test_random_sign_flips_agree_with_exact_ones():
     rng = np.random.default_rng(1)
     z = rng.normal(0.3, 1, (13, 2))
     exact = sign_flip(z, rng=rng)
@@ -52,7 +52,7 @@ def test_limits_cover_with_five_people():
 
 
 @pytest.mark.parametrize("scale", ["plain", "share", "positive", "correlation"])
-def test_where_nothing_says_how_people_differ_there_are_no_limits(scale):
+def test_no_limits_without_differences_between_people(scale):
     found = limits_over_people(lambda x: x.mean(axis=0), np.ones((5, 2)), scale=scale)
     assert found.value.tolist() == [1, 1]
     assert np.isnan([found.low, found.high]).all()

@@ -1,4 +1,4 @@
-"""Two thousand studies in which there is nothing to find: how often each test finds something at .05."""
+"""False positive rate of each test at .05 in two thousand studies without an effect."""
 
 import numpy as np
 import pytest
@@ -69,7 +69,7 @@ def macro_f(rng):
 
 
 def mixed(rng, trials, differ):
-    """Right answers that do not depend on the object over all people; each has a level, and may have a best object."""
+    """Correct answers without an effect of the object over people; each has a level, and may have a best object."""
     thing = np.tile(np.repeat(OBJECTS, trials // 3), PEOPLE)
     who = np.repeat(np.arange(PEOPLE), trials)
     logit = 0.4 + rng.normal(0, 0.7, (PEOPLE, 1)) + rng.normal(0, differ, (PEOPLE, 3))
@@ -125,14 +125,14 @@ def interval(studies):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXACT)
-def test_finds_nothing_in_nineteen_of_twenty(name):
+def test_false_positives_in_five_percent(name):
     low, high = interval(2000)
     assert low <= found(EXACT[name], 2000) <= high
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHY)
-def test_corrections_are_shy(name):
+def test_corrections_are_conservative(name):
     _, high = interval(2000)
     assert 2000 * 0.01 <= found(SHY[name], 2000) <= high
 
