@@ -47,7 +47,7 @@ def ears(folder):
         command = [sys.executable, str(Path(__file__).parent / "ears.py"), str(folder / "heard.npy")]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as listener:
             assert listener.stdout.readline().strip() == "ready"
-            # A program that is started now would see the server; this one has looked before.
+            # PortAudio lists devices once, so that this process must look again.
             let_go()
             importlib.import_module("sounddevice")._initialize()
 
@@ -91,7 +91,7 @@ def test_jack_receives_white_noise_at_the_stated_level_only_while_on(tmp_path):
         inside = samples[begin + ramp : end - 500 - ramp, 0]
         assert len(inside) > 0.2 * RATE
         assert decibels(inside) == pytest.approx(-20, abs=0.2)
-        assert decibels(samples[begin : begin + ramp // 4, 0]) < -32  # it swells
+        assert decibels(samples[begin : begin + ramp // 4, 0]) < -32  # fade-in
         power = np.abs(np.fft.rfft(inside)) ** 2
         bands = 10 * np.log10([part.mean() for part in np.array_split(power, 8)])
         assert np.ptp(bands) < 1.0  # white
@@ -162,7 +162,7 @@ def test_pulseaudio_loses_one_decibel_when_resampling(tmp_path, rate, level):
     heard = np.fromfile(tmp_path / "heard.raw", np.float32).reshape(-1, 2)
     np.testing.assert_array_equal(heard[:, 0], heard[:, 1])
     parts = heard[: len(heard) // 441 * 441, 0].reshape(-1, 441)
-    # A busy computer may leave holes; the middle of what is whole is the noise at its level.
+    # A busy computer may cause gaps; the median of the complete parts has the level of the noise.
     whole = parts[(parts != 0).all(axis=1)]
     assert len(whole) > 20
     assert np.median([decibels(part) for part in whole]) == pytest.approx(level, abs=0.3)

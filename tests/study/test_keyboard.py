@@ -32,7 +32,7 @@ def asked(terminal, question, *typed, width=100):
     master, slave = terminal
 
     def type_all():
-        # Keys from before the question answer nothing, and a busy machine takes its time to ask.
+        # Earlier keys are discarded, so wait for the prompt.
         while question.keys and "Press " not in console.export_text(clear=False):
             time.sleep(0.005)
         for after, keys in typed:
@@ -51,7 +51,7 @@ def asked(terminal, question, *typed, width=100):
 
 
 def test_a_single_key_answers_with_its_reaction_time(terminal):
-    os.write(terminal[0], b"1")  # before the question: it answers nothing
+    os.write(terminal[0], b"1")  # before the question: discarded
     begin = time.monotonic()
     reply, shown = asked(terminal, CHOICE, (0.5, b"x"), (0.3, b"2"))
     assert (reply.text, reply.by, reply.late) == ("sponge", "key", False)

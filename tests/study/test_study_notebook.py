@@ -50,7 +50,7 @@ def table_of(report, begin):
 
 
 def test_the_steps_give_the_numbers_of_the_report(made, monkeypatch):
-    # Without a kernel, which takes seconds to start: the cells as a program.
+    # Run the cells as a program: a kernel takes seconds to start.
     folder, report = made
     monkeypatch.chdir(folder)
     pytest.importorskip("IPython")

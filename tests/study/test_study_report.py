@@ -46,7 +46,7 @@ def test_a_picture_is_no_wider_than_half_a_page(reported):
     report, _ = reported
     rows = study_pictures(report, within=("surface", "object", "rated"))
     assert [len(row.panels) for row in rows] == [2, 1, 2]
-    # At .6 of their size, as a telephone of 390 pixels shows them, they need no moving under the finger.
+    # A telephone of 390 pixels shows them at .6 of their size without scrolling.
     assert max(panel.size[0] for row in rows for panel in row.panels) * 0.6 < 346
 
 

@@ -140,7 +140,7 @@ def test_noted_seals_reveal_a_rewritten_log(folder, whole, tmp_path):
     text = tmp_path / "seals.txt"
     text.write_text("\n".join(f"Monday, {name}: seal {seal}" for name, (seal,) in noted.items()))
     assert noted_seals(text) == noted
-    # An earlier seal is one of the links, and what came later is counted.
+    # An earlier seal is one of the chain hashes, and later lines are counted.
     links = re.findall(r'"chain": "([0-9a-f]{32})"', folder.log(1).read_text())
     earlier = verify_study(folder, noted={"sub-01.jsonl": [links[9]]})
     assert f"as noted, {len(links) - 10} lines since" in earlier.sessions[0]

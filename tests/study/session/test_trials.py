@@ -179,7 +179,7 @@ def test_a_failed_presentation_is_logged_and_repeated_before_the_question(plan, 
     table = answers_table(plan, [replay(events, plan, 1)])
     failed = table.groupby("trial")["failed_plays"].first()
     assert {trial: count for trial, count in failed.items() if count} == {3: 2, 6: 1}
-    # Between a silent presentation and the next answer lies one that was felt.
+    # A complete presentation comes between a silent one and the next answer.
     for at, event in enumerate(events):
         if event["event"] == "silent":
             assert [later["event"] for later in events[at + 1 :]][:2] in (
@@ -397,10 +397,10 @@ def test_no_kill_loses_an_answer_or_asks_twice(tmp_path, kills):
         finished = killed_run(study.path, witness, number, float(rng.uniform(0, 0.1)), sign)
         killed += not finished
         stored = {key: one.answer for progress in study.sessions() for key, one in progress.answers.items()}
-        # What has no code is of the form, which stands in the log by itself.
+        # Questions without a code belong to the form, which has its own events.
         accepted = {(code, name): answer for code, name, answer in witnessed(witness, "accepted") if code}
         assert accepted.items() <= stored.items(), f"kill {killed}: an answer was lost"
-        assert len(stored) - len(accepted) <= killed  # stored, but killed before the screen was told
+        assert len(stored) - len(accepted) <= killed  # stored, but killed before the confirmation
         number += finished
     events = [event for n in range(1, number + 1) for event in read_events(study.log(n))]
     answers = Counter((event["trial"], event["question"]) for event in events if event["event"] == "answer")

@@ -69,7 +69,7 @@ def test_permutation_keeps_the_marginal_counts():
     assert chance.value > chance.range95[1]
     same = confusion_matrix(["a", "b", "a", "b"], ["a", "a", "a", "a"], labels=["a", "b"])
     constant = chance_macro_f(same, rng=np.random.default_rng(0), draws=99)
-    assert constant.p == 1.0  # who always answers the same is at chance in every shuffle
+    assert constant.p == 1.0  # constant answers are at chance in every permutation
 
 
 def test_wilson_by_hand():

@@ -80,7 +80,7 @@ def test_agrees_with_statsmodels(choices):
 
 
 def test_differences_between_people_are_no_effect():
-    # Five people feel one surface better and three the other, each of them without a doubt.
+    # Five people feel one surface clearly better, and three the other.
     who, surface, trial = np.indices((8, 2, 50)).reshape(3, -1)
     better = np.where(who < 5, surface == 0, surface == 1)
     table = {"correct": (trial < np.where(better, 40, 25)) * 1.0, "who": who, "surface": surface}

@@ -61,6 +61,6 @@ def test_power_is_that_of_the_tests_that_the_report_makes():
     holm = simulated_power(RatingExperiment(means=(0.0, 1.0), others=(3, 3)), 20, rng=rng, runs=100).power
     assert alone == pytest.approx(0.85, abs=0.12)
     assert holm == pytest.approx(0.57, abs=0.16)
-    # Macro F against shuffled answers, which a t-test of shares (.68) is not.
+    # The permutation test of macro F; a t-test of shares would give .68.
     found = simulated_power(IdentificationExperiment(objects=3, trials=12, d_prime=0.4), 10, rng=rng, runs=150).power
     assert found == pytest.approx(0.82, abs=0.1)

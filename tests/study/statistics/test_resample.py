@@ -23,7 +23,7 @@ def test_random_sign_flips_agree_with_exact_ones():
     rng = np.random.default_rng(1)
     z = rng.normal(0.3, 1, (13, 2))
     exact = sign_flip(z, rng=rng)
-    padded = np.vstack([z, np.zeros((1, 2))])  # a fourteenth person without any effect: random turns, the same p
+    padded = np.vstack([z, np.zeros((1, 2))])  # a fourteenth person without an effect: random sign flips, the same p
     assert sign_flip(padded, rng=rng, draws=40_000) == pytest.approx(exact, abs=0.01)
 
 
@@ -70,7 +70,7 @@ def test_too_few_people_are_refused():
 @pytest.mark.slow
 @pytest.mark.parametrize("people", [5, 10])
 def test_limits_of_macro_f_cover(people):
-    # People with a d' and favourites of their own; BCa limits of five people cover .83 to .86.
+    # People with individual d' and bias; BCa limits of five people cover .83 to .86.
     from midair.study import f_measure
 
     rng = np.random.default_rng(people)

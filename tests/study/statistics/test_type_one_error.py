@@ -62,7 +62,7 @@ def ranks(rng, effect):
 
 def macro_f(rng):
     truth = np.tile(np.repeat(OBJECTS, 4), PEOPLE)
-    taste = rng.dirichlet([3, 3, 3], PEOPLE)  # people have favourites, which is no skill
+    taste = rng.dirichlet([3, 3, 3], PEOPLE)  # bias without sensitivity
     answer = np.concatenate([rng.choice(OBJECTS, 12, p=p) for p in taste])
     confusion = confusion_matrix(truth, answer, participant=np.repeat(np.arange(PEOPLE), 12), labels=OBJECTS)
     return chance_macro_f(confusion, rng=rng, draws=399).p
@@ -103,8 +103,7 @@ EXACT = {
     "anova, uneven, GG": lambda rng: anova(rng, "p_GG", "object", UNEVEN),
     "anova, uneven, HF": lambda rng: anova(rng, "p_HF", "object", UNEVEN),
 }
-# Greenhouse and Geisser's correction is known to be shy when there is nothing to correct, and so is the mixed model
-# when people do not differ.
+# The Greenhouse-Geisser correction is conservative under sphericity, and the mixed model is if people do not differ.
 SHY = {
     "mixed model, people alike": lambda rng: mixed(rng, 48, 0),
     "anova, GG": lambda rng: anova(rng, "p_GG", "object"),

@@ -157,7 +157,7 @@ def _over_objects(first: Choices, second: Choices, names: str) -> Finding:
     found = paired_t(first.confusion.f_measure, second.confusion.f_measure)
     words = (
         f"Paired t over {found.n} objects, {names}: t({found.df}) = {found.t:.2f}, {p_words(found.p)}. This is the test"
-        " of the paper. Its unit is the object, not the person: with so few pairs its power is low, and three"
+        " of the paper. Its unit is the object, not the person: with so few pairs its power is low, and"
         " differences that are similar by chance give a small p-value. Use the test over people instead."
     )
     return Finding(title="Effect of the condition over objects, as in the paper", words=words)
