@@ -148,7 +148,7 @@ def test_torch_gets_its_threads_back():
     ("wrong", "message"),
     [
         ("jax", "backend: expected one of numpy, torch"),
-        ("numpy:cuda", "expected a device after torch only"),
+        ("numpy:cuda", "expected a device with torch only"),
         ("", "backend: expected one of numpy"),
     ],
 )
@@ -161,9 +161,9 @@ def test_a_device_that_is_not_here_is_refused():
     torch = pytest.importorskip("torch")
     if torch.cuda.is_available():
         pytest.skip("there is a GPU here")
-    with pytest.raises(InputError, match="expected a device that is here, got 'torch:cuda'"):
+    with pytest.raises(InputError, match="expected an available device, got 'torch:cuda'"):
         backend("torch:cuda")
-    with pytest.raises(InputError, match="expected a device that is here, got 'torch:nonsense'"):
+    with pytest.raises(InputError, match="expected an available device, got 'torch:nonsense'"):
         backend("torch:nonsense")
 
 

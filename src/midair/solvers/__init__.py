@@ -1,4 +1,4 @@
-"""Phases for a phased array whose transducers are all equally loud (paper, 4.2)."""
+"""Solvers for the phases of a phased array whose transducers all have the same amplitude (paper, 4.2)."""
 
 from midair.solvers.amplitudes import Amplitudes
 from midair.solvers.exact import Exact

@@ -1,7 +1,7 @@
-"""Which library does the arithmetic of the batch solver, and where: NumPy, or another one of the array API standard.
+"""The array library and device of the batch solvers: NumPy, or another library of the array API standard.
 
-The standard (data-apis.org/array-api) names the functions that NumPy, PyTorch, CuPy and others share. NumPy speaks it
-itself; the others are spoken to through array-api-compat. The solver is written once.
+The standard (data-apis.org/array-api) defines functions that NumPy, PyTorch, CuPy and others share. NumPy supports it
+directly, the others through array-api-compat, so that the solver is written once.
 """
 
 from collections.abc import Generator
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from midair.errors import InputError, MissingExtraError
 
 Rows = Any
-"""An array of the backend, shape (row, unknown), real or complex, single or double precision."""
+"""Array of the backend, shape (row, unknown), real or complex, single or double precision."""
 Numbers = Any
-"""An array of the backend, shape (row,), real."""
+"""Real array of the backend, shape (row,)."""
 
 LIBRARIES = {
     "numpy": "numpy",
@@ -27,35 +27,28 @@ LIBRARIES = {
     "cupy": "array_api_compat.cupy",
     "strict": "array_api_strict",
 }
-"""Name of each backend, and the module that speaks the standard for it. "strict" is the standard's own checker."""
+"""Module that implements the standard for each backend. "strict" is the standard's own checker."""
 
 EXTRAS = {"torch": "gpu-torch", "cupy": "gpu-cupy", "strict": "test"}
-"""What to install for each."""
+"""Extra of midair that installs each library."""
 
 
 def squares(xp: Any, a: Rows) -> Numbers:
     """The sum of the squares of each row of a real array, shape (row,)."""
-    # A batched product of single rows, as others than NumPy make it, keeps a GPU waiting; a norm is one pass.
+    # Libraries other than NumPy compute vecdot as a batched product of single rows, slow on a GPU; a norm is one pass.
     return xp.vecdot(a, a) if xp is np else xp.linalg.vector_norm(a, axis=1) ** 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Backend:
-    """An array library, a device, and the precision of what is put there.
-
-    Attributes
-    ----------
-    xp : module
-        The functions of the standard.
-    device : object
-        As `xp` names it; None for its default.
-    single : bool
-        float32 and complex64 instead of float64 and complex128.
-    """
+    """An array library, a device, and a precision."""
 
     xp: Any
+    """Module with the functions of the standard."""
     device: Any = None
+    """Device as `xp` names it; None for its default."""
     single: bool = True
+    """float32 and complex64 instead of float64 and complex128."""
 
     @property
     def on_gpu(self) -> bool:
@@ -64,26 +57,26 @@ class Backend:
 
     @property
     def rows(self) -> int:
-        """Frames at once that suit it: as many as a CPU's cache holds, or so many that launches do not count."""
+        """Suitable batch size: limited by the cache of a CPU; on a GPU large enough that launch times do not matter."""
         return 32768 if self.on_gpu else 128
 
     def put(self, array: NDArray[Any]) -> Rows:
-        """A copy of a NumPy array there, in this precision; integers stay what they are."""
+        """Copy a NumPy array to the device in this precision; integers keep their type."""
         kinds = {"f": np.float32, "c": np.complex64} if self.single else {"f": np.float64, "c": np.complex128}
         there = np.array(array, kinds.get(array.dtype.kind), order="C")
         return there if self.xp is np else self.xp.asarray(there, device=self.device)
 
     def get(self, array: Rows) -> NDArray[np.float64]:
-        """A NumPy array of it, in double precision."""
+        """Copy an array to NumPy in double precision."""
         return np.asarray(self.host(array), np.float64)
 
     def host(self, array: Rows) -> NDArray[Any]:
-        """A NumPy array of it, in the precision that it has."""
-        # PyTorch's way back to the host is `cpu`, CuPy's is `get`; the standard names none.
+        """Copy an array to NumPy in its own precision."""
+        # PyTorch copies to the host with `cpu`, CuPy with `get`; the standard has no function for it.
         return np.asarray(array.cpu() if hasattr(array, "cpu") else array.get() if hasattr(array, "get") else array)
 
     def complex(self, real: Rows, imaginary: Rows) -> Rows:
-        """Complex numbers real + j imaginary, same shape."""
+        """The complex numbers real + j imaginary."""
         if self.xp is np:
             made = np.empty(real.shape, np.result_type(real, np.complex64))
             made.real, made.imag = real, imaginary
@@ -96,7 +89,7 @@ class Backend:
     def phasor(self, theta: Rows) -> Rows:
         """The numbers exp(j theta)."""
         if self.xp is np:
-            # Straight into the parts: a complex exponential is ten times as slow.
+            # Real and imaginary part separately: a complex exponential is ten times as slow.
             q: Any = np.empty(theta.shape, np.result_type(theta, np.complex64))
             np.cos(theta, out=q.real)
             np.sin(theta, out=q.imag)
@@ -108,7 +101,7 @@ class Backend:
     def unit(self, q: Rows) -> Rows:
         """The numbers q / |q|; 1 where q is 0."""
         if hasattr(self.xp, "sgn"):
-            # One pass of PyTorch; what is added is lost beside any q but 0.
+            # One pass in PyTorch; the added number only matters where q is 0.
             return self.xp.sgn(q + self.xp.finfo(q.dtype).smallest_normal)
         size = self.xp.abs(q)
         heard = size > 0
@@ -116,7 +109,7 @@ class Backend:
         return self.xp.where(heard, q / self.xp.where(heard, size, self.xp.ones_like(size)), one)
 
     def as_real(self, z: Rows) -> Rows:
-        """Complex rows as real ones of twice the length; `as_complex` undoes it."""
+        """Complex rows as real rows of twice the length; `as_complex` is the inverse."""
         if self.xp is np:
             return z.view(np.float32 if self.single else np.float64)
         if hasattr(self.xp, "view_as_real"):
@@ -124,7 +117,7 @@ class Backend:
         return self.xp.concat([self.xp.real(z), self.xp.imag(z)], axis=1)
 
     def as_complex(self, x: Rows) -> Rows:
-        """Complex rows of what `as_real` made of them."""
+        """Complex rows from the result of `as_real`."""
         if self.xp is np:
             return x.view(np.complex64 if self.single else np.complex128)
         if hasattr(self.xp, "view_as_complex"):
@@ -133,15 +126,15 @@ class Backend:
         return self.complex(x[:, :half], x[:, half:])
 
     def adjoint(self, matrix: Rows) -> Rows:
-        """The conjugate transpose, laid out in memory as it is read."""
+        """The conjugate transpose, contiguous in memory."""
         turned = self.xp.conj(matrix.T)
         return np.ascontiguousarray(turned) if self.xp is np else turned
 
     @contextmanager
     def at_work(self) -> Generator[None]:
-        """Keep PyTorch to one thread of the CPU, as NumPy is here: two wait for each other, spinning.
+        """Limit PyTorch to one CPU thread, like BLAS in `threads`, and silence NumPy's overflow warnings.
 
-        And NumPy does not warn of what overflows: such a step counts as one that failed.
+        A step that overflows is rejected by the solver.
         """
         before = self.xp.get_num_threads() if hasattr(self.xp, "get_num_threads") else None
         try:
@@ -157,26 +150,15 @@ class Backend:
 def backend(name: str, *, precision: Literal["single", "double"] = "single") -> Backend:
     """The backend of this name.
 
-    Parameters
-    ----------
-    name : str
-        A name in `LIBRARIES`, and after a colon the device if it is not the library's own first choice: "numpy",
-        "torch", "torch:cuda", "torch:cuda:1", "cupy".
-    precision : {"single", "double"}
-        Precision of what is put there.
-
-    Raises
-    ------
-    InputError
-        If there is no such backend or device.
-    MissingExtraError
-        If the library is not installed.
+    `name` is a key of `LIBRARIES`, for PyTorch optionally with a device: "numpy", "torch", "torch:cuda",
+    "torch:cuda:1", "cupy". Raises InputError for an unknown backend or device, MissingExtraError if the library is not
+    installed.
     """
     library, _, device = name.partition(":")
     if library not in LIBRARIES:
-        raise InputError(f"backend: expected one of {', '.join(LIBRARIES)}, with :DEVICE if need be, got {name!r}")
+        raise InputError(f"backend: expected one of {', '.join(LIBRARIES)}, or torch:DEVICE, got {name!r}")
     if device and library != "torch":
-        raise InputError(f"backend: expected a device after torch only, such as torch:cuda, got {name!r}")
+        raise InputError(f"backend: expected a device with torch only, such as torch:cuda, got {name!r}")
     xp = _module(library)
     if device:
         _try(xp, name, device)
@@ -193,10 +175,10 @@ def _module(library: str) -> Any:
 
 
 def _try(xp: Any, name: str, device: str) -> None:
-    """Refuse a device on which not even one number can be made."""
+    """Raise InputError if PyTorch cannot create an array on the device."""
     try:
         xp.zeros(1, device=device)
     # PyTorch without CUDA raises AssertionError, PyTorch with CUDA but without this device RuntimeError.
     except (RuntimeError, AssertionError) as missing:
         reason = str(missing).partition("\n")[0]
-        raise InputError(f"backend: expected a device that is here, got {name!r} ({reason}); try torch") from missing
+        raise InputError(f"backend: expected an available device, got {name!r} ({reason}); try torch") from missing

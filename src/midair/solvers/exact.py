@@ -1,8 +1,8 @@
-"""The paper's Levenberg-Marquardt steps, each at a fifth of its price, and fewer of them.
+"""Levenberg-Marquardt of the paper with a smaller linear system and a better start.
 
-The step is that of `LevenbergMarquardt`, from the smaller system of `mode_system`. What differs is where a frame that
-follows none starts: at the phases of a field that all transducers have a part in (the first two moves of `Fast`),
-a dozen steps from a better end than fifty from zero come to.
+The step is that of `LevenbergMarquardt`, computed from the system of `mode_system` at a fifth of the cost. A frame
+without a warm start begins at the phases of the first two steps of `Fast`; a dozen iterations from there give a lower
+error than fifty from zero.
 """
 
 from dataclasses import dataclass, replace
@@ -24,44 +24,35 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exact:
-    """Settings; `tolerance=0, precision="double", first="zero"` takes the very steps of `LevenbergMarquardt`.
-
-    Attributes
-    ----------
-    iterations, warm_iterations : int
-        Largest number of iterations for a frame on its own, and for one that starts at the previous.
-    start : {"previous", "zero"}
-        Start of every frame after the first; "zero" treats each frame on its own.
-    first : {"field", "zero"}
-        Where a frame on its own starts: at the phases that the first two moves of `Fast` give it, or at zero, as in
-        the paper, from where some fifty iterations are needed.
-    tau : float
-        First lambda over the largest diagonal element of J^T J.
-    tolerance : float
-        Modes of G below this part of the largest singular value are left out, except from the last steps.
-    precision : {"single", "double"}
-        Precision of all but the last steps.
-    last : int
-        Steps at the end with all modes in double precision.
-    step_tolerance, cost_tolerance : float
-        Converged when the step relative to x, or the relative fall of the cost, is below.
-    """
+    """Settings of "exact"; `tolerance=0, precision="double", first="zero"` gives the steps of `LevenbergMarquardt`."""
 
     iterations: int = 13
+    """Maximum iterations for a frame without a warm start."""
     warm_iterations: int = 20
+    """Maximum iterations for a frame that starts at the previous one."""
     start: Start = "previous"
+    """Start of every frame after the first."""
     first: Literal["field", "zero"] = "field"
+    """Start of a frame without a warm start: "field" takes the first two steps of `Fast`; "zero" is the start of the
+    paper, which needs some fifty iterations.
+    """
     tau: float = 1e-3
+    """Initial lambda over the largest diagonal element of J^T J."""
     tolerance: float = 5e-3
+    """Modes of G below this fraction of the largest singular value are left out, except in the last steps."""
     precision: Literal["single", "double"] = "single"
+    """Precision of all but the last steps."""
     last: int = 1
+    """Number of final steps with all modes in double precision."""
     step_tolerance: float = 1e-9
+    """Converged when the length of the step relative to x is below this."""
     cost_tolerance: float = 1e-10
+    """Converged when the relative decrease of the cost is below this."""
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Phases for each frame, one after another."""
+        """Compute phases frame by frame."""
         system = System.of(modes(problem.G, tolerance=self.tolerance), problem.level, self.precision)
-        # Left-out modes and single precision set a floor under the error; the plain method's step goes below it.
+        # Omitted modes and single precision limit the error; the step of the plain method goes below that limit.
         last = self.last if self.precision == "single" or self.tolerance > 0 else 0
         # J^T J has these on its diagonal by theta, and p^2 by psi.
         diagonal = float(((np.abs(problem.G) * problem.level) ** 2).sum(axis=0).max())
@@ -71,7 +62,7 @@ class Exact:
             state = ExactState.at(system, p, x, self.tau * max(diagonal, float((p**2).max())))
             while state.status is None and state.iterations < max(iterations - last, 1):
                 state = self.step(system, p, state)
-            # With the lambda that the steps have come to, not with a first one.
+            # Continue with the current lambda, not with an initial one.
             end = replace(plain.begin(problem, p, state.x), damping=state.damping)
             for _ in range(min(last, iterations - state.iterations)):
                 end = plain.step(problem, p, end) if end.status is None else end
@@ -90,14 +81,11 @@ class Exact:
 
     @property
     def first_moves(self) -> Fast:
-        """The method that gives frames on their own their first phases, in batches of many frames.
-
-        `Fast` without its polish: from there on the steps of this method are better.
-        """
+        """The solver for the initial phases: `Fast` without its refinement."""
         return Fast(iterations=0, more_iterations=0)
 
     def step(self, system: System, p: Array, state: "ExactState") -> "ExactState":
-        """One iteration: a step that lowers the cost is taken, any other raises lambda."""
+        """Make one iteration: accept a step that lowers the cost, otherwise raise lambda."""
         K = system.normal(state.x) if state.normal is None else state.normal
         state = replace(state, iterations=state.iterations + 1, normal=K)
         h = system.step(p, state.x, state.residual, state.damping, K)
@@ -108,7 +96,7 @@ class Exact:
         trial = ExactState.at(system, p, state.x + h, state.damping)
         fall = state.cost - trial.cost
         promised = 0.5 * float(h @ (state.damping * h - system.gradient(p, state.x, state.residual)))
-        # An exact step always promises a fall; one spoilt by rounding may not, and is refused.
+        # An exact step always predicts a decrease; a step with rounding errors may not, and is rejected.
         gain = fall / promised if promised > 0 else -1.0
         if not gain > 0:
             return state.refused()
@@ -121,10 +109,7 @@ class Exact:
         )
 
     def _first(self, problem: Problem) -> Array | None:
-        """[theta, psi] that each frame on its own starts from, shape (frame, transducer + point); None for zero.
-
-        Only the frames that will be asked for are worked out; the rows of the others are zero.
-        """
+        """Initial [theta, psi] of frames without a warm start, shape (frame, transducer + point); None for zero."""
         alone = np.flatnonzero(problem.amplitude.any(axis=1))
         if self.first == "zero" or not len(alone):
             return None
@@ -139,23 +124,7 @@ class Exact:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExactState:
-    """Where one frame stands; as in `levenberg_marquardt.State`, with what `mode_system` needs.
-
-    Attributes
-    ----------
-    x : ndarray, shape (transducer + point,)
-        [theta, psi], in rad.
-    residual : ndarray of complex, shape (point,)
-        G q - diag(p) u.
-    cost, damping, growth : float
-        || f ||^2 / 2; lambda; what lambda is multiplied with when a step fails.
-    iterations : int
-        Made so far.
-    status : str or None
-        How it ended.
-    normal : ndarray, shape (2 mode, 2 mode), or None
-        K at x, kept over failed steps.
-    """
+    """State of the iteration for one frame; the fields are those of `levenberg_marquardt.State`, with K as `normal`."""
 
     x: Array
     residual: NDArray[np.complexfloating[Any, Any]]
@@ -168,11 +137,11 @@ class ExactState:
 
     @classmethod
     def at(cls, system: System, p: Array, x: Array, damping: float) -> "ExactState":
-        """The state of x before its first step."""
+        """The state at x before its first step."""
         residual = system.residual(p, x)
         return cls(x=x, residual=residual, cost=0.5 * float(np.vdot(residual, residual).real), damping=damping)
 
     def refused(self) -> "ExactState":
-        """The same place with more damping; stalled once lambda is beyond any step that could matter."""
+        """The same x with more damping; status "stalled" once lambda is above 1e12."""
         worse = self.damping * self.growth
         return replace(self, damping=worse, growth=2 * self.growth, status="stalled" if worse > 1e12 else None)

@@ -1,15 +1,13 @@
-"""Many frames at once, in three moves that are nothing but matrix products.
+"""Solve many frames at once, in three steps that consist of matrix products.
 
-1. The field: of all fields that the array could make if its transducers were free in amplitude, the one closest to the
-   target. Unknowns are the r coordinates of the field, a seventh of the transducers, so that this is cheap; drives
-   louder than full cost extra.
-2. The lift: phases whose field is that one. Alternating projections between the drives that make the field and the
-   drives that are equally loud, with over-relaxation.
-3. The polish: the error itself as a function of the phases alone. At the best psi, || G q - diag(p) u || is
-   || |G q| - p ||, so that psi needs no unknowns.
+1. Field: minimise the error over drives with free amplitudes, with a penalty on amplitudes above full drive. The
+   unknowns are the r mode coordinates of the field, a seventh of the number of transducers.
+2. Phase fit: find phases at equal amplitude that make this field, by alternating projections with over-relaxation.
+3. Refinement: minimise the error as a function of the phases alone. At the best psi, || G q - diag(p) u || is || |G q|
+   - p ||, so psi is not an unknown.
 
-Moves 1 and 3 are L-BFGS on batches; `moves` has them all. How this was chosen, and what lost:
-docs/decisions/0004-solvers.md.
+Steps 1 and 3 are L-BFGS on batches. `field_operators` contains all steps; docs/decisions/0004-solvers.md compares the
+alternatives.
 """
 
 from collections.abc import Iterator
@@ -28,66 +26,45 @@ from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fast:
-    """Settings of the batch solver.
-
-    Attributes
-    ----------
-    iterations : int
-        Iterations of the polish; five times as many where changes of phase count (`Problem.smooth`) and all frames of
-        a batch are polished together.
-    more_iterations : int
-        Iterations that the worst quarter of a batch gets on top, where frames are on their own.
-    field_iterations, lift_iterations : int
-        Iterations of the first and the second move.
-    tolerance : float
-        Modes of G below this part of the largest singular value are left out of the iterations; the error that is
-        reported is that of the whole G.
-    loudness : float
-        Weight of drives above full in the first move.
-    floor : float
-        Modes below this part of the largest singular value are asked for less in the first field.
-    every : int
-        One transducer in so many is looked at for loudness: a drive made of r modes is smooth.
-    relaxation : float
-        Over-relaxation of the projections, 1 to 2.
-    batch : int, optional
-        Frames at once: large enough for matrix products, small enough for the cache. What suits the backend if None.
-    memory : int
-        Pairs that L-BFGS keeps.
-    faintest : float
-        Norm of a target, in units of the focus, below which it counts as this faint: the range of single precision.
-    precision : {"single", "double"}
-        Precision of the iterations. Rounding of single precision is a thousandth of the smallest error seen.
-    backend : str
-        What does the arithmetic, and where: see `backend.backend`. The modes are always worked out by NumPy.
-    """
+    """Settings of the batch solver."""
 
     iterations: int = 40
+    """Iterations of the refinement; five times as many with `Problem.smooth`, which refines a batch as a whole."""
     more_iterations: int = 100
+    """Additional iterations for the worst quarter of a batch, where frames are independent."""
     field_iterations: int = 110
+    """Iterations of the field step."""
     lift_iterations: int = 10
+    """Iterations of the phase fit."""
     tolerance: float = 5e-3
+    """Modes of G below this fraction of the largest singular value are left out of the iterations. The reported error
+    uses the whole G.
+    """
     loudness: float = 0.0075
+    """Weight of the penalty on amplitudes above full drive, in the field step."""
     floor: float = 0.1
+    """Modes below this fraction of the largest singular value are damped in the initial field."""
     every: int = 4
+    """The penalty looks at one in this many transducers: a drive of r modes is smooth."""
     relaxation: float = 1.5
+    """Over-relaxation of the projections, 1 to 2."""
     batch: int | None = None
+    """Frames per batch: large enough for matrix products, small enough for the cache. If None, the backend decides."""
     memory: int = 4
+    """Number of pairs that L-BFGS keeps."""
     faintest: float = 1e-12
+    """Targets with a norm below this, in units of the focus, are scaled as if they had it: the range of single
+    precision.
+    """
     precision: Literal["single", "double"] = "single"
+    """Precision of the iterations. Rounding in single precision is a thousandth of the smallest error seen."""
     backend: str = "numpy"
+    """Array library and device, see `backend.backend`. NumPy always computes the modes."""
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Phases for each frame; silent ones keep those of the frame before them.
+        """Compute phases for each frame; silent frames keep the phases of the frame before.
 
-        The iterations that are reported are those of all three moves, without what the worst quarter gets on top.
-
-        Raises
-        ------
-        InputError
-            If the backend is unknown.
-        MissingExtraError
-            If it is not installed.
+        The reported iterations are those of all three steps, without the additional ones for the worst quarter.
         """
         there = backend(self.backend, precision=self.precision)
         audible = np.flatnonzero(problem.amplitude.any(axis=1))
@@ -112,9 +89,9 @@ class Fast:
         after: WarmStart | None,
         progress: Progress | None,
     ) -> None:
-        """Phases of the audible frames, batch by batch."""
+        """Solve the audible frames, batch by batch, into `phase`."""
         there = machine.backend
-        # Before the first frame nothing sounds: a drive of 0 pulls no phase.
+        # There is no frame before the first: a drive of 0 has no effect on the phases.
         before = there.xp.zeros_like(machine.lens)
         if after is not None:
             before = there.phasor(there.put(after.theta[None]))
@@ -125,13 +102,13 @@ class Fast:
                 progress(int(some[-1]) + 1, len(phase))
 
     def _phases(self, machine: FieldOperators, batch: Batch, before: Rows) -> Rows:
-        """The three moves for some frames: phases (row, transducer), in rad."""
+        """The three steps for some frames: phases (row, transducer), in rad."""
         field = machine.best_field(
             batch, self.field_iterations, loudness=self.loudness, floor=self.floor, every=self.every
         )
         theta = machine.lift(field, self.lift_iterations, relaxation=self.relaxation)
         if machine.problem.smooth > 0:
-            # Tied frames converge together, and the worst of them cannot be given more on its own.
+            # Coupled frames converge together, so the worst quarter cannot get iterations of its own.
             return machine.together(theta, batch, before, 5 * self.iterations)
         return machine.polish(theta, batch, self.iterations, more=self.more_iterations)
 

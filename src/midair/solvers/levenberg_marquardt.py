@@ -1,10 +1,9 @@
-"""The paper's Levenberg-Marquardt method for equal amplitudes (paper, 4.2).
+"""Levenberg-Marquardt for equal amplitudes, the method of the paper (4.2).
 
-Each step solves (J^T J + lambda I) h = -J^T f. The print has lost the J^T in front of f; without it the sizes do not
-fit. There are more unknowns than residuals (N + M = 1252, 2M = 512), so the step is taken in its dual form
-h = -J^T (J J^T + lambda I)^-1 f, which is the same by the push-through identity. The damping lambda follows the gain
-ratio, and the stops are those of Madsen, Nielsen & Tingleff, "Methods for non-linear least squares problems"
-(2004), section 3.2.
+Each step solves (J^T J + lambda I) h = -J^T f. The paper prints f without J^T, but then the dimensions do not match.
+There are more unknowns than residuals (N + M = 1252, 2M = 512), so the dual form h = -J^T (J J^T + lambda I)^-1 f is
+solved, which gives the same step by the push-through identity. Damping by gain ratio and stopping criteria: Madsen,
+Nielsen & Tingleff, "Methods for non-linear least squares problems" (2004), section 3.2.
 """
 
 from dataclasses import dataclass, field, replace
@@ -24,79 +23,55 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class State:
-    """Where the iteration of one frame stands.
-
-    Attributes
-    ----------
-    x : ndarray, shape (transducer + point,)
-        [theta, psi], in rad.
-    residual : ndarray of complex, shape (point,)
-        G q - diag(p) u at x.
-    gradient : ndarray, shape (transducer + point,)
-        J^T f at x.
-    cost : float
-        || f ||^2 / 2.
-    damping : float
-        lambda.
-    growth : float
-        What lambda is multiplied with when a step fails; it doubles with each failure.
-    iterations : int
-        Made so far, failed steps included.
-    status : str or None
-        How it ended; None while it goes on.
-    normal : ndarray, shape (2 point, 2 point), or None
-        J J^T at x, kept over failed steps, without the rows of the guard.
-    excess : ndarray, shape (active guard point,)
-        Residuals of the guard, `terms.guard.excess_rows`; none without one.
-    slope : ndarray, shape (active guard point, transducer)
-        Their derivative by theta.
-    """
+    """State of the iteration for one frame."""
 
     x: Array
+    """[theta, psi] in rad, shape (transducer + point,)."""
     residual: Complex
+    """G q - diag(p) u at x, shape (point,)."""
     gradient: Array
+    """J^T f at x, shape (transducer + point,)."""
     cost: float
+    """|| f ||^2 / 2."""
     damping: float
+    """lambda."""
     growth: float = 2.0
+    """Factor on lambda after a rejected step; it doubles with each one."""
     iterations: int = 0
+    """Iterations made, rejected steps included."""
     status: Status | None = None
+    """None until the iteration ends."""
     normal: Array | None = None
+    """J J^T at x, shape (2 point, 2 point), kept after rejected steps, without the rows of the guard."""
     excess: Array = field(default_factory=lambda: np.zeros(0))
+    """Residuals of the guard, shape (active guard point,), see `terms.guard.excess_rows`."""
     slope: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """Derivative of `excess` by theta, shape (active guard point, transducer)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevenbergMarquardt:
-    """Settings of the method; the defaults are the paper's, and for what it does not say, the textbook's.
-
-    Attributes
-    ----------
-    iterations : int
-        Largest number of iterations for a frame that starts at zero.
-    warm_iterations : int
-        Largest number of iterations for a frame that starts at the previous one.
-    start : {"previous", "zero"}
-        Start of every frame after the first.
-    tau : float
-        First lambda over the largest diagonal element of J^T J.
-    form : {"dual", "primal"}
-        Size of the system that is solved: 2M or N + M. The steps are the same; the primal form is the reference.
-    gradient_tolerance, step_tolerance, cost_tolerance : float
-        Converged when the largest gradient, the step's length relative to x, or the relative fall of the cost is
-        below.
-    """
+    """Settings of "lm": the defaults of the paper, and of the textbook for settings that the paper does not give."""
 
     iterations: int = 50
+    """Maximum iterations for a frame that starts at zero."""
     warm_iterations: int = 20
+    """Maximum iterations for a frame that starts at the previous one."""
     start: Start = "previous"
+    """Start of every frame after the first."""
     tau: float = 1e-3
+    """Initial lambda over the largest diagonal element of J^T J."""
     form: Literal["dual", "primal"] = "dual"
+    """Size of the linear system: "dual" 2M, "primal" N + M. The steps are equal; the primal form is the reference."""
     gradient_tolerance: float = 1e-12
+    """Converged when the largest element of the gradient is below this."""
     step_tolerance: float = 1e-9
+    """Converged when the length of the step relative to x is below this."""
     cost_tolerance: float = 1e-10
+    """Converged when the relative decrease of the cost is below this."""
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Phases for each frame, one after another."""
+        """Compute phases frame by frame."""
 
         def one(p: Array, x: Array, iterations: int) -> FrameAnswer:
             state = self.begin(problem, p, x)
@@ -120,7 +95,7 @@ class LevenbergMarquardt:
         return _at(problem, p, x, damping=self.tau * largest)
 
     def step(self, problem: Problem, p: Array, state: State) -> State:
-        """One iteration: a step that lowers the cost is taken, any other raises lambda."""
+        """Make one iteration: accept a step that lowers the cost, otherwise raise lambda."""
         if np.abs(state.gradient).max() <= self.gradient_tolerance:
             return replace(state, status="converged")
         state = replace(state, iterations=state.iterations + 1)
@@ -135,12 +110,12 @@ class LevenbergMarquardt:
         return self._judged(problem, p, state, h)
 
     def _judged(self, problem: Problem, p: Array, state: State, h: Array) -> State:
-        """Gain ratio: the fall of the cost over the fall that the linear model promised."""
+        """Accept or reject the step h by its gain ratio: actual over predicted decrease of the cost."""
         trial = _at(problem, p, state.x + h, damping=state.damping)
         fall = state.cost - trial.cost
-        # (lambda h - J^T f) . h / 2 is the promised fall without another product with J.
+        # (lambda h - J^T f) . h / 2 is the predicted decrease without another product with J.
         gain = fall / (0.5 * float(h @ (state.damping * h - state.gradient)))
-        # Written so that NaN is refused as well.
+        # "not >" also rejects NaN.
         if not gain > 0:
             return _refused(state)
         return replace(
@@ -152,26 +127,23 @@ class LevenbergMarquardt:
 
 
 def damped(damping: float, gain: float) -> float:
-    """The next lambda after a step that was taken, from its gain ratio (Nielsen's rule)."""
+    """The next lambda after an accepted step, from its gain ratio (Nielsen's rule)."""
     return damping * max(1 / 3, 1 - (2 * gain - 1) ** 3)
 
 
 def dual_step(problem: Problem, p: Array, state: State) -> Array:
     """The step h = -J^T (J J^T + lambda I)^-1 f, shape (transducer + point,), in rad.
 
-    Raises
-    ------
-    LinAlgError
-        If the matrix is not positive definite in the arithmetic at hand.
+    Raises LinAlgError if the matrix is not positive definite in double precision.
     """
     from scipy.linalg import cho_factor, cho_solve
 
     normal = _normal(problem, p, state.x) if state.normal is None else state.normal
-    # A copy, since the factor overwrites it, and a refused step needs J J^T again.
+    # A copy, since the factorisation overwrites it, and J J^T is needed again after a rejected step.
     normal = _bordered(problem, normal, state) if len(state.excess) else normal.copy()
     normal[np.diag_indices_from(normal)] += state.damping
     f = np.concatenate([state.residual.real, state.residual.imag, state.excess])
-    # The transpose of a symmetric matrix is the same matrix, in the order of axes that LAPACK wants.
+    # The transpose of a symmetric matrix is the same matrix in Fortran order, as LAPACK expects.
     y = cho_solve(cho_factor(normal.T, lower=True, overwrite_a=True, check_finite=False), f, check_finite=False)
     M = problem.points
     h = -_transposed_jacobian(problem, p, state.x, y[:M] + 1j * y[M : 2 * M])
@@ -181,13 +153,7 @@ def dual_step(problem: Problem, p: Array, state: State) -> Array:
 
 
 def primal_step(problem: Problem, p: Array, state: State) -> Array:
-    """The step h = -(J^T J + lambda I)^-1 J^T f of the textbook, shape (transducer + point,), in rad; J is dense.
-
-    Raises
-    ------
-    LinAlgError
-        As in `dual_step`.
-    """
+    """The step h = -(J^T J + lambda I)^-1 J^T f, shape (transducer + point,), in rad, with a dense J."""
     from scipy.linalg import cho_factor, cho_solve
 
     J = jacobian(problem, p, state.x)
@@ -231,7 +197,7 @@ def _transposed_jacobian(problem: Problem, p: Array, x: Array, y: Complex) -> Ar
 def _bordered(problem: Problem, normal: Array, state: State) -> Array:
     """J J^T with the rows of the guard, shape (2 point + active guard point, the same).
 
-    Of the rows of J by theta, -I and R, with T = A G diag(exp j theta) = R + j I; the guard's do not touch psi.
+    The rows of J by theta are -I and R, with T = A G diag(exp j theta) = R + j I; the guard does not depend on psi.
     """
     turned = problem.level * problem.G * np.exp(1j * state.x[: problem.transducers])
     across = state.slope @ np.concatenate([-turned.imag, turned.real]).T
@@ -257,7 +223,7 @@ def _at(problem: Problem, p: Array, x: Array, *, damping: float) -> State:
 
 
 def _refused(state: State) -> State:
-    """The same place with more damping; stalled once lambda is beyond any step that could matter."""
+    """The same x with more damping; status "stalled" once lambda is above 1e12."""
     stalled = state.damping * state.growth > 1e12
     return replace(
         state,

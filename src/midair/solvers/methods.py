@@ -1,4 +1,4 @@
-"""The solvers by name."""
+"""The solvers by name, and the terms that each of them supports."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, replace
@@ -43,7 +43,7 @@ METHODS: Mapping[str, Callable[[], Method]] = MappingProxyType(
         "greedy": Greedy,
     }
 )
-"""Name of each method and how to make it with its default settings."""
+"""Name and constructor of each method."""
 
 
 TAKES: Mapping[str, frozenset[Term]] = MappingProxyType(
@@ -60,7 +60,7 @@ TAKES: Mapping[str, frozenset[Term]] = MappingProxyType(
         "greedy": frozenset(),
     }
 )
-"""Terms that each method takes beside the paper's error; the published ones stay as published."""
+"""Terms that each method supports besides the error of the paper; published methods support none."""
 
 
 def terms_of(
@@ -74,7 +74,7 @@ def terms_of(
     quiet_palm: float | QuietPalm = 0.0,
     **_: object,
 ) -> frozenset[Term]:
-    """Terms beside the paper's error that arguments of `midair.solve` switch on; the other arguments are ignored."""
+    """Terms that these arguments of `midair.solve` switch on; other arguments are ignored."""
     switched: dict[Term, bool] = {
         "amplitudes": amplitudes == "bounded",
         "guard": guard is not None,
@@ -88,31 +88,25 @@ def terms_of(
 
 
 def check_terms(method: str | Method, asked: Iterable[Term]) -> None:
-    """Refuse terms that the method would not look at.
-
-    Raises
-    ------
-    InputError
-        If there are any.
-    """
+    """Raise InputError if the method does not support one of these terms."""
     method = name_of(method)
     left = sorted(set(asked) - TAKES[method])
     if left:
         able = [name for name, taken in TAKES.items() if taken >= set(left)]
         taken = ", ".join(sorted(TAKES[method])) or "none"
         raise InputError(
-            f"method {method}: expected terms that it takes ({taken}), got {', '.join(left)}; "
+            f"method {method}: expected supported terms ({taken}), got {', '.join(left)}; "
             f"choose {' or '.join([*able, *(['fit points'] if 'cells' in left else [])])}"
         )
 
 
 def name_of(method: str | Method) -> str:
-    """The name in `METHODS` of a configured solver; a name as it is.
+    """The name in `METHODS` of a configured solver; a name is returned unchanged.
 
     Raises
     ------
     InputError
-        If it is neither.
+        If the argument is neither a name nor a solver of `METHODS`.
     """
     if isinstance(method, str):
         return method
@@ -130,31 +124,27 @@ def solver(
     backend: str | None = None,
     jobs: int | None = None,
 ) -> Method:
-    """The method of this name, or the configured one, with other iterations and another start where it has them.
+    """The solver of this name, or the given solver, with other settings where the method has them.
 
     Parameters
     ----------
     method : str or a solver
-        A name in `METHODS`, or a solver of this package such as ``Fast(iterations=60)``, kept as it is but for what
-        is given here.
+        A name in `METHODS`, or a solver such as ``Fast(iterations=60)``.
     iterations : int or tuple of int, optional
-        Largest number, for every frame or for frames that start at zero and for those that start at the previous one.
+        Maximum for every frame, or for frames that start at zero and frames that start at the previous one.
     start : {"previous", "zero"}, optional
-        Start of every frame after the first. Methods that solve each frame on its own have none, and "live" always
-        goes on from the frame before.
+        Start of every frame after the first; ignored by methods without this setting.
     backend : str, optional
-        What does the arithmetic, see `backend.backend`; the method's own if None. Only "fast" and "glide" have the
-        choice.
-
+        Array library of "fast" and "glide", see `backend.backend`.
     jobs : int, optional
-        Blocks at once, for "glide"; the others have none.
+        Number of worker threads of "glide"; ignored by the other methods.
 
     Raises
     ------
     InputError
-        If the method or the start is unknown, the iterations are below 1 or given to "glide", which has some for each
-        kind of frame, two numbers of iterations are given to
-        a method that has one, or a backend to one that has none.
+        If the method or the start is unknown; if iterations are below 1, are given to "glide" (which has its own
+        for each kind of frame), or are two numbers for a method that has one; if a backend is given to a method
+        that has none.
     """
     if isinstance(method, str) and method not in METHODS:
         raise InputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
@@ -168,12 +158,12 @@ def solver(
         changes["start"] = start
     if backend is not None:
         if "backend" not in has:
-            raise InputError(f"backend: expected method fast or glide, got {name}; the others are NumPy's or Numba's")
+            raise InputError(f"backend: expected method fast or glide, got {name}; the others run on NumPy or Numba")
         changes["backend"] = backend
     if jobs is not None and "jobs" in has:
         changes["jobs"] = jobs
     if iterations is not None and name == "glide":
-        raise InputError("iterations: expected none with glide, which has some for each kind of frame; see Glide")
+        raise InputError("iterations: expected none with glide; set the iterations of each kind of frame in Glide(...)")
     if iterations is not None:
         changes |= _iterations(name, iterations, "warm_iterations" in has)
     return replace(settings, **changes)

@@ -1,8 +1,8 @@
-"""The problem that every solver solves: |G q| = p with all transducers equally loud (paper, 2.3 and 4.2).
+"""The problem that every solver solves: |G q| = p with equal amplitude for all transducers (paper, 2.3 and 4.2).
 
-Unknowns are one vector x = [theta, psi]: the phase theta_n of each transducer and the phase psi_m that the field is
-to have at each control point, which the paper leaves free. With q = A exp(j theta) and u = exp(j psi) the residual is
-G q - diag(p) u, paper eq. (5). It counts as 2M real numbers, real parts first.
+The unknowns are one vector x = [theta, psi]: the phase theta_n of each transducer and the phase psi_m of the field at
+each control point, which the paper leaves free. With q = A exp(j theta) and u = exp(j psi) the residual is G q -
+diag(p) u, paper eq. (5). It counts as 2M real numbers, real parts first.
 """
 
 from dataclasses import dataclass
@@ -20,50 +20,42 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 Start = Literal["previous", "zero"]
-"""Where a frame starts: at the phases of the frame before it, or at zero; the first frame starts at zero."""
+"""Initial phases of a frame: those of the previous frame, or zero. The first frame starts at zero."""
 
 Term = Literal["guard", "cells", "smooth", "amplitudes", "robust", "quiet-ears", "quiet-palm"]
-"""What a problem may ask for beside the paper's error."""
+"""Terms that a problem may add to the error of the paper."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """One transfer matrix and the targets to meet with it.
-
-    Attributes
-    ----------
-    G : ndarray of complex, shape (point, transducer)
-        Field of each transducer at full drive, in units of the strongest focus (`physics.focus_amplitude`), so that
-        tolerances mean the same for any array.
-    amplitude : ndarray, shape (frame, point)
-        p, wanted magnitude of the field, in the same unit.
-    level : float
-        A, the drive of every transducer, 0 to 1.
-    psi : ndarray, shape (point,), or None
-        Phases of the field, in rad, that a solver may start from; see `lens.spreading_phase`. Zero if None.
-    guard : GuardField, optional
-        Points around the square that are to stay quiet; see `terms.guard`.
-    cells : CellTarget, optional
-        What the cells of the sensor are to read, in place of the field at the points; see `terms.cells`. `amplitude`
-        still says which frames are silent, and what to start from.
-    smooth : float
-        Weight of the change of phase from frame to frame; see `terms.smooth`.
-    position : ndarray, shape (transducer, 3), or None
-        Where the transducers are, in m, for methods that look at an even part of them; their order tells if None.
-    """
+    """One transfer matrix and the target amplitudes of all frames."""
 
     G: Complex
+    """Complex field of each transducer at full drive, shape (point, transducer), over the strongest focus
+    (`physics.focus_amplitude`), so that tolerances mean the same for any array.
+    """
     amplitude: Array
+    """p, target magnitude of the field, shape (frame, point), in the same unit as G."""
     level: float = 1.0
+    """A, drive of every transducer, 0 to 1."""
     psi: Array | None = None
+    """Initial phases of the field in rad, shape (point,); zero if None. See `initial_phase.spreading_phase`."""
     guard: GuardField | None = None
+    """Points outside the control grid where the field shall be quiet; see `terms.guard`."""
     cells: CellTarget | None = None
+    """Target pressures of sensor cells or windows, which replace the error at the points; see `terms.cells`.
+    `amplitude` still decides which frames are silent, and where the solver starts.
+    """
     smooth: float = 0.0
+    """Weight of phase changes between frames; see `terms.smooth`."""
     position: Array | None = None
+    """Positions of the transducers in m, shape (transducer, 3), for methods that choose an evenly spread subset; if
+    None they use the order of the transducers.
+    """
 
     @property
     def terms(self) -> frozenset[Term]:
-        """What is asked for beside the paper's error."""
+        """The terms that this problem adds to the error of the paper."""
         asked: dict[Term, bool] = {
             "guard": self.guard is not None,
             "cells": self.cells is not None,
@@ -73,12 +65,12 @@ class Problem:
 
     @property
     def first_psi(self) -> Array:
-        """Phases of the field to start from, shape (point,), in rad."""
+        """Initial phases of the field, shape (point,), in rad."""
         return np.zeros(self.points) if self.psi is None else self.psi
 
     @cached_property
     def gram(self) -> Complex:
-        """A^2 G G^H, shape (point, point): the part of J J^T that no phase changes."""
+        """A^2 G G^H, shape (point, point): the part of J J^T that does not depend on the phases."""
         return self.level**2 * (self.G @ self.G.conj().T)
 
     @property
@@ -98,74 +90,56 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Answer:
-    """What a solver found.
-
-    Attributes
-    ----------
-    phase : ndarray, shape (frame, transducer)
-        theta, in rad, any multiple of 2 pi.
-    iterations : ndarray of int, shape (frame,)
-        Number of iterations that were made.
-    status : tuple of {"converged", "iterations", "stalled", "silent"}
-        One a frame.
-    level : ndarray, shape (frame,), or None
-        Part of the problem's level that each frame is played at, for methods that know only the shape of a field;
-        all of it if None.
-    end : End or None
-        What the next part of a recording goes on from; None while nothing has sounded.
-    """
+    """Phases that a solver found."""
 
     phase: Array
+    """theta in rad, shape (frame, transducer); any multiple of 2 pi may be added."""
     iterations: NDArray[np.int64]
+    """Iterations made, shape (frame,)."""
     status: tuple[Status, ...]
+    """One status per frame."""
     level: Array | None = None
+    """Factor on the problem's level, shape (frame,), from methods that find only the shape of a field; 1 if None."""
     end: "WarmStart | None" = None
+    """Start of the next part of a recording; None while all frames are silent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WarmStart:
-    """What the frames after a part of a recording go on from; only the method that made it knows more of it.
-
-    Attributes
-    ----------
-    theta : ndarray, shape (transducer,)
-        Phases of the last frame that sounds, in rad: what silent frames after it keep.
-    known : object
-        What else the method goes on from; None where nothing.
-    """
+    """State from which a solver continues with the next part of a recording."""
 
     theta: Array
+    """Phases in rad of the last frame that is not silent, shape (transducer,); silent frames after it keep them."""
     known: Any = None
+    """State private to the method that made it; None if it needs none."""
 
 
 class Solver(Protocol):
-    """Settings only; frozen. It never raises for not converging and never returns NaN."""
+    """Interface of a solver: frozen settings and `solve`. It never raises for not converging and never returns NaN."""
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Phases for each frame of the problem, which goes on from where the part before it ended."""
+        """Compute phases for each frame of the problem; `after` is the end of the previous part."""
         ...
 
 
 def status_of(frames: int, audible: NDArray[np.int64]) -> tuple[Status, ...]:
-    """Status of frames by a method with a fixed number of iterations: "iterations" where something sounds."""
+    """Status of frames by a method with a fixed number of iterations: "iterations", or "silent"."""
     heard = set(audible.tolist())
     return tuple("iterations" if frame in heard else "silent" for frame in range(frames))
 
 
 def error_of(problem: Problem, theta: Array, level: Array | None = None) -> Array:
-    """``E = || |G q| - p || / || p ||`` of each frame, shape (frame,); 0 where p is zero, which is played as silence.
+    """Relative error ``E = || |G q| - p || / || p ||`` of each frame, shape (frame,); 0 for silent frames.
 
-    The paper prints a factor 1/M in front, with which its 5 to 15 % would be .02 to .06 %; it is left out. Where the
-    cells of the sensor are the target, it is their error: ``|| w |G q|^2 - P || / || P ||``.
+    The paper prints an additional factor 1/M, with which its 5 to 15 % would be .02 to .06 %; it is left out here. If
+    the problem has `cells`, the error is ``|| w |G q|^2 - P || / || P ||`` of their pressures.
 
     Parameters
     ----------
-    problem : Problem
-        G, p and A.
     theta : ndarray, shape (frame, transducer)
         Phases, in rad.
     level : ndarray, shape (frame,) or (frame, transducer), optional
-        Part of the problem's level; all of it if None.
+        Factor on the problem's level; 1 if None.
     """
     if level is None:
         field = np.abs(problem.field(theta))
@@ -177,9 +151,9 @@ def error_of(problem: Problem, theta: Array, level: Array | None = None) -> Arra
 
 
 def error_of_field(problem: Problem, field: Array) -> Array:
-    """The error of `error_of` for the magnitude of the field at the control points, shape (frame, point)."""
+    """The error of `error_of` from the magnitude of the field at the control points, shape (frame, point)."""
     if problem.cells is not None:
-        # What the cells of a silent frame were to read does not count: it is played as silence.
+        # A silent frame is played as silence, so the pressures of its cells do not count.
         return problem.cells.error(field) * problem.amplitude.any(axis=1)
     # A silent target is played as silence, whatever its phases are.
     return np.where(problem.amplitude.any(axis=1), relative_error(field, problem.amplitude), 0.0)
@@ -194,7 +168,7 @@ def residual(problem: Problem, p: Array, x: Array) -> Complex:
 def jacobian(problem: Problem, p: Array, x: Array) -> Array:
     """Derivative of [Re; Im] of the residual by x, shape (2 point, transducer + point).
 
-    The plain form, for tests and for the primal step: d/d theta_n = j A G_mn exp(j theta_n), d/d psi_m = -j p_m u_m.
+    d/d theta_n = j A G_mn exp(j theta_n), d/d psi_m = -j p_m u_m. Used by tests and by the primal step.
     """
     theta, psi = x[: problem.transducers], x[problem.transducers :]
     slopes = np.hstack([1j * problem.level * problem.G * np.exp(1j * theta), np.diag(-1j * p * np.exp(1j * psi))])

@@ -1,8 +1,7 @@
-"""Published methods that others use, under their names, to measure against.
+"""Published methods under their published names, for comparison.
 
-All of them turn a target into phases of equal loudness. All but the greedy one know only the shape of a field, not how
-loud it is: they get the level, of all transducers together, at which it fits best. A target of 0 at a point is a wish
-for silence there: no division by it, no phase of it.
+All return phases at equal amplitude. All but `Greedy` find only the shape of a field; `best_level` then gives the
+common level with the least error. A target of 0 asks for silence at that point; no formula divides by it.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +25,7 @@ class Naive:
     iterations: int = 1
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Phases for each frame on its own."""
+        """Compute phases for each frame independently."""
         return _shape_only(
             problem, unit(problem.amplitude.astype(complex) @ problem.G.conj()), self.iterations, after, progress
         )
@@ -34,17 +33,16 @@ class Naive:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GerchbergSaxton:
-    """GS: to and fro between array and points, each time keeping the phase and putting the magnitude right.
+    """GS: propagate between array and points in turn, keep the phase and replace the magnitude.
 
     Gerchberg & Saxton, "A practical algorithm for the determination of phase from image and diffraction plane
-    pictures", Optik 35 (1972); with G^H for the way back, as for holographic acoustic tweezers in Marzo & Drinkwater,
-    PNAS 116 (2019).
+    pictures", Optik 35 (1972); with G^H for back-propagation as in Marzo & Drinkwater, PNAS 116 (2019).
     """
 
     iterations: int = 100
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Phases for each frame on its own."""
+        """Compute phases for each frame independently."""
         p = problem.amplitude
         u = np.ones(p.shape, complex)
         for _ in range(self.iterations):
@@ -54,7 +52,7 @@ class GerchbergSaxton:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeightedGerchbergSaxton:
-    """WGS: GS whose targets grow where the field is too weak: w <- w p / |y|, both relative to their means.
+    """WGS: GS with weights that grow where the field is too weak: w <- w p / |y|, both relative to their means.
 
     Di Leonardo, Ianni & Ruocco, "Computer generation of optimal holograms for optical trap arrays", Optics Express 15
     (2007).
@@ -63,7 +61,7 @@ class WeightedGerchbergSaxton:
     iterations: int = 100
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Phases for each frame on its own."""
+        """Compute phases for each frame independently."""
         p = problem.amplitude
         sounding = p > 0
         w, u = p.copy(), np.ones(p.shape, complex)
@@ -72,23 +70,23 @@ class WeightedGerchbergSaxton:
             u, size = unit(y), np.abs(y)
             scale = (size * sounding).sum(axis=1, keepdims=True) / np.maximum(p.sum(axis=1, keepdims=True), 1e-300)
             w = w * np.where(sounding, scale * p / np.maximum(size, 1e-300), 0.0)
-            # Only their ratios matter, and unscaled they would run out of range.
+            # Only the ratios of the weights matter; without scaling they would overflow.
             w /= np.maximum(w.max(axis=1, keepdims=True), 1e-300)
         return _shape_only(problem, unit((w * u) @ problem.G.conj()), self.iterations, after, progress)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GSPAT:
-    """GS-PAT: GS in the space of points, with the matrix R = G B of a backward propagator B of unit power per point.
+    """GS-PAT: GS in the space of points, with R = G B and a backward propagator B of unit power per point.
 
     Plasencia, Hirayama, Montano-Murillo & Subramanian, "GS-PAT: high-speed multi-point sound-fields for phased arrays
-    of transducers", ACM Trans. Graph. 39 (2020). The array is made equally loud at the end.
+    of transducers", ACM Trans. Graph. 39 (2020). Amplitudes are made equal at the end.
     """
 
     iterations: int = 100
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Phases for each frame on its own."""
+        """Compute phases for each frame independently."""
         p = problem.amplitude
         power = (np.abs(problem.G) ** 2).sum(axis=1, keepdims=True)
         back = (problem.G.conj() / np.maximum(power, 1e-300)).T
@@ -97,34 +95,27 @@ class GSPAT:
         for _ in range(self.iterations):
             a = p * unit(a @ R.T)
         y = a @ R.T
-        # The last pass makes up for magnitudes that the iteration, which turns phases only, has missed.
+        # The iteration changes phases only; the last pass corrects the magnitudes.
         last = p**2 * unit(y) / np.maximum(np.abs(y), 1e-300)
         return _shape_only(problem, unit(last @ back.T), self.iterations, after, progress)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Greedy:
-    """One transducer after another takes, of a few phases, the one that leaves the least error so far.
+    """Set one transducer after another to the phase, from a few levels, with the least error so far.
 
     Suzuki, Inoue, Fujiwara & Makino, "Radiated pressure field reproduction by a greedy algorithm for phased arrays",
-    IEEE Trans. Haptics 14 (2021). The order is drawn with a fixed seed.
-
-    Attributes
-    ----------
-    levels : int
-        Number of phases to choose from.
-    iterations : int
-        Times that every transducer gets its turn.
-    seed : int
-        Seed of the order.
+    IEEE Trans. Haptics 14 (2021). The order is random with a fixed seed.
     """
 
     levels: int = 16
+    """Number of phases to choose from."""
     iterations: int = 1
+    """Number of passes over all transducers."""
     seed: int = 0
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Phases for each frame on its own."""
+        """Compute phases for each frame independently."""
         choices = np.exp(2j * np.pi * np.arange(self.levels) / self.levels)
         p, G = problem.amplitude, problem.level * problem.G
         q = np.zeros((len(p), problem.transducers), complex)
@@ -132,7 +123,7 @@ class Greedy:
         order = np.random.default_rng(self.seed)
         for _ in range(self.iterations):
             for n in order.permutation(problem.transducers):
-                # In later rounds its own part is taken out first: it chooses against the others only.
+                # In later passes the transducer's own contribution is removed before it chooses.
                 y -= q[:, n, None] * G[:, n]
                 trial = np.abs(y[:, None, :] + choices[:, None] * G[:, n])
                 best = ((trial - p[:, None, :]) ** 2).sum(axis=2).argmin(axis=1)
@@ -142,11 +133,11 @@ class Greedy:
 
 
 def best_level(problem: Problem, theta: Array) -> Array:
-    """Part of the problem's level at which the field fits best, least squares, 0 to 1: shape (frame,)."""
+    """Factor on the problem's level, 0 to 1, with the least squared error, shape (frame,)."""
     size = np.abs(problem.field(theta))
     power = np.einsum("fm,fm->f", size, size)
     fit = np.einsum("fm,fm->f", size, problem.amplitude)
-    # At most full drive, even where a louder field would fit better.
+    # Limited to full drive, even if a louder field would fit better.
     return np.clip(fit / np.where(power > 0, power, 1), 0, 1)
 
 
@@ -160,7 +151,7 @@ def _shape_only(
 def _answer(
     problem: Problem, q: Complex, iterations: int, after: WarmStart | None, progress: Progress | None
 ) -> Answer:
-    """Phases of q; silent frames hold those of the frame before."""
+    """The answer for complex drives q; silent frames keep the phases of the frame before."""
     frames = len(q)
     audible = np.flatnonzero(problem.amplitude.any(axis=1))
     made = np.zeros(frames, np.int64)

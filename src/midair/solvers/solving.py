@@ -1,4 +1,4 @@
-"""From the sound amplitude that is wanted to the drive that makes it: the stage of the pipeline."""
+"""Solve a target: from sound amplitudes at the control points to a drive."""
 
 from typing import Any, Literal
 
@@ -33,62 +33,57 @@ def solve(
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Solution:
-    """Phases of all transducers, equally loud, whose field comes closest to the target, frame by frame.
+    """Compute transducer phases whose field comes closest to the target, frame by frame.
 
     Parameters
     ----------
     target : AmplitudeFrames
-        Peak sound pressure wanted at each control point, in Pa.
-    array : TransducerArray
-        What is to make it.
+        Target peak sound pressure at each control point, in Pa.
     method : str or a solver
-        A name in `methods.METHODS`, or a configured solver of `midair.solvers` such as ``Exact(tolerance=1e-3)``.
-        "lm": the paper's Levenberg-Marquardt. "exact": the same in the modes of G above .5 % of the strongest,
-        cheaper. "fast": many frames at once, each on its own. "glide": a recording as a whole, by bisection in time.
-        "live": within a millisecond a frame. "naive", "gs", "wgs", "gs-pat", "greedy": published methods to compare
-        with.
+        A name in `METHODS`, or a configured solver such as ``Exact(tolerance=1e-3)``. "lm": Levenberg-Marquardt of
+        the paper. "exact": the same steps in the modes of G above .5 % of the strongest, cheaper. "fast": batches
+        of independent frames. "glide": whole recordings, by bisection in time. "live": less than a millisecond per
+        frame. "naive", "gs", "wgs", "gs-pat", "greedy": published methods for comparison.
     acoustics : Acoustics, optional
-        The air and the directivity of a transducer; the paper's if None. The drive carries it.
+        Air and directivity of a transducer; the paper's if None. The drive stores it.
     iterations : int or tuple of int, optional
-        Largest number, for every frame or for frames that start at zero and those that start at the previous frame.
-        The method's own (lm: 50 and 20) if None.
+        Maximum iterations for every frame, or for frames that start at zero and frames that start at the previous
+        frame. If None, the default of the method (lm: 50 and 20).
     start : {"previous", "zero"}, optional
-        Start of every frame after the first; "zero" makes the frames independent. Only "lm" and "exact" have the
-        choice; the solver's own, "previous" unless configured, if None.
+        Start of every frame after the first; "zero" makes the frames independent. Only "lm" and "exact" have this
+        choice. If None, the setting of the solver, "previous" by default.
     level : float or "auto"
-        Drive of every transducer, above 0 to 1. "auto": as much as the loudest target needs, see
-        `terms.level.automatic_level`. Frames with nothing to play get 0.
+        Drive of every transducer, above 0 to 1. "auto" takes the level that the loudest target needs, see
+        `terms.level.automatic_level`. Silent frames get 0.
     amplitudes : {"equal", "bounded"}
-        All transducers at `level`, as in the paper; or each at its own, between 0 and `level`, and the drive's level
-        is then (frame, transducer).
+        "equal": all transducers at `level`, as in the paper. "bounded": each transducer between 0 and `level`; the
+        drive's level then has shape (frame, transducer).
     guard : float or Guard, optional
-        Keeps a ring around the control points quiet: its width in m, or the term with all its settings.
+        Limit the field in a ring around the control points: the width of the ring in m, or a configured term.
     fit : {"points", "windows", "cells"}, Windows or Cells
-        What is to be met: the target at the control points; what windows of the size of a cell read of it all over the
-        square; or what the cells of a sensor read of it, for that one place of the sensor alone. The error is that of
-        what was to be met.
+        Where the error is measured: at the control points; in 8 mm windows that overlap over the whole square; or
+        in the cells of a sensor at one place. The reported error is measured there, too.
     smooth : float
-        Weight of the change of phase from frame to frame, see `terms.smooth`: E^2 / 2 plus this times
-        mean(1 - cos(change)) is made small. 0 for none; .01 is much.
+        Weight of phase changes between frames: E^2 / 2 plus this times mean(1 - cos(change)) is minimised. 0 turns
+        it off; .01 is strong.
     robust : float
-        Degrees Celsius, 0 to 10, by which the air may be colder or warmer than that of `acoustics`: the root mean
-        square of E over that range is made small, see `terms.temperatures`. The error that is told is that of
-        `acoustics`; `evaluate.error_in_air` tells the others. 0 for that air alone.
+        Half the temperature range, 0 to 10 degrees Celsius, around the air of `acoustics`: the root mean square of
+        E over the range is minimised. The reported error is that at the temperature of `acoustics`;
+        `evaluate.error_at_temperature` gives the others.
     quiet_ears : float
-        Weight of the sound at the ears of a person in front of the array, see `terms.quiet_ears`: 3 is some, 30 much.
-        0 for none.
+        Weight of the sound at the ears of a person in front of the array: 3 is moderate, 30 strong, 0 turns it off.
     quiet_palm : float or QuietPalm
-        Weight of the sound on a palm around the control points, see `terms.quiet_palm`, or the term with all its
-        settings: .1 is much. 0 for none.
+        Weight of the sound on the palm around the control points, or a configured term: .1 is strong, 0 turns it
+        off.
     bits : int, optional
         Round phases to 2 pi / 2^bits, as firmware does (8 bits: AUTD3); the error is that of the rounded phases.
-        Not rounded if None. Amplitudes are not rounded.
+        Amplitudes are not rounded.
     backend : str, optional
-        What does the arithmetic of "fast" and "glide": "numpy", "torch", "torch:cuda", "cupy"; see `backend.backend`.
+        Array library for "fast" and "glide": "numpy", "torch", "torch:cuda", "cupy".
     jobs : int, optional
-        Blocks that "glide" solves at once, which changes nothing but the time; 1 if None. The other methods have none.
+        Number of worker threads of "glide"; 1 if None. The result does not depend on it. Other methods ignore it.
     progress : callable, optional
-        Called with (frames done, frames in all).
+        Called with (frames done, frames in total).
 
     Returns
     -------
@@ -98,9 +93,9 @@ def solve(
     Raises
     ------
     InputError
-        If a setting is out of range or unknown, or the method does not take a term (`methods.TAKES`).
+        If a setting is out of range or unknown, or the method does not support a term (`TAKES`).
     MissingExtraError
-        If a backend, or Numba for "live", is not installed.
+        If the backend, or Numba for "live", is not installed.
     """
     order = SolvePlan.of(
         target,
@@ -139,14 +134,9 @@ def memory_of(
     parts: bool = False,
     **_: Any,
 ) -> int:
-    """Bytes that `solve` with these settings, or `solve_parts`, takes at most at once; see `large.memory_needed`.
+    """Maximum memory in bytes that `solve`, or `solve_parts` with `parts`, needs with these settings.
 
-    Parameters
-    ----------
-    target, array, method, acoustics, amplitudes, guard, robust, quiet_palm, backend, jobs
-        As in `solve`; its other settings do not count.
-    parts : bool
-        Whether no more than a part is in memory.
+    Settings that do not change the memory are accepted and ignored.
     """
     ring = Guard(margin=guard) if isinstance(guard, int | float) else guard
     palm = quiet_palm if isinstance(quiet_palm, QuietPalm) else QuietPalm() if quiet_palm > 0 else None

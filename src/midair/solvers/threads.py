@@ -1,8 +1,7 @@
-"""One BLAS thread at a time.
+"""Limit BLAS to one thread.
 
-The matrices here have a few hundred rows. Two BLAS threads spend more time waiting for each other, spinning, than
-they save: the paper's method takes three to ten times as long with two. Frames or patterns in several processes use
-more cores better.
+The matrices have a few hundred rows. With two BLAS threads the method of the paper takes three to ten times as long,
+because the threads wait for each other. Several processes use more cores better.
 """
 
 from collections.abc import Generator
@@ -12,10 +11,10 @@ from importlib import import_module
 
 @contextmanager
 def one_blas_thread() -> Generator[None]:
-    """Keep the matrix products of this process to one thread while inside."""
+    """Limit matrix products of this process to one thread within the context."""
     from threadpoolctl import threadpool_limits
 
-    # Only a BLAS that is loaded can be limited; SciPy's, which Numba calls too, is another one than NumPy's.
+    # Only a loaded BLAS can be limited. SciPy's BLAS, which Numba also calls, differs from NumPy's.
     import_module("scipy.linalg.cython_blas")
     with threadpool_limits(limits=1, user_api="blas"):
         yield

@@ -79,7 +79,7 @@ def test_a_loop_finds_its_own_level(stroke, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "said", "status"),
     [
-        ("--method gs --guard 20mm", "method gs: expected terms that it takes (none), got guard; choose", 1),
+        ("--method gs --guard 20mm", "method gs: expected supported terms (none), got guard; choose", 1),
         ("--method live --smooth 0.1", "got smooth; choose fast", 1),
         ("--method fast --guard 1mm", "expected at least its pitch, 11 mm, got 1 mm", 1),
         ("--method fast --smooth=-1", "smooth: expected 0 or more, got -1", 1),

@@ -33,7 +33,7 @@ def wave(frames=4, points=16, pascal=3000.0):
         ({"fit": "palm"}, "fit: expected points, windows, cells"),
         ({"smooth": -1.0}, "smooth: expected 0 or more"),
         ({"smooth": float("nan")}, "smooth: expected 0 or more"),
-        ({"smooth": 0.1}, "method lm: expected terms that it takes .*, got smooth; choose fast"),
+        ({"smooth": 0.1}, "method lm: expected supported terms .*, got smooth; choose fast"),
         ({"method": "gs", "amplitudes": "bounded"}, "method gs: .*none.*, got amplitudes"),
         ({"backend": "torch"}, "backend: expected method fast or glide, got lm"),
     ],
@@ -50,7 +50,7 @@ def test_a_range_that_is_none_is_refused(robust):
 
 
 def test_published_methods_refuse_a_range():
-    with pytest.raises(InputError, match=r"method gs: expected terms that it takes \(none\), got robust"):
+    with pytest.raises(InputError, match=r"method gs: expected supported terms \(none\), got robust"):
         solve(target(wave()), UNIT, method="gs", robust=2.0)
 
 

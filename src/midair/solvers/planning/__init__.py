@@ -1,4 +1,4 @@
-"""How a recording is to be solved: its settings checked and brought together, whole or part by part."""
+"""Check the settings of a solution, and solve a recording as a whole or part by part."""
 
 from midair.solvers.planning.in_parts import read_as_solved, solve_parts, solve_piece
 from midair.solvers.planning.solve_plan import SolvePlan, frames_per_part

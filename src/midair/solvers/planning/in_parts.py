@@ -1,4 +1,4 @@
-"""Recordings of any length: solved part by part, and piece by piece."""
+"""Solve recordings of any length part by part, or one piece alone."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -23,30 +23,18 @@ _READ = 256
 def solve_parts(
     target: AmplitudeFrames, array: TransducerArray, *, progress: Progress | None = None, **settings: Any
 ) -> Iterator[Solution]:
-    """The solution of `solve`, part by part: what is in memory does not grow with the recording.
+    """Yield the solution of `solve` part by part, with memory that does not grow with the recording.
 
-    Each part goes on from where the one before it ended, at a joint where the method would have ended a batch or a
-    block of frames anyway: all parts together are what `solve` gives, to rounding.
+    Each part continues from the end of the previous one. Parts end where the method ends a batch or a block, so all
+    parts together equal the result of `solve`, except for rounding.
 
     Parameters
     ----------
     target : AmplitudeFrames
-        Its amplitude may be a reel, which is read once, and once more for the level "auto".
-    array : TransducerArray
-        What is to make it.
+        Its amplitude may be lazy frames, which are read once, and once more for the level "auto".
     progress : callable, optional
-        Called with (frames done, frames in all).
+        Called with (frames done, frames in total).
     **settings
-        As in `solve`.
-
-    Yields
-    ------
-    Solution
-        Of the next frames.
-
-    Raises
-    ------
-    InputError, MissingExtraError
         As in `solve`.
     """
     return _parts(SolvePlan.of(target, array, **settings), target, progress)
@@ -55,36 +43,29 @@ def solve_parts(
 def solve_piece(
     target: AmplitudeFrames, array: TransducerArray, *, marks: Array, loudest: float, **settings: Any
 ) -> Iterator[Solution]:
-    """The solution of one of the `pieces` of a recording, part by part, without the frames before it.
+    """Yield the solution of one of the `pieces` of a recording, part by part, without the frames before it.
 
-    Phases are those of the whole recording, to the last bit.
+    The phases are bit-identical to those of the whole recording.
 
     Parameters
     ----------
     target : AmplitudeFrames
-        Of the frames of the piece.
-    array : TransducerArray
-        What is to make it.
+        The frames of the piece.
     marks : ndarray, shape (mark, point)
-        Amplitude of the piece's marks, in Pa; none for the first piece.
+        Amplitude of the piece's marks, in Pa; empty for the first piece.
     loudest : float
-        Highest amplitude of the whole recording, in Pa, by which the level "auto" goes.
+        Highest amplitude of the whole recording, in Pa, which determines the level "auto".
     **settings
         As in `solve`, with method "glide".
-
-    Yields
-    ------
-    Solution
-        Of the next frames, block by block.
 
     Raises
     ------
     InputError
-        As in `solve`, or if the method is another.
+        As in `solve`, or if the method is not "glide".
     """
     order = SolvePlan.of(target, array, loudest=loudest, **settings)
     if not order.leads:
-        raise InputError(f"method: expected glide, whose recordings come in pieces, got {order.method}")
+        raise InputError(f"method: expected glide, the only method that solves pieces, got {order.method}")
     after = order.end_of(replace(target, amplitude=marks)) if len(marks) else None
     return _parts(order, target, None, after, marks[-1:])
 
@@ -113,9 +94,9 @@ def _parts(
 
 
 def read_as_solved(amplitude: Array, first: int, last: int) -> Array:
-    """Frames of a target, a reel or an array, in the very blocks in which `solve_parts` reads it.
+    """Read frames of a target in the same blocks as `solve_parts`.
 
-    A reel works out what it reads, and products of more or fewer frames at once end in another digit.
+    Lazy frames are computed on reading, and products of another number of frames differ in the last digit.
     """
     begin = first // _READ * _READ
     read = [read_frames(amplitude, at, min(at + _READ, len(amplitude))) for at in range(begin, last, _READ)]

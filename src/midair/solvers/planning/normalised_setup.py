@@ -1,4 +1,4 @@
-"""A target and the array that is to make it, in units in which tolerances and weights fit any array."""
+"""A target and an array in normalised units, in which tolerances and weights suit any array."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -24,7 +24,9 @@ from midair.solvers.terms import (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NormalisedSetup:
-    """The target and the array in units of the strongest focus, in one air or in several; the first is its own."""
+    """Target and transfer matrices in units of the strongest focus, in one or several airs; the first is the nominal
+    air.
+    """
 
     target: AmplitudeFrames
     array: TransducerArray
@@ -34,10 +36,9 @@ class NormalisedSetup:
 
     @classmethod
     def of(cls, target: AmplitudeFrames, array: TransducerArray, airs: tuple[Acoustics, ...]) -> "NormalisedSetup":
-        """The matrix of each air, over the strongest focus in the first one."""
+        """Compute the matrix for each air, divided by the strongest focus in the first."""
         G = [transfer_matrix(target.grid, array, acoustics=each) for each in airs]
         focus = float(np.abs(G[0]).sum(axis=1).max())
-        # In units of the focus tolerances, weights and single precision fit any array.
         for each in G:
             each /= focus
         return cls(target=target, array=array, airs=airs, G=G, focus=focus)
@@ -51,7 +52,7 @@ class NormalisedSetup:
         ears: QuietEars | None,
         palm: QuietPalm | None,
     ) -> Problem:
-        """What a solver is given: the target in all airs, and the terms that were asked for."""
+        """The problem for a solver: the target in all airs, and the terms."""
         amplitude, grid, medium = self.target.amplitude / self.focus, self.target.grid, self.airs[0].medium
         unit = float(radiation_pressure(np.array(self.focus), medium))
         times = len(self.airs)
@@ -67,10 +68,10 @@ class NormalisedSetup:
         )
 
     def _quiet(self, guard: Guard | None, ears: QuietEars | None, palm: QuietPalm | None) -> GuardField | None:
-        """Where the field is to be quiet: on the ring, at the ears, and on the palm around the control points."""
+        """The guard's field: rows of the ring, the ears, and the palm around the control points."""
         field = None if guard is None else self._guarded(guard)
         none = GuardField(G=np.zeros((0, self.array.count), complex), ceiling=0.0, weight=1.0)
-        # A mean over ears or palm counts as much as one over the control points, whose squares the error adds up.
+        # The error is a sum over M control points, so a mean over ears or palm is multiplied by M.
         count = np.sqrt(len(self.G[0])) / self.focus
         if ears is not None:
             rows = np.concatenate([ears.rows(self.array, each) for each in self.airs])

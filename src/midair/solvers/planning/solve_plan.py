@@ -1,4 +1,4 @@
-"""Everything that was asked of a solver, checked once, and a part of a recording solved by it."""
+"""The checked settings of a solution, and the solution of one part of a recording."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Literal, cast, get_args
@@ -36,13 +36,13 @@ from midair.solvers.threads import one_blas_thread
 Array = NDArray[np.float64]
 
 TOGETHER = 256
-"""Frames that sound in a part, about."""
+"""Approximate number of sounding frames in a part."""
 
 
 def frames_per_part(solver: Method) -> int:
     """Number of sounding frames in a part: whole batches, or whole blocks.
 
-    A batch that is cut at the end of a part has products of another size, and so another last digit.
+    A batch cut at the end of a part would have matrix products of another size, and so differ in the last digit.
     """
     if isinstance(solver, Glide):
         return solver.coarse * max(-(-solver.block_on() // solver.coarse), 1) * solver.jobs
@@ -60,7 +60,7 @@ def _whole_batches(solver: Fast) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SolvePlan:
-    """How a recording is to be solved, whole or part by part."""
+    """Checked settings for solving a recording, as a whole or part by part."""
 
     method: str
     solver: Method
@@ -99,20 +99,8 @@ class SolvePlan:
         jobs: int | None = None,
         loudest: float | None = None,
     ) -> "SolvePlan":
-        """What was asked, checked.
-
-        Parameters
-        ----------
-        target, array, method, acoustics, iterations, start, level, amplitudes, guard, fit, smooth, robust, quiet_ears,
-        quiet_palm, bits, backend, jobs
-            As in `solve`.
-        loudest : float, optional
-            Highest amplitude of the whole recording, in Pa, of which the target is a piece.
-
-        Raises
-        ------
-        InputError
-            If a setting is out of range or unknown, or the method does not take a term.
+        """Check the settings of `solve`; `loudest` is the highest amplitude in Pa of the recording that the target
+        belongs to.
         """
         solver = solver_of(method, iterations=iterations, start=start, backend=backend, jobs=jobs)
         _check(level, bits, amplitudes, smooth, robust, quiet_ears)
@@ -154,18 +142,18 @@ class SolvePlan:
 
     @property
     def leads(self) -> bool:
-        """Whether a part begins with the last frame of the one before it."""
+        """Whether a part begins with the last frame of the part before it."""
         return isinstance(self.solver, Glide)
 
     def joint(self, amplitude: Array, *, first: bool) -> int:
-        """How many of the next frames are a part that ends where the method can go on; 0 while there are too few."""
+        """Number of next frames that form a part; 0 while there are too few."""
         sounding = np.flatnonzero(amplitude.any(axis=1))
-        # The first part of a recording by bisection has the first mark besides.
+        # With bisection, the first part also contains the first mark.
         wanted = frames_per_part(self.solver) + (self.leads and first)
         return int(sounding[wanted - 1]) + 1 if len(sounding) >= wanted else 0
 
     def end_of(self, marks: AmplitudeFrames) -> WarmStart:
-        """What frames go on from after a block with these marks, by the method that has blocks."""
+        """Warm start after a block with these marks, for method "glide"."""
         problem = self._problem(self.scene, marks)
         with one_blas_thread():
             return cast("Glide", self.solver).end_of(doubled(problem) if self.amplitudes == "bounded" else problem)
@@ -178,7 +166,7 @@ class SolvePlan:
     def solve(
         self, target: AmplitudeFrames, after: WarmStart | None, progress: Progress | None
     ) -> tuple[Solution, WarmStart | None]:
-        """A part, from where the one before it ended, and where it ends."""
+        """Solve a part from the end of the part before it; returns the solution and its own end."""
         own = self._problem(self.own, target)
         problem = own if self.scene is self.own else self._problem(self.scene, target)
         with one_blas_thread():
@@ -187,7 +175,7 @@ class SolvePlan:
             end, part = answer.end, answer.level
             if self.amplitudes == "bounded":
                 answer, part = _bounded(answer)
-            # Rounded before the error is taken, so that it is the error of what will be played.
+            # The error is computed after rounding, so that it is the error of the phases that are played.
             phase, error = self._told(own, answer.phase, part)
         audible = np.array([status != "silent" for status in answer.status], float)
         # Transposed twice, so that (frame,) and (frame, transducer) are both multiplied frame by frame.
@@ -203,7 +191,7 @@ class SolvePlan:
         return Solution(drive=drive, error=error, iterations=answer.iterations, status=answer.status), end
 
     def _told(self, own: Problem, turned: Array, part: Array | None) -> tuple[Array, Array]:
-        """Phases as they will be played, and their errors, worked out where the phases were."""
+        """Phases as they are played, and their errors, computed on the solver's device."""
         name = getattr(self.solver, "backend", "numpy")
         # Metal has no double precision.
         if name == "numpy" or name.startswith("torch:mps"):
@@ -240,7 +228,7 @@ def _check(level: object, bits: int | None, amplitudes: str, smooth: float, robu
         shown = f"{level:g}" if isinstance(level, int | float) else repr(level)
         raise InputError(f"level: expected above 0 and at most 1 of full drive, or auto, got {shown}")
     if bits is not None and not 1 <= bits <= 16:
-        raise InputError(f"bits: expected 1 to 16 of a phase, or None, got {bits}")
+        raise InputError(f"bits: expected 1 to 16 bits per phase, or None, got {bits}")
     if amplitudes not in get_args(Amplitudes):
         raise InputError(f"amplitudes: expected {' or '.join(get_args(Amplitudes))}, got {amplitudes!r}")
     if not 0 <= smooth < np.inf:
@@ -260,7 +248,7 @@ def _palm(asked: float | QuietPalm) -> QuietPalm | None:
 
 
 def _bounded(answer: Answer) -> tuple[Answer, Array]:
-    """The answer of the doubled problem as phases of the array, and the amplitude of each of its transducers."""
+    """The answer of the doubled problem as phases of the array, and the amplitude of each transducer."""
     phase, part = halves(answer.phase)
     if answer.level is not None:
         part = answer.level[:, None] * part
@@ -268,5 +256,5 @@ def _bounded(answer: Answer) -> tuple[Answer, Array]:
 
 
 def _settings(chosen: Method | Guard) -> dict[str, Setting]:
-    """The fields of a solver or a term, for the record, but for how many work at once, which changes nothing."""
+    """Fields of a solver or a term for the provenance, without `jobs`, which does not change the result."""
     return {field.name: getattr(chosen, field.name) for field in fields(chosen) if field.name != "jobs"}
