@@ -1,4 +1,4 @@
-"""A field to start from that asks the same of every transducer."""
+"""Initial phases of the field for which all transducers contribute equally."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,26 +10,13 @@ Array = NDArray[np.float64]
 
 
 def spreading_phase(grid: ControlGrid, array: TransducerArray, medium: Medium) -> Array:
-    """Phases of the field with which the square of control points is an image of the whole array.
+    """Initial phases of the field in rad, shape (point,), that map the whole array onto the control grid.
 
-    A field of one phase is made by the few transducers under the square, a wave that diverges from behind it by all
-    of them: with psi = k (x^2 / 2 R_x + y^2 / 2 R_y) the ray through a point at x comes from the array at
-    x - x h / R_x, h the height. R = -h w / (W - w), w and W the half widths of grid and array, maps one on the other;
-    the sign is that of a wave that converges.
-
-    Parameters
-    ----------
-    grid : ControlGrid
-        The points.
-    array : TransducerArray
-        What radiates.
-    medium : Medium
-        Air, for the wavelength.
-
-    Returns
-    -------
-    ndarray, shape (point,)
-        In rad; along an axis in which the array is no wider than the grid, flat.
+    A field with constant phase is made by the few transducers below the square, a wave that diverges from behind it by
+    all: with psi = k (x^2 / 2 R_x + y^2 / 2 R_y) the ray through a point at x comes from the array at x - x h / R_x,
+    with the height h. R = -h w / (W - w), with the half widths w and W of grid and array, maps one onto the other; the
+    sign is that of a converging wave. The phase is constant along an axis in which the array is not wider than the
+    grid. `medium` gives the wavelength.
     """
     away = grid.position - array.position.mean(axis=0)
     phase = np.zeros(grid.count)

@@ -1,10 +1,9 @@
-"""Many small minimisations at once: L-BFGS with one row of a matrix for each.
+"""L-BFGS for many small minimisations at once, one per row of a matrix.
 
-The rows know nothing of each other; they only share the calls of the function, which so become matrix products.
-Nocedal & Wright, "Numerical Optimization", 2nd edition, algorithm 7.4, with one evaluation an iteration: a row whose
-step fails the Armijo test stays where it is and tries a shorter step next time.
-
-The arrays are those of any library of the array API standard.
+The rows are independent, but share each evaluation of the function, so that it consists of matrix products. Nocedal &
+Wright, "Numerical Optimization", 2nd edition, algorithm 7.4, with one evaluation per iteration: a row whose step fails
+the Armijo test stays in place and tries a shorter step next time. Arrays may be those of any library of the array API
+standard.
 """
 
 from collections.abc import Callable
@@ -21,53 +20,39 @@ Function = Callable[[Rows], tuple[Numbers, Rows]]
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class RowsState:
-    """Where all rows stand; `LBFGS.step` moves it on in place.
-
-    Attributes
-    ----------
-    x, gradient : array, shape (row, unknown)
-        Place and slope.
-    cost, scale, length : array, shape (row,)
-        Cost; first guess of the inverse Hessian; part of the full step to try next.
-    pairs : list of (s, y, 1 / s.y)
-        The last steps and changes of slope.
-    iterations : int
-        Evaluations after the first.
-    ring : Ring or None
-        What `device.RingLBFGS` has in place of pairs.
-    """
+    """State of all rows; `LBFGS.step` updates it in place."""
 
     x: Rows
+    """Unknowns, shape (row, unknown)."""
     gradient: Rows
     cost: Numbers
+    """Shape (row,)."""
     scale: Numbers
+    """Initial guess of the inverse Hessian, shape (row,)."""
     length: Numbers
+    """Fraction of the full step to try next, shape (row,)."""
     pairs: list[tuple[Rows, Rows, Numbers]]
+    """The last steps s, changes of gradient y, and 1 / s.y."""
     iterations: int = 0
+    """Evaluations after the first."""
     ring: Any = None
+    """The `Ring` of `device.RingLBFGS`, which replaces the pairs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LBFGS:
-    """Settings of the method.
-
-    Attributes
-    ----------
-    memory : int
-        Pairs that are kept.
-    armijo : float
-        Part of the promised fall that a step must bring.
-    shrink, grow : float
-        How a step changes after one that failed, and after one that did not.
-    xp : module
-        The functions of the array API standard, for the arrays that come.
-    """
+    """Settings of the method."""
 
     memory: int = 4
+    """Number of pairs that are kept."""
     armijo: float = 1e-4
+    """Fraction of the predicted decrease that a step must reach."""
     shrink: float = 0.3
+    """Factor on the step length after a rejected step."""
     grow: float = 3.0
+    """Factor on the step length after an accepted step."""
     xp: Any = np
+    """Module with the functions of the array API standard."""
 
     def begin(self, function: Function, x: Rows, step: Numbers) -> RowsState:
         """The state at x; `step` (row,) is the length of the first step over that of the gradient."""
@@ -75,21 +60,21 @@ class LBFGS:
         return RowsState(x=x, gradient=gradient, cost=cost, scale=step, length=self.xp.ones_like(cost), pairs=[])
 
     def step(self, function: Function, state: RowsState) -> None:
-        """One evaluation of all rows."""
+        """Evaluate all rows once and update the state."""
         xp = self.xp
         direction = self._direction(state)
         slope = self._dot(direction, state.gradient)
         s = state.length[:, None] * direction
         x = state.x + s
         cost, gradient = function(x)
-        # Rounding of the cost itself must not count as a rise.
+        # A rise within the rounding error of the cost is accepted.
         slack = 4 * xp.finfo(cost.dtype).eps * state.cost
         better = cost <= state.cost + self.armijo * state.length * slope + slack
-        # Before the step is judged: one that failed has shown how the slope changes, too.
+        # Also for rejected steps, which carry information about the curvature, too.
         self._remember(state, s, gradient - state.gradient)
-        # Up to the full step, which is the method's own; longer ones have no reason.
+        # At most the full step of the method.
         state.length = xp.where(better, xp.clip(self.grow * state.length, None, 1), self.shrink * state.length)
-        # Nearly always all rows are better, and the choice would cost three copies; elsewhere the question is a wait.
+        # Usually all rows are better and NumPy can skip three copies; on a GPU the test itself would be a wait.
         if xp is not np or not better.all():
             kept = better[:, None]
             x, cost = xp.where(kept, x, state.x), xp.where(better, cost, state.cost)
@@ -98,7 +83,7 @@ class LBFGS:
         state.iterations += 1
 
     def run(self, function: Function, x: Rows, step: Numbers, iterations: int) -> RowsState:
-        """`iterations` steps from x."""
+        """Make `iterations` steps from x."""
         state = self.begin(function, x, step)
         for _ in range(iterations):
             self.step(function, state)
@@ -109,10 +94,10 @@ class LBFGS:
         return self.xp.vecdot(a, b)
 
     def _remember(self, state: RowsState, s: Rows, y: Rows) -> None:
-        """Keep the pair; where the curvature is not positive it counts as none."""
+        """Keep the pair; its weight is 0 where the curvature is not positive."""
         xp = self.xp
         sy, yy = self._dot(s, y), self._dot(y, y)
-        # A pair of no positive curvature would turn later directions uphill.
+        # A pair without positive curvature could make later directions uphill.
         curved = (sy > 1e-10 * yy) & (yy > 0)
         one = xp.ones_like(sy)
         inverse = xp.where(curved, 1 / xp.where(curved, sy, one), 0 * one)
@@ -122,7 +107,7 @@ class LBFGS:
         del state.pairs[: -self.memory]
 
     def _direction(self, state: RowsState) -> Rows:
-        """The two loops: minus the approximate inverse Hessian times the gradient."""
+        """Two-loop recursion: minus the approximate inverse Hessian times the gradient."""
         d = -state.gradient
         weights: list[Numbers] = []
         for s, y, inverse in reversed(state.pairs):

@@ -1,4 +1,4 @@
-"""Phases of drives: of complex numbers, of silent frames, and a first drive that no mode is in step with."""
+"""Phases of complex drives and of silent frames."""
 
 from typing import Any
 
@@ -15,14 +15,16 @@ def unit(q: Complex) -> Complex:
 
 
 def rippled(q: Complex) -> Complex:
-    """The phases of q (transducer,) with a ripple of .3 rad: drives all in step with a mode would stay so for ever."""
+    """The phases of q (transducer,) with a ripple of .3 rad, since a drive in phase with one mode would stay in
+    phase.
+    """
     return (unit(q) * np.exp(0.3j * np.sin(2.4 * np.arange(len(q))))).astype(q.dtype)
 
 
 def hold(
     phase: NDArray[np.float64], audible: NDArray[np.int64], before: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Phases of silent frames are those of the last audible frame before them; `before`, or zero, before the first."""
+    """Phases in which silent frames repeat the last audible frame; `before`, or zero, before the first."""
     if len(audible) == len(phase):
         return phase
     last = np.full(len(phase), -1)

@@ -1,4 +1,4 @@
-"""Frames one after another, each from where the one before it ended (paper, 4.2 and 5.2)."""
+"""Solve frames one after another, each from the end of the previous one (paper, 4.2 and 5.2)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameAnswer:
-    """What came of one frame: x = [theta, psi], iterations made, and how it ended."""
+    """Result for one frame: x = [theta, psi], iterations made, and status."""
 
     x: Array
     iterations: int
@@ -22,7 +22,7 @@ class FrameAnswer:
 
 
 FrameSolver = Callable[[Array, Array, int], FrameAnswer]
-"""(p, first x, most iterations) -> answer of one frame."""
+"""(p, initial x, maximum iterations) -> result for one frame."""
 
 
 def solve_in_turn(
@@ -35,29 +35,10 @@ def solve_in_turn(
     after: WarmStart | None = None,
     progress: Progress | None = None,
 ) -> Answer:
-    """Solve each frame with `one`; a frame without any target is silent and hands the phases on as they are.
+    """Solve each frame with `one`; silent frames keep the phases.
 
-    Parameters
-    ----------
-    problem : Problem
-        G and the targets.
-    one : callable
-        Solves one frame.
-    iterations : tuple of int
-        Largest numbers for a frame on its own, and for one that starts at the previous frame.
-    start : {"previous", "zero"}
-        Start of every frame after the first; with "zero" each is on its own.
-    first : ndarray, shape (frame, transducer + point), optional
-        x that a frame on its own starts from; zero if None.
-    after : End, optional
-        Where the frame before the first one ended.
-    progress : callable, optional
-        Called with (frames done, frames in all).
-
-    Returns
-    -------
-    Answer
-        Of all frames.
+    `iterations` are the maxima for a frame without and with a warm start. `first` is the initial x of frames without a
+    warm start, shape (frame, transducer + point), zero if None. `after` is the end of the previous part.
     """
     frames = len(problem.amplitude)
     x = np.zeros(problem.transducers + problem.points)

@@ -1,4 +1,4 @@
-"""What only large arrays and unusual targets ask for: planes that are tilted, and memory told before it is taken."""
+"""Tilted planes, and an estimate of the memory that a problem needs."""
 
 from midair.solvers.large.memory_need import check_memory, memory_needed
 from midair.solvers.large.planes import placed, problem_at

@@ -1,44 +1,45 @@
-"""How much memory a problem takes, known before any of it is taken.
+"""Estimate the memory that a problem needs before it is allocated.
 
-Counted from the arrays that are alive at once, in the few places where there are most of them; which those are, and
-that nothing was forgotten, is tested against what the system saw (`python -m benchmarks.scale` prints both).
+The estimate counts the arrays alive at once where there are most of them; tests compare it with the memory measured by
+the system (`python -m benchmarks.scale` prints both).
 """
 
 from midair.errors import InputError
 
 _EIGEN = 5
-"""Matrices of the size of G G^H while its eigenvectors are worked out: itself, their copy, LAPACK's room for work."""
+"""Matrices of the size of G G^H during its eigendecomposition: itself, a copy, LAPACK's workspace."""
 _DESCENT = 40
-"""Rows of single precision, one number a transducer, that a frame of a batch has on the way."""
+"""Single-precision rows of one number per transducer that each frame of a batch needs."""
 _ROWS = 128
 _ANSWER = 10
-"""Rows of double precision that a frame of the answer has: its phases as found, held and rounded, the drive, that of
-the part before, and two complex numbers a transducer while the error is worked out; the rest is what blocks leave."""
+"""Double-precision rows per frame of the answer: phases as found, held and rounded, the drive, that of the part before,
+two complex numbers per transducer for the error, and the results of blocks.
+"""
 _PLAIN = 6
-"""Matrices of 2 M x 2 M halves of a complex number, in the plain form of the paper's step."""
+"""Matrices of 2 M x 2 M half complex numbers in the plain form of the step."""
 
 
 def memory_needed(points: int, transducers: int, frames: int, *, method: str, guard: int = 0, airs: int = 1) -> int:
-    """Bytes that solving takes at most at once, beside what the program has already.
+    """Maximum memory in bytes that solving needs, besides the memory in use already.
 
     Parameters
     ----------
     points : int
-        Control points.
+        Number of control points.
     transducers : int
-        Of the array; twice as many with bounded amplitudes.
+        Number of transducers; twice as many with bounded amplitudes.
     frames : int
-        That are solved in one call; of `solve_parts`, those of a part.
+        Frames solved in one call; for `solve_parts`, those of a part.
     method : str
-        A name in `methods.METHODS`.
+        A name in `METHODS`.
     guard : int
-        Points that are to stay quiet.
+        Points outside the control grid that shall be quiet.
     airs : int
-        Temperatures that are to be held at once, see `terms.temperatures`.
+        Number of temperatures that are solved for at once, see `terms.temperatures`.
     """
     M, N = airs * points, transducers
     heard = M + airs * guard
-    # The guard's rows stand alone, then below the others, as they are heard and as they weigh.
+    # The guard's rows exist alone and then below the others, both unweighted and weighted.
     G = 16 * M * N * (2 if airs > 1 else 1) + (16 * N * (heard - M + 2 * heard) if guard else 0)
     answer = _ANSWER * 8 * frames * N
     gram = 16 * M * M + _PLAIN * 16 * M * M + 8 * M * N
@@ -51,25 +52,19 @@ def memory_needed(points: int, transducers: int, frames: int, *, method: str, gu
 
 
 def check_memory(needed: int, available: int | None, *, points: int, transducers: int) -> None:
-    """Refuse what would not fit, where the system says how much would.
-
-    Raises
-    ------
-    InputError
-        If more is needed than is available.
-    """
+    """Raise InputError if a problem needs more memory than is available; None means that this is unknown."""
     if available is not None and needed > available:
         raise InputError(
-            f"memory: expected a problem that fits into the {available / 1e9:.3g} GB that are free, got "
-            f"{transducers} transducers x {points} points, which take about {needed / 1e9:.3g} GB; "
-            "ask for fewer points, units or frames at once"
+            f"memory: expected a problem that fits into {available / 1e9:.3g} GB of free memory, got "
+            f"{transducers} transducers x {points} points, which need about {needed / 1e9:.3g} GB; "
+            "use fewer points, array units or frames at once"
         )
 
 
 def _modes(M: int, N: int) -> int:
-    """While the modes of an M x N matrix are worked out, see `modes.modes`."""
+    """Memory in bytes while the modes of an M x N matrix are computed, see `modes.modes`."""
     least = min(M, N)
     gram = 16 * M * N + _EIGEN * 16 * least**2
-    # A sketch gives up at three quarters of the modes and a block more.
+    # A sketch stops at three quarters of the modes plus one block.
     most = 7 * least // 8
     return max(gram, 2 * 16 * (M + N) * most) if M >= 2000 else gram

@@ -1,8 +1,7 @@
-"""Several planes as one target, each anywhere and tilted as it likes: two hands, a hand and an arm.
+"""Targets on several planes at any place and tilt, such as two hands, or a hand and an arm.
 
-A `ControlGrid` is flat and parallel to the array, and files, modes and the command line know one grid only. Solvers
-know none: rows of G may be points anywhere. `placed` says where a tilted grid's points are, and `problem_at` makes one
-problem of all planes, which every solver of `methods.METHODS` takes.
+A `ControlGrid` is flat and parallel to the array; files and the command line support only one. A solver accepts rows of
+G for points anywhere: `placed` gives the points of a tilted grid, `problem_at` makes one problem from all planes.
 """
 
 from collections.abc import Sequence
@@ -24,16 +23,16 @@ def placed(grid: ControlGrid, *, centre: tuple[float, float, float], normal: tup
     Parameters
     ----------
     grid : ControlGrid
-        Rows, columns and pitch; its own height and centre do not count.
+        Rows, columns and pitch; its own height and centre are ignored.
     centre : tuple of float
-        Where its middle goes, in m.
+        Position of the middle of the grid, in m.
     normal : tuple of float
-        Where its upper side looks; of any length. The grid is turned there by the shortest way.
+        Direction of the upper side, of any length. The grid is rotated there by the smallest angle.
 
     Raises
     ------
     InputError
-        If the upper side would look straight down, or nowhere.
+        If the normal is zero, not finite, or points straight down.
     """
     length = float(np.linalg.norm(normal))
     n = np.asarray(normal, float) / max(length, 1e-300)
@@ -41,7 +40,7 @@ def placed(grid: ControlGrid, *, centre: tuple[float, float, float], normal: tup
         raise InputError(f"normal: expected a direction that is not straight down, got {tuple(normal)}")
     x, y = np.meshgrid(grid.x, grid.y)
     flat = np.stack([x.ravel(), y.ravel(), np.zeros(grid.count)], axis=1)
-    # Rodrigues' formula for the turn from z to n: axis z x n, cosine n_z.
+    # Rodrigues' formula for the rotation from z to n: axis z x n, cosine n_z.
     a, b, c = np.cross([0.0, 0.0, 1.0], n)
     across = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
     turn = np.eye(3) + across + across @ across / (1 + n[2])
@@ -51,28 +50,26 @@ def placed(grid: ControlGrid, *, centre: tuple[float, float, float], normal: tup
 def problem_at(
     planes: Sequence[Array], amplitude: Array, array: TransducerArray, *, acoustics: Acoustics | None = None
 ) -> Problem:
-    """The problem of meeting the targets of all planes at once.
+    """One problem for the targets of all planes, for the `solve` method of a solver.
 
     Parameters
     ----------
     planes : sequence of ndarray, shape (point, 3)
-        Where the points of each are, in m: of `placed`, or a grid's own `position`.
+        Points of each plane in m, from `placed` or the `position` of a grid.
     amplitude : ndarray, shape (frame, point)
-        Peak sound pressure wanted at the points of the first plane, then of the second and so on, in Pa.
-    array : TransducerArray
-        What is to make it.
+        Target peak sound pressure at the points of the first plane, then of the second and so on, in Pa.
     acoustics : Acoustics, optional
         The paper's if None.
 
     Returns
     -------
     Problem
-        In units of the strongest focus at any point; a solver's `solve` gives phases for a `Drive`.
+        In units of the strongest focus at any point.
 
     Raises
     ------
     ShapeError
-        If there are not as many amplitudes as points.
+        If the number of amplitudes differs from the number of points.
     """
     acoustics = acoustics or Acoustics()
     points = sum(len(plane) for plane in planes)
@@ -90,12 +87,11 @@ def problem_at(
 
 
 def converging_phase(places: Array, array: TransducerArray, medium: Medium) -> Array:
-    """Phases of the field with which a plane is an image of the whole array, shape (point,), in rad.
+    """Phases of the field that map the whole array onto a plane, shape (point,), in rad.
 
-    As `lens.spreading_phase`, for a plane anywhere: psi = -k |x - f|, a wave that converges on a point behind the
-    plane. Rays from all over the array, half as wide as W, through the plane, half as wide as w, meet W / (W - w)
-    times as far from the middle of the array as the plane is. No wider than the plane, the array has no such point:
-    then a plane wave along that line.
+    Like `initial_phase.spreading_phase`, for a plane anywhere: psi = -k |x - f|, a wave that converges on a point f
+    behind the plane. Rays from the array of half width W through the plane of half width w meet at W / (W - w) times
+    the distance between the centres. If the array is not wider than the plane, a plane wave along that line.
     """
     start, middle = array.position.mean(axis=0), places.mean(axis=0)
     k = wavenumber(array, medium)

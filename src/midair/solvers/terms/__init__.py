@@ -1,7 +1,7 @@
-"""What a solver may be asked for beside the paper's error: each term in a file of its own, shared by the solvers.
+"""Terms that a solver can add to the error of the paper, one file each.
 
-The functions of a term work on arrays of any library of the array API standard; rows are frames. Which solver takes
-which term: `midair.solvers.methods.TAKES`.
+Their functions accept arrays of any library of the array API standard; rows are frames. `solvers.methods.TAKES` lists
+the terms that each method supports.
 """
 
 from midair.solvers.terms.cells import Cells, CellTarget, cell_misfit

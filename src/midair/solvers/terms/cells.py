@@ -1,11 +1,8 @@
-"""The cells of the sensor as the target, instead of the control points between them.
+"""Mean pressures in the cells of a sensor as the target, instead of amplitudes at the control points.
 
-Only as many numbers a frame were measured as the sensor has cells; the control points are interpolated from them. This
-term asks that each cell would read what it should: ``w_c^T |G q|^2`` against its pressure, with w_c the share that
-each point has in cell c.
-
-It holds for a sensor in that one place: 2 mm beside it another pressure presses, since nobody asked what presses
-between the cells. `windows` asks for that, too.
+A sensor measures only one number per cell and frame; the control points are interpolated from them. This term compares
+``w_c^T |G q|^2`` with the pressure of cell c, where w_c is the share of each point in the cell. It holds for one place
+of the sensor: 2 mm beside it the pressure between the cells is not controlled. `windows` controls that, too.
 """
 
 from dataclasses import dataclass, field
@@ -24,30 +21,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
-    """Which cells, and what they are to read.
-
-    Attributes
-    ----------
-    sensor : SensorModel
-        Its grid, aperture and spread give the weights.
-    pressure : PressureFrames, optional
-        Pressure of the cells, 0 or more, in Pa. What they would read of the target at the control points if None.
-    """
+    """Cells of a sensor, and optionally their target pressures."""
 
     sensor: SensorModel = field(default_factory=SensorModel)
+    """Its grid, aperture and spread give the weights."""
     pressure: PressureFrames | None = None
+    """Target pressure of the cells, 0 or more, in Pa. If None, it is computed from the target at the control points."""
 
     def target(self, amplitude: Array, grid: ControlGrid, unit: float) -> "CellTarget":
-        """The weights and the wanted readings for a target of amplitude (frame, point).
+        """The weights and target pressures for an amplitude (frame, point).
 
-        `unit` is the radiation pressure, in Pa, of an amplitude of 1, for `pressure` where it is given.
-
-        Raises
-        ------
-        ShapeError
-            If `pressure` has other frames or cells.
+        `unit` is the radiation pressure in Pa of an amplitude of 1. Raises ShapeError if `pressure` has other frames or
+        cells.
         """
-        # Radiation pressure goes with the square of the amplitude; what is interpolated lies on lines.
+        # Radiation pressure is proportional to the squared amplitude and interpolated linearly.
         wanted = amplitude**2 @ cell_weights(self.sensor, grid, centre=grid.centre, between="lines").T
         if self.pressure is not None:
             given = self.pressure.pressure.reshape(self.pressure.frames, -1)
@@ -57,31 +44,24 @@ class Cells:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CellTarget:
-    """Cells of one problem.
-
-    Attributes
-    ----------
-    weights : ndarray, shape (cell, point)
-        w, each point's share.
-    wanted : ndarray, shape (frame, cell)
-        In the unit of amplitude squared.
-    faint : float
-        In the same unit: frames that want less than this of the cells, rms, are told their error over this.
-    """
+    """Weights and target pressures of cells or windows in one problem."""
 
     weights: Array
+    """w, the share of each point, shape (cell, point)."""
     wanted: Array
+    """Target pressure in the unit of amplitude squared, shape (frame, cell)."""
     faint: float = 0.0
+    """Frames with an rms target below this report their error relative to this, in the same unit."""
 
     def repeated(self, times: int) -> "CellTarget":
-        """The same wanted of so many fields, whose points follow one another."""
+        """The same target for several fields, whose points follow one another."""
         if times == 1:
             return self
         weights = np.kron(np.eye(times), self.weights).astype(np.float64)
         return CellTarget(weights=weights, wanted=np.tile(self.wanted, (1, times)), faint=self.faint)
 
     def error(self, size: Array) -> Array:
-        """|| w |y|^2 - P || / || P || of each frame for the field's magnitude (frame, point); 0 where P is 0."""
+        """|| w |y|^2 - P || / || P || of each frame, from the field's magnitude (frame, point); 0 where P is 0."""
         norm = np.linalg.norm(self.wanted, axis=1)
         norm = np.where(norm > 0, np.maximum(norm, self.faint * np.sqrt(self.wanted.shape[1])), 0.0)
         missed = np.linalg.norm(size**2 @ self.weights.T - self.wanted, axis=1)
@@ -91,24 +71,7 @@ class CellTarget:
 def cell_misfit(xp: Any, y: Rows, weights: Rows, wanted: Rows, scale: Numbers) -> tuple[Numbers, Rows]:
     """The cost scale || w |y|^2 - P ||^2 / 2 of each row, and its gradient by y, 2 scale (w^T (w |y|^2 - P)) y.
 
-    Parameters
-    ----------
-    xp : module
-        Module of the array API standard.
-    y : array of complex, shape (row, point)
-        The field at the control points.
-    weights : array, shape (point, cell)
-        w transposed.
-    wanted : array, shape (row, cell)
-        P, in the unit of y squared.
-    scale : array, shape (row,)
-        1 / || P ||^2, for a cost that is half the square of a relative error.
-
-    Returns
-    -------
-    cost : array, shape (row,)
-    slope : array of complex, shape (row, point)
-        d cost = Re(conj(slope) dy).
+    `weights` (point, cell) is w transposed, `wanted` (row, cell) is P, `scale` (row,) is 1 / || P ||^2.
     """
     size = xp.abs(y)
     missed = (size * size) @ weights - wanted

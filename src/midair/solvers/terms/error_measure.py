@@ -1,4 +1,4 @@
-"""What the error is taken over."""
+"""The quantity in which the error is measured: control points, windows, or sensor cells."""
 
 from typing import Literal
 
@@ -7,17 +7,11 @@ from midair.solvers.terms.cells import Cells
 from midair.solvers.terms.windows import Windows
 
 Fit = Literal["points", "windows", "cells"] | Windows | Cells
-"""The control points, as in the paper; windows, wherever a palm or a sensor lies; cells of a sensor in one place."""
+"""Control points, as in the paper; windows over the whole square; or the cells of a sensor at one place."""
 
 
 def pressure_means(fit: Fit) -> Windows | Cells | None:
-    """The term whose means of pressure are to be met; none where it is the points themselves.
-
-    Raises
-    ------
-    InputError
-        If there is nothing of that name.
-    """
+    """The term with the mean pressures of this fit; None for "points". Raises InputError for an unknown name."""
     if isinstance(fit, Windows | Cells):
         return fit
     if fit not in ("points", "windows", "cells"):
@@ -26,5 +20,5 @@ def pressure_means(fit: Fit) -> Windows | Cells | None:
 
 
 def name_of_pressure_means(means: Windows | Cells | None) -> str:
-    """The name of the fit that has this term."""
+    """Name of the fit with this term."""
     return "points" if means is None else type(means).__name__.lower()

@@ -1,9 +1,9 @@
-"""A quiet palm: as little sound as possible on the skin around the square that a sensor's cells cover.
+"""Quiet palm: minimise the sound on the skin around the square that the sensor's cells cover.
 
-The paper's error says nothing of the field there; no cell hears it, and a palm feels what of it changes. The term is
-the mean of ``|p|^2`` over that part of the palm, ``lambda M mean |p|^2 / 2`` beside the squared errors of the M control
-points. Pressure goes with the square of the sound: what is a tenth of the loudest target presses a hundredth as much,
-so that a quiet field needs not be steady as well. What was tried besides: docs/decisions/0029-palm.md.
+The error of the paper does not include the field there; no cell measures it, but a palm feels its changes. The term is
+``lambda M mean |p|^2 / 2`` over that part of the palm, beside the squared errors of the M control points. Pressure is
+proportional to the squared sound, so a tenth of the loudest target gives a hundredth of its pressure.
+docs/decisions/0029-palm.md lists the alternatives.
 """
 
 from dataclasses import dataclass
@@ -19,32 +19,24 @@ from midair.validation import positive
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QuietPalm:
-    """Which part of a palm is to be quiet, and how much it counts.
-
-    Attributes
-    ----------
-    weight : float
-        lambda: of the mean square of the sound there, over that of the error at the control points.
-    diameter : float
-        Of the palm, a disc around the control points, in m; a little more than one, since hands are not put down to
-        the millimetre.
-    pitch : float
-        Between the points that are looked at, in m; half a wavelength is 4.3 mm.
-    outline : tuple of str
-        In place of the disc, what `Palm.rows` of a hand over the middle of the array tell; letters, so that settings
-        can be written down.
-    outline_pitch : float
-        Between two letters, in m.
-    margin : float
-        How much farther than the outline it is to be quiet, in m.
-    """
+    """Part of a palm that shall be quiet, and its weight."""
 
     weight: float = 0.1
+    """lambda: weight of the mean square on the palm relative to that of the error at the control points."""
     diameter: float = 100e-3
+    """Diameter in m of the palm, a disc around the control points; slightly larger than a real palm, since hands are
+    not placed to the millimetre.
+    """
     pitch: float = 4.25e-3
+    """Distance between the points in m; half a wavelength is 4.3 mm."""
     outline: tuple[str, ...] = ()
+    """Shape of the palm as `Palm.rows`, centred on the array, in place of the disc; text, so that settings can be
+    stored.
+    """
     outline_pitch: float = 2.5e-3
+    """Distance between two letters of the outline in m."""
     margin: float = 7.5e-3
+    """Width in m around the outline that shall be quiet, too."""
 
     def __post_init__(self) -> None:
         positive(self.weight, "weight of the quiet palm")
@@ -56,22 +48,18 @@ class QuietPalm:
 
     @classmethod
     def under(cls, palm: Palm, *, weight: float = 0.1) -> "QuietPalm":
-        """The term of a palm of any outline, which lies where it lies, whatever the control points do."""
+        """The term for a palm of any outline at a fixed place, independent of the control points."""
         return cls(weight=weight, outline=palm.rows, outline_pitch=palm.pitch)
 
     def rows(self, grid: ControlGrid, array: TransducerArray, acoustics: Acoustics) -> NDArray[np.complex128]:
-        """Rows whose fields' squares add up to the mean of ``|p|^2`` on a palm around a grid, (row, transducer), Pa.
-
-        Raises
-        ------
-        InputError
-            If the grid covers the palm.
+        """Rows whose squared fields add up to the mean of ``|p|^2`` on the palm around a grid, (row, transducer),
+        Pa.
         """
         points = self.points(grid)
         return transfer_matrix(points, array, acoustics=acoustics) / np.sqrt(len(points))
 
     def points(self, grid: ControlGrid) -> NDArray[np.float64]:
-        """Where on the palm it is to be quiet, shape (row, 3), in m.
+        """Points of the palm outside the grid, shape (row, 3), in m.
 
         Raises
         ------
@@ -79,12 +67,12 @@ class QuietPalm:
             If the grid covers the palm.
         """
         skin, half = self._skin(grid), np.array([grid.columns, grid.rows]) * grid.pitch / 2
-        # A nanometre more: points on the edge itself must not depend on rounding.
+        # One nanometre of margin, so that points on the edge do not depend on rounding.
         beyond = skin[(np.abs(skin[:, :2] - np.asarray(grid.centre)) > half + 1e-9).any(axis=1)]
         if not len(beyond):
-            said = "an outline" if self.outline else f"a disc of {1e3 * self.diameter:g} mm"
+            shape = "an outline" if self.outline else f"a disc of {1e3 * self.diameter:g} mm"
             raise InputError(
-                f"quiet palm: expected one larger than the control points, got {said} "
+                f"quiet palm: expected a palm larger than the control grid, got {shape} "
                 f"around {1e3 * grid.columns * grid.pitch:g} x {1e3 * grid.rows * grid.pitch:g} mm"
             )
         return beyond

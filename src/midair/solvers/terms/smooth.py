@@ -1,8 +1,8 @@
-"""Phases that change little from frame to frame.
+"""Penalty on phase changes between frames.
 
-A transducer whose phase jumps by d loses loudness while it follows, down to cos(d / 2), and the loss repeats with the
-frames and is heard (Suzuki et al., IEEE Trans. Haptics 13 (2020)). The term is
-mu mean_n |q_n - q_n'|^2 / 2 = mu mean_n (1 - cos(theta_n - theta_n')) between neighbouring frames.
+A transducer whose phase jumps by d loses amplitude while it follows, down to cos(d / 2); the loss repeats at the frame
+rate and is audible (Suzuki et al., IEEE Trans. Haptics 13 (2020)). The term is mu mean_n |q_n - q_n'|^2 / 2 = mu mean_n
+(1 - cos(theta_n - theta_n')) between neighbouring frames.
 """
 
 from typing import Any
@@ -11,24 +11,12 @@ from midair.solvers.backend import Numbers, Rows
 
 
 def change(xp: Any, q: Rows, before: Rows, weight: float) -> tuple[Numbers, Rows]:
-    """The cost mu mean_n (1 - Re(conj(q_n) q_n')) of each row and the one before it, with its gradient by the phases.
+    """The cost mu mean_n (1 - Re(conj(q_n) q_n')) of each row and the previous one (row,), and its gradient by the
+    phases.
 
-    Parameters
-    ----------
-    xp : module
-        Module of the array API standard.
-    q : array of complex, shape (row, transducer)
-        Drives of magnitude 1, one frame after another.
-    before : array of complex, shape (1, transducer)
-        Drive of the frame before the first, which is not moved.
-    weight : float
-        mu.
-
-    Returns
-    -------
-    cost : array, shape (row,)
-    gradient : array, shape (row, transducer)
-        Gradient by the phases: mu / N Im(q_n conj(q_n' + q_n'')), with the rows on both sides; the last row has one.
+    q (row, transducer) are drives of magnitude 1 in order of time; `before` (1, transducer) is the fixed drive before
+    the first. The gradient (row, transducer) is mu / N Im(q_n conj(q_n' + q_n'')) with both neighbours; the last row
+    has one.
     """
     count = q.shape[1]
     earlier = xp.concat([before, q[:-1, :]], axis=0)

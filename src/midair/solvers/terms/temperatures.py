@@ -1,9 +1,8 @@
-"""Phases that hold at several temperatures: the points once more for each speed of sound.
+"""Phases that hold at several temperatures: the control points once more for each speed of sound.
 
-Warmer air makes the wave longer, and a field that was made of waves of another length comes apart. Amplitudes alone are
-wanted, so that each temperature has phases of its own at the points: the transfer matrices below each other are one
-problem of as many times the points, which every method solves as it is, and whose error is the root mean square of E
-over the temperatures.
+The wavelength grows with temperature, and a field made for another wavelength loses its shape. Only amplitudes matter,
+so each temperature has its own phases at the points: the stacked transfer matrices are one problem with that many times
+the points, which every method can solve, and whose error is the root mean square of E over the temperatures.
 """
 
 from dataclasses import replace
@@ -18,22 +17,11 @@ Complex = NDArray[np.complex128]
 
 
 def airs_around(acoustics: Acoustics, robust: float, *, apart: float = 2.0) -> tuple[Acoustics, ...]:
-    """The air itself, then others from `robust` degrees colder to as much warmer, no further than `apart` from another.
+    """The air itself, then others up to `robust` degrees Celsius colder and warmer, at most `apart` degrees from each
+    other.
 
-    Two degrees turn the waves from the near and the far side of an array by a quarter of a radian against each other,
-    little enough that what holds at both ends holds between them.
-
-    Parameters
-    ----------
-    acoustics : Acoustics
-        In the middle.
-    robust : float
-        In degrees Celsius; 0 for the air itself alone.
-
-    Raises
-    ------
-    InputError
-        If an end of the range is outside of what the formulas of air hold for.
+    Two degrees shift waves from the near and the far side of an array by a quarter of a radian against each other, so a
+    solution for both holds in between. Raises InputError outside the range of the formulas for air.
     """
     steps = int(np.ceil(robust / apart))
     others = [robust * step / steps for step in range(-steps, steps + 1) if step]
@@ -42,16 +30,10 @@ def airs_around(acoustics: Acoustics, robust: float, *, apart: float = 2.0) -> t
 
 
 def psi_in_each(G: list[Complex], psi: Array) -> Array:
-    """First phases of the fields, (temperature times point,), in rad, that one drive makes: the first one's are `psi`.
+    """Initial phases of the field at each temperature, (temperature times point,) in rad, from `psi` (point,) of the
+    first.
 
-    Fields that start out of step would ask opposite things of the transducers.
-
-    Parameters
-    ----------
-    G : list of ndarray of complex, shape (point, transducer)
-        One a temperature.
-    psi : ndarray, shape (point,)
-        Of the first, in rad.
+    They belong to one drive: phases of different drives would make contradictory demands on the transducers.
     """
     back = np.exp(1j * psi) @ G[0].conj()
     drive = np.exp(1j * np.angle(back))

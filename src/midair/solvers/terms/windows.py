@@ -1,11 +1,9 @@
-"""What a hand feels as the target, wherever it lies: windows of the size of a cell, overlapping all over the square.
+"""Mean pressure in overlapping windows of the size of a sensor cell, over the whole square.
 
-The control points leave open what presses between them, and the cells of a sensor leave open what presses beside that
-one sensor. A window averages the pressure as a cell does; windows a third of the cells' pitch apart say what any cell
-would read, wherever the sensor or a palm lies: ``w_c^T |G q|^2``, as `cells` has it.
-
-The squared field is band-limited, so that its weights are exact with the control points as samples; what each window is
-to read is the exact mean of the pressure that is interpolated between the points, in straight lines.
+Control points do not control the pressure between them, and the cells of a sensor do not control it between the cells.
+Windows at a third of the cells' pitch give what any cell would read at any place of the sensor: ``w_c^T |G q|^2``, as
+in `cells`. The squared field is band-limited, so the weights are exact with the control points as samples; the target
+of a window is the exact mean of the linearly interpolated pressure.
 """
 
 from dataclasses import dataclass
@@ -23,29 +21,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Windows:
-    """Windows over the control points; 13 x 13 over the paper's 16 x 16.
-
-    Attributes
-    ----------
-    aperture : float
-        Side of the square over which a window averages, in m.
-    spread : float
-        Standard deviation of the Gaussian with which skin, or gel, spreads a pressure point, in m.
-    pitch : float
-        From one window to the next, in m; less than half the aperture leaves nothing between them.
-    inset : float
-        From the outermost control points, where pressure has faded to nothing, to the middle of the outermost windows,
-        in m.
-    faint : float
-        Pressure over that of the strongest focus, below which the error is told over this: what 996 transducers press
-        whose phases are at random, which none of them can press less than for long.
-    """
+    """Windows over the control points; 13 x 13 over the paper's 16 x 16."""
 
     aperture: float = 8e-3
+    """Side of the square over which a window averages, in m."""
     spread: float = 1e-3
+    """Standard deviation in m of the Gaussian with which skin, or gel, spreads a point of pressure."""
     pitch: float = 11e-3 / 3
+    """Distance between windows in m; below half the aperture the windows leave no gaps."""
     inset: float = 5.5e-3
+    """Distance in m from the outermost control points, where the pressure is zero, to the middle of the outermost
+    windows.
+    """
     faint: float = 1e-3
+    """Pressure, over that of the strongest focus, below which the error is relative to this: the pressure of 996
+    transducers with random phases.
+    """
 
     def __post_init__(self) -> None:
         for name in ("aperture", "spread", "pitch", "inset"):
@@ -58,15 +49,15 @@ class Windows:
         return SensorModel(grid=sensor, aperture=self.aperture, spread=self.spread)
 
     def target(self, amplitude: Array, grid: ControlGrid, unit: float) -> CellTarget:  # noqa: ARG002, as `Cells` has it
-        """The weights and what is wanted for a target of amplitude (frame, point); in units of the focus."""
+        """The weights and target pressures for an amplitude (frame, point) in units of the focus."""
         places = self.places(grid)
-        # Radiation pressure goes with the square of the amplitude.
+        # Radiation pressure is proportional to the squared amplitude.
         wanted = amplitude**2 @ cell_weights(places, grid, centre=grid.centre, between="lines").T
         weights = cell_weights(places, grid, centre=grid.centre, between="waves")
         return CellTarget(weights=weights, wanted=wanted, faint=self.faint)
 
     def _count(self, points: int, pitch: float) -> int:
-        """Windows along an axis of so many control points."""
+        """Number of windows along an axis with this many control points."""
         free = (points - 1) * pitch - 2 * self.inset
-        # 1e-9 keeps rounding from losing the last one.
+        # 1e-9 keeps the last window despite rounding.
         return 1 + max(int(free / self.pitch + 1e-9), 0)
