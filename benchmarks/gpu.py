@@ -23,7 +23,7 @@ from midair.pipeline import at_rate
 from midair.settings import best_mode
 from midair.solvers import Fast, Problem, error_of, one_blas_thread
 from midair.solvers.backend import Backend, backend
-from midair.solvers.device import settled
+from midair.solvers.device import phases_and_errors
 
 ALL, MINUTE = 65535, 60.0
 COMPARED = 64
@@ -94,7 +94,7 @@ def _solved(name: str, method, asked: Problem) -> tuple[float, np.ndarray]:
     if name == "numpy":
         error = error_of(asked, answer.phase)
     else:
-        error = settled(backend(name, precision="double"), asked, answer.phase, None, None)[1]
+        error = phases_and_errors(backend(name, precision="double"), asked, answer.phase, None, None)[1]
     return time.perf_counter() - start, error
 
 

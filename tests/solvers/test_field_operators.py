@@ -27,8 +27,8 @@ TERMS = {"points": {}, "guard": {"guard": GUARD}, "cells": {"cells": CELLS}, "bo
 
 @pytest.mark.parametrize("terms", list(TERMS), ids=str)
 def test_the_gradient_by_the_phases_is_the_derivative(terms):
-    machine = machine_of(**TERMS[terms])
-    function = machine.phase_function(machine.batch(np.arange(2), faintest=1e-12))
+    operators = machine_of(**TERMS[terms])
+    function = operators.phase_function(operators.batch(np.arange(2), faintest=1e-12))
     theta, h = np.random.default_rng(0).uniform(-3, 3, (2, 9)), 1e-6
     gradient = function(theta)[1]
     assert np.abs(gradient).max() > 0.01
@@ -40,26 +40,26 @@ def test_the_gradient_by_the_phases_is_the_derivative(terms):
 
 
 def test_the_cost_is_half_the_square_of_the_error_whatever_the_loudness():
-    machine = machine_of()
-    p = machine.problem.amplitude
+    operators = machine_of()
+    p = operators.problem.amplitude
     theta = np.random.default_rng(1).uniform(-3, 3, (2, 9))
-    cost, _ = machine.phase_function(machine.batch(np.arange(2), faintest=1e-12))(theta)
-    error = np.linalg.norm(np.abs(machine.problem.field(theta)) - p, axis=1) / np.linalg.norm(p, axis=1)
+    cost, _ = operators.phase_function(operators.batch(np.arange(2), faintest=1e-12))(theta)
+    error = np.linalg.norm(np.abs(operators.problem.field(theta)) - p, axis=1) / np.linalg.norm(p, axis=1)
     np.testing.assert_allclose(cost, error**2 / 2, rtol=1e-9)
 
 
 def test_the_cost_of_cells_is_half_the_square_of_their_error():
-    machine = machine_of(cells=CELLS)
+    operators = machine_of(cells=CELLS)
     theta = np.random.default_rng(1).uniform(-3, 3, (2, 9))
-    cost, _ = machine.phase_function(machine.batch(np.arange(2), faintest=1e-12))(theta)
-    np.testing.assert_allclose(cost, CELLS.error(np.abs(machine.problem.field(theta))) ** 2 / 2, rtol=1e-9)
+    cost, _ = operators.phase_function(operators.batch(np.arange(2), faintest=1e-12))(theta)
+    np.testing.assert_allclose(cost, CELLS.error(np.abs(operators.problem.field(theta))) ** 2 / 2, rtol=1e-9)
 
 
 def test_the_guards_ceiling_is_a_part_of_the_frames_own_peak():
-    machine = machine_of(guard=GUARD)
-    p, theta = machine.problem.amplitude, np.random.default_rng(1).uniform(-3, 3, (2, 9))
-    cost, _ = machine.phase_function(machine.batch(np.arange(2), faintest=1e-12))(theta)
-    inside = misfit(np, machine.problem.field(theta), p)[0]
+    operators = machine_of(guard=GUARD)
+    p, theta = operators.problem.amplitude, np.random.default_rng(1).uniform(-3, 3, (2, 9))
+    cost, _ = operators.phase_function(operators.batch(np.arange(2), faintest=1e-12))(theta)
+    inside = misfit(np, operators.problem.field(theta), p)[0]
     outside = np.abs(0.8 * np.exp(1j * theta) @ GUARD.G.T)
     above = np.maximum(outside - 0.2 * p.max(axis=1, keepdims=True), 0)
     expected = (inside + 0.7 * (above**2).sum(axis=1) / 2) / (p**2).sum(axis=1)
@@ -67,22 +67,22 @@ def test_the_guards_ceiling_is_a_part_of_the_frames_own_peak():
 
 
 def test_some_rows_of_a_batch_are_those_rows():
-    machine = machine_of(cells=CELLS)
-    batch = machine.batch(np.arange(2), faintest=1e-12)
+    operators = machine_of(cells=CELLS)
+    batch = operators.batch(np.arange(2), faintest=1e-12)
     second = batch.some(np, np.array([1]))
-    alone = machine.batch(np.array([1]), faintest=1e-12)
+    alone = operators.batch(np.array([1]), faintest=1e-12)
     for part in ("p", "gain", "peak", "cells", "cell_scale"):
         np.testing.assert_array_equal(getattr(second, part), getattr(alone, part))
 
 
 def test_polish_gives_each_row_back_in_its_place():
     """Rows that start at their solution stay there, whichever of them are the worst quarter."""
-    machine = machine_of()
+    operators = machine_of()
     theta = np.random.default_rng(4).uniform(-3, 3, (2, 9))
-    problem = Problem(G=machine.problem.G, amplitude=np.abs(machine.problem.field(theta)), level=0.8)
-    machine = FieldOperators.of(problem, machine.backend, tolerance=0.0, memory=4)
+    problem = Problem(G=operators.problem.G, amplitude=np.abs(operators.problem.field(theta)), level=0.8)
+    operators = FieldOperators.of(problem, operators.backend, tolerance=0.0, memory=4)
     far = theta.copy()
     far[0] += 0.05
-    found = machine.polish(far, machine.batch(np.arange(2), faintest=1e-12), 3, more=3)
+    found = operators.refine(far, operators.batch(np.arange(2), faintest=1e-12), 3, more=3)
     np.testing.assert_allclose(found[1], theta[1], atol=1e-6)
     assert 0 < np.abs(found[0] - theta[0]).max() < 0.5

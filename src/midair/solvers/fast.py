@@ -72,8 +72,8 @@ class Fast:
         made = np.zeros(len(phase), np.int64)
         if len(audible):
             with there.at_work():
-                machine = FieldOperators.of(problem, there, tolerance=self.tolerance, memory=self.memory)
-                self._fill(phase, machine, audible, after, progress)
+                operators = FieldOperators.of(problem, there, tolerance=self.tolerance, memory=self.memory)
+                self._fill(phase, operators, audible, after, progress)
             made[audible] = self._iterations(problem)
             if progress is not None:
                 progress(len(phase), len(phase))
@@ -84,33 +84,33 @@ class Fast:
     def _fill(
         self,
         phase: NDArray[np.float64],
-        machine: FieldOperators,
+        operators: FieldOperators,
         audible: NDArray[np.int64],
         after: WarmStart | None,
         progress: Progress | None,
     ) -> None:
         """Solve the audible frames, batch by batch, into `phase`."""
-        there = machine.backend
+        there = operators.backend
         # There is no frame before the first: a drive of 0 has no effect on the phases.
-        before = there.xp.zeros_like(machine.lens)
+        before = there.xp.zeros_like(operators.initial_drive)
         if after is not None:
             before = there.phasor(there.put(after.theta[None]))
         for some in _batches(audible, self.batch or there.rows):
-            theta = self._phases(machine, machine.batch(some, faintest=self.faintest), before)
+            theta = self._phases(operators, operators.batch(some, faintest=self.faintest), before)
             phase[some], before = there.get(theta), there.phasor(theta[-1:, :])
             if progress is not None:
                 progress(int(some[-1]) + 1, len(phase))
 
-    def _phases(self, machine: FieldOperators, batch: Batch, before: Rows) -> Rows:
+    def _phases(self, operators: FieldOperators, batch: Batch, before: Rows) -> Rows:
         """The three steps for some frames: phases (row, transducer), in rad."""
-        field = machine.best_field(
+        field = operators.best_field(
             batch, self.field_iterations, loudness=self.loudness, floor=self.floor, every=self.every
         )
-        theta = machine.lift(field, self.lift_iterations, relaxation=self.relaxation)
-        if machine.problem.smooth > 0:
+        theta = operators.phase_fit(field, self.lift_iterations, relaxation=self.relaxation)
+        if operators.problem.smooth > 0:
             # Coupled frames converge together, so the worst quarter cannot get iterations of its own.
-            return machine.together(theta, batch, before, 5 * self.iterations)
-        return machine.polish(theta, batch, self.iterations, more=self.more_iterations)
+            return operators.refine_together(theta, batch, before, 5 * self.iterations)
+        return operators.refine(theta, batch, self.iterations, more=self.more_iterations)
 
     def _iterations(self, problem: Problem) -> int:
         polish = 5 * self.iterations if problem.smooth > 0 else self.iterations

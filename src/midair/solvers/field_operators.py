@@ -1,6 +1,6 @@
-"""The three moves of the batch solver: field, lift, polish. What they are for: `fast`.
+"""The three steps of the batch solver (see `fast`): field, phase fit, refinement.
 
-Everything here works on arrays of the backend; a row is a frame.
+All arrays are those of the backend; a row is a frame.
 """
 
 from dataclasses import dataclass
@@ -20,30 +20,24 @@ from midair.solvers.terms import cell_misfit, change, excess, misfit
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Batch:
-    """The targets of some frames, each scaled to norm 1 and the array made louder to match.
+    """Targets of some frames, scaled to norm 1, with the gain of the array that this needs.
 
-    Then the cost is E^2 / 2, and single precision is enough.
-
-    Attributes
-    ----------
-    p : array, shape (row, point)
-        Targets of norm 1.
-    gain : array, shape (row, 1)
-        One over the norm that they had.
-    peak : array, shape (row, 1)
-        Largest of p.
-    cells, cell_scale : array, shape (row, cell) and (row,), or None
-        Wanted readings, and one over their norm squared.
+    The cost is then E^2 / 2, and single precision is enough.
     """
 
     p: Rows
+    """Targets of norm 1, shape (row, point)."""
     gain: Rows
+    """One over the original norm, shape (row, 1)."""
     peak: Rows
+    """Largest of p, shape (row, 1)."""
     cells: Rows = None
+    """Target pressures of the cells, shape (row, cell), or None."""
     cell_scale: Numbers = None
+    """One over the squared norm of `cells`, shape (row,), or None."""
 
     def some(self, xp: Any, rows: Numbers) -> "Batch":
-        """The rows of these numbers."""
+        """The rows with these indices."""
         parts = (self.p, self.gain, self.peak, self.cells, self.cell_scale)
         p, gain, peak, cells, scale = (None if one is None else xp.take(one, rows, axis=0) for one in parts)
         return Batch(p=p, gain=gain, peak=peak, cells=cells, cell_scale=scale)
@@ -51,60 +45,44 @@ class Batch:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FieldOperators:
-    """The matrices of one problem on a backend, and the moves.
+    """The matrices of one problem on a backend, and the steps.
 
-    Listeners are the control points, and after them the points of the guard.
-
-    Attributes
-    ----------
-    backend : Backend
-        Where the arrays are.
-    problem : Problem
-        The problem that the matrices are of.
-    field : array of complex, shape (mode, listener)
-        U diag(s) A, transposed: from V^H q to the field.
-    drive : array of complex, shape (mode, transducer)
-        V transposed.
-    field_back, drive_back : array of complex
-        Their adjoints.
-    root : array, shape (mode,)
-        Square roots of the singular values times A.
-    strongest : float
-        Largest of the singular values times A.
-    psi : array of complex, shape (point,)
-        exp j psi, the first phase of the field.
-    lens : array of complex, shape (1, transducer)
-        The drive that all frames start from.
-    weights : array, shape (point, cell), or None
-        Weights of the cells.
-    ceiling : array, shape (1, guard point), or None
-        Of the guard.
-    memory : int
-        Pairs that L-BFGS keeps.
+    Listeners are the control points followed by the points of the guard.
     """
 
     backend: Backend
     problem: Problem
     field: Rows
+    """(U diag(s) A)^T, from V^H q to the field, shape (mode, listener)."""
     drive: Rows
+    """V transposed, shape (mode, transducer)."""
     field_back: Rows
+    """Adjoint of `field`."""
     drive_back: Rows
+    """Adjoint of `drive`."""
     root: Numbers
+    """Square roots of A s, shape (mode,)."""
     strongest: float
+    """Largest singular value times A."""
     psi: Numbers
-    lens: Rows
+    """exp j psi, initial phases of the field, shape (point,)."""
+    initial_drive: Rows
+    """The drive that all frames start from, shape (1, transducer)."""
     weights: Rows
+    """Weights of the cells, shape (point, cell), or None."""
     ceiling: Rows
+    """Ceiling of the guard, shape (1, guard point), or None."""
     memory: int
+    """Number of pairs that L-BFGS keeps."""
 
     @classmethod
     def of(
         cls, problem: Problem, backend: Backend, *, tolerance: float, memory: int, outside: float = 1.0
     ) -> "FieldOperators":
-        """Make it from the modes above `tolerance` of the strongest, which are worked out in double precision.
+        """Compute the matrices, in double precision, from the modes above `tolerance` of the strongest.
 
-        The points of the guard count `outside` as much as control points when the modes are chosen: a field that is
-        only to be quiet need not be known as well.
+        `outside` is the weight of guard points relative to control points in the choice of modes: a field that shall
+        only be quiet needs less precision.
         """
         heard, weighed = problem.G, problem.G
         if problem.guard is not None:
@@ -124,14 +102,14 @@ class FieldOperators:
             root=backend.put(np.sqrt(s)),
             strongest=float(s[0]),
             psi=backend.put(psi),
-            lens=backend.put(rippled(lens)[None, :]),
+            initial_drive=backend.put(rippled(lens)[None, :]),
             weights=None if problem.cells is None else backend.put(problem.cells.weights.T),
             ceiling=None if problem.guard is None else backend.put(problem.guard.ceilings[None, :]),
             memory=memory,
         )
 
     def batch(self, frames: NDArray[np.int64], *, faintest: float) -> Batch:
-        """The targets of these frames; those whose norm is below `faintest` count as so faint."""
+        """The targets of these frames; norms below `faintest` are replaced by it."""
         amplitude, cells = self.problem.amplitude[frames], self.problem.cells
         size = np.maximum(np.linalg.norm(amplitude, axis=1, keepdims=True), faintest)
         p, put = amplitude / size, self.backend.put
@@ -144,18 +122,18 @@ class FieldOperators:
 
     def best_field(self, batch: Batch, iterations: int, *, loudness: float, floor: float, every: int) -> Rows:
         """Coordinates V^H q of the best field with free amplitudes, (row, mode)."""
-        move = self.field_move(loudness=loudness, floor=floor, seats=np.arange(0, self.problem.transducers, every))
+        move = self.field_move(loudness=loudness, floor=floor, sampled=np.arange(0, self.problem.transducers, every))
         one = self.backend.xp.ones_like(batch.gain[:, 0])
         state = move.run(batch, move.first(batch.p * self.psi), one / self.strongest, iterations)
         return move.coordinates(batch, state)
 
-    def field_move(self, *, loudness: float, floor: float, seats: NDArray[np.int64]) -> "FieldMove":
-        """The first move: `loudness` is the weight of drives above full, looked at where the `seats` are."""
-        # In z = sqrt(s) a the weak modes are neither stiff nor out of reach; a and s a are both slower.
-        heard_at = self.backend.xp.take(self.drive, self.backend.put(seats), axis=1)
+    def field_move(self, *, loudness: float, floor: float, sampled: NDArray[np.int64]) -> "FieldMove":
+        """The field step; `loudness` is the weight of amplitudes above full drive at the `sampled` transducers."""
+        # Convergence is best in z = sqrt(s) a, for strong and weak modes; a and s a are both slower.
+        heard_at = self.backend.xp.take(self.drive, self.backend.put(sampled), axis=1)
         out, loud = self.field / self.root[:, None], heard_at / self.root[:, None]
         return FieldMove(
-            machine=self,
+            operators=self,
             out=out,
             loud=loud,
             out_back=self.backend.adjoint(out),
@@ -166,56 +144,37 @@ class FieldOperators:
 
     @property
     def descent(self) -> LBFGS:
-        """The method that suits the backend: NumPy's pairs in the order of a cache, or a ring."""
+        """The implementation for the backend: `LBFGS` for NumPy, `RingLBFGS` for others."""
         method = LBFGS if self.backend.xp is np else RingLBFGS
         return method(memory=self.memory, xp=self.backend.xp)
 
-    def lift(self, a: Rows, iterations: int, *, relaxation: float) -> Rows:
-        """Phases of equally loud drives with V^H q close to a, (row, transducer), in rad.
+    def phase_fit(self, a: Rows, iterations: int, *, relaxation: float) -> Rows:
+        """Phases of drives of equal amplitude with V^H q close to a, (row, transducer), in rad.
 
-        All rows start at the same drive, that of the lens, so that what no point can hear stays alike from frame to
-        frame.
+        All rows start at the same drive, so the components that no point measures stay similar from frame to frame.
         """
-        xp, q = self.backend.xp, self.lens
+        xp, q = self.backend.xp, self.initial_drive
         for _ in range(iterations):
             q = self.backend.unit(q + relaxation * ((a - q @ self.drive_back) @ self.drive))
         q = xp.broadcast_to(q, (a.shape[0], q.shape[1]))
         return xp.atan2(xp.imag(q), xp.real(q))
 
-    def possible(self, a: Rows, hardest: float) -> NDArray[np.bool_]:
-        """Which rows of a field a, V^H q (row, mode), equally loud drives can come close to, shape (row,).
+    def reachable(self, a: Rows, max_power_share: float) -> NDArray[np.bool_]:
+        """Which rows of a field a, V^H q (row, mode), drives of equal amplitude can come close to, shape (row,).
 
-        Those whose least drive asks for no more than this part of the power that the array has.
+        True where the minimum-norm drive needs at most this fraction of the array's power.
         """
         xp = self.backend.xp
         power = xp.real(xp.vecdot(a, a)) / self.drive.shape[1]
-        return np.asarray(self.backend.get(power) <= hardest)
+        return np.asarray(self.backend.get(power) <= max_power_share)
 
-    def split(self, batch: Batch, a: Rows, q: Rows, iterations: int, *, stiffness: float, relaxation: float) -> Rows:
-        """ADMM: a, the field that is wanted, against b = V^H q, the one that phases can make; u is their dual.
+    def admm(self, batch: Batch, a: Rows, q: Rows, iterations: int, *, stiffness: float, relaxation: float) -> Rows:
+        """ADMM between the target field a and b = V^H q, the field of the phases; u is the dual variable.
 
         Boyd et al., "Distributed optimization and statistical learning via the alternating direction method of
-        multipliers", 2011, section 3.1.1, with one step each towards a and q. It looks at the control points only.
-
-        Parameters
-        ----------
-        batch : Batch
-            The targets.
-        a : array of complex, shape (row, mode)
-            Field that is wanted first.
-        q : array of complex, shape (row, transducer)
-            Drive of magnitude 1 that is near to it.
-        iterations : int
-            Number of them.
-        stiffness : float
-            Weight of the difference of a and b, in parts of the strongest mode.
-        relaxation : float
-            Over-relaxation of the step towards q, 1 to 2.
-
-        Returns
-        -------
-        array of complex, shape (row, transducer)
-            Drive of magnitude 1.
+        multipliers", 2011, section 3.1.1, with one step each towards a and q; control points only. a (row, mode) is the
+        initial field, q (row, transducer) a drive of magnitude 1 close to it; `stiffness` is the penalty relative to
+        the strongest mode, `relaxation` 1 to 2 applies to the step towards q. Returns q.
         """
         there, s, points = self.backend, self.root**2, batch.p.shape[1]
         weight = (stiffness * self.strongest * batch.gain) ** 2
@@ -231,15 +190,15 @@ class FieldOperators:
             b = q @ self.drive_back
         return q
 
-    def polish(self, theta: Rows, batch: Batch, iterations: int, *, more: int) -> Rows:
-        """Least cost from theta on, (row, transducer), with `more` iterations for the worst quarter."""
+    def refine(self, theta: Rows, batch: Batch, iterations: int, *, more: int) -> Rows:
+        """Minimise the error from theta on, (row, transducer), with `more` iterations for the worst quarter."""
         xp, method = self.backend.xp, self.descent
         step = 1 / (self.strongest * batch.gain[:, 0]) ** 2
         state = method.run(self.phase_function(batch), theta, step, iterations)
         if not more:
             return state.x
         order = xp.argsort(state.cost)
-        # The quarter is rounded up, so that a frame alone in its batch counts as worst.
+        # The quarter is rounded up, so that a single frame counts as worst.
         good = theta.shape[0] - (theta.shape[0] + 3) // 4
         worst = order[good:]
         x, scale = xp.take(state.x, worst, axis=0), xp.take(state.scale, worst)
@@ -247,25 +206,14 @@ class FieldOperators:
         sorted_x = xp.concat([xp.take(state.x, order[:good], axis=0), better], axis=0)
         return xp.take(sorted_x, xp.argsort(order), axis=0)
 
-    def together(self, theta: Rows, batch: Batch, before: Rows, iterations: int, *, slowest: float = 1e-2) -> Rows:
-        """Least cost of all rows and of the changes between them, from theta on, (row, transducer).
+    def refine_together(
+        self, theta: Rows, batch: Batch, before: Rows, iterations: int, *, slowest: float = 1e-2
+    ) -> Rows:
+        """Minimise the errors and the phase changes of all rows at once, from theta on, (row, transducer).
 
-        One descent for the whole batch, since each row now depends on its neighbours. A faint frame's error is
-        steeper by the square of its gain: its unknown is the phase over a part of 1, at least `slowest`, so that one
-        step length suits all.
-
-        Parameters
-        ----------
-        theta : array, shape (row, transducer)
-            Phases to start from, in rad.
-        batch : Batch
-            The targets.
-        before : array of complex, shape (1, transducer)
-            Drive of the frame before the first, which is not moved; zero if there is none.
-        iterations : int
-            Number of iterations of L-BFGS.
-        slowest : float
-            As above.
+        One descent for the whole batch, since each row depends on its neighbours. The cost of a faint frame is steeper
+        by the square of its gain; its unknown is the phase over a factor between `slowest` and 1, so that one step
+        length suits all. `before` (1, transducer) is the fixed drive before the first frame, zero if there is none.
         """
         xp, shape, smooth = self.backend.xp, theta.shape, self.problem.smooth
         least = xp.min(batch.gain)
@@ -285,7 +233,7 @@ class FieldOperators:
         return part * xp.reshape(x, shape)
 
     def phase_function(self, batch: Batch) -> Function:
-        """The function of theta that gives cost and gradient, row by row.
+        """The function of theta that returns cost and gradient, row by row.
 
         With r the slope of the cost by the field, its gradient by theta_n is Im(conj(q_n) (G^H r)_n).
         """
@@ -293,17 +241,17 @@ class FieldOperators:
 
         def function(theta: Rows) -> tuple[Numbers, Rows]:
             q = self.backend.phasor(theta)
-            cost, slope = self.heard(batch, (gain * (q @ self.drive_back)) @ self.field)
+            cost, slope = self.cost_and_slope(batch, (gain * (q @ self.drive_back)) @ self.field)
             back = (gain * (slope @ self.field_back)) @ self.drive
             if xp is not np:
                 return cost, xp.real(q) * xp.imag(back) - xp.imag(q) * xp.real(back)
             back *= xp.conj(q)
-            # NumPy's imaginary part is a view with gaps that would keep the whole product in memory.
+            # NumPy's imaginary part is a strided view that would keep the whole product in memory.
             return cost, xp.asarray(xp.imag(back), copy=True)
 
         return function
 
-    def heard(self, batch: Batch, y: Rows) -> tuple[Numbers, Rows]:
+    def cost_and_slope(self, batch: Batch, y: Rows) -> tuple[Numbers, Rows]:
         """Cost of the field y (row, listener), which may be overwritten, and its slope by y."""
         xp, guard, points = self.backend.xp, self.problem.guard, batch.p.shape[1]
         square = y if guard is None else y[:, :points]
@@ -318,7 +266,7 @@ class FieldOperators:
 
 
 def in_order(there: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Rows:
-    """Rows that were worked on apart, as one array in the order of their numbers."""
+    """Concatenate rows that were computed separately, in the order of their indices."""
     if len(parts) == 1:
         return parts[0][1]
     order = there.put(np.argsort(np.concatenate([rows for rows, _ in parts])))
@@ -327,53 +275,45 @@ def in_order(there: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Row
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FieldMove:
-    """The first move: the best field of all that free amplitudes can make, in the few coordinates of a field.
+    """The field step: the best field with free amplitudes, in the coordinates of the modes.
 
-    A row of z is sqrt(s) V^H q, in units of the row's target, so that it follows a target that only grows by itself.
-
-    Attributes
-    ----------
-    machine : Machine
-        Whose field.
-    out, out_back : array of complex
-        From z to the listeners, shape (mode, listener), and its adjoint.
-    loud, loud_back : array of complex
-        From z to some transducers, shape (mode, seat), and its adjoint: a drive made of r modes is smooth, so that
-        some tell how loud all are.
-    loudness : float
-        Weight of drives above full, for each of the seats.
-    pseudo : array, shape (mode,)
-        From what the points hear backwards to z, without asking much of weak modes.
+    A row of z is sqrt(s) V^H q in units of the row's target, so that it follows a change of the overall level.
     """
 
-    machine: FieldOperators
+    operators: FieldOperators
     out: Rows
+    """From z to the listeners, shape (mode, listener)."""
     out_back: Rows
+    """Adjoint of `out`."""
     loud: Rows
+    """From z to the sampled transducers, shape (mode, sampled): drives of r modes are smooth, so a sample is enough."""
     loud_back: Rows
+    """Adjoint of `loud`."""
     loudness: float
+    """Weight of amplitudes above full drive, per sampled transducer."""
     pseudo: Numbers
+    """Damped inverse from the field at the points to z, shape (mode,)."""
 
     def first(self, y: Rows) -> Rows:
         """The z whose field at the control points comes close to y, (row, point): root s U^H y / (s^2 + floor^2)."""
-        return (y @ self.machine.field_back[: y.shape[1], :]) * self.pseudo
+        return (y @ self.operators.field_back[: y.shape[1], :]) * self.pseudo
 
     def run(self, batch: Batch, z: Rows, scale: Numbers, iterations: int) -> RowsState:
-        """L-BFGS from z on; `scale` (row,) is one over the curvature, 1 / s of the strongest mode if none is known."""
-        return self.machine.descent.run(self._function(batch), self.machine.backend.as_real(z), scale, iterations)
+        """L-BFGS from z on; `scale` (row,) is the inverse curvature, 1 / s of the strongest mode if unknown."""
+        return self.operators.descent.run(self._function(batch), self.operators.backend.as_real(z), scale, iterations)
 
     def coordinates(self, batch: Batch, state: RowsState) -> Rows:
-        """V^H q of where the descent stands, (row, mode)."""
-        return self.machine.backend.as_complex(state.x) / self.machine.root / batch.gain
+        """V^H q at the state of the descent, (row, mode)."""
+        return self.operators.backend.as_complex(state.x) / self.operators.root / batch.gain
 
     def _function(self, batch: Batch) -> Function:
-        there, inverse = self.machine.backend, 1 / batch.gain
+        there, inverse = self.operators.backend, 1 / batch.gain
         xp, weight = there.xp, self.loudness
         heavy = weight * inverse
 
         def function(x: Rows) -> tuple[Numbers, Rows]:
             z = there.as_complex(x)
-            cost, slope = self.machine.heard(batch, z @ self.out)
+            cost, slope = self.operators.cost_and_slope(batch, z @ self.out)
             q = inverse * (z @ self.loud)
             above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
             gradient = slope @ self.out_back + heavy * ((above * q) @ self.loud_back)

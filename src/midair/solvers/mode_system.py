@@ -1,17 +1,17 @@
-"""The damped system of one Levenberg-Marquardt step, in the modes of G.
+"""The damped linear system of one Levenberg-Marquardt step, in the modes of G.
 
 Three savings over the plain form, none of which changes the step:
 
-1. psi leaves the system. Each psi_m touches one point only, so that J_psi J_psi^T + lambda I is a 2 x 2 block a point
-   with a known inverse; with v = -j u the direction in which psi turns p u, and weights w = p^2 / (lambda + p^2),
-   lambda (J_psi J_psi^T + lambda I)^-1 f = f - w v (v . f).
-2. G = U diag(s) V^H. Residuals that no drive can change need no equations: 2 r unknowns z = U^H y remain,
-   (lambda I + (I - Q) K) z = U^H (f - w v (v . f)), with K = B B^T of the rows [-I; R] of
-   R + j I = A diag(s) V^H diag(exp j theta), and Q = F^T F of the rows sqrt(w_m) v_m . U_m.
-3. K is known but for two symmetric blocks of r rows. (R + j I)(R + j I)^H = A^2 diag(s^2) whatever the phases are, so
-   that I I^T = A^2 diag(s^2) - R R^T, and R I^T = I R^T = ((R + I)(R + I)^T - A^2 diag(s^2)) / 2.
+1. psi is eliminated. Each psi_m affects one point only, so J_psi J_psi^T + lambda I is a 2 x 2 block per point with a
+   known inverse; with v = -j u the direction in which psi changes p u, and weights w = p^2 / (lambda + p^2), lambda
+   (J_psi J_psi^T + lambda I)^-1 f = f - w v (v . f).
+2. G = U diag(s) V^H. Residuals that no drive can change need no equations: 2 r unknowns z = U^H y remain, (lambda I +
+   (I - Q) K) z = U^H (f - w v (v . f)), with K = B B^T of the rows [-I; R] of R + j I = A diag(s) V^H diag(exp j
+   theta), and Q = F^T F of the rows sqrt(w_m) v_m . U_m.
+3. K is known except for two symmetric blocks of r rows. (R + j I)(R + j I)^H = A^2 diag(s^2) for any phases, so I I^T =
+   A^2 diag(s^2) - R R^T, and R I^T = I R^T = ((R + I)(R + I)^T - A^2 diag(s^2)) / 2.
 
-Then h_theta = -B^T z, and h_psi is the best psi for that: -p / (lambda + p^2) v . (f - U K z).
+Then h_theta = -B^T z, and h_psi is the best psi for it: -p / (lambda + p^2) v . (f - U K z).
 """
 
 from dataclasses import dataclass
@@ -28,28 +28,20 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class System:
-    """The factor of one G in one precision.
-
-    Attributes
-    ----------
-    U : ndarray of complex, shape (point, mode)
-        Orthonormal fields.
-    C : ndarray of complex, shape (mode, transducer)
-        A diag(s) V^H.
-    real, imaginary : ndarray, shape (mode, transducer)
-        The two parts of C.
-    power : ndarray, shape (mode,)
-        (A s)^2.
-    work : ndarray, shape (3, mode, transducer)
-        Written to by `normal`, so that no step allocates it anew.
-    """
+    """The factors of one G in one precision."""
 
     U: Complex
+    """Orthonormal fields, shape (point, mode)."""
     C: Complex
+    """A diag(s) V^H, shape (mode, transducer)."""
     real: Array
+    """Real part of C."""
     imaginary: Array
+    """Imaginary part of C."""
     power: Array
+    """(A s)^2, shape (mode,)."""
     work: Array
+    """Workspace of `normal`, shape (3, mode, transducer)."""
 
     @classmethod
     def of(cls, kept: Modes, level: float, precision: Literal["single", "double"]) -> "System":
@@ -90,7 +82,7 @@ class System:
         np.multiply(self.real, cosine + sine, out=both)
         both += np.multiply(self.imaginary, cosine - sine, out=part)
         product = _blas("syrk", kind)
-        # Transposed, these are in the order of axes that BLAS wants; only upper triangles are made.
+        # Transposed, the arrays are in Fortran order as BLAS expects; only upper triangles are computed.
         RR, RI = _whole(product(1, R.T, trans=1)), _whole(product(-0.5, both.T, trans=1))
         RI.ravel(order="K")[:: r + 1] += self.power / 2
         K = np.empty((2 * r, 2 * r), kind, order="F")
@@ -104,18 +96,7 @@ class System:
     ) -> NDArray[np.float64]:
         """The damped Gauss-Newton step h, shape (transducer + point,), in rad; not finite if lambda is too small.
 
-        Parameters
-        ----------
-        p : ndarray, shape (point,)
-            Target.
-        x : ndarray, shape (transducer + point,)
-            [theta, psi], in rad.
-        residual : ndarray of complex, shape (point,)
-            G q - diag(p) u at x.
-        damping : float
-            lambda.
-        K : ndarray, shape (2 mode, 2 mode)
-            What `normal` gave at x.
+        p is the target (point,), x = [theta, psi] in rad, K the result of `normal` at x.
         """
         r, count = self.C.shape
         u = np.exp(1j * x[count:])
@@ -133,10 +114,10 @@ class System:
     def _solved(self, K: Array, u: Complex, w: Array, damping: float, right: Array) -> Array:
         """The z of (lambda I + (I - Q) K) z = right, shape (2 mode,); NaN if the matrix is singular."""
         kind = self.power.dtype
-        # A point without a target has no psi to leave out, hence no row.
+        # A point with target 0 has no psi to eliminate, hence no row.
         heard = np.flatnonzero(w > 0)
         F = self.U[heard] * (np.sqrt(w[heard]) * u[heard].conj()).astype(self.C.dtype)[:, None]
-        # Re(conj(v) y) of y = U z, by the real and the imaginary parts of z; the sign is squared away.
+        # Re(conj(v) y) of y = U z, by the real and the imaginary parts of z; its sign cancels in Q.
         rows = np.concatenate([F.imag, F.real], axis=1)
         Q = _blas("syrk", kind)(1, rows.T)
         matrix = _blas("symm", kind)(-1, Q, K, beta=1, c=K)
@@ -147,7 +128,7 @@ class System:
 
 
 def _whole(upper: Array) -> Array:
-    """The symmetric matrix of an upper triangle; what is below it is zero."""
+    """The symmetric matrix of an upper triangle with zeros below it."""
     return upper + np.triu(upper, 1).T
 
 

@@ -106,8 +106,8 @@ def test_nothing_is_asked_of_a_device_on_the_way(patterns, monkeypatch):
     """The standard's own checker, whose arrays here refuse to become a number of the host."""
     pytest.importorskip("array_api_strict")
     there = backend("strict")
-    machine = FieldOperators.of(replace(patterns, amplitude=patterns.amplitude[:8]), there, tolerance=0.1, memory=4)
-    batch = machine.batch(np.arange(8), faintest=1e-12)
+    operators = FieldOperators.of(replace(patterns, amplitude=patterns.amplitude[:8]), there, tolerance=0.1, memory=4)
+    batch = operators.batch(np.arange(8), faintest=1e-12)
 
     def asked(*_, **__):
         raise AssertionError("the host asked for a number")
@@ -116,17 +116,17 @@ def test_nothing_is_asked_of_a_device_on_the_way(patterns, monkeypatch):
     for name in ("__bool__", "__float__", "__int__", "__array__"):
         monkeypatch.setattr(kind, name, asked)
     settings = Fast(field_iterations=6, lift_iterations=2, iterations=6, more_iterations=3)
-    assert settings._phases(machine, batch, there.xp.zeros_like(machine.lens)).shape == (8, 996)
+    assert settings._phases(operators, batch, there.xp.zeros_like(operators.initial_drive)).shape == (8, 996)
 
 
 def test_launches_waits_and_bytes_of_an_iteration(patterns):
     """Before the ring: 88 launches, a wait and .43 MB a row in the polish, 96, a wait and .15 MB in the field."""
     counted, there = launches(), backend("torch")
-    machine = FieldOperators.of(patterns, there, tolerance=5e-3, memory=4)
-    batch = machine.batch(np.arange(ROWS), faintest=1e-12)
-    function, descent = machine.phase_function(batch), machine.descent
+    operators = FieldOperators.of(patterns, there, tolerance=5e-3, memory=4)
+    batch = operators.batch(np.arange(ROWS), faintest=1e-12)
+    function, descent = operators.phase_function(batch), operators.descent
     theta = there.put(np.random.default_rng(0).uniform(0, 6, (ROWS, 996)))
-    state = descent.begin(function, theta, 1 / (machine.strongest * batch.gain[:, 0]) ** 2)
+    state = descent.begin(function, theta, 1 / (operators.strongest * batch.gain[:, 0]) ** 2)
     descent.step(function, state)
     with counted:
         descent.step(function, state)
@@ -137,13 +137,13 @@ def test_launches_waits_and_bytes_of_an_iteration(patterns):
     with of_function:
         function(state.x)
     assert of_function.made.total() <= 19, of_function.made
-    field = machine.field_move(loudness=0.0075, floor=0.1, seats=np.arange(0, 996, 4))
+    field = operators.field_move(loudness=0.0075, floor=0.1, sampled=np.arange(0, 996, 4))
     fields = []
     for iterations in (4, 14):
         of_field = launches()
         with of_field:
-            one = there.xp.ones_like(batch.gain[:, 0]) / machine.strongest
-            field.run(batch, field.first(batch.p * machine.psi), one, iterations)
+            one = there.xp.ones_like(batch.gain[:, 0]) / operators.strongest
+            field.run(batch, field.first(batch.p * operators.psi), one, iterations)
         fields.append(of_field)
     assert fields[1].made.total() - fields[0].made.total() <= 10 * 71
     assert fields[1].moved - fields[0].moved <= 10 * 0.12e6 * ROWS
@@ -153,10 +153,10 @@ def test_launches_waits_and_bytes_of_an_iteration(patterns):
 def test_a_batch_of_patterns_waits_for_nothing(patterns):
     """Before: 250 waits, one an iteration; now the host only waits for the phases."""
     counted, there = launches(), backend("torch")
-    machine = FieldOperators.of(replace(patterns, amplitude=patterns.amplitude[:16]), there, tolerance=5e-3, memory=4)
-    batch = machine.batch(np.arange(16), faintest=1e-12)
+    operators = FieldOperators.of(replace(patterns, amplitude=patterns.amplitude[:16]), there, tolerance=5e-3, memory=4)
+    batch = operators.batch(np.arange(16), faintest=1e-12)
     with counted:
-        Fast()._phases(machine, batch, there.xp.zeros_like(machine.lens))
+        Fast()._phases(operators, batch, there.xp.zeros_like(operators.initial_drive))
     assert counted.waits == 0
     assert counted.made.total() <= 17_150
 

@@ -7,7 +7,7 @@ from midair.model import AmplitudeFrames, ControlGrid, TransducerArray
 from midair.physics import quantise_phase
 from midair.solvers import Fast, Problem, error_of, solve
 from midair.solvers.backend import backend
-from midair.solvers.device import settled
+from midair.solvers.device import phases_and_errors
 from midair.solvers.terms.cells import CellTarget
 
 
@@ -36,7 +36,7 @@ def test_phases_and_errors_are_those_of_the_host(name, asked, level, bits):
     rng = np.random.default_rng(2)
     theta = rng.uniform(-20, 20, (300, 24))
     part = None if level is None else rng.uniform(0, 1, level)
-    phase, error = settled(backend(name, precision="double"), asked, theta, part, bits)
+    phase, error = phases_and_errors(backend(name, precision="double"), asked, theta, part, bits)
     expected = np.mod(theta, 2 * np.pi) if bits is None else quantise_phase(theta, bits=bits)
     np.testing.assert_allclose(phase, expected, atol=1e-12)
     np.testing.assert_allclose(error, error_of(asked, expected, part), rtol=1e-9)

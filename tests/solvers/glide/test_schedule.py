@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midair.solvers.glide.schedule import blocks, halvings
+from midair.solvers.glide.schedule import blocks, midpoints
 
 SIZES = {"frames": st.integers(1, 400), "coarse": st.integers(1, 40), "size": st.integers(1, 150)}
 
@@ -17,7 +17,7 @@ def test_all_frames_are_solved_once_and_after_their_neighbours(frames, coarse, s
         times[block.marks] += 1
         marks = block.marks if block.leads else np.concatenate([[block.first], block.marks])
         assert times[marks].all()
-        for level in halvings(marks):
+        for level in midpoints(marks):
             assert times[level[:, [0, 2]]].all()
             assert (np.diff(level, axis=1) > 0).all()
             times[level[:, 1]] += 1

@@ -39,14 +39,14 @@ def test_more_time_a_frame_gives_less_error(blob):
 
 
 def test_frame_by_frame_is_the_same_as_all_at_once(blob):
-    follower = Live().begin(blob)
-    np.testing.assert_array_equal(np.stack([follower.follow(p) for p in blob.amplitude]), Live().solve(blob).phase)
+    tracker = Live().begin(blob)
+    np.testing.assert_array_equal(np.stack([tracker.follow(p) for p in blob.amplitude]), Live().solve(blob).phase)
 
 
 def test_silence_moves_nothing(blob):
-    follower = Live().begin(blob)
-    before = follower.follow(blob.amplitude[0])
-    np.testing.assert_array_equal(follower.follow(np.zeros(256)), before)
+    tracker = Live().begin(blob)
+    before = tracker.follow(blob.amplitude[0])
+    np.testing.assert_array_equal(tracker.follow(np.zeros(256)), before)
 
 
 def test_first_frames_get_the_iterations_of_first_frames(blob):
@@ -80,9 +80,9 @@ def test_the_loops_allocate_nothing(blob):
     _nrt_python.memsys_enable_stats()
     try:
         for iterations in (1, 40):
-            follower = Live(warm_iterations=iterations, warm_lift_iterations=iterations).begin(blob)
-            follower.follow(blob.amplitude[0])
-            counts.append(allocated(lambda follower=follower: follower.follow(blob.amplitude[1])))
+            tracker = Live(warm_iterations=iterations, warm_lift_iterations=iterations).begin(blob)
+            tracker.follow(blob.amplitude[0])
+            counts.append(allocated(lambda tracker=tracker: tracker.follow(blob.amplitude[1])))
         assert allocated(allocates) > 0
     finally:
         _nrt_python.memsys_disable_stats()

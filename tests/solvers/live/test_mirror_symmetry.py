@@ -103,8 +103,8 @@ def test_folded_phases_are_as_good(peak, most):
     problem = problem_at([GRID.position], peak * p, array, acoustics=AIR)
     error = []
     for kept in (None, of(array)):
-        follower = Live().begin(problem, folded=kept)
-        phase = np.array([follower.follow(each) for each in problem.amplitude])
+        tracker = Live().begin(problem, folded=kept)
+        phase = np.array([tracker.follow(each) for each in problem.amplitude])
         error.append(error_of(problem, phase)[10:].mean())
     assert error[0] < most
     assert error[1] < 1.05 * error[0] + 0.01

@@ -1,6 +1,6 @@
-"""What is done otherwise where a launch and a wait cost more than arithmetic: on a GPU, by any library but NumPy."""
+"""Variants of some computations for a GPU, where launches and waiting cost more than arithmetic."""
 
 from midair.solvers.device.ring import RingLBFGS
-from midair.solvers.device.settling import settled
+from midair.solvers.device.settling import phases_and_errors
 
-__all__ = ["RingLBFGS", "settled"]
+__all__ = ["RingLBFGS", "phases_and_errors"]

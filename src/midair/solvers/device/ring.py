@@ -1,14 +1,14 @@
-"""L-BFGS for a GPU: the same steps as `lbfgs`, in few launches and without a wait.
+"""L-BFGS for a GPU: the same steps as `lbfgs`, with few launches and no synchronisation.
 
-All pairs of a row and its gradient are one array, a ring that is written in place. One batched product gives all inner
-products of a row; what remains of the two loops is algebra on some numbers a row, and a second batched product makes
+All pairs of a row and its gradient are one array, a ring buffer written in place. One batched product gives all inner
+products of a row; the two-loop recursion becomes algebra on a few numbers per row, and a second batched product makes
 the step. With P the columns [S Y g], R the part of S^T Y on and above the diagonal, D its diagonal and h the scale
 (Byrd, Nocedal & Schnabel, "Representations of quasi-Newton matrices", Math. Programming 63 (1994), eq. 3.1),
 
     a = R^-1 S^T g,  c = R^-T (h (Y^T g - Y^T Y a) - D a),  step = S c + h (Y a - g).
 
-R^-1 needs no solving: a new pair adds a column, and without the oldest pair its row and column are left out. Rows of R
-are in the order of the slots, so that it is triangular but for that order.
+R^-1 is updated without solving: a new pair adds a column; to drop the oldest pair, its row and column are deleted. Rows
+of R are in the order of the slots, so R is triangular up to a permutation.
 """
 
 from collections.abc import Callable
@@ -23,31 +23,22 @@ Function = Callable[[Rows], tuple[Numbers, Rows]]
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Ring:
-    """The pairs of all rows; `turn` overwrites the oldest.
-
-    Attributes
-    ----------
-    vectors : array, shape (row, 2 memory + 1, unknown)
-        S, Y and the gradient.
-    gram : array, shape (row, 2 memory + 1, 2 memory + 1)
-        Their inner products.
-    inverse : array, shape (row, memory, memory)
-        R^-1; 0 in the rows and columns of pairs that count as none.
-    minus : array, shape (row, 1)
-        -1.
-    nothing : array, shape ()
-        Infinity, whose inverse is none.
-    memory, slot : int
-        Pairs that there is room for; where the next goes.
-    """
+    """The pairs of all rows in a ring buffer; `turn` overwrites the oldest."""
 
     vectors: Rows
+    """S, Y and the gradient, shape (row, 2 memory + 1, unknown)."""
     gram: Rows
+    """Their inner products, shape (row, 2 memory + 1, 2 memory + 1)."""
     inverse: Rows
+    """R^-1, shape (row, memory, memory); 0 in the rows and columns of ignored pairs."""
     minus: Numbers
+    """-1, shape (row, 1)."""
     nothing: Numbers
+    """Infinity, shape (), whose inverse is 0."""
     memory: int
+    """Number of pairs."""
     slot: int = 0
+    """Index of the next pair."""
 
     @classmethod
     def of(cls, xp: Any, gradient: Rows, memory: int) -> "Ring":
@@ -67,11 +58,11 @@ class Ring:
 
     @property
     def gradient(self) -> Rows:
-        """Where the rows stand, (row, unknown): a view."""
+        """The current gradient, (row, unknown): a view."""
         return self.vectors[:, 2 * self.memory, :]
 
     def direction(self, xp: Any, scale: Numbers) -> Rows:
-        """What the step is made of, in parts of scale times the vectors, shape (row, 2 memory + 1)."""
+        """Coefficients of the vectors in the step over scale, shape (row, 2 memory + 1)."""
         m, gram, turned = self.memory, self.gram, xp.matrix_transpose(self.inverse)
         pull = gram[:, : 2 * m, 2 * m :]
         a = self.inverse @ pull[:, :m, :]
@@ -81,20 +72,20 @@ class Ring:
         return xp.concat([c[:, :, 0], a[:, :, 0], self.minus], axis=1)
 
     def turn(self, xp: Any, s: Rows, gradient: Rows, kept: Rows, scale: Numbers) -> Numbers:
-        """Keep a step and what it changed, and the gradient of the rows that are `kept`; gives the new scale."""
+        """Store a pair, and the gradient of the rows that are `kept`; returns the new scale."""
         m, slot, vectors = self.memory, self.slot, self.vectors
         vectors[:, slot, :] = s
         vectors[:, m + slot, :] = gradient - self.gradient
         vectors[:, 2 * m, :] = xp.where(kept, gradient, self.gradient)
         gram = self.gram = _gram(xp, vectors)
         sy, yy = gram[:, slot, m + slot], gram[:, m + slot, m + slot]
-        # As in `lbfgs`: a pair of no positive curvature would turn later directions uphill.
+        # As in `lbfgs`: a pair without positive curvature could make later directions uphill.
         curved = (sy > 1e-10 * yy) & (yy > 0)
         inverse = 1 / xp.where(curved, sy, self.nothing)
         self.inverse[:, slot, :] = 0
         self.inverse[:, :, slot] = 0
         column = self.inverse[:, :, slot]
-        # In place, on a view, as all libraries here have it.
+        # In place on a view, which all libraries here support.
         column -= inverse[:, None] * (self.inverse @ gram[:, :m, m + slot, None])[:, :, 0]
         self.inverse[:, slot, slot] = inverse
         self.slot = (slot + 1) % m
@@ -103,10 +94,10 @@ class Ring:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RingLBFGS(LBFGS):
-    """`LBFGS` on a ring: the same steps but for rounding, on any library but NumPy."""
+    """`LBFGS` on a ring buffer: the same steps except for rounding, on any library but NumPy."""
 
     def step(self, function: Function, state: RowsState) -> None:
-        """One evaluation of all rows."""
+        """Evaluate all rows once and update the state."""
         xp = self.xp
         ring = state.ring
         if ring is None:
@@ -116,10 +107,10 @@ class RingLBFGS(LBFGS):
         s = (made_of[:, None, :] @ ring.vectors)[:, 0, :]
         x = state.x + s
         cost, gradient = function(x)
-        # Rounding of the cost itself must not count as a rise.
+        # A rise within the rounding error of the cost is accepted.
         better = cost <= (1 + 4 * xp.finfo(cost.dtype).eps) * state.cost + self.armijo * promised
         kept = better[:, None]
-        # Whether all are better would be a question to the GPU, and the answer a wait for all that it has still to do.
+        # Testing whether all rows are better would wait for the GPU to finish.
         state.scale = ring.turn(xp, s, gradient, kept, state.scale)
         state.x, state.cost = xp.where(kept, x, state.x), xp.where(better, cost, state.cost)
         grown = xp.clip(self.grow * state.length, None, 1)

@@ -1,6 +1,6 @@
-"""What is told of phases that were solved on a device: within a turn, rounded, and the field that they make, there.
+"""Compute the played phases and their errors on the device that solved them.
 
-On the host the turn and the product with the whole G took longer than a GPU needs for the phases.
+On the host this takes longer than a GPU needs to solve.
 """
 
 import numpy as np
@@ -10,30 +10,13 @@ from midair.solvers.backend import Backend, Rows
 from midair.solvers.problem import Array, Problem, error_of_field
 
 
-def settled(
+def phases_and_errors(
     there: Backend, problem: Problem, phase: Array, level: Array | None, bits: int | None
 ) -> tuple[Array, Array]:
-    """Phases as they will be played, and their errors.
+    """Phases as they are played, 0 to 2 pi (frame, transducer), and their errors (frame,) as by `problem.error_of`.
 
-    Parameters
-    ----------
-    there : Backend
-        In double precision.
-    problem : Problem
-        G, p and A.
-    phase : ndarray, shape (frame, transducer)
-        In rad, any multiple of 2 pi.
-    level : ndarray, shape (frame,) or (frame, transducer), or None
-        Part of the problem's level; all of it if None.
-    bits : int or None
-        Phases are rounded to 2 pi / 2^bits, as `physics.quantise_phase` does; not if None.
-
-    Returns
-    -------
-    phase : ndarray, shape (frame, transducer)
-        0 to 2 pi.
-    error : ndarray, shape (frame,)
-        As `problem.error_of` gives it.
+    `there` must be in double precision. `phase` is in rad; `level`, (frame,) or (frame, transducer), is a factor on the
+    problem's level; `bits` rounds phases to 2 pi / 2^bits as `physics.quantise_phase` does.
     """
     G, played, size = there.put(problem.level * problem.G.T), np.empty_like(phase), np.empty(problem.amplitude.shape)
     with there.at_work():
@@ -48,7 +31,7 @@ def settled(
 
 
 def _turned(there: Backend, theta: Rows, bits: int | None) -> Rows:
-    """Within 0 to 2 pi, on the firmware's grid if there are bits."""
+    """Phases within 0 to 2 pi, rounded to the firmware's steps if `bits` is given."""
     xp, turn = there.xp, 2 * np.pi
     if bits is None:
         return xp.remainder(theta, turn)
@@ -57,5 +40,5 @@ def _turned(there: Backend, theta: Rows, bits: int | None) -> Rows:
 
 
 def _column(level: NDArray[np.float64]) -> NDArray[np.float64]:
-    """One number a frame, or one a transducer, by frames."""
+    """The level with shape (frame, 1) or (frame, transducer)."""
     return level if level.ndim == 2 else level[:, None]

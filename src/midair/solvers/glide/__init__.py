@@ -1,4 +1,4 @@
-"""Whole recordings by bisection in time: few frames cold, all others from both neighbours."""
+"""Solve whole recordings by bisection in time."""
 
 from midair.solvers.glide.glide import Glide
 from midair.solvers.glide.recording_pieces import Piece, pieces

@@ -1,6 +1,6 @@
-"""The moves of the recording solver: a frame from nothing, and one from the two around it. What they are for: `glide`.
+"""Steps of the bisection solver on the backend: solve frames from scratch, or from their two solved neighbours.
 
-Everything here works on arrays of the backend; a row is a frame.
+A row is a frame.
 """
 
 from dataclasses import dataclass, fields
@@ -14,195 +14,172 @@ from midair.solvers.field_operators import Batch, FieldMove, FieldOperators, in_
 from midair.solvers.lbfgs import LBFGS, RowsState
 
 Effort = tuple[int, int, int]
-"""Iterations of field, lift and polish."""
+"""Iterations of the field step, the phase fit and the refinement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameSolution:
-    """Some frames, on the backend.
-
-    Attributes
-    ----------
-    theta : array, shape (row, transducer)
-        Phases, in rad.
-    z : array of complex, shape (row, mode)
-        The field, see `moves.FieldMove`, that the phases make or were to make.
-    scale, field_scale : array, shape (row,)
-        Inverse curvature that polish and field ended with, in units of the target.
-    """
+    """Solution of some frames, on the backend."""
 
     theta: Rows
+    """Phases in rad, shape (row, transducer)."""
     z: Rows
+    """Field in the coordinates of `FieldMove`, shape (row, mode), that the phases make or approximate."""
     scale: Numbers
+    """Final inverse curvature of the refinement, in units of the target, shape (row,)."""
     field_scale: Numbers
+    """Final inverse curvature of the field step, in units of the target, shape (row,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Neighbours:
-    """What is known of frames that lie between two solved ones.
-
-    Attributes
-    ----------
-    q : array of complex, shape (row, transducer)
-        The mean of the two drives, of magnitude 1.
-    z : array of complex, shape (row, mode)
-        The mean of the two fields.
-    p : array, shape (row, point)
-        The mean of the two targets.
-    part : array, shape (row, 1)
-        How much of that mean the frame's own target is, least squares.
-    missed : array, shape (row, point)
-        What the target has besides.
-    scale, field_scale : array, shape (row,)
-        Geometric means of the two.
-    """
+    """Means of the two solved frames around each frame."""
 
     q: Rows
+    """Mean drive, normalised to magnitude 1, shape (row, transducer)."""
     z: Rows
+    """Mean field, shape (row, mode)."""
     p: Rows
+    """Mean target, shape (row, point)."""
     part: Rows
+    """Least-squares factor of the mean target in the frame's own target, shape (row, 1)."""
     missed: Rows
+    """Remainder of the frame's target, shape (row, point)."""
     scale: Numbers
+    """Geometric mean, shape (row,)."""
     field_scale: Numbers
+    """Geometric mean, shape (row,)."""
 
     def some(self, xp: Any, rows: Numbers) -> "Neighbours":
-        """The rows of these numbers."""
+        """The rows with these indices."""
         parts: dict[str, Any] = {one.name: xp.take(getattr(self, one.name), rows, axis=0) for one in fields(self)}
         return Neighbours(**parts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BisectionStep:
-    """The moves on the machine of one problem.
+    """The steps with the matrices of one problem."""
 
-    Attributes
-    ----------
-    machine : Machine
-        The matrices.
-    field : FieldMove
-        The first move.
-    step, momentum : float
-        Of the heavy ball that lifts a field from a drive that nearly makes it.
-    relaxation : float
-        Over-relaxation of the projections, 1 to 2.
-    towards : float
-        How much of an even field, in parts of the peak, decides the phases of what is new in a target.
-    split, stiffness, hardest, hard_polish : int, float, float, int
-        Iterations and stiffness of ADMM, see `FieldOperators.split`. Above `hardest`, see `FieldOperators.possible`,
-        `hard_polish` iterations of the polish take its place.
-    """
-
-    machine: FieldOperators
+    operators: FieldOperators
     field: FieldMove
+    """The field step."""
     step: float
+    """Step size of the heavy-ball phase fit."""
     momentum: float
+    """Momentum of the heavy-ball phase fit."""
     relaxation: float
-    towards: float
-    split: int
+    """Over-relaxation of the projections, 1 to 2."""
+    even_field_weight: float
+    """Weight, relative to the peak, of an even field in the phases of the new part of a target."""
+    admm_iterations: int
+    """Iterations of `FieldOperators.admm`."""
     stiffness: float
-    hardest: float
+    """Stiffness of `FieldOperators.admm`."""
+    max_power_share: float
+    """Limit of `FieldOperators.reachable`, above which a longer refinement replaces ADMM."""
     hard_polish: int
+    """Iterations of that refinement."""
 
-    def cold(self, batch: Batch, effort: Effort) -> FrameSolution:
-        """Known of which nothing is known."""
-        machine, xp = self.machine, self.machine.backend.xp
-        one = xp.ones_like(batch.gain[:, 0]) / machine.strongest
-        state = self.field.run(batch, self.field.first(batch.p * machine.psi), one, effort[0])
-        theta = machine.lift(self.field.coordinates(batch, state), effort[1], relaxation=self.relaxation)
-        polished = self._polish(batch, theta, one / machine.strongest, effort[2])
-        return self._solved(batch, polished, self.machine.backend.as_complex(state.x), state.scale)
+    def from_scratch(self, batch: Batch, effort: Effort) -> FrameSolution:
+        """Solve frames without solved neighbours."""
+        operators, xp = self.operators, self.operators.backend.xp
+        one = xp.ones_like(batch.gain[:, 0]) / operators.strongest
+        state = self.field.run(batch, self.field.first(batch.p * operators.psi), one, effort[0])
+        theta = operators.phase_fit(self.field.coordinates(batch, state), effort[1], relaxation=self.relaxation)
+        polished = self._refine(batch, theta, one / operators.strongest, effort[2])
+        return self._solved(batch, polished, self.operators.backend.as_complex(state.x), state.scale)
 
     def begin(self, batch: Batch, around: Neighbours) -> RowsState:
-        """The mean of the neighbours' drives as the start of a polish, with its cost."""
+        """Start of a refinement at the mean of the neighbours' drives, with its cost."""
         return self._method().begin(
-            self.machine.phase_function(batch), self._angle(around.q), around.scale / batch.gain[:, 0] ** 2
+            self.operators.phase_function(batch), self._angle(around.q), around.scale / batch.gain[:, 0] ** 2
         )
 
-    def smooth(self, batch: Batch, around: Neighbours, state: RowsState, iterations: int) -> FrameSolution:
-        """Known that the mean of their neighbours nearly is: a polish from where `begin` stands."""
-        method, function = self._method(), self.machine.phase_function(batch)
+    def refine_mean(self, batch: Batch, around: Neighbours, state: RowsState, iterations: int) -> FrameSolution:
+        """Continue the refinement from the state of `begin`."""
+        method, function = self._method(), self.operators.phase_function(batch)
         for _ in range(iterations):
             method.step(function, state)
-        q = self.machine.backend.phasor(state.x)
-        z = batch.gain * (q @ self.machine.drive_back) * self.machine.root
+        q = self.operators.backend.phasor(state.x)
+        z = batch.gain * (q @ self.operators.drive_back) * self.operators.root
         return self._solved(batch, state, z, around.field_scale)
 
-    def bent(self, batch: Batch, around: Neighbours, effort: Effort, *, rough: bool) -> FrameSolution:
-        """Known whose target is another: all three moves from the mean field, bent to what is new in the target.
+    def from_field(self, batch: Batch, around: Neighbours, effort: Effort, *, rough: bool) -> FrameSolution:
+        """Solve frames by all three steps, from the mean field adapted to the new part of the target.
 
-        With `rough` ADMM comes between lift and polish.
+        `rough` adds ADMM between phase fit and refinement.
         """
-        machine, there = self.machine, self.machine.backend
+        operators, there = self.operators, self.operators.backend
         y = (around.z @ self.field.out)[:, : batch.p.shape[1]]
-        # The phases that the field has there already; where it is nearly silent, those of the lens.
-        even = self.towards * there.xp.max(around.p, axis=1, keepdims=True)
-        u = there.unit(there.unit(y) * around.p + even * machine.psi)
+        # The phases of the mean field; where it is nearly silent, the initial phases.
+        even = self.even_field_weight * there.xp.max(around.p, axis=1, keepdims=True)
+        u = there.unit(there.unit(y) * around.p + even * operators.psi)
         z = around.part * around.z + self.field.first(around.missed * u)
         state = self.field.run(batch, z, around.field_scale, effort[0])
         a = self.field.coordinates(batch, state)
-        q = self._follow(a, around.q, effort[1])
+        q = self._phase_fit(a, around.q, effort[1])
         scale = around.scale / batch.gain[:, 0] ** 2
         polished = (
-            self._after_split(batch, a, q, scale, effort[2])
+            self._refine_with_admm(batch, a, q, scale, effort[2])
             if rough and batch.cells is None
-            else self._polish(batch, self._angle(q), scale, effort[2])
+            else self._refine(batch, self._angle(q), scale, effort[2])
         )
         return self._solved(batch, polished, there.as_complex(state.x), state.scale)
 
     def _method(self) -> LBFGS:
-        return self.machine.descent
+        return self.operators.descent
 
     def _angle(self, q: Rows) -> Rows:
-        xp = self.machine.backend.xp
+        xp = self.operators.backend.xp
         return xp.atan2(xp.imag(q), xp.real(q))
 
-    def _polish(self, batch: Batch, theta: Rows, scale: Numbers, iterations: int) -> RowsState:
-        return self._method().run(self.machine.phase_function(batch), theta, scale, iterations)
+    def _refine(self, batch: Batch, theta: Rows, scale: Numbers, iterations: int) -> RowsState:
+        return self._method().run(self.operators.phase_function(batch), theta, scale, iterations)
 
     def _solved(self, batch: Batch, state: RowsState, z: Rows, field_scale: Numbers) -> FrameSolution:
         scale = state.scale * batch.gain[:, 0] ** 2
         return FrameSolution(theta=state.x, z=z, scale=scale, field_scale=field_scale)
 
-    def _follow(self, a: Rows, q: Rows, iterations: int) -> Rows:
-        """Drive of magnitude 1 with V^H q close to a, from q on, by a heavy ball on the phases; see `live`."""
-        machine, there = self.machine, self.machine.backend
+    def _phase_fit(self, a: Rows, q: Rows, iterations: int) -> Rows:
+        """Drive of magnitude 1 with V^H q close to a, by a heavy ball on the phases starting at q; see `live`."""
+        operators, there = self.operators, self.operators.backend
         xp = there.xp
         speed = xp.zeros_like(xp.real(q))
         for _ in range(iterations):
-            change = (a - q @ machine.drive_back) @ machine.drive
+            change = (a - q @ operators.drive_back) @ operators.drive
             uphill = xp.real(q) * xp.imag(change) - xp.imag(q) * xp.real(change)
             speed = self.momentum * speed + self.step * uphill
-            # A turn by the angle whose tangent is the speed: no sines.
+            # Rotate by the angle whose tangent is the speed, which needs no sine.
             q = there.unit(there.complex(xp.real(q) - speed * xp.imag(q), xp.imag(q) + speed * xp.real(q)))
         return q
 
-    def _after_split(self, batch: Batch, a: Rows, q: Rows, scale: Numbers, iterations: int) -> RowsState:
-        """A polish of all rows, after ADMM where the drive can make the field; a longer one where it cannot."""
-        machine = self.machine
-        xp, put = machine.backend.xp, machine.backend.put
-        possible = machine.possible(a, self.hardest)
+    def _refine_with_admm(self, batch: Batch, a: Rows, q: Rows, scale: Numbers, iterations: int) -> RowsState:
+        """Refine all rows: after ADMM where equal amplitudes can reach the field, with more iterations elsewhere."""
+        operators = self.operators
+        xp, put = operators.backend.xp, operators.backend.put
+        possible = operators.reachable(a, self.max_power_share)
         parts: list[tuple[NDArray[np.int64], RowsState]] = []
         for rows, easy in ((np.flatnonzero(possible), True), (np.flatnonzero(~possible), False)):
             if len(rows):
                 index = put(rows)
                 some, mine = batch.some(xp, index), xp.take(q, index, axis=0)
                 if easy:
-                    mine = machine.split(
+                    mine = operators.admm(
                         some,
                         xp.take(a, index, axis=0),
                         mine,
-                        self.split,
+                        self.admm_iterations,
                         stiffness=self.stiffness,
                         relaxation=self.relaxation,
                     )
                 its = iterations if easy else self.hard_polish
-                parts.append((rows, self._polish(some, self._angle(mine), xp.take(scale, index), its)))
+                parts.append((rows, self._refine(some, self._angle(mine), xp.take(scale, index), its)))
         return self._joined(parts)
 
     def _joined(self, parts: list[tuple[NDArray[np.int64], RowsState]]) -> RowsState:
         """The parts as one state, in the order of their rows."""
         made: dict[str, Any] = {
-            name: in_order(self.machine.backend, [(rows, getattr(state, name)) for rows, state in parts])
+            name: in_order(self.operators.backend, [(rows, getattr(state, name)) for rows, state in parts])
             for name in ("x", "gradient", "cost", "scale", "length")
         }
         return RowsState(**made, pairs=[])

@@ -1,12 +1,12 @@
-"""A recording as a whole, by bisection in time: few frames cold, all others from the two that lie around them.
+"""Solve a whole recording by bisection in time.
 
-Marks far apart are solved from nothing, as the batch solver does. Then come the frames halfway between solved ones,
-level by level, so that each starts at the mean of two drives that are right before and after it, and a polish of some
-iterations does. No frame waits for the one before it, so that all of a level are one batch and there are no seams; and
-since drives change little from frame to frame, the array keeps still, which matters more than a smaller error.
+Marks, frames at regular distances, are solved from scratch like in the batch solver. Then come the frames halfway
+between solved frames, level by level: each starts at the mean of the two drives around it and needs only some
+iterations of refinement. All frames of a level are one batch, and there are no discontinuities between batches. Phases
+change little from frame to frame, which matters more than a smaller error.
 
-Known whose target is not what lies between its neighbours' first get a field and phases of their own. How this was
-chosen, and what lost: docs/decisions/0024-glide.md.
+Frames whose target differs from the mean of their neighbours first get a field and phases of their own.
+docs/decisions/0024-glide.md compares the alternatives.
 """
 
 from collections import deque
@@ -23,7 +23,7 @@ from midair.model import Progress
 from midair.solvers.backend import Backend, backend
 from midair.solvers.field_operators import FieldOperators
 from midair.solvers.glide.bisection_step import BisectionStep, Effort
-from midair.solvers.glide.frame_block import BlockIterations, FrameBlock, SolvedFrames, marks_of
+from midair.solvers.glide.frame_block import BlockIterations, FrameBlock, SolvedFrames, solve_marks
 from midair.solvers.glide.schedule import BlockRange, Indices, blocks
 from midair.solvers.phases import hold
 from midair.solvers.problem import Answer, Problem, WarmStart, status_of
@@ -31,77 +31,41 @@ from midair.solvers.problem import Answer, Problem, WarmStart, status_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Glide:
-    """Settings of the recording solver; the defaults suit 1 kHz, those of the best mode 4 kHz.
-
-    Attributes
-    ----------
-    coarse : int
-        Known from one mark to the next.
-    cold : tuple of int
-        Iterations of field, lift and polish of a mark.
-    near : float
-        Error of the neighbours' mean up to which a polish is enough.
-    smooth, smooth_wide : int
-        Iterations of that polish; the second where the neighbours are `wide` frames away or more, since all frames
-        below build on those.
-    far : float
-        What a target may have besides its neighbours' mean, in parts of its norm, to count as bent; else as rough.
-    bent, bent_wide, rough : tuple of int
-        Iterations of field, lift and polish of bent frames and of rough ones.
-    wide : int
-        As above.
-    split, stiffness, hardest, hard_polish : int, float, float, int
-        ADMM between lift and polish of rough frames, see `glider.BisectionStep`.
-    towards : float
-        How much of an even field decides the phases of what is new in a target.
-    tolerance : float
-        Modes of G below this part of the largest singular value are left out of the iterations; the error that is
-        reported is that of the whole G.
-    outside : float
-        How much a point of the guard counts, over a control point, when the modes are chosen.
-    loudness : float
-        Weight of drives above full in the field.
-    every : int
-        One transducer in so many, evenly over the array, is looked at for loudness.
-    floor : float
-        Modes below this part of the largest singular value are asked for less in the first field.
-    step, momentum : float
-        Of the heavy ball that lifts, as in `Live`.
-    relaxation : float
-        Over-relaxation of the projections, 1 to 2.
-    memory : int
-        Pairs that L-BFGS keeps.
-    rows : int, optional
-        Known of a batch. What suits the backend if None.
-    block : int, optional
-        Known that are solved one after the other by one job; others know them by a mark only. What suits the backend
-        if None: `block_on`.
-    jobs : int
-        Blocks at once. The phases are the same, to the last bit, for any number.
-    faintest : float
-        Norm of a target, in units of the focus, below which it counts as this faint: the range of single precision.
-    precision : {"single", "double"}
-        Precision of the iterations.
-    backend : str
-        What does the arithmetic, and where: see `backend.backend`.
-    """
+    """Settings of the recording solver; the defaults suit 1 kHz, those of the best mode 4 kHz."""
 
     coarse: int = 32
+    """Frames from one mark to the next."""
     cold: Effort = (110, 10, 100)
+    """Iterations of field step, phase fit and refinement of a mark."""
     near: float = 0.1
+    """Error of the neighbours' mean up to which a refinement is enough."""
     smooth: int = 10
+    """Iterations of that refinement."""
     smooth_wide: int = 40
+    """The same where the neighbours are at least `wide` frames away, since all frames between build on them."""
     far: float = 0.3
+    """Norm of a target's difference from the neighbours' mean, relative to the target, up to which it counts as bent,
+    above as rough.
+    """
     bent: Effort = (7, 9, 8)
+    """Iterations of field step, phase fit and refinement of bent frames."""
     bent_wide: Effort = (15, 9, 60)
+    """The same where the neighbours are at least `wide` frames away."""
     rough: Effort = (80, 9, 10)
+    """Iterations of field step, phase fit and refinement of rough frames."""
     wide: int = 8
+    """Distance in frames between neighbours, see `smooth_wide`."""
     split: int = 10
+    """Iterations of ADMM between phase fit and refinement of rough frames."""
     stiffness: float = 0.05
+    """Penalty of ADMM, relative to the strongest mode."""
     hardest: float = 0.55
+    """Fraction of the array's power, needed for a field, above which `hard_polish` replaces ADMM."""
     hard_polish: int = 40
+    """Iterations of the refinement of such frames."""
     towards: float = 0.2
-    # With 5e-3, as in the batch solver, what is left out would limit the error.
+    """Weight, relative to the peak, of an even field in the phases of the new part of a target."""
+    # With 5e-3, as in the batch solver, the omitted modes would limit the error.
     tolerance: float = 2e-3
     outside: float = 0.3
     loudness: float = 0.1
@@ -119,14 +83,15 @@ class Glide:
     backend: str = "numpy"
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Phases for each frame; silent ones keep those of the frame before them.
+        """Compute phases for each frame; silent frames keep the phases of the frame before.
 
-        After a part of a recording, the problem's first frame is the last of that part, a mark that is solved already.
+        With `after`, the problem's first frame must be the last sounding frame of the previous part, a mark that is
+        solved already.
 
         Raises
         ------
         InputError
-            If the backend is unknown, or there is less than one job.
+            If the backend is unknown, or `jobs` is below 1.
         MissingExtraError
             If the backend is not installed.
         """
@@ -140,55 +105,58 @@ class Glide:
             phase[audible[:1]] = after.theta
         if len(audible) > (after is not None):
             with there.at_work():
-                glider = self._glider(problem, there)
+                bisection = self._bisection(problem, there)
                 last = None if after is None else after.known
-                for frames, found in self._stretches(glider, audible, last):
+                for frames, found in self._solved_blocks(bisection, audible, last):
                     last = found.last()
                     phase[frames], made[frames] = found.theta, found.iterations
                     if progress is not None:
                         progress(int(frames[-1]) + 1, len(phase))
             if progress is not None:
-                # Frames after the last audible one need no work: they are done.
+                # Frames after the last audible one need no work.
                 progress(len(phase), len(phase))
             after = WarmStart(theta=phase[audible[-1]], known=last)
         held = hold(phase, audible)
         return Answer(phase=held, iterations=made, status=status_of(len(phase), audible), end=after)
 
-    def _stretches(
-        self, glider: BisectionStep, audible: Indices, before: SolvedFrames | None
+    def _solved_blocks(
+        self, bisection: BisectionStep, audible: Indices, before: SolvedFrames | None
     ) -> Iterator[tuple[Indices, SolvedFrames]]:
-        """The blocks in order: which frames they are, and what was found; `before` is known of the first frame."""
+        """Yield the frames and solutions of each block in order; `before` is the solution of the first frame, if
+        known.
+        """
         efforts = self._efforts()
         every = list(blocks(len(audible), coarse=self.coarse, size=self.block_on()))
         if before is not None:
             every[0] = replace(every[0], marks=every[0].marks[every[0].marks > 0])
         with ThreadPoolExecutor(self.jobs) as pool:
-            marks = deque(pool.submit(_quietly, marks_of, glider, efforts, audible[block.marks]) for block in every)
+            marks = deque(
+                pool.submit(_without_warnings, solve_marks, bisection, efforts, audible[block.marks]) for block in every
+            )
             walks: deque[Future[SolvedFrames]] = deque()
             for block in every:
                 found = marks.popleft().result()
                 frames = audible[block.first : block.last + 1]
-                walks.append(pool.submit(_quietly, _walked, glider, efforts, frames, block, before, found))
+                walks.append(
+                    pool.submit(_without_warnings, _solve_block, bisection, efforts, frames, block, before, found)
+                )
                 before = found.last()
             for block in every:
                 yield audible[block.first : block.last + 1], walks.popleft().result()
 
     def end_of(self, marks: Problem) -> WarmStart:
-        """Where the frames before a block end, known without solving them: from the marks of the block before it.
+        """The warm start after a block, computed from its marks alone.
 
-        Parameters
-        ----------
-        marks : Problem
-            Its frames are those marks alone, all of them: the same batch gives the same bits.
+        `marks` must contain all marks of the block and nothing else: the same batch gives the same bits.
         """
         there = backend(self.backend, precision=self.precision)
         with there.at_work():
-            glider = self._glider(marks, there)
-            last = _quietly(marks_of, glider, self._efforts(), np.arange(len(marks.amplitude))).last()
+            bisection = self._bisection(marks, there)
+            last = _without_warnings(solve_marks, bisection, self._efforts(), np.arange(len(marks.amplitude))).last()
         return WarmStart(theta=last.theta[0], known=last)
 
     def block_on(self) -> int:
-        """Frames of a block: 1024 on a CPU; on a GPU so many that the marks of one block are a batch worth a launch."""
+        """Frames per block: 1024 on a CPU; on a GPU enough that the marks of one block fill a batch."""
         return self.block or (32 * 1024 if backend(self.backend).on_gpu else 1024)
 
     def _efforts(self) -> BlockIterations:
@@ -196,27 +164,29 @@ class Glide:
         own["rows"] = self.rows or backend(self.backend).rows
         return BlockIterations(**own)
 
-    def _glider(self, problem: Problem, there: Backend) -> BisectionStep:
-        machine = FieldOperators.of(problem, there, tolerance=self.tolerance, memory=self.memory, outside=self.outside)
-        seats = spread_out(problem.position, every=self.every, count=problem.transducers)
+    def _bisection(self, problem: Problem, there: Backend) -> BisectionStep:
+        operators = FieldOperators.of(
+            problem, there, tolerance=self.tolerance, memory=self.memory, outside=self.outside
+        )
+        sampled = evenly_spread(problem.position, every=self.every, count=problem.transducers)
         return BisectionStep(
-            machine=machine,
-            field=machine.field_move(loudness=self.loudness, floor=self.floor, seats=seats),
+            operators=operators,
+            field=operators.field_move(loudness=self.loudness, floor=self.floor, sampled=sampled),
             step=self.step,
             momentum=self.momentum,
             relaxation=self.relaxation,
-            towards=self.towards,
-            split=self.split,
+            even_field_weight=self.towards,
+            admm_iterations=self.split,
             stiffness=self.stiffness,
-            hardest=self.hardest,
+            max_power_share=self.hardest,
             hard_polish=self.hard_polish,
         )
 
 
-def spread_out(position: NDArray[np.float64] | None, *, every: int, count: int) -> Indices:
-    """One transducer in so many, evenly over the array: each next is the farthest from those before it.
+def evenly_spread(position: NDArray[np.float64] | None, *, every: int, count: int) -> Indices:
+    """Indices of one in `every` transducers, evenly over the array: each next is the farthest from those before it.
 
-    Where nobody knows the positions, every so many-th.
+    If the positions are unknown, every `every`-th.
     """
     if position is None:
         return np.arange(0, count, every)
@@ -228,25 +198,25 @@ def spread_out(position: NDArray[np.float64] | None, *, every: int, count: int) 
     return np.sort(np.array(chosen))
 
 
-def _walked(
-    glider: BisectionStep,
+def _solve_block(
+    bisection: BisectionStep,
     efforts: BlockIterations,
     frames: Indices,
     block: BlockRange,
     before: SolvedFrames | None,
     marks: SolvedFrames,
 ) -> SolvedFrames:
-    """All frames of a block, from its marks and the last mark of the block before it."""
-    stretch, index = FrameBlock(glider, efforts, frames), block.marks - block.first
-    stretch.known.put(index, marks)
+    """Solve all frames of a block, from its marks and the last mark of the block before it."""
+    block_frames, index = FrameBlock(bisection, efforts, frames), block.marks - block.first
+    block_frames.known.put(index, marks)
     if before is not None:
-        stretch.known.put(np.zeros(1, np.int64), before)
+        block_frames.known.put(np.zeros(1, np.int64), before)
         index = np.concatenate([[0], index])
-    stretch.walk(index)
-    return stretch.known
+    block_frames.solve(index)
+    return block_frames.known
 
 
-def _quietly(work: Callable[..., SolvedFrames], *arguments: Any) -> SolvedFrames:
-    """Without NumPy's warnings of what overflows, which counts as a step that failed; each thread has its own."""
+def _without_warnings(work: Callable[..., SolvedFrames], *arguments: Any) -> SolvedFrames:
+    """Call `work` without NumPy's overflow warnings, which are set per thread; a step that overflows is rejected."""
     with np.errstate(over="ignore", invalid="ignore"):
         return work(*arguments)

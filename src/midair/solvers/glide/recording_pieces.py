@@ -1,7 +1,7 @@
-"""A recording in pieces that can be solved anywhere, in any order, to the same bits as one after another.
+"""Split a recording into pieces that can be solved anywhere in any order, with bit-identical results.
 
-Blocks are joined by one frame each, the last mark of the block before. Who solves the marks of that block, and no other
-of its frames, knows all that a block goes on from.
+Consecutive blocks share one frame, the last mark of the earlier block. Solving the marks of that block alone gives
+everything that the next block needs.
 """
 
 from collections.abc import Iterator
@@ -16,33 +16,21 @@ from midair.solvers.glide.schedule import Indices, blocks
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Piece:
-    """Frames `first` to `last` - 1 of a recording: whole blocks, and the silent frames among and before them.
-
-    Attributes
-    ----------
-    first, last : int
-        Frames of the recording.
-    marks : ndarray of int, shape (mark,)
-        Frames that sound, of the block before the first one of the piece, that are solved from nothing; none for the
-        first piece.
-    """
+    """Frames `first` to `last` - 1 of a recording: whole blocks, and the silent frames among and before them."""
 
     first: int
     last: int
     marks: Indices
+    """Frames of the recording, shape (mark,): the marks of the block before the piece; empty for the first piece."""
 
 
 def pieces(solver: Glide, sounds: NDArray[np.bool_], *, together: int) -> Iterator[Piece]:
-    """All frames of a recording, in pieces of so many blocks.
+    """Yield all frames of a recording in pieces of `together` blocks of the solver.
 
     Parameters
     ----------
-    solver : Glide
-        Whose blocks.
     sounds : ndarray of bool, shape (frame,)
-        Which frames ask for anything.
-    together : int
-        Blocks a piece.
+        False for silent frames.
     """
     audible = np.flatnonzero(sounds)
     every = list(blocks(len(audible), coarse=solver.coarse, size=solver.block_on())) if len(audible) else []

@@ -1,4 +1,4 @@
-"""One frame after another within a millisecond: the follower, its kernel, and what mirrors save."""
+"""Solve one frame after another within a millisecond: solver, Numba kernel, and mirror symmetry."""
 
 from midair.solvers.live.live import FrameTracker, Live
 from midair.solvers.live.mirror_symmetry import symmetric_modes

@@ -1,15 +1,15 @@
-"""One frame after another within a millisecond, for touch that is played while it is recorded.
+"""Solve one frame after another within a millisecond, for touch that is played while it is recorded.
 
-The first two moves of `fast`, from where the frame before ended: the field in r coordinates, then the phases whose
-field it is. The field is kept in units of its target and so follows a target that only grows or shrinks by itself; what
-is new in a target is put in first, with the phases that the field has there; and what L-BFGS has learnt of the cost
-serves the next frame too. The phases move as a heavy ball (Polyak, "Some methods of
-speeding up the convergence of iteration methods", 1964). With the phases much alike random ones the eigenvalues of its
-matrix lie between l = (1 - sqrt(2 r / N))^2 / 2 = .11 and 1 for r = 136 modes and N = 996 transducers (Marchenko &
-Pastur, 1967), for which step 4 / (1 + sqrt l)^2 = 2.2 and momentum ((1 - sqrt l) / (1 + sqrt l))^2 = .25 are best.
+The first two steps of `fast`, starting from the previous frame: the field in mode coordinates, then the phases that
+make it. The field is stored in units of its target, so it follows a change of the overall level without iterations; the
+new part of a target is added first, with the phases of the current field; L-BFGS keeps its pairs for the next frame.
+The phase fit is a heavy-ball method (Polyak, "Some methods of speeding up the convergence of iteration methods", 1964).
+For nearly random phases the eigenvalues of its matrix lie between l = (1 - sqrt(2 r / N))^2 / 2 = .11 and 1 for r = 136
+modes and N = 996 transducers (Marchenko & Pastur, 1967), for which step 4 / (1 + sqrt l)^2 = 2.2 and momentum ((1 -
+sqrt l) / (1 + sqrt l))^2 = .25 are best.
 
-The number of iterations is fixed, so that every frame takes the same time. Needs Numba. In a loop that must not be
-late: one BLAS thread (`one_blas_thread`), and Python's garbage collector off between frames (`gc.disable()`).
+The number of iterations is fixed, so that every frame takes the same time. Needs Numba. A loop with a deadline should
+use one BLAS thread (`one_blas_thread`) and disable Python's garbage collector between frames (`gc.disable()`).
 """
 
 from dataclasses import dataclass
@@ -30,34 +30,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Live:
-    """Settings of the live solver.
-
-    Attributes
-    ----------
-    iterations : int
-        Iterations of the field, for the first frame.
-    warm_iterations : int
-        Iterations of the field, for each frame after it.
-    lift_iterations, warm_lift_iterations : int
-        Iterations of the phases, likewise.
-    hurried_iterations, hurried_lift_iterations : int
-        Iterations of the field and of the phases, for a frame that is in a hurry.
-    tolerance : float
-        Modes of G below this part of the largest singular value are left out.
-    loudness, floor, every, memory, faintest
-        As in `Fast`; louder drives count for more here, since there is no third move to mend what they leave.
-    step, momentum : float
-        Step and momentum of the heavy ball.
-    towards : float
-        How much of an even field, in parts of the last target's peak, decides the phases of what is new in a target.
-    """
+    """Settings of the live solver."""
 
     iterations: int = 200
-    # With 7 + 9 iterations 99 % of the frames take less than a millisecond; with fewer, what jumps is missed.
+    """Iterations of the field for the first frame."""
+    # With 7 + 9 iterations 99 % of the frames take less than a millisecond; fewer cannot follow sudden changes.
     warm_iterations: int = 7
     lift_iterations: int = 60
     warm_lift_iterations: int = 9
-    # Half of the time; the frames after make up for most of what this one misses.
+    # Half the time; the next frames correct most of the additional error.
     hurried_iterations: int = 3
     hurried_lift_iterations: int = 4
     # With 2e-3 a towel's error is 1 % smaller and a moving spot's 30 % larger, for a tenth more time.
@@ -65,7 +46,7 @@ class Live:
     loudness: float = 0.1
     floor: float = 0.1
     every: int = 4
-    # Close to what random phases ask for, 2.2 and .25 (see above).
+    # Close to the optimum for random phases, 2.2 and .25 (see the module's docstring).
     step: float = 2.0
     momentum: float = 0.3
     towards: float = 0.2
@@ -73,44 +54,32 @@ class Live:
     faintest: float = 1e-12
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
-        """Phases for each frame, one after another."""
+        """Compute phases frame by frame."""
         frames = len(problem.amplitude)
-        follower = self.begin(problem) if after is None else after.known
+        tracker = self.begin(problem) if after is None else after.known
         phase, made, status = np.zeros((frames, problem.transducers)), np.zeros(frames, np.int64), []
         for frame, p in enumerate(problem.amplitude):
-            before = follower.iterations
-            phase[frame] = follower.follow(p)
-            made[frame] = follower.iterations - before
+            before = tracker.iterations
+            phase[frame] = tracker.follow(p)
+            made[frame] = tracker.iterations - before
             status.append("iterations" if made[frame] else "silent")
             if progress is not None:
                 progress(frame + 1, frames)
         ended: tuple[Status, ...] = tuple(status)
-        return Answer(phase=phase, iterations=made, status=ended, end=WarmStart(theta=phase[-1], known=follower))
+        return Answer(phase=phase, iterations=made, status=ended, end=WarmStart(theta=phase[-1], known=tracker))
 
     def begin(self, problem: Problem, *, folded: SymmetricModes | None = None) -> "FrameTracker":
-        """A follower for the G of the problem; compiles, so that its first frame is not late.
+        """A tracker for the G of the problem, compiled so that its first frame is not late.
 
-        Parameters
-        ----------
-        problem : Problem
-            G, level and first phases of the field.
-        folded : Folded, optional
-            The modes of G as `folded_modes` finds them, for an array that is its own mirror image: half the time.
+        `folded` are the modes from `symmetric_modes` for an array with mirror symmetry, which halve the time.
         """
         return FrameTracker(problem, self, folded=folded)
 
 
 class FrameTracker:
-    """Keeps the last frame's field and drive, and turns the next target into phases.
+    """Keeps the last frame's field and drive, and computes phases for the next target.
 
-    Parameters
-    ----------
-    problem : Problem
-        G, level and first phases of the field; its targets are not looked at.
-    settings : Live
-        Iterations and weights.
-    folded : Folded, optional
-        The modes of G, of an array that is its own mirror image; those of any array if None.
+    `problem` gives G, level and initial phases of the field; its targets are ignored. `folded` is as in `Live.begin`.
     """
 
     def __init__(self, problem: Problem, settings: Live, *, folded: SymmetricModes | None = None) -> None:
@@ -125,7 +94,7 @@ class FrameTracker:
         images, each, places = kept.V.shape
         s = problem.level * kept.s
         root = np.sqrt(s)
-        # Modes that only fill up their kind make no field, and are not made.
+        # Modes of strength 0, which only pad their kind, get no inverse.
         whole, inverse, least = kept.U * root, _inverse(root), _inverse(s)
         self._root = np.where(s > 0, root, 1).astype(np.float32)
         self._out = np.ascontiguousarray(whole.T, np.complex64)
@@ -133,7 +102,7 @@ class FrameTracker:
         some = kept.V[:, :, :: settings.every] * inverse.reshape(images, each, 1)
         self._drive = np.ascontiguousarray(some, np.complex64)
         self._weight = np.float32(settings.loudness / (images * some.shape[2]))
-        # p of norm 1 -> first coordinates of the field p exp(j psi), as in the batch solver.
+        # p of norm 1 -> initial coordinates of the field p exp(j psi), as in the batch solver.
         smooth = root * s / (s**2 + (settings.floor * s.max()) ** 2)
         self._psi = np.exp(1j * problem.first_psi).astype(np.complex64)
         self._first = smooth[:, None] * kept.U.conj().T * np.exp(1j * problem.first_psi)
@@ -150,12 +119,12 @@ class FrameTracker:
         self._error, self._change = np.zeros(rank, np.complex64), np.zeros_like(self._q)
         self._kinds, self._speed = np.zeros_like(self._q), np.zeros(self._q.shape, np.float32)
         self._warm = False
-        self._move(np.float32(1), 0, 0, bends=True)  # no iteration at all, which compiles everything and moves nothing
+        self._move(np.float32(1), 0, 0, bends=True)  # no iterations: compiles all kernels without changing the state
 
     def follow(self, p: Array, *, hurried: bool = False) -> Array:
-        """Phases (transducer,) in rad for the target p (point,); those of the frame before if p is all zero.
+        """Phases (transducer,) in rad for the target p (point,); those of the frame before if p is zero.
 
-        Hurried, it takes half of the time, and comes less close.
+        `hurried` halves the time and increases the error.
         """
         if p.any():
             settings = self._settings
@@ -190,5 +159,5 @@ class FrameTracker:
 
 
 def _inverse(x: Array) -> Array:
-    """1 / x; 0 where x is."""
+    """1 / x; 0 where x is 0."""
     return np.where(x > 0, 1 / np.where(x > 0, x, 1), 0)

@@ -1,6 +1,6 @@
-"""The inner loops of the live solver, compiled by Numba: fixed work, no allocation.
+"""Inner loops of the live solver, compiled by Numba, with fixed work and no allocation.
 
-Import it late: Numba takes a second to load, and the first call compiles (kept on disk for the next run).
+Import this module late: Numba takes a second to load, and the first call compiles (cached on disk).
 """
 
 # pyright: basic
@@ -11,9 +11,9 @@ from numba import njit
 
 @njit(cache=True, fastmath=True, nogil=True)
 def mirror(x, y):
-    """Write into y (kind, place) what of x (image, place) is alike in all images, and what of it changes sign; or back.
+    """Write into y (kind, place) the even and odd parts of x (image, place) under the mirrors; its own inverse.
 
-    Its own inverse. For kinds and images see `SymmetricModes`; of one there is only the one.
+    Kinds and images are those of `SymmetricModes`; with one image y is a copy.
     """
     X, Y = x.view(np.float32), y.view(np.float32)
     if len(x) == 1:
@@ -30,11 +30,11 @@ def mirror(x, y):
 
 @njit(cache=True, fastmath=True, nogil=True)
 def cost_and_slope(z, p, gain, out, drive, weight, y, q, kinds, conjugate, g):
-    """Write the gradient by z into g and return the cost; see `moves`.
+    """Write the gradient by z into g and return the cost; see `field_operators`.
 
-    z, g (mode,), kind after kind; p, y (point,), p of norm 1; out (mode, point); drive (kind, mode of it, some places);
-    q (image, some places) and kinds alike; gain, the norm that p had: the drive is gain times that of z; all single
-    precision.
+    z, g (mode,), kind after kind; p (point,) of norm 1; out (mode, point); drive (kind, mode of the kind, sampled
+    place); y (point,), q (image, sampled place), kinds and conjugate are workspace; gain is the original norm of p: the
+    drive is gain times that of z. All single precision.
     """
     np.dot(out.T, z, y)
     cost = np.float32(0)
@@ -43,7 +43,7 @@ def cost_and_slope(z, p, gain, out, drive, weight, y, q, kinds, conjugate, g):
         size = np.sqrt(re * re + im * im)
         missed = size - p[m]
         cost += missed * missed
-        # A silent point has no direction; the floor matters since fastmath knows no NaN.
+        # The direction at a silent point is undefined; the limit is needed since fastmath does not support NaN.
         part = missed / max(size, np.float32(1e-30))
         # Conjugated, so that the product with `out` as it lies in memory is that with its adjoint.
         y[m] = complex(part * re, -part * im)
@@ -70,12 +70,11 @@ def cost_and_slope(z, p, gain, out, drive, weight, y, q, kinds, conjugate, g):
 
 @njit(cache=True, fastmath=True, nogil=True)
 def bend(z, p, before, out, lens, towards, weak, y, g):
-    """Where the field of a frame starts: z (mode,) of the frame before, moved in place to what is new in the target.
+    """Move z (mode,), the field of the previous frame, in place to the start for the new target p (point,).
 
-    The part of p (point,) that the target before it has too keeps its field; what is left is asked for with the phases
-    that the field has there, or the lens' where it is nearly silent. before (point,) was the last target, of norm 1,
-    and becomes p; lens (point,) is exp j psi; weak (mode,) asks less of weak modes; y (point,) and g (mode,) are
-    workspace.
+    The component of p along the previous target `before` keeps its field; the remainder is added with the phases of the
+    field, or those of `lens` (exp j psi) where it is nearly silent. `before` becomes p; weak (mode,) damps weak modes;
+    y (point,) and g (mode,) are workspace.
     """
     common, square, peak = np.float32(0), np.float32(0), np.float32(0)
     for m in range(len(p)):
@@ -100,9 +99,9 @@ def bend(z, p, before, out, lens, towards, weak, y, g):
 
 @njit(cache=True, fastmath=True, nogil=True)
 def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
-    """L-BFGS on one row; z (mode,) is moved in place.
+    """L-BFGS on one row; z (mode,) is changed in place.
 
-    `pairs` and `work` are what `workspace` made. The pairs stay for the next frame, whose cost bends alike.
+    `pairs` and `work` come from `workspace`. The pairs stay for the next frame, whose cost has a similar curvature.
     """
     S, Y, rho, held, count, scale = pairs
     y, q, kinds, conjugate, g, trial, slope, direction = work
@@ -112,7 +111,7 @@ def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
     for _ in range(iterations):
         _two_loops(gx, S, Y, rho, held, count[0], scale[0], direction)
         fall = np.dot(direction, gx)
-        # What was learnt in earlier frames may lead uphill in this one: then down the slope, with no memory.
+        # Pairs of earlier frames may give an uphill direction: then use the gradient alone.
         if not fall < 0:
             count[0] = 0
             for i in range(len(x)):
@@ -130,7 +129,7 @@ def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
         if yy > 0 and sy > np.float32(1e-10) * yy:
             rho[row], scale[0] = 1 / sy, sy / yy
             count[0] += 1
-        # 5e-7 of the cost are four roundings of it, which must not count as a rise.
+        # A rise below 5e-7 of the cost, four rounding errors, is accepted.
         if new <= cost + np.float32(1e-4) * length * fall + np.float32(5e-7) * cost:
             cost, length = new, min(np.float32(1), 3 * length)
             for i in range(len(x)):
@@ -141,7 +140,7 @@ def descend(z, p, gain, out, drive, weight, iterations, pairs, work):
 
 @njit(cache=True, fastmath=True, nogil=True)
 def _two_loops(gx, S, Y, rho, held, count, scale, direction):
-    """Nocedal & Wright, algorithm 7.4, on the last pairs of a ring."""
+    """Two-loop recursion, Nocedal & Wright, algorithm 7.4, on the last pairs of a ring buffer."""
     memory = len(rho)
     for i in range(len(gx)):
         direction[i] = -gx[i]
@@ -163,11 +162,11 @@ def _two_loops(gx, S, Y, rho, held, count, scale, direction):
 
 @njit(cache=True, fastmath=True, nogil=True)
 def lift(q, z, gain, root, V, step, momentum, iterations, error, change, kinds, speed):
-    """Heavy ball on the phases of q (image, place), moved in place, until V^H q is close to gain z / root (mode,).
+    """Heavy ball on the phases of q (image, place), in place, until V^H q is close to gain z / root (mode,).
 
-    || V^H q - a ||^2 / 2 falls with the phases at the rate Im(conj(q) V (a - V^H q)). V is (kind, mode of it, place),
-    transposed; error (mode,), change and kinds (image, place) and speed (image, place) are workspace. Where there is
-    no transducer, q is 0, and stays 0.
+    || V^H q - a ||^2 / 2 decreases with the phases at the rate Im(conj(q) V (a - V^H q)). V is (kind, mode of the kind,
+    place), transposed; error (mode,), change, kinds and speed (image, place) are workspace. Places without a transducer
+    have q = 0, which stays 0.
     """
     each = V.shape[1]
     for image in range(len(q)):
@@ -188,7 +187,7 @@ def lift(q, z, gain, root, V, step, momentum, iterations, error, change, kinds, 
             for n in range(q.shape[1]):
                 uphill = q[image, n].real * change[image, n].imag - q[image, n].imag * change[image, n].real
                 speed[image, n] = momentum * speed[image, n] + step * uphill
-                # (1 + j t) / |1 + j t| turns by arctan t: as good as by t, and never by more than a quarter.
+                # (1 + j t) / |1 + j t| rotates by arctan t, which is close to t and below a quarter turn.
                 re = q[image, n].real - speed[image, n] * q[image, n].imag
                 im = q[image, n].imag + speed[image, n] * q[image, n].real
                 part = 1 / np.sqrt(max(re * re + im * im, np.float32(1e-30)))
@@ -198,9 +197,9 @@ def lift(q, z, gain, root, V, step, momentum, iterations, error, change, kinds, 
 
 @njit(cache=True, fastmath=True, nogil=True)
 def follow(bends, bending, moving, lifting, field, lifts):
-    """`bend` if wanted, `descend`, `lift`, with the arguments of each, in one call.
+    """Call `bend` if wanted, `descend` and `lift` in one compiled call.
 
-    Each return takes the interpreter's lock back, for which a thread that takes frames in may have to be waited for.
+    Each return to Python waits for the interpreter lock, which the thread that reads the sensor may hold.
     """
     if bends:
         z, p, before, out, lens, towards, weak, y, g = bending
@@ -212,7 +211,7 @@ def follow(bends, bending, moving, lifting, field, lifts):
 
 
 def workspace(points: int, some: tuple[int, int], rank: int, memory: int, scale: float):
-    """The pairs and the arrays that `descend` writes to; `scale` is the first guess of the inverse Hessian."""
+    """The pairs and work arrays of `descend`; `scale` is the initial guess of the inverse Hessian."""
     kind, real = np.complex64, np.float32
     pairs = (
         np.zeros((memory, 2 * rank), real),

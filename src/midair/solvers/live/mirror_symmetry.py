@@ -1,10 +1,9 @@
-"""The modes of an array that is its own mirror image: four problems of a quarter of the size.
+"""Modes of an array with mirror symmetry: four problems of a quarter of the size.
 
-Two by two units are a lattice with 12 places empty, and the lattice is the same seen in a mirror along x or y. Its
-modes are then of four kinds, alike or opposite on either side of each mirror, and a drive taken apart into its four
-kinds, on a quarter of the places each, meets a quarter of the modes: a product with V costs a quarter. The control
-points need not lie in the middle of the lattice, and on AUTD3 do not by .7 mm, since its middle is that of the
-transducers: then their fields are of four kinds in the drives alone, and there are a few more of them.
+Two by two AUTD3 units are a lattice with 12 empty places, symmetric under mirrors along x and y. Its modes are of four
+kinds, even or odd under each mirror. A drive split into four kinds, each on a quarter of the places, needs a quarter of
+the work for a product with V. The control points need not be centred on the lattice (on AUTD3 they are off by .7 mm);
+then only the drives are even or odd, and there are a few more modes.
 """
 
 from dataclasses import dataclass
@@ -20,35 +19,27 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 SIDES = np.array([[1, 1], [-1, 1], [1, -1], [-1, -1]])
-"""On which side of the mirrors along x and y each image lies."""
+"""Signs of x and y of each image."""
 
 KINDS = np.array([[1, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]]) / 2
-"""What each kind is on each image, shape (kind, image); orthonormal, and its own inverse."""
+"""Sign of each kind on each image, shape (kind, image); orthonormal, and its own inverse."""
 
 _EMPTY, _MORE = 1.1, 1.3
-"""Up to so many places a transducer, and so many modes for each of the array as it is, folding is less work."""
+"""Largest numbers of places per transducer, and of modes relative to the whole array, at which symmetry saves work."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SymmetricModes:
-    """G = U diag(s) W^H, W of four kinds; or of one, for an array that is no mirror image of itself.
-
-    Attributes
-    ----------
-    U : ndarray of complex, shape (point, kind * mode)
-        Fields; kinds with fewer modes than others are filled up with zeros.
-    s : ndarray, shape (kind * mode,)
-        Strengths, in the unit of G.
-    V : ndarray of complex, shape (kind, mode, place)
-        Drives of each kind on the places of one image.
-    place : ndarray of int, shape (transducer,)
-        Where each transducer is among all places, image after image.
-    """
+    """G = U diag(s) W^H with W of four kinds, or of one for an array without symmetry."""
 
     U: Complex
+    """Fields, shape (point, kind * mode); kinds with fewer modes are padded with zeros."""
     s: Array
+    """Singular values in the unit of G, shape (kind * mode,)."""
     V: Complex
+    """Drives of each kind on the places of one image, shape (kind, mode, place)."""
     place: NDArray[np.intp]
+    """Index of each transducer among all places, image after image."""
 
     def drive(self, z: Complex) -> Complex:
         """W z, shape (transducer,), of coordinates z (kind * mode,)."""
@@ -57,25 +48,17 @@ class SymmetricModes:
 
 
 def full_phase(modes: Modes) -> SymmetricModes:
-    """The modes of any array: one kind, one image."""
+    """The modes of any array as one kind on one image."""
     return SymmetricModes(U=modes.U, s=modes.s, V=modes.V.T[None], place=np.arange(len(modes.V)))
 
 
 def symmetric_modes(
     grid: ControlGrid, array: TransducerArray, *, acoustics: Acoustics, tolerance: float
 ) -> SymmetricModes | None:
-    """The modes of an array by kinds, in units of the strongest focus; None where that is not less work.
+    """The modes of an array by kind, in units of the strongest focus; None if the array has no symmetry or it saves
+    nothing.
 
-    Parameters
-    ----------
-    grid : ControlGrid
-        Where the field is wanted.
-    array : TransducerArray
-        That makes it.
-    acoustics : Acoustics
-        Of the air.
-    tolerance : float
-        Modes below this part of the strongest are left out.
+    Modes below `tolerance` times the strongest are left out.
     """
     lattice = _lattice(array)
     if lattice is None:
@@ -86,7 +69,7 @@ def symmetric_modes(
     found = [np.linalg.svd(fields, full_matrices=False) for fields in of_kinds]
     strongest = max(float(s[0]) for _, s, _ in found)
     each = [int((s > tolerance * strongest).sum()) for _, s, _ in found]
-    # Points that lie far from the middle are heard by all kinds alike.
+    # Points far from the centre couple to all kinds.
     if sum(each) > _MORE * max(np.linalg.matrix_rank(G, tolerance * np.linalg.norm(G, 2)), 1):
         return None
     most = max(each)
@@ -99,15 +82,15 @@ def symmetric_modes(
 
 
 def _lattice(array: TransducerArray) -> tuple[TransducerArray, NDArray[np.intp]] | None:
-    """The array with its empty places filled, image after image, and where each transducer is in it.
+    """The array with its empty places filled, image after image, and the index of each transducer in it.
 
-    None where it is not its own mirror image, or its transducers are not alike.
+    None if the array has no mirror symmetry, or its transducers differ.
     """
     if not array.alike or np.ptp(array.normal, axis=0).any() or np.abs(array.normal[0, :2]).any():
         return None
     middle = (array.position.min(axis=0) + array.position.max(axis=0)) / 2
     offset = array.position - middle
-    # On a micrometre, on which no two transducers are alike and rounding is nothing.
+    # Rounded to a micrometre, far above rounding errors and far below the distance of transducers.
     steps = np.rint(np.abs(offset) * 1e6).astype(np.int64)
     _, first, at = np.unique(steps, axis=0, return_index=True, return_inverse=True)
     quarter = np.abs(offset[first])

@@ -84,8 +84,8 @@ def _parts(
         while cut := order.joint(rest, first=after is None) or (len(rest) if block is None else 0):
             known = len(lead)
             part = replace(target, amplitude=np.concatenate([lead, rest[:cut]]))
-            told = None if progress is None else _beyond(progress, done - known, target.frames)
-            solution, after = order.solve(part, after, told)
+            shifted = None if progress is None else _shifted_progress(progress, done - known, target.frames)
+            solution, after = order.solve(part, after, shifted)
             yield solution.cut(known, solution.drive.frames) if known else solution
             sounding = np.flatnonzero(rest[:cut].any(axis=1))
             if order.leads and len(sounding):
@@ -103,5 +103,5 @@ def read_as_solved(amplitude: Array, first: int, last: int) -> Array:
     return np.concatenate(read)[first - begin : last - begin]
 
 
-def _beyond(progress: Progress, before: int, frames: int) -> Progress:
+def _shifted_progress(progress: Progress, before: int, frames: int) -> Progress:
     return lambda done, _: progress(before + done, frames)

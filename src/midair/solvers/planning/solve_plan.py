@@ -11,7 +11,7 @@ from midair.model import Acoustics, AmplitudeFrames, Drive, Progress, Setting, S
 from midair.physics import quantise_phase
 from midair.solvers.amplitudes import Amplitudes, doubled, halves
 from midair.solvers.backend import backend as backend_of
-from midair.solvers.device import settled
+from midair.solvers.device import phases_and_errors
 from midair.solvers.exact import Exact
 from midair.solvers.fast import Fast
 from midair.solvers.glide import Glide
@@ -176,7 +176,7 @@ class SolvePlan:
             if self.amplitudes == "bounded":
                 answer, part = _bounded(answer)
             # The error is computed after rounding, so that it is the error of the phases that are played.
-            phase, error = self._told(own, answer.phase, part)
+            phase, error = self._played(own, answer.phase, part)
         audible = np.array([status != "silent" for status in answer.status], float)
         # Transposed twice, so that (frame,) and (frame, transducer) are both multiplied frame by frame.
         played = self.level * (audible if part is None else (audible * part.T).T)
@@ -190,14 +190,14 @@ class SolvePlan:
         )
         return Solution(drive=drive, error=error, iterations=answer.iterations, status=answer.status), end
 
-    def _told(self, own: Problem, turned: Array, part: Array | None) -> tuple[Array, Array]:
+    def _played(self, own: Problem, turned: Array, part: Array | None) -> tuple[Array, Array]:
         """Phases as they are played, and their errors, computed on the solver's device."""
         name = getattr(self.solver, "backend", "numpy")
         # Metal has no double precision.
         if name == "numpy" or name.startswith("torch:mps"):
             phase = np.mod(turned, 2 * np.pi) if self.bits is None else quantise_phase(turned, bits=self.bits)
             return phase, error_of(own, phase, part)
-        return settled(backend_of(name, precision="double"), own, turned, part, self.bits)
+        return phases_and_errors(backend_of(name, precision="double"), own, turned, part, self.bits)
 
     def _settings(self) -> dict[str, Setting]:
         acoustics = self.own.airs[0]
