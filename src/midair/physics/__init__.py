@@ -1,4 +1,6 @@
-"""The laws: radiation pressure, directivity, propagation, transducers, sensing, exposure, skin. Pure functions."""
+"""Physical models as pure functions: radiation pressure, directivity, propagation, transducers, sensors, exposure,
+skin.
+"""
 
 from midair.physics.cell_means import Between, cell_weights
 from midair.physics.chain import Moment, PlaybackChain, radiate

@@ -1,15 +1,15 @@
-"""How pressure that is known at the points of a grid averages onto the cells of a sensor.
+"""Average the pressure on a grid of points over the cells of a sensor.
 
-What presses between the points is taken as one of three things. With d the distance of a point from the middle of a
-cell, h the pitch of the points, a the aperture of the cell and s the spread of the gel, a point's share along one axis:
+There are three models of the pressure between the points. With d the distance of a point from the middle of a cell, h
+the pitch of the points, a the aperture of the cell and s the spread of the gel, the weight of a point along one axis is
 
-- steps: box_h * box_a * gauss_s / a, each point stands for a square with the same pressure all over it;
-- lines: box_h * box_h * box_a * gauss_s / (a h), straight lines from point to point, as pressure is interpolated;
-- waves: the curve through the points that is band-limited below 1 / (2 h), as sound presses: the integral of
-  2 h sinc(f a) exp(-2 (pi f s)^2) cos(2 pi f d) over 0 <= f <= 1 / (2 h).
+- steps: box_h * box_a * gauss_s / a, constant pressure on a square around each point;
+- lines: box_h * box_h * box_a * gauss_s / (a h), linear interpolation between the points;
+- waves: interpolation band-limited below 1 / (2 h), as for a sound field: the integral of 2 h sinc(f a) exp(-2 (pi f
+  s)^2) cos(2 pi f d) over 0 <= f <= 1 / (2 h).
 
-The square of a field has no detail below half a wavelength, and less where the array is not all around: points 11/3 mm
-apart tell nearly all that four units make at 20 cm, so that means over 8 mm are exact to .1 %.
+The squared field has no detail below half a wavelength, and less for sound from a limited cone: with points 11/3 mm
+apart, means over 8 mm of the field of four units at 20 cm are exact to .1 %.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,7 +26,7 @@ from midair.physics.sensing import SensorModel
 
 Array = NDArray[np.float64]
 Between = Literal["steps", "lines", "waves"]
-"""What presses between two points."""
+"""Model of the pressure between two points."""
 
 
 def cell_weights(
@@ -36,32 +36,26 @@ def cell_weights(
     centre: tuple[float, float] = (0.0, 0.0),
     between: Between = "steps",
 ) -> Array:
-    """How the pressure at the points of a grid averages onto each cell.
+    """Weights that average the pressure at the points of a grid over each cell, shape (channel, point).
 
-    The gel spreads the pressure by a Gaussian, and the cell averages over its aperture. The share is the exact
-    integral, not a sample of it: over a grid that covers the plane each cell's weights sum to 1, so an even pressure
-    reads itself.
+    The gel spreads the pressure by a Gaussian, and the cell averages over its aperture. Weights are exact integrals:
+    over a grid that covers the plane the weights of each cell sum to 1.
 
     Parameters
     ----------
     model : SensorModel
         Its grid, spread and aperture.
     points : ControlGrid
-        Where the pressure is known; nothing presses outside it.
+        Points with known pressure; the pressure outside is 0.
     centre : tuple of float
         (x, y) of the middle of the sensor, in m.
     between : {"steps", "lines", "waves"}
-        What presses between the points.
-
-    Returns
-    -------
-    ndarray, shape (channel, point)
-        Pressure on the cells is ``weights @ pressure``.
+        Model of the pressure between the points.
 
     Raises
     ------
     InputError
-        If nothing of that name can press between points.
+        If the model is unknown.
     """
     if between not in _SHARES:
         raise InputError(f"between: expected one of {', '.join(_SHARES)}, got {between!r}")
@@ -73,19 +67,19 @@ def cell_weights(
 
 
 def _steps(model: SensorModel, offset: Array, pitch: float) -> Array:
-    """Along one axis: share of each point's stretch in each cell's average, (cell, point) for offsets of that shape."""
+    """Weights along one axis for constant pressure around each point, (cell, point) like `offset`."""
     return _boxes(offset, (pitch, model.aperture), model.spread, _ramp) / model.aperture
 
 
 def _lines(model: SensorModel, offset: Array, pitch: float) -> Array:
-    """The same of a tent of one pitch to either side of the point."""
+    """Weights along one axis for linear interpolation."""
     return _boxes(offset, (pitch, pitch, model.aperture), model.spread, _bow) / (model.aperture * pitch)
 
 
 def _waves(model: SensorModel, offset: Array, pitch: float) -> Array:
-    """The same of the band-limited curve that is 1 at the point and 0 at the others."""
+    """Weights along one axis for band-limited interpolation."""
     top = 0.5 / pitch
-    # More than pi nodes for each cycle that the farthest point has below the top: exact to rounding.
+    # More than pi nodes per cycle at the highest frequency and the farthest point: exact to rounding.
     nodes, weight = np.polynomial.legendre.leggauss(32 + 4 * int(np.ceil(np.abs(offset).max() / pitch)))
     frequency = top * (nodes + 1) / 2
     heard = np.sinc(frequency * model.aperture) * np.exp(-2 * (np.pi * frequency * model.spread) ** 2)
@@ -99,7 +93,7 @@ _SHARES: Mapping[str, Callable[[SensorModel, Array, float], Array]] = MappingPro
 
 
 def _boxes(offset: Array, sides: tuple[float, ...], spread: float, integral: Callable[[Array, float], Array]) -> Array:
-    """A Gaussian of unit area convolved with boxes of height 1: the differences of so many integrals of it as boxes."""
+    """A Gaussian of unit area convolved with boxes of height 1: differences of its repeated integral."""
     ends = product((0.5, -0.5), repeat=len(sides))
     parts = [np.prod(np.sign(signs)) * integral(offset + np.dot(signs, sides), spread) for signs in ends]
     return np.sum(parts, axis=0)
@@ -112,7 +106,7 @@ def _ramp(x: Array, spread: float) -> Array:
 
 
 def _bow(x: Array, spread: float) -> Array:
-    """Integrated three times: ((x^2 + s^2) Phi(x / s) + x s phi(x / s)) / 2."""
+    """The Gaussian integrated three times: ((x^2 + s^2) Phi(x / s) + x s phi(x / s)) / 2."""
     cumulated, density = _gauss(x, spread)
     return ((x**2 + spread**2) * cumulated + x * spread**2 * density) / 2
 

@@ -1,7 +1,7 @@
-"""What the transducers radiate, moment by moment, while an array plays frames.
+"""Output of the transducers at every moment while an array plays frames.
 
-Phases are rounded and held for a frame, or moved to the next one along ramps, as AUTD3's silencer does; and each
-transducer follows with its own envelope. Every part can be left out, so that its share of the loss can be told.
+Phases are rounded and held for a frame, or moved to the next one along ramps like AUTD3's silencer, and each transducer
+follows with its own envelope. Each effect can be switched off, so that its share of the error can be measured.
 """
 
 from collections.abc import Iterator
@@ -26,29 +26,22 @@ Precision = Literal["single", "double"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaybackChain:
-    """What stands between a drive and its sound.
-
-    Attributes
-    ----------
-    phase_bits : int or None
-        Phases are rounded to 2 pi / 2^bits; None leaves them as they are.
-    hold : {"step", "ideal"}
-        "step": each frame stands until the next. "ideal": the pressure moves from frame to frame as a band-limited
-        signal, as if there were no time between frames; then there can be no ramps and no transducers that follow.
-    phase_ramp, level_ramp : float
-        Over how long a silencer spreads a step of phase or level, in s; 0 for at once.
-    transducers : Transducers or None
-        Each one's envelope and strength; None for such that follow at once and are as strong as the model says.
-    precision : {"single", "double"}
-        Precision of the field. Single is true to 1e-5 of the largest pressure, and twice as fast.
-    """
+    """Effects between a drive and its sound."""
 
     phase_bits: int | None = 8
+    """Phases are rounded to 2 pi / 2^bits; None for no rounding."""
     hold: Hold = "step"
+    """"step": each frame is held until the next. "ideal": the pressure is interpolated band-limited between frames;
+    this excludes ramps and transducers.
+    """
     phase_ramp: float = 0.0
+    """Time in s over which a silencer spreads a step of phase; 0 for none."""
     level_ramp: float = 0.0
+    """Time in s over which a silencer spreads a step of level; 0 for none."""
     transducers: Transducers | None = None
+    """Envelope and strength of each transducer; None for ideal transducers."""
     precision: Precision = "single"
+    """Precision of the field. "single" is accurate to 1e-5 of the largest pressure, and twice as fast."""
 
     def __post_init__(self) -> None:
         if self.hold not in get_args(Hold) or self.precision not in get_args(Precision):
@@ -61,12 +54,12 @@ class PlaybackChain:
         if not all(0 <= ramp < np.inf for ramp in (self.phase_ramp, self.level_ramp)):
             raise InputError(f"ramps: expected 0 s or more, got {self.phase_ramp:g} and {self.level_ramp:g} s")
         if self.hold == "ideal" and (self.phase_ramp or self.level_ramp or self.transducers is not None):
-            raise InputError("hold: expected no ramps and no transducers with an ideal hold; choose step to have them")
+            raise InputError("hold: expected step with ramps or transducers, got ideal")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Moment:
-    """Where the transducers are between two frames, each shape (transducer,)."""
+    """State of the transducers between two frames, each shape (transducer,)."""
 
     phase: Array | None
     level: Array
@@ -74,57 +67,55 @@ class Moment:
 
     @classmethod
     def silent(cls, count: int) -> "Moment":
-        """Nothing sounds, and the first phases will be there at once."""
+        """The state before playing; the first phases are reached without a ramp."""
         return cls(phase=None, level=np.zeros(count), q=np.zeros(count, complex))
 
 
 def radiate(
     drive: Drive, chain: PlaybackChain, steps: int, *, start: Moment | None = None, together: int = 1024
 ) -> Iterator[tuple[Waves, Moment]]:
-    """What each transducer radiates, some frames at a time.
+    """Yield the output of each transducer, some frames at a time.
 
     The envelope is exact for a drive that changes linearly within each step: without ramps it is exact everywhere; with
-    ramps of r rad a step the drive's chord is (r^2 / 8) away from its arc.
+    ramps of r rad per step the chord of the drive deviates by r^2 / 8 from its arc.
 
     Parameters
     ----------
-    drive : Drive
-        What the array is told.
     chain : PlaybackChain
-        With steps that are held.
+        With hold "step".
     steps : int
-        Moments a frame; the last one is at the frame's end.
+        Moments per frame; the last one is at the end of the frame.
     start : Moment, optional
-        Where the transducers are before the first frame; silent if None.
+        State before the first frame; silent if None.
     together : int
-        About how many moments at once.
+        Approximate number of moments per block.
 
     Yields
     ------
     q : ndarray of complex, shape (frames * steps, transducer)
-        What they radiate, as a part of full drive.
+        Output as a fraction of full drive.
     moment : Moment
-        After them.
+        State after it.
     """
     exact = np.complex64 if chain.precision == "single" else np.complex128
     moment, block = start or Moment.silent(drive.array.count), max(1, together // steps)
-    pull = _Pull.of(chain.transducers, 1 / (drive.rate * steps), drive.array.count)
+    response = _EnvelopeStep.of(chain.transducers, 1 / (drive.rate * steps), drive.array.count)
     for first in range(0, drive.frames, block):
         last = min(first + block, drive.frames)
         phase = read_frames(drive.phase, first, last)
         phase = phase if chain.phase_bits is None else quantise_phase(phase, bits=chain.phase_bits)
         level = np.broadcast_to(read_frames(drive.level, first, last).reshape(len(phase), -1), phase.shape)
         nodes, phase_now, level_now = _command(phase, level, chain, drive.rate, steps, moment, exact)
-        q = pull.follow(nodes, moment.q)
+        q = response.follow(nodes, moment.q)
         moment = Moment(phase=phase_now, level=level_now, q=np.asarray(q[-1], np.complex128))
         yield q, moment
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Pull:
-    """q after a step = e q + a c0 + b c1, exact while the drive goes straight from c0 to c1; each (transducer,).
+class _EnvelopeStep:
+    """q after a step = e q + a c0 + b c1, exact while the drive changes linearly from c0 to c1; each (transducer,).
 
-    With r = 1 / (p dt): e = exp(p dt), a = r (e - 1) - e, b = 1 - r (e - 1), times what the transducer settles at.
+    With r = 1 / (p dt): e = exp(p dt), a = r (e - 1) - e, b = 1 - r (e - 1), times the steady state of the transducer.
     """
 
     e: Complex
@@ -132,10 +123,10 @@ class _Pull:
     b: Complex
 
     @classmethod
-    def of(cls, transducers: Transducers | None, step: float, count: int) -> "_Pull":
+    def of(cls, transducers: Transducers | None, step: float, count: int) -> "_EnvelopeStep":
         if transducers is None:
             nothing = np.zeros(count, complex)
-            # Without an envelope a transducer is where its drive is at the end of the step.
+            # Without an envelope the output equals the drive at the end of the step.
             return cls(e=nothing, a=nothing, b=np.ones(count, complex))
         e = np.exp(transducers.pole * step)
         moved = (e - 1) / (transducers.pole * step)
@@ -148,7 +139,7 @@ class _Pull:
         force = nodes[:, :-1] * self.a.astype(kind) + nodes[:, 1:] * self.b.astype(kind)
         force = force.reshape(-1, nodes.shape[2])
         if e.any():
-            # In place and in turn, since each moment starts where the one before it ended.
+            # In place and sequential, since each moment starts from the previous one.
             for now in force:
                 now += e * q
                 q = now
@@ -158,9 +149,9 @@ class _Pull:
 def _command(
     phase: Array, level: Array, chain: PlaybackChain, rate: float, steps: int, moment: Moment, exact: type
 ) -> tuple[Waves, Array, Array]:
-    """What the transducers are told at the beginning, between the steps, and at the end of each frame.
+    """Drive at the beginning, between the steps and at the end of each frame, (frame, step + 1, transducer).
 
-    Returns (frame, step + 1, transducer), and phase and level at the end.
+    Also returns phase and level at the end.
     """
     if not chain.phase_ramp and not chain.level_ramp:
         told = np.asarray(level * np.exp(1j * phase), exact)
@@ -168,10 +159,10 @@ def _command(
     nodes = np.empty((len(phase), steps + 1, phase.shape[1]), exact)
     time = np.arange(steps + 1) / (rate * steps)
     turned, raised = _ramp(time, chain.phase_ramp), _ramp(time, chain.level_ramp)
-    # An array that was silent has no phase to turn from.
+    # A silent array has no previous phase.
     now, loud = (phase[0] if moment.phase is None else moment.phase), moment.level
     for frame, (to, louder) in enumerate(zip(phase, level, strict=True)):
-        # The silencer turns the short way round the circle.
+        # The silencer takes the shorter way round the circle.
         short = np.mod(to - now + np.pi, 2 * np.pi) - np.pi
         turning, raising = now + turned * short, loud + raised * (louder - loud)
         nodes[frame] = raising * np.exp(1j * turning)
@@ -180,6 +171,6 @@ def _command(
 
 
 def _ramp(time: Array, length: float) -> Array:
-    """Part of a step that is done, shape (step + 1, 1)."""
+    """Completed fraction of a step, shape (step + 1, 1)."""
     done = np.ones(len(time)) if length == 0 else np.minimum(time / length, 1.0)
     return done[:, None]

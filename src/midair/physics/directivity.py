@@ -1,4 +1,4 @@
-"""How much a transducer radiates off its axis: D(theta) of the paper's eq. (3)."""
+"""Directivity of a transducer: D(theta) of the paper's eq. (3)."""
 
 from typing import get_args
 
@@ -12,29 +12,24 @@ Array = NDArray[np.float64]
 
 
 def off_axis(angle: Array, kind: Directivity, *, wavenumber: float, radius: float = 4.5e-3) -> Array:
-    """Amplitude relative to the axis.
+    """Amplitude relative to the axis, 1 on the axis.
 
     Parameters
     ----------
     angle : ndarray, any shape
         Angle between the transducer's normal and the point, in rad, 0 to pi.
     kind : {"point", "piston", "t4010a1"}
-        "point": 1 everywhere. "piston": 2 J1(x) / x, x = k a sin(theta), a circular piston in a baffle.
-        "t4010a1": the measured table of AUTD3's transducer.
+        "point": 1 everywhere. "piston": 2 J1(x) / x, x = k a sin(theta), a circular piston in a baffle. "t4010a1":
+        the measured table of AUTD3's transducer.
     wavenumber : float
-        k, in rad/m; only the piston needs it.
+        k in rad/m, used by the piston.
     radius : float
         a of the piston, in m.
-
-    Returns
-    -------
-    ndarray, same shape
-        1 on the axis.
 
     Raises
     ------
     InputError
-        If `kind` is none of the three.
+        If `kind` is unknown.
     """
     angle = np.asarray(angle, float)
     if kind == "point":
@@ -56,8 +51,8 @@ def _piston(x: Array) -> Array:
 
 
 def _t4010a1(degrees: Array) -> Array:
-    """Cubic pieces of 10 degrees, 0 to 90; the table of the AUTD3 SDK. A rear angle counts as its mirror image."""
-    # Each row: the coefficients of one piece, from the constant to the cubic one.
+    """The table of the AUTD3 SDK: cubic pieces of 10 degrees, 0 to 90. Angles above 90 are mirrored."""
+    # Each row: coefficients of one piece, constant term first.
     table = np.array(
         [
             (1, 0, 0, 0),

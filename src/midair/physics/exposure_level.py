@@ -1,6 +1,6 @@
-"""What sound reaches ears and hands: level of every frame, dose, and how far from linear the sound is.
+"""Sound exposure of ears and hands: level of every frame, dose, and nonlinearity.
 
-Levels are in dB re 20 µPa rms, from the linear field of each frame as if it lasted for ever.
+Levels are in dB re 20 µPa rms, from the steady-state linear field of each frame.
 """
 
 import os
@@ -25,51 +25,38 @@ Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 BLOCK = 256
-"""Frames that are worked out at once."""
+"""Frames that are computed at once."""
 
 _SHARE = 16
-"""Blocks that one thread goes through before it says so."""
+"""Blocks per thread between two progress reports."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Exposure:
-    """What a drive exposes people to.
-
-    Attributes
-    ----------
-    profile : ExposureProfile
-        The profile whose places and limits these are.
-    level : ndarray, shape (frame, place)
-        Highest sound pressure level in the cube of each place, in dB.
-    airs : tuple of Acoustics
-        The airs in which it was measured.
-    air : ndarray of int, shape (frame, place)
-        Number of the air that is loudest.
-    rate : float
-        Frames per second, in Hz.
-    repeats : int
-        How often all frames are played.
-    nonlinearity : float
-        sigma of the strongest frame up to the palm; above 1 the linear field is too strong.
-    pressure : float
-        Highest radiation pressure of up to 256 frames on a palm at the nearest place, at points 5 mm apart, in Pa.
-    """
+    """Sound levels of a drive at the places of a profile."""
 
     profile: ExposureProfile
     level: Array
+    """Highest sound pressure level in the cube of each place in dB, shape (frame, place)."""
     airs: tuple[Acoustics, ...]
+    """The airs (temperature, humidity) for which the levels were computed."""
     air: NDArray[np.integer]
+    """Index of the air with the highest level, shape (frame, place)."""
     rate: float
+    """Frames per second, in Hz."""
     repeats: int
+    """Number of times that all frames are played."""
     nonlinearity: float
+    """sigma of the strongest frame up to the palm; above 1 the linear field overestimates."""
     pressure: float
+    """Highest radiation pressure of up to 256 frames on the palm, at points 5 mm apart, in Pa."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "level", frozen_array(self.level, "level", ("frame", len(self.profile.places))))
 
     @property
     def duration(self) -> float:
-        """Time that all repeats take together, in s."""
+        """Total time of all repeats, in s."""
         return len(self.level) * self.repeats / self.rate
 
     @property
@@ -79,7 +66,7 @@ class Exposure:
 
     @property
     def mean(self) -> Array:
-        """Level of the mean energy, shape (place,), in dB."""
+        """Energy-averaged level, shape (place,), in dB."""
         return np.asarray(10 * np.log10(np.mean(10 ** (self.level / 10), axis=0)), np.float64)
 
     @property
@@ -89,12 +76,12 @@ class Exposure:
 
     @property
     def daily(self) -> Array:
-        """The level that has the same dose when it lasts for eight hours, shape (place,), in dB."""
+        """Equivalent level over eight hours with the same dose, shape (place,), in dB."""
         return np.asarray(self.mean + 10 * np.log10(self.duration / 28800), np.float64)
 
     @property
     def excess(self) -> float:
-        """How far the loudest frame is above an enforced limit, in dB; negative when all limits are kept."""
+        """Level of the loudest frame above an enforced limit, in dB; negative when all limits are kept."""
         return max(
             (
                 float(peak) - place.limit
@@ -106,12 +93,12 @@ class Exposure:
 
     @property
     def worst(self) -> tuple[Place, int]:
-        """The enforced place that is furthest above its limit, or nearest to it, and its loudest frame.
+        """The enforced place with the highest level relative to its limit, and its loudest frame.
 
         Raises
         ------
         InputError
-            If the profile enforces nothing.
+            If the profile has no enforced limit.
         """
         margins = [
             (float(self.peak[number]) - place.limit, number)
@@ -131,7 +118,7 @@ class Exposure:
 
     @property
     def measured_in(self) -> str:
-        """One line: the airs in which it was measured, and the one that was loudest."""
+        """One line: the airs of the computation, and the one with the highest level."""
         slow, fast = self.airs[0].medium, self.airs[-1].medium
         if len(self.airs) == 1:
             return str(slow)
@@ -139,16 +126,16 @@ class Exposure:
 
     @property
     def resolution(self) -> str:
-        """One line: how far the truth may be from these levels."""
+        """One line: accuracy of the levels."""
         bounded = [place.name for place in self.profile.places if place.enforced and place.reach > 0]
         rough = [place.name for place in self.profile.places if not place.enforced and place.reach > 0]
-        around = "all around; no search for a gap found 0.5 dB above this"
-        said = [f"{', '.join(bounded)}: {around}"] if bounded else []
-        said += [f"{', '.join(rough)}: at 27 points, between which a focus falls"] if rough else []
-        return "; ".join(said)
+        around = "bound for the whole volume; no search for a gap found 0.5 dB above this"
+        lines = [f"{', '.join(bounded)}: {around}"] if bounded else []
+        lines += [f"{', '.join(rough)}: maximum of 27 points; a focus between them is missed"] if rough else []
+        return "; ".join(lines)
 
     def verdict(self) -> str:
-        """One line: whether the profile is kept, and where it is closest to its limit."""
+        """One line: whether the profile is kept, and the worst place."""
         place, frame = self.worst
         number = self.profile.places.index(place)
         where = " ".join(f"{1e3 * each:.0f}" for each in place.position)
@@ -170,39 +157,30 @@ def exposure(
     acoustics: Acoustics | tuple[Acoustics, ...] | None = None,
     steps: int | None = None,
 ) -> Exposure:
-    """What a drive exposes people to at the places of a profile.
+    """Compute the sound levels of a drive at the places of a profile, for every frame.
 
     Parameters
     ----------
-    drive : Drive
-        The drive that is to be played.
-    profile : ExposureProfile
-        Places and limits.
     repeats : int
-        How often it is played.
+        Number of times that the drive is played.
     acoustics : Acoustics or tuple of Acoustics, optional
-        As in `propagate`; of several airs the highest counts, frame by frame.
+        If None, that of the drive; for several airs the highest level of each frame counts.
     steps : int, optional
-        Of a turn, to which units round phases; they are not rounded if None.
-
-    Returns
-    -------
-    Exposure
-        Of every frame at every place.
+        Number of phase steps per turn to which units round; no rounding if None.
     """
     airs = acoustics if isinstance(acoustics, tuple) else (acoustics or drive.acoustics,)
-    # Of a long drive this is all that grows with its length.
+    # Only these two arrays grow with the length of the drive.
     level = np.empty((drive.frames, len(profile.places)))
     loudest = np.empty(level.shape, np.int8)
     searches = searches_of(profile.places, drive.array, airs)
-    # NumPy lets go of the interpreter, so that threads use all cores; BLAS threads beside them would only wait.
+    # NumPy releases the interpreter lock, so these threads use all cores; additional BLAS threads would only wait.
     cores = os.cpu_count() or 1
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(cores) as threads:
         parts = np.arange(0, drive.frames, BLOCK)
-        # Each share has arrays of its own; more shares than cores, so that whoever watches sees how far it is.
+        # Each share has its own arrays; more shares than cores, so that progress is reported often enough.
         shares = np.array_split(parts, max(cores, len(parts) // _SHARE))
         list(passing(threads.map(partial(_fill, (level, loudest), drive, searches, steps), shares), len(shares)))
-    # The palm only advises: the first, the middle and the last air do.
+    # The palm's limit is not enforced: the first, the middle and the last air suffice.
     few = airs[:: max(1, len(airs) // 2)]
     return Exposure(
         profile=profile,
@@ -219,27 +197,11 @@ def exposure(
 def greatest_exposure(
     array: TransducerArray, level: float, profile: ExposureProfile, *, rate: float, airs: tuple[Acoustics, ...]
 ) -> Exposure:
-    """The most that any phases at a level can expose people to: all transducers in step, each where it is loudest.
+    """Upper bound of the exposure for any phases at a level: the sum of all transducers, each where it is loudest.
 
-    Parameters
-    ----------
-    array : TransducerArray
-        What radiates.
-    level : float
-        Level of every transducer, 0 to 1.
-    profile : ExposureProfile
-        Places and limits.
-    rate : float
-        Frames per second, in Hz.
-    airs : tuple of Acoustics
-        As in `propagate`; the loudest counts.
-
-    Returns
-    -------
-    Exposure
-        Of one frame.
+    Returns an `Exposure` of one frame; `level` is 0 to 1.
     """
-    # Phases matter to none of it, so that the airs between the first and the last do not either.
+    # The bound does not depend on phases, so airs between the first and the last add nothing.
     ceilings = np.array([[ceiling(place, array, (air,)).sum() for place in profile.places] for air in airs])
     loudest = sound_level(level * ceilings.max(axis=0, keepdims=True))
     palm = np.array(profile.nearest[1].position)
@@ -258,33 +220,23 @@ def greatest_exposure(
 
 
 def sound_level(peak: Array) -> Array:
-    """Sound pressure level of an amplitude, in dB re 20 µPa rms: 20 lg(p / sqrt(2) / 20 µPa), not below -40 dB."""
-    # The floor stands in for silence, which has no level.
+    """Sound pressure level of a peak amplitude, in dB re 20 µPa rms: 20 lg(p / sqrt(2) / 20 µPa), at least -40 dB."""
+    # The lower limit represents silence, whose level is minus infinity.
     return np.asarray(20 * np.log10(np.maximum(peak / np.sqrt(2) / 20e-6, 1e-2)), np.float64)
 
 
 def nonlinearity_index(pressure: Array, path: Array, medium: Medium, frequency: float) -> float:
-    """How far a beam is distorted: sigma = 1.2 omega / (rho c^3) integral |p| ds; a shock forms at 1 in a plane wave.
+    """Distortion of a beam: sigma = 1.2 omega / (rho c^3) integral |p| ds; in a plane wave a shock forms at 1.
 
-    1.2 is the coefficient of nonlinearity of air (Hamilton & Blackstock, Nonlinear Acoustics, chapter 4).
-
-    Parameters
-    ----------
-    pressure : ndarray, shape (point,)
-        Amplitude along the beam, in Pa.
-    path : ndarray, shape (point,)
-        Distance along the beam, in m.
-    medium : Medium
-        Density and speed of sound.
-    frequency : float
-        In Hz.
+    1.2 is the coefficient of nonlinearity of air (Hamilton & Blackstock, Nonlinear Acoustics, chapter 4). `pressure` is
+    the amplitude along the beam in Pa, `path` the distance in m, `frequency` in Hz.
     """
     integral = float(np.trapezoid(np.abs(pressure), path))
     return 1.2 * 2 * np.pi * frequency / (medium.density * medium.speed**3) * integral
 
 
 def _nonlinearity(drive: Drive, profile: ExposureProfile, acoustics: Acoustics, level: Array) -> float:
-    """Index of the frame that is strongest at the nearest place, the palm, along the line that leads there."""
+    """Index of the frame that is strongest at the palm, along the line to it."""
     number, palm = profile.nearest
     strongest = int(level[:, number].argmax())
     path, matrix = _beam(palm.position, drive.array, acoustics)
@@ -297,26 +249,26 @@ def _beam(
     end: tuple[float, float, float], array: TransducerArray, acoustics: Acoustics
 ) -> tuple[Array, NDArray[np.complex128]]:
     """Distances along the line from the centre of the array to a place, and the transfer matrix there."""
-    # Not from 0: a point on a transducer has no finite field.
+    # Not from 0: the field at a transducer is infinite.
     share = np.linspace(0.02, 1, 200)
     matrix = transfer_matrix(share[:, None] * np.array(end), array, acoustics=acoustics)
     return share * float(np.linalg.norm(end)), matrix
 
 
 def _pressure(drive: Drive, profile: ExposureProfile, acoustics: Acoustics) -> float:
-    """Highest radiation pressure on the nearest place's level, at points 5 mm apart over 6 cm, in Pa."""
+    """Highest radiation pressure in the plane of the nearest place, at points 5 mm apart over 6 cm, in Pa."""
     some = np.unique(np.linspace(0, drive.frames - 1, 256).astype(int))
     space = Workspace()
     parts, strength = drive_parts(drive, some, space)
     loudest = _palm(profile.nearest[1].position, drive.array, acoustics).loudest(parts, space)[0, :, 0]
-    # A strength of their own is in the parts of transducers already.
+    # Individual levels of transducers are already included in `parts`.
     loudest = loudest * strength[:, 0] if strength.shape[1] == 1 else loudest
     return float(radiation_pressure(loudest.max(initial=0.0), acoustics.medium))
 
 
 @lru_cache(maxsize=16)
 def _palm(middle: tuple[float, float, float], array: TransducerArray, acoustics: Acoustics) -> Searches:
-    """The search of a square on the level of a place."""
+    """The search of a square in the plane of a place."""
     steps = np.arange(-30e-3, 31e-3, 5e-3)
     x, y = np.meshgrid(steps, steps)
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) + np.array(middle)
@@ -326,18 +278,18 @@ def _palm(middle: tuple[float, float, float], array: TransducerArray, acoustics:
 def _fill(
     told: tuple[Array, NDArray[np.int8]], drive: Drive, searches: Searches, steps: int | None, blocks: NDArray[np.intp]
 ) -> None:
-    """Fill in the level of the frames of some blocks at each place, in dB, and which air is loudest."""
+    """Compute the level in dB of the frames of some blocks at each place, and the index of the loudest air."""
     level, loudest = told
     space = Workspace()
     alone = np.stack([each.ceiling for each in searches.each], axis=1)
     left_out = np.array([each.left_out for each in searches.each])
-    # Small parts stay in the cache, and a whole drive at all points would not fit into memory.
+    # Small blocks stay in the cache; a whole drive at all points would not fit into memory.
     for first in blocks:
         frames = slice(first, first + BLOCK)
         parts, strength = drive_parts(drive, frames, space, searches.order, steps=steps)
         most = strength * alone.sum(axis=0) if strength.shape[1] == 1 else strength @ alone
         found = searches.loudest(parts, space)
-        # A strength that all transducers share is put on at the end, where there is one number a frame.
+        # A common level of all transducers is applied at the end, where there is one number per frame.
         found = (
             strength * (found + left_out)
             if strength.shape[1] == 1

@@ -1,4 +1,4 @@
-"""Where ears and hands are, and what may reach them: the places of an exposure profile."""
+"""Exposure profiles: places of ears and hands, and the sound level limit at each."""
 
 from dataclasses import dataclass
 
@@ -10,30 +10,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """Where somebody's ear or hand is, and what may reach it.
-
-    Attributes
-    ----------
-    name : str
-        Such as "left ear".
-    position : tuple of float
-        x, y, z from the centre of the array, in m.
-    reach : float
-        Half the edge of the cube around it that is searched, in m.
-    limit : float
-        Sound pressure level that no frame may exceed, in dB.
-    enforced : bool
-        Whether more than the limit is refused, or only told.
-    source : str
-        Where the limit is from, if not from the profile's source.
-    """
+    """Place of an ear or a hand, and its limit."""
 
     name: str
+    """Such as "left ear"."""
     position: tuple[float, float, float]
+    """x, y, z from the centre of the array, in m."""
     reach: float
+    """Half the edge of the cube around it that is searched, in m."""
     limit: float
+    """Maximum sound pressure level of any frame, in dB."""
     enforced: bool = True
+    """True if playing above the limit is refused; False if the level is only reported."""
     source: str = ""
+    """Source of the limit, if it differs from the profile's source."""
 
     @property
     def points(self) -> Array:
@@ -45,26 +35,20 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExposureProfile:
-    """A named set of limits.
-
-    Attributes
-    ----------
-    name, title : str
-        What to call it, and for whom it is.
-    source, evidence : str
-        Where its limits are from, and how good the evidence is.
-    places : tuple of Place
-        The places; at least one.
-    """
+    """A named set of limits."""
 
     name: str
     title: str
+    """For whom the limits are."""
     source: str
+    """Source of the limits."""
     evidence: str
+    """Quality of the evidence."""
     places: tuple[Place, ...]
+    """At least one."""
 
     @property
     def nearest(self) -> tuple[int, Place]:
-        """The place that is nearest to the array, the palm, and its number."""
+        """Index and place nearest to the array, which is the palm."""
         number = int(np.argmin([np.linalg.norm(place.position) for place in self.places]))
         return number, self.places[number]

@@ -1,4 +1,4 @@
-"""How far a sound field is from its target (paper, 5.1): E, worked out here and nowhere else."""
+"""Relative error of a sound field, E (paper, 5.1)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,10 @@ Field = NDArray[np.complex128] | NDArray[np.float64]
 
 
 def relative_error(field: Field, amplitude: Array) -> Array:
-    """The paper's error of each frame: ``E = || |G q| - p || / || p ||``.
+    """The paper's error of each frame, shape (frame,): ``E = || |G q| - p || / || p ||``.
 
     At the best phases u of the target, ``|| G q - diag(p) u || = || |G q| - p ||``, so this is the residual of eq. (5)
-    over the target's norm.
+    over the target's norm. 0 where target and field are both silent; infinite where only the target is.
 
     Parameters
     ----------
@@ -21,11 +21,6 @@ def relative_error(field: Field, amplitude: Array) -> Array:
         G q, complex or its magnitude, peak, in Pa.
     amplitude : ndarray, shape (frame, point)
         Target p, peak, in Pa.
-
-    Returns
-    -------
-    ndarray, shape (frame,)
-        0 for a frame whose target and field are both silent; infinite where only the target is.
     """
     if np.shape(field) != np.shape(amplitude):
         raise ShapeError(f"field: expected the target's shape {np.shape(amplitude)}, got {np.shape(field)}")
@@ -38,7 +33,7 @@ def relative_error(field: Field, amplitude: Array) -> Array:
 def printed_error(field: Field, amplitude: Array) -> Array:
     """The error as the paper prints it, (1/M) sqrt(||G q - p||^2 / ||p||^2), with M the number of points.
 
-    The factor 1/M must be a slip: with M = 256 an error of 10 % would read .04 %, and the paper reports 5 to 15 %.
-    Use `relative_error`; this is here so that both can be quoted.
+    The factor 1/M must be a misprint: with M = 256 an error of 10 % would be .04 %, and the paper reports 5 to 15 %.
+    Use `relative_error`; this function exists so that both can be quoted.
     """
     return relative_error(field, amplitude) / np.shape(amplitude)[-1]

@@ -1,4 +1,4 @@
-"""Radiation pressure moment by moment while an array plays frames: p = G q at every moment, and its square."""
+"""Radiation pressure at every moment while an array plays frames: the square of p = G q."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,43 +28,43 @@ def simulate(
     weights: Array | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Array:
-    """Radiation pressure at points, or on cells, at every moment while an array plays a drive.
+    """Radiation pressure in Pa at points, or on cells, at every moment while an array plays a drive.
 
     Parameters
     ----------
     drive : Drive
-        What the array is told; it is silent before.
+        The array is silent before it.
     G : ndarray of complex, shape (point, transducer)
-        Transfer matrix from `transfer_matrix`, in Pa.
+        From `transfer_matrix`, in Pa.
     chain : PlaybackChain, optional
-        What is simulated; 8-bit phases that step, and transducers that follow at once, if None.
+        Simulated effects; if None, 8-bit phases that are held, and ideal transducers.
     rate : float
         Moments per second, in Hz: a whole multiple of the drive's rate.
     acoustics : Acoustics, optional
-        Its medium tells the radiation pressure; the one that the drive was solved for if None.
+        Its medium determines the radiation pressure; if None, that of the drive.
     weights : ndarray, shape (cell, point), optional
         Cells that average over the points, from `cell_weights`.
     progress : callable, optional
-        Called with (frames done, frames in all).
+        Called with (frames done, frames in total).
 
     Returns
     -------
     ndarray, shape (frame * rate / drive.rate, point) or (..., cell)
-        In Pa. Step i is at the end of the i-th stretch of 1 / rate; with an ideal hold at its beginning.
+        Step i is at the end of the i-th interval of 1 / rate; with an ideal hold at its beginning.
 
     Raises
     ------
     RateError
         If the rate is not a whole multiple of the drive's.
     ShapeError
-        If G, the weights or the chain's transducers are for another number of transducers or points.
+        If G, the weights or the chain's transducers do not match the drive's array or the points.
     """
     chain, acoustics = chain or PlaybackChain(), acoustics or drive.acoustics
     steps = steps_a_frame(drive.rate, rate)
     _check(drive, G, chain, weights)
     spread = Spread.of(G, acoustics.medium, weights, chain.precision)
     if chain.hold == "ideal":
-        # A band-limited curve between pressures can dip below 0, and sound cannot pull.
+        # Band-limited interpolation can give negative values, which radiation pressure cannot have.
         return np.maximum(resample(_still(drive, chain, spread), drive.rate, rate), 0.0)
     out = np.empty((drive.frames * steps, spread.width))
     done = 0
@@ -79,11 +79,11 @@ def simulate(
 def playback_response(
     frequency: Array, rate: float, *, dynamics: TransducerDynamics | None = None, ramp: float = 0.0
 ) -> Complex:
-    """What playing frames does to a small change of pressure: hold, ramps and envelope, with their delays.
+    """Transfer function of playback for a small change of pressure: hold, ramps and envelope, with their delays.
 
-    sinc(f / R) sinc(f T) exp(-j pi f (1 / R + T)) H(f), H = (h(f) + h*(-f)) / 2 with h = p / (p - 2 pi j f) and
-    p = -1 / tau + j dw. Without detuning H is 1 / (1 + 2 pi j f tau). It acts on the amplitude of the sound where its
-    phase stays as it is; and on pressure, which goes with the square, for changes that are small against it.
+    sinc(f / R) sinc(f T) exp(-j pi f (1 / R + T)) H(f), H = (h(f) + h*(-f)) / 2 with h = p / (p - 2 pi j f) and p = -1
+    / tau + j dw. Without detuning H is 1 / (1 + 2 pi j f tau). It applies to the amplitude of sound of constant phase;
+    and to pressure, which is quadratic in amplitude, for small relative changes.
 
     Parameters
     ----------
@@ -92,13 +92,9 @@ def playback_response(
     rate : float
         R, frames per second, in Hz.
     dynamics : TransducerDynamics, optional
-        Dynamics of the transducers; the usual ones if None.
+        Dynamics of the transducers; the default ones if None.
     ramp : float
-        T, over how long a silencer spreads each step, in s.
-
-    Returns
-    -------
-    ndarray of complex, same shape
+        T, time over which a silencer spreads each step, in s.
     """
     dynamics, f = dynamics or TransducerDynamics(), np.asarray(frequency, float)
     pole = complex(-1 / dynamics.time_constant, dynamics.detuning)
@@ -108,29 +104,23 @@ def playback_response(
 
 
 def steps_a_frame(drive_rate: float, rate: float) -> int:
-    """How many moments at `rate` one frame has.
-
-    Raises
-    ------
-    RateError
-        If not a whole number from 1 on.
-    """
+    """Number of moments at `rate` per frame. Raises RateError if it is not a whole number, 1 or more."""
     steps = rate / drive_rate
     if steps < 1 or abs(steps - round(steps)) > 1e-6:
         raise RateError(
-            f"drive: expected a rate that {rate:g} Hz is a whole multiple of, got {drive_rate:g} Hz; "
+            f"drive: expected a frame rate of {rate:g} Hz over a whole number, got {drive_rate:g} Hz; "
             "solve it at 1000 Hz"
         )
     return round(steps)
 
 
 def check_frame_rate(rate: float, frequency: float = 40e3) -> int:
-    """How many periods of the ultrasound one frame lasts: an array changes its frames on whole ones.
+    """Periods of the ultrasound per frame: an array can change frames only after whole periods.
 
     Raises
     ------
     RateError
-        If `rate` is not `frequency` over a whole number; the message names rates that are.
+        If `rate` is not `frequency` over a whole number; the message names the nearest valid rates.
     """
     periods = frequency / rate
     if periods >= 1 and abs(periods - round(periods)) <= 1e-6 * periods:
@@ -144,28 +134,20 @@ def check_frame_rate(rate: float, frequency: float = 40e3) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Spread:
-    """The way from what transducers radiate to pressure at points, or on cells.
-
-    Attributes
-    ----------
-    G : ndarray of complex, shape (transducer, point)
-        In the precision of the field.
-    factor : float
-        Radiation pressure of 1 Pa of sound, in Pa.
-    weights : ndarray or None, shape (point, cell)
-        Weights of the cells.
-    """
+    """Linear map from drives to the radiation pressure at points, or on cells."""
 
     G: Waves
+    """Transposed transfer matrix, shape (transducer, point), in the precision of the field."""
     factor: float
+    """Radiation pressure of 1 Pa of sound, in Pa."""
     weights: NDArray[Any] | None
+    """Weights of the cells, shape (point, cell)."""
 
     @classmethod
     def of(cls, G: Complex, medium: Medium, weights: Array | None, precision: Precision) -> "Spread":
-        """Make it for a transfer matrix of (point, transducer), and weights of (cell, point) if there are cells."""
+        """Make it from a transfer matrix (point, transducer), and weights (cell, point) if there are cells."""
         real, exact = (np.float32, np.complex64) if precision == "single" else (np.float64, np.complex128)
         return cls(
-            # Laid out for the product that each moment of the drive needs.
             G=np.ascontiguousarray(G.T, exact),
             factor=float(radiation_pressure(np.ones(1), medium)[0]),
             weights=None if weights is None else np.ascontiguousarray(weights.T, real),
@@ -173,7 +155,7 @@ class Spread:
 
     @property
     def width(self) -> int:
-        """Number of points, or of cells where there are weights."""
+        """Number of points, or of cells if there are weights."""
         return self.G.shape[1] if self.weights is None else self.weights.shape[1]
 
     def pressure(self, q: Waves) -> Array:
@@ -184,7 +166,7 @@ class Spread:
 
 
 def _still(drive: Drive, chain: PlaybackChain, spread: Spread) -> Array:
-    """Pressure of each frame as if it lasted for ever, shape (frame, point or cell)."""
+    """Steady-state pressure of each frame, shape (frame, point or cell)."""
     return np.concatenate([spread.pressure(q) for q, _ in radiate(drive, chain, 1)])
 
 

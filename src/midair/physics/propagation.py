@@ -17,23 +17,17 @@ def wavenumber(array: TransducerArray, medium: Medium) -> float:
 
 
 def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoustics | None = None) -> Complex:
-    """Sound pressure at each point for each transducer at full drive and phase 0, paper eq. (3).
+    """Sound pressure (peak, Pa) at each point for each transducer at full drive and phase 0, paper eq. (3).
 
-    G_mn = C D(theta_mn) exp(-beta r_mn) exp(j k r_mn) / r_mn, with C the pressure of one transducer at 1 m.
+    G_mn = C D(theta_mn) exp(-beta r_mn) exp(j k r_mn) / r_mn, with C the pressure of one transducer at 1 m. Complex,
+    shape (point, transducer).
 
     Parameters
     ----------
     points : ControlGrid or ndarray, shape (point, 3)
-        Where, in m.
-    array : TransducerArray
-        What radiates.
+        Positions in m.
     acoustics : Acoustics, optional
         Speed and attenuation of the air, and D; the paper's if None.
-
-    Returns
-    -------
-    ndarray of complex, shape (point, transducer)
-        Peak, in Pa.
 
     Raises
     ------
@@ -43,7 +37,7 @@ def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoust
     acoustics = acoustics or Acoustics()
     places = _places(points)
     matrix = np.empty((len(places), array.count), np.complex128)
-    # Slices that a cache holds: everything on the way is ten times as large as the matrix, and no bit depends on it.
+    # Slices that fit into the cache, since intermediate arrays are ten times as large; the result does not change.
     step = max(_AT_ONCE // array.count, 1)
     for first in range(0, len(places), step):
         matrix[first : first + step] = _rows(places[first : first + step], array, acoustics)
@@ -51,7 +45,7 @@ def transfer_matrix(points: Points, array: TransducerArray, *, acoustics: Acoust
 
 
 _AT_ONCE = 2**16
-"""Elements of a transfer matrix that are worked out at once."""
+"""Elements of a transfer matrix that are computed at once."""
 
 
 def _rows(places: NDArray[np.float64], array: TransducerArray, acoustics: Acoustics) -> Complex:
@@ -61,28 +55,22 @@ def _rows(places: NDArray[np.float64], array: TransducerArray, acoustics: Acoust
     if distance.min() <= 0:
         raise InputError("points: expected none on a transducer, got distance 0; move the grid away from the array")
     k = wavenumber(array, acoustics.medium)
-    # Straight ahead, rounding can bring the cosine above 1, where there is no angle.
+    # On the axis, rounding can give a cosine above 1.
     cosine = np.clip(np.einsum("mnx,nx->mn", away, array.normal) / distance, -1, 1)
     radiated = array.pressure * off_axis(np.arccos(cosine), acoustics.directivity, wavenumber=k)
     return radiated * np.exp((1j * k - acoustics.medium.attenuation) * distance) / distance
 
 
 def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = None) -> Complex:
-    """The field of each frame of a drive, as if every frame lasted for ever: p = G q, paper eq. (1).
+    """The steady-state field of each frame of a drive, p = G q, paper eq. (1): complex peak pressure in Pa, (frame,
+    point).
 
     Parameters
     ----------
-    drive : Drive
-        What the array is told.
     points : ControlGrid or ndarray, shape (point, 3)
-        Where, in m.
+        Positions in m.
     acoustics : Acoustics, optional
-        Through which the sound goes; the one that the drive was solved for if None.
-
-    Returns
-    -------
-    ndarray of complex, shape (frame, point)
-        Peak, in Pa.
+        If None, those that the drive was solved for.
     """
     return drive.q @ transfer_matrix(points, drive.array, acoustics=acoustics or drive.acoustics).T
 
@@ -90,9 +78,9 @@ def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = Non
 def focus_phase(
     array: TransducerArray, point: NDArray[np.float64], *, acoustics: Acoustics | None = None
 ) -> NDArray[np.float64]:
-    """Phases with which all transducers meet in step at one point, shape (transducer,), in rad.
+    """Phases that focus all transducers on one point, shape (transducer,), in rad.
 
-    theta_n = -k r_n, less what a transducer that was measured is ahead.
+    theta_n = -k r_n, minus the measured phase of the transducer's response.
     """
     distance = np.linalg.norm(np.asarray(point, float) - array.position, axis=1)
     late = wavenumber(array, (acoustics or Acoustics()).medium) * distance + np.angle(array.response)
@@ -100,18 +88,18 @@ def focus_phase(
 
 
 def focus_amplitude(points: Points, array: TransducerArray, *, acoustics: Acoustics | None = None) -> float:
-    """Peak sound pressure of the strongest single focus that the whole array at full drive can make, in Pa.
+    """Peak sound pressure of the strongest single focus of the whole array at full drive, in Pa.
 
-    The largest row sum of ``|G|`` over the points. `strength` is a target's peak over this.
+    The largest row sum of ``|G|`` over the points. `strength` is the peak of a target over this.
     """
     matrix = transfer_matrix(points, array, acoustics=acoustics)
     return float(np.abs(matrix).sum(axis=1).max())
 
 
 def quantise_phase(phase: NDArray[np.float64], *, bits: int = 8) -> NDArray[np.float64]:
-    """Phases as the firmware holds them: rounded to 2 pi / 2^bits, within 0 to 2 pi, same shape, in rad."""
+    """Phases rounded to 2 pi / 2^bits, 0 to 2 pi, as firmware stores them, same shape, in rad."""
     steps = 2**bits
-    # Rounded first: the last half step rounds up to a whole turn, which is step 0.
+    # Round before the modulo: the last half step rounds up to a whole turn, which is step 0.
     return np.mod(np.rint(phase / (2 * np.pi) * steps), steps) * (2 * np.pi / steps)
 
 

@@ -1,4 +1,4 @@
-"""Sound amplitude that exerts a given radiation pressure, and back (paper, 2.1 and 4.1)."""
+"""Convert between sound amplitude and radiation pressure (paper, 2.1 and 4.1)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,21 +10,16 @@ Array = NDArray[np.float64]
 
 
 def sound_amplitude(pressure: Array, medium: Medium) -> Array:
-    """Peak amplitude of a plane wave whose radiation pressure on a surface is `pressure`.
+    """Peak amplitude in Pa of a plane wave whose radiation pressure on a surface is `pressure`.
 
-    p_amp = c sqrt(2 rho P / alpha), section 4.1.
+    p_amp = c sqrt(2 rho P / alpha), section 4.1; 100 Pa of radiation pressure need 3801 Pa of sound.
 
     Parameters
     ----------
     pressure : ndarray, any shape
-        Radiation pressure, in Pa. Radiation pressure only pushes: rectify first.
+        Radiation pressure in Pa, never negative.
     medium : Medium
         Density rho (kg/m3), speed c (m/s), alpha = 1 + R with R the power reflection coefficient.
-
-    Returns
-    -------
-    ndarray, same shape
-        Peak sound pressure, in Pa. 100 Pa of radiation pressure need 3801 Pa of sound.
 
     Raises
     ------
@@ -40,20 +35,8 @@ def sound_amplitude(pressure: Array, medium: Medium) -> Array:
 
 
 def radiation_pressure(amplitude: NDArray[np.float64] | NDArray[np.complex128], medium: Medium) -> Array:
-    """Radiation pressure of a plane wave of peak `amplitude` on a surface.
+    """Radiation pressure in Pa of a plane wave of peak `amplitude` (Pa, complex or magnitude) on a surface.
 
     P = alpha p0^2 / (rho c^2) with p0 = amplitude / sqrt(2) the rms sound pressure, section 2.1.
-
-    Parameters
-    ----------
-    amplitude : ndarray, any shape
-        Peak sound pressure, in Pa; complex amplitudes count by their magnitude.
-    medium : Medium
-        As in `sound_amplitude`.
-
-    Returns
-    -------
-    ndarray, same shape
-        In Pa.
     """
     return medium.alpha * np.abs(amplitude) ** 2 / (2 * medium.density * medium.speed**2)

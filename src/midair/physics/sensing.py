@@ -1,15 +1,15 @@
-"""How the tactile sensor answers to pressure: gel, cavity, microphone, converter (paper, section 3).
+"""Response of the tactile sensor to pressure: gel, cavity, microphone, converter (paper, section 3).
 
-Pressure on the gel sheet spreads sideways, squeezes the air of a cavity, and a microphone hears the change. One channel
-is the chain
+Pressure on the gel sheet spreads sideways and compresses the air of a cavity, whose pressure a microphone measures. One
+channel is the chain
 
     H(f) = s g * 1 / (1 + j 2 pi f tau) * (j f / f_h) / (1 + j f / f_h) * 1 / (1 - (f / f_r)^2 + j f / (Q f_r))
 
-with s the sensitivity, g the channel's own gain, tau the relaxation of the gel (a Kelvin-Voigt layer), f_h the corner
-below which the microphone and the leak of its cavity hear nothing, and f_r and Q the resonance of the cavity (a
-Helmholtz resonator; Kinsler et al., Fundamentals of Acoustics, 10.8). Cells may feel each other's pressure (crosstalk),
-channels may lag, an amplifier may saturate. Then come noise, the converter's limits and its steps. The paper gives no
-figures for these; the defaults are plausible, not measured.
+with s the sensitivity, g the channel's own gain, tau the relaxation of the gel (a Kelvin-Voigt layer), f_h the lower
+corner frequency of the microphone and the leak of its cavity, and f_r and Q the resonance of the cavity (a Helmholtz
+resonator; Kinsler et al., Fundamentals of Acoustics, 10.8). Optional: crosstalk between cells, delays of channels,
+saturation of the amplifier. Then follow noise, clipping and quantisation. The paper gives no figures for these; the
+defaults are plausible, not measured.
 """
 
 from dataclasses import dataclass, field, replace
@@ -27,60 +27,39 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SensorModel:
-    """One tactile sensor.
-
-    Attributes
-    ----------
-    grid : SensorGrid
-        The cells.
-    spread : float
-        Standard deviation of the Gaussian with which the gel spreads a pressure point, in m.
-    aperture : float
-        Side of the square over which one cell averages, in m.
-    relaxation : float
-        tau of the gel, in s; 0 for none.
-    sensitivity : float
-        s, in V/Pa.
-    high_pass : float
-        f_h, in Hz.
-    resonance : float
-        f_r, in Hz.
-    quality : float
-        Q.
-    gain : ndarray, shape (row, column)
-        g of each channel; empty for 1 everywhere.
-    corner : ndarray, shape (row, column)
-        Factor on f_h of each channel; empty for 1 everywhere.
-    noise : float
-        One-sided density of the white noise at the output, in V/sqrt(Hz).
-    full_scale : float
-        Largest voltage that the converter takes, either sign, in V.
-    bits : int
-        Number of bits of the converter.
-    delay : ndarray, shape (row, column)
-        Delay of each channel, as of a converter that takes one after the other, in s, 0 or more; empty for none.
-    crosstalk : ndarray, shape (channel, channel)
-        Pressure that cell i feels over the pressure on cell k; empty for cells that feel only their own.
-    saturation : float
-        Voltage that the microphone's amplifier approaches but never reaches, v_s tanh(v / v_s), in V.
-    """
+    """One tactile sensor."""
 
     grid: SensorGrid = field(default_factory=SensorGrid)
     spread: float = 1e-3
+    """Standard deviation of the Gaussian with which the gel spreads a point of pressure, in m."""
     aperture: float = 8e-3
+    """Side of the square over which one cell averages, in m."""
     relaxation: float = 0.2e-3
+    """tau of the gel in s; 0 for none."""
     sensitivity: float = 20e-3
+    """s in V/Pa."""
     high_pass: float = 20.0
+    """f_h in Hz."""
     resonance: float = 1500.0
+    """f_r in Hz."""
     quality: float = 1.5
+    """Q."""
     gain: Array = field(default_factory=lambda: np.ones(0))
+    """g of each channel, shape (row, column); empty for 1."""
     corner: Array = field(default_factory=lambda: np.ones(0))
+    """Factor on f_h of each channel, shape (row, column); empty for 1."""
     noise: float = 20e-6
+    """One-sided density of the white noise at the output, in V/sqrt(Hz)."""
     full_scale: float = 5.0
+    """Largest voltage of the converter, either sign, in V."""
     bits: int = 16
+    """Resolution of the converter."""
     delay: Array = field(default_factory=lambda: np.zeros(0))
+    """Delay of each channel in s, 0 or more, shape (row, column), as of a multiplexed converter; empty for none."""
     crosstalk: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    """Pressure measured by cell i over the pressure on cell k, shape (channel, channel); empty for none."""
     saturation: float = np.inf
+    """Limit v_s of the microphone's amplifier, v_s tanh(v / v_s), in V."""
 
     def __post_init__(self) -> None:
         units = {"spread": "m", "aperture": "m", "sensitivity": "V/Pa", "high_pass": "Hz", "resonance": "Hz"}
@@ -108,18 +87,13 @@ class SensorModel:
 
     @classmethod
     def usual(cls, grid: SensorGrid) -> "SensorModel":
-        """The usual sensor with these cells: of another pitch its cells are as much larger or smaller, 8 mm at 11."""
+        """The usual sensor with these cells; the aperture scales with the pitch, 8 mm at 11 mm."""
         return cls(grid=grid, aperture=8e-3 * (grid.pitch / 11e-3))
 
     def with_spread(self, *, seed: int, gain: float = 0.1, corner: float = 0.1) -> "SensorModel":
-        """The same sensor with channels that differ, as those of real sensors do.
+        """The same sensor with random differences between channels, as in real sensors.
 
-        Parameters
-        ----------
-        seed : int
-            The same seed gives the same sensor.
-        gain, corner : float
-            Standard deviation of the natural logarithm of each channel's factor.
+        `gain` and `corner` are standard deviations of the natural logarithm of each channel's factor.
         """
         rng = np.random.default_rng(seed)
         return replace(
@@ -130,25 +104,12 @@ class SensorModel:
 
     @property
     def step(self) -> float:
-        """One step of the converter, in V."""
+        """Quantisation step of the converter, in V."""
         return float(2 * self.full_scale / 2**self.bits)
 
 
 def channel_response(model: SensorModel, frequency: Array) -> Complex:
-    """Output over pressure of every channel, H(f) of this file's head.
-
-    Parameters
-    ----------
-    model : SensorModel
-        The sensor.
-    frequency : ndarray, shape (bin,)
-        In Hz.
-
-    Returns
-    -------
-    ndarray of complex, shape (bin, row, column)
-        In V/Pa.
-    """
+    """H(f), output over pressure of every channel, in V/Pa, shape (bin, row, column), for frequencies (bin,) in Hz."""
     f = np.asarray(frequency, float)[:, None, None]
     gel = 1 / (1 + 2j * np.pi * f * model.relaxation)
     cavity = 1 / (1 - (f / model.resonance) ** 2 + 1j * f / (model.quality * model.resonance))
@@ -165,38 +126,36 @@ def sense(
     rng: np.random.Generator | None = None,
     oversample: int = 1,
 ) -> Array:
-    """What the sensor puts out while a pressure acts on its cells.
+    """Output of the sensor for a pressure on its cells.
 
-    H(f) is applied to the spectrum of the pressure, which is taken as band-limited between its samples, as 0 before the
-    first one (the start is a true transient of a sensor at rest) and as held after the last one, then fading. The
-    record is padded until the slowest part of H has died away to 1e-8, so that nothing wraps round. Every frequency
-    below half the output's rate gets H(f) itself, and what lies above it is removed (an ideal anti-alias filter).
+    H(f) is applied to the spectrum of the pressure, which is assumed band-limited between samples, 0 before the first
+    one (so the start is the transient of a sensor at rest), and held after the last one, then faded out. The record is
+    padded until the slowest part of H has decayed to 1e-8. Every frequency below half the output rate gets H(f) itself;
+    frequencies above are removed (an ideal anti-alias filter).
 
     Parameters
     ----------
-    model : SensorModel
-        The sensor.
     pressure : ndarray, shape (frame, row, column)
-        On the cells, in Pa, at `rate` times `oversample`.
+        Pressure on the cells, in Pa, at `rate` times `oversample`.
     rate : float
-        Rate of the samples that are returned, in Hz.
+        Sampling rate of the output, in Hz.
     rng : numpy.random.Generator, optional
-        Makes the noise; none if None.
+        Source of the noise; no noise if None.
     oversample : int
-        How many frames of pressure there are for one sample of the output.
+        Frames of pressure per sample of the output.
 
     Returns
     -------
     ndarray, shape (ceil(frame / oversample), row, column)
-        In V, clipped and rounded to the converter's steps. Sample i is at i / rate.
+        In V, clipped and quantised. Sample i is at i / rate.
 
     Raises
     ------
     ShapeError
-        If the pressure is not one of this sensor's cells.
+        If the shape of the pressure does not match the sensor.
     """
     if oversample < 1 or oversample != int(oversample):
-        raise InputError(f"oversample: expected a whole number from 1 on, got {oversample}")
+        raise InputError(f"oversample: expected a whole number, 1 or more, got {oversample}")
     positive(rate, "rate", "Hz")
     pressure = np.asarray(pressure, float)
     if pressure.ndim != 3 or not len(pressure) or pressure.shape[1:] != model.grid.shape:
@@ -207,32 +166,28 @@ def sense(
 
 
 def sensor_output(model: SensorModel, volts: Array, rate: float, *, rng: np.random.Generator | None = None) -> Array:
-    """What amplifier, noise and converter make of volts, shape (frame, row, column), in V; as in `sense`."""
+    """Apply amplifier, noise and converter to voltages, shape (frame, row, column), in V; as in `sense`."""
     if np.isfinite(model.saturation):
-        # Before the noise, and the converter last: the order in which a signal meets them.
         volts = model.saturation * np.tanh(volts / model.saturation)
     if rng is not None:
-        # White noise of one-sided density n has a variance of n^2 times half the rate.
+        # White noise of one-sided density n has the variance n^2 rate / 2.
         volts = volts + model.noise * np.sqrt(rate / 2) * rng.standard_normal(volts.shape)
     return _convert(model, volts)
 
 
 def calibration_of(model: SensorModel, *, highest: float = 4000.0, bins: int = 1024) -> Calibration:
-    """The model's own response as a calibration: what a perfect measurement of this sensor would find.
+    """The model's own response as a calibration, the result of an ideal measurement.
 
     Parameters
     ----------
-    model : SensorModel
-        The sensor.
     highest : float
         Last frequency, in Hz.
     bins : int
-        0 Hz, then this many spaced evenly in their logarithm from 1 Hz on; between them a calibration interpolates,
-        with 1024 to better than 3e-5 of the response above 1 Hz.
+        Number of frequencies besides 0 Hz, logarithmic from 1 Hz; 1024 interpolate to better than 3e-5 above 1 Hz.
     """
     frequency = np.concatenate([[0.0], np.geomspace(1.0, positive(highest, "highest", "Hz"), bins)])
     alone = (model.crosstalk == np.eye(model.grid.count)).all()
-    # A channel's answer to its own cell is part of its response: a crosstalk matrix has 1 on its diagonal.
+    # The response of a channel to its own cell is part of `response`: a crosstalk matrix has 1 on its diagonal.
     own = model.crosstalk / np.diag(model.crosstalk)[:, None]
     return Calibration(
         sensor=model.grid,
@@ -246,7 +201,7 @@ def calibration_of(model: SensorModel, *, highest: float = 4000.0, bins: int = 1
 
 
 def cell_pressure(model: SensorModel, pressure: Array) -> Array:
-    """What the cells feel of the pressure on all of them, shape (frame, row, column)."""
+    """Pressure measured by the cells, crosstalk included, shape (frame, row, column)."""
     if (model.crosstalk == np.eye(model.grid.count)).all():
         return pressure
     return (pressure.reshape(len(pressure), -1) @ model.crosstalk.T).reshape(pressure.shape)
@@ -259,23 +214,23 @@ def _respond(model: SensorModel, pressure: Array, rate: float, oversample: int) 
     held = np.concatenate([pressure, fade_window(settle * oversample)[:, None, None] * pressure[-1]])
     length = next_fast_len(frames + 2 * settle, real=True)
     bins = length // 2 + 1
-    # Cutting the bins above half the output's rate is the ideal anti-alias filter.
+    # Omitting the bins above half the output rate is the ideal anti-alias filter.
     spectrum = rfft(held, length * oversample, axis=0)[:bins] / oversample
     response = channel_response(model, np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
     return irfft(spectrum * response, length, axis=0)[:frames]
 
 
 def settling_frames(model: SensorModel, rate: float) -> int:
-    """Frames after which the slowest part of every channel's answer has died away, with its delay."""
+    """Frames until the slowest channel's response has decayed to 2e-9, with its delay."""
     slowest = (
         1 / (2 * np.pi * model.high_pass * model.corner.min()) + model.relaxation + model.quality / model.resonance
     )
-    # exp(-20) is 2e-9, a fifth of the 1e-8 that `sense` promises.
+    # exp(-20) is 2e-9, a fifth of the 1e-8 in `sense`.
     return int(np.ceil((20 * slowest + model.delay.max()) * rate)) + 1
 
 
 def fade_window(length: int) -> Array:
-    """What is left of the last pressure in each step after it, shape (length - 1,)."""
+    """Factor on the last pressure in each step after it, shape (length - 1,)."""
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.arange(1, length) / length), np.float64)
 
 

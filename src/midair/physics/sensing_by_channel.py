@@ -1,4 +1,4 @@
-"""What a sensor puts out under a pressure of any length, channel after channel, as `sensing.sense` does in memory."""
+"""Output of a sensor for a pressure of any length, channel by channel; `sensing.sense` does it in memory."""
 
 from collections.abc import Callable
 
@@ -14,43 +14,37 @@ Complex = NDArray[np.complex128]
 def channel_volts(
     model: SensorModel, number: int, every: Callable[[int], Array], steps: int, rate: float, *, oversample: int
 ) -> Array:
-    """Output of one channel before amplifier, noise and converter: that of `sense`, to rounding.
+    """Output of one channel in V before amplifier, noise and converter, shape (ceil(steps / oversample),), as in
+    `sense`.
 
-    The spectrum below half the output's rate is summed up from those of every `oversample`-th step, each begun one step
-    later than the one before (decimation in time: Cooley and Tukey, Math. Comp. 19 (1965)). So what is in memory is as
-    long as the output, not as the pressure.
+    The spectrum below half the output rate is the sum of those of every `oversample`-th step with all offsets
+    (decimation in time: Cooley and Tukey, Math. Comp. 19 (1965)), so memory grows with the output, not with the
+    pressure.
 
     Parameters
     ----------
-    model : SensorModel
-        The sensor.
     number : int
-        Of the channel.
+        Index of the channel.
     every : callable
-        Takes the first step; gives from there on every `oversample`-th pressure that the cell feels, in Pa.
+        Takes the first step; returns every `oversample`-th pressure on the cell from there on, in Pa.
     steps : int
-        How many steps of pressure there are.
+        Total number of steps of pressure.
     rate : float
-        Of the output, in Hz.
+        Sampling rate of the output, in Hz.
     oversample : int
-        Steps of pressure for one frame of the output.
-
-    Returns
-    -------
-    ndarray, shape (ceil(steps / oversample),)
-        In V.
+        Steps of pressure per frame of the output.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
     frames, settle = -(-steps // oversample), settling_frames(model, rate)
     length = next_fast_len(frames + 2 * settle, real=True)
-    # The last pressure, held and fading after the end; it lies in the phase of the last step.
+    # After the end the last pressure is held and faded out; it belongs to the offset of the last step.
     last, fade = float(every((steps - 1) % oversample)[-1]), fade_window(settle * oversample)
     turn = np.exp(-2j * np.pi * np.arange(length // 2 + 1) / (length * oversample))
     spectrum = np.zeros(length // 2 + 1, np.complex128)
     for phase in reversed(range(oversample)):
         part = np.concatenate([every(phase), last * fade[(phase - steps) % oversample :: oversample]])
-        # Horner's scheme in the turn by one step.
+        # Horner's scheme in the phase factor of one step.
         spectrum *= turn
         spectrum += rfft(part, length, overwrite_x=True)
     spectrum *= _response(model, number, length, rate) / oversample
@@ -58,7 +52,7 @@ def channel_volts(
 
 
 def _response(model: SensorModel, number: int, length: int, rate: float) -> Complex:
-    """Of one channel at every bin, shape (bin,)."""
+    """Response of one channel at every bin, shape (bin,)."""
     frequency = np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64)
     row, column = divmod(number, model.grid.columns)
     parts = [
@@ -69,4 +63,4 @@ def _response(model: SensorModel, number: int, length: int, rate: float) -> Comp
 
 
 _BINS = 2**13
-"""Bins whose responses are worked out together, of all channels."""
+"""Bins whose responses are computed at once, for all channels."""

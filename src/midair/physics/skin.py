@@ -1,16 +1,16 @@
-"""How skin moves under a pressure on its surface: waves in a viscoelastic half space, or in a layer bonded to bone.
+"""Motion of skin under pressure on its surface: waves in a viscoelastic half space, or in a layer bonded to bone.
 
-A pressure p exp(j (omega t - k x)) moves the surface inwards by u = H(k, omega) p. With mu = mu0 + j omega eta (Kelvin
-and Voigt's solid), k_T^2 = rho omega^2 / mu, k_L^2 = k_T^2 (1 - 2 nu) / (2 (1 - nu)), a^2 = k^2 - k_L^2 and
-b^2 = k^2 - k_T^2, potentials phi = A exp(-a z) + B exp(a (z - h)) and psi = C exp(-b z) + D exp(b (z - h)) give
-displacement and traction (Graff, Wave Motion in Elastic Solids, 1975, section 6.1; Lamb's problem). In a half space B
-and D are 0, and
+A pressure p exp(j (omega t - k x)) moves the surface inwards by u = H(k, omega) p. With mu = mu0 + j omega eta
+(Kelvin-Voigt solid), k_T^2 = rho omega^2 / mu, k_L^2 = k_T^2 (1 - 2 nu) / (2 (1 - nu)), a^2 = k^2 - k_L^2 and b^2 = k^2
+- k_T^2, potentials phi = A exp(-a z) + B exp(a (z - h)) and psi = C exp(-b z) + D exp(b (z - h)) give displacement and
+traction (Graff, Wave Motion in Elastic Solids, 1975, section 6.1; Lamb's problem). In a half space B and D are 0, and
 
     H = k_T^2 a / (mu [4 k^2 a b - (2 k^2 - k_T^2)^2]),
 
-1 / (2 mu k) of slow changes where nu is 1/2. In a layer both displacements vanish at z = h.
+with the static limit 1 / (2 mu k) for nu = 1/2. In a layer both displacements vanish at z = h.
 
-Nothing here is a claim about people: skin is neither flat nor even, and no figure was measured on a palm under sound.
+The model is not validated on people: skin is neither flat nor homogeneous, and no parameter was measured on a palm
+under ultrasound.
 """
 
 from collections.abc import Mapping
@@ -30,27 +30,18 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tissue:
-    """What lies below the surface.
-
-    Attributes
-    ----------
-    stiffness : float
-        mu0, shear modulus of slow changes, in Pa: a third of the elastic modulus.
-    viscosity : float
-        eta, in Pa s.
-    density : float
-        rho, in kg/m3.
-    poisson : float
-        nu; 1/2 is a tissue that keeps its volume.
-    depth : float or None
-        h, down to rigid bone, in m; None for a half space.
-    """
+    """Material below the skin surface."""
 
     stiffness: float = 15e3
+    """mu0, static shear modulus in Pa: a third of the elastic modulus."""
     viscosity: float = 5.0
+    """eta in Pa s."""
     density: float = 1060.0
+    """rho in kg/m3."""
     poisson: float = 0.5
+    """nu, Poisson's ratio; 1/2 is incompressible."""
     depth: float | None = None
+    """h, depth of rigid bone in m; None for a half space."""
 
     def __post_init__(self) -> None:
         positive(self.stiffness, "stiffness of the tissue", "Pa")
@@ -72,32 +63,25 @@ SKINS: Mapping[str, Tissue] = MappingProxyType(
         "stiff, on bone": Tissue(stiffness=50e3, viscosity=5.0, depth=10e-3),
     }
 )
-"""A range that real skin probably lies in.
+"""A range that probably includes real skin.
 
 Soft: surface waves at 2.9 m/s, as on pigs' skin (3 m/s; Kirkpatrick et al. 2004), elastic modulus 30 kPa (forearms: 14
-to 25 kPa by ultrasound), viscosity of the same forearms, 3.2 Pa s. Stiff: surface waves at 6.6 m/s and faster with
-frequency, as on fingers (up to 7 m/s; Manfredi et al. 2012). Assumed: the stiff one's viscosity of 5 Pa s, the 10 mm
-down to bone of both layers, and that volume stays.
+to 25 kPa by ultrasound), viscosity of the same forearms, 3.2 Pa s. Stiff: surface waves at 6.6 m/s, faster with
+frequency, as on fingers (up to 7 m/s; Manfredi et al. 2012). Assumed: viscosity 5 Pa s of the stiff skin, 10 mm to the
+bone in both layers, and incompressibility.
 """
 
 
 def skin_compliance(tissue: Tissue, k: Numbers, omega: Numbers) -> Complex:
-    """H(k, omega): inward displacement of the surface over the pressure on it.
+    """H(k, omega): inward displacement of the surface over the pressure on it, complex, in m/Pa.
 
     Parameters
     ----------
-    tissue : Tissue
-        What moves.
     k : ndarray of float or complex
-        Wavenumber along the surface, in rad/m; a complex one with an imaginary part of 0 or more.
+        Wavenumber along the surface, in rad/m, with an imaginary part of 0 or more.
     omega : ndarray, broadcasts with `k`
-        Angular frequency, above 0, in rad/s. Statics are the limit; below a thousandth of k c_T, with c_T the speed of
-        shear waves, rounding takes over in layers.
-
-    Returns
-    -------
-    ndarray of complex
-        In m/Pa.
+        Angular frequency, above 0, in rad/s. In layers rounding errors dominate below a thousandth of k c_T, with
+        c_T the speed of shear waves.
     """
     k, mu = np.asarray(k, np.complex128), tissue.stiffness + 1j * np.asarray(omega, float) * tissue.viscosity
     kt2 = tissue.density * np.asarray(omega, float) ** 2 / mu
@@ -109,7 +93,7 @@ def skin_compliance(tissue: Tissue, k: Numbers, omega: Numbers) -> Complex:
 
 
 def _layer(k: Complex, a: Complex, b: Complex, kt2: Complex, depth: float) -> Complex:
-    """Mu H of a layer: two unknowns are left when no displacement at the bone has told B and D by A and C."""
+    """H times mu of a layer: zero displacement at the bone eliminates B and D, which leaves A and C."""
     ea, eb, jk, s = np.exp(-a * depth), np.exp(-b * depth), 1j * k, 2 * k**2 - kt2
     # At the bone j k (A ea + B) + b (C eb - D) = 0 and a (B - A ea) + j k (C eb + D) = 0.
     d = a * b - k**2
@@ -118,12 +102,12 @@ def _layer(k: Complex, a: Complex, b: Complex, kt2: Complex, depth: float) -> Co
     # Shear traction 0 and normal traction -p at the top.
     shear_a, shear_c = -2 * jk * a * (1 - ea * b_a) - s * eb * d_a, 2 * jk * a * ea * b_c - s * (1 + eb * d_c)
     press_a, press_c = s * (1 + ea * b_a) + 2 * jk * b * eb * d_a, s * ea * b_c - 2 * jk * b * (1 - eb * d_c)
-    # A = -shear_c and C = shear_a, but for a common factor.
+    # A = -shear_c and C = shear_a, except for a common factor.
     inward = -shear_c * (-a * (1 - ea * b_a) + jk * eb * d_a) + shear_a * (a * ea * b_c + jk * (1 + eb * d_c))
     return np.asarray(-inward / (-shear_c * press_a + shear_a * press_c), np.complex128)
 
 
 def _decaying(square: Complex) -> Complex:
-    """The root that dies away with depth."""
+    """The root that decays with depth."""
     root = np.sqrt(square)
     return np.asarray(np.where(np.real(root) < 0, -root, root), np.complex128)

@@ -1,12 +1,12 @@
-"""Displacement of skin moment by moment, for a pressure on a part of it that is known on a grid.
+"""Displacement of skin over time, for a pressure on a grid.
 
-Each point's pressure counts for its square of the grid, and the tissue goes on beyond the grid for ever, without
-pressure on it: no wave comes back from an edge. The surface moves by the convolution with
+Each point's pressure acts on its square of the grid; the tissue continues beyond the grid without pressure on it, so no
+wave returns from an edge. The surface moves by the convolution with
 
     h(r, omega) = 1 / (2 pi) integral of H(k, omega) J0(k r) k dk, from 0 to pi / pitch,
 
-the finest ripple that the grid can hold; sound of wavelength lambda presses in ripples of lambda / 2 at the finest. The
-integral goes above the real axis, since the waves of the tissue are poles just below it.
+the highest wavenumber of the grid; sound of wavelength lambda has radiation pressure ripples of at least lambda / 2.
+The path of integration runs above the real axis, since the poles of the surface waves are just below it.
 """
 
 import itertools
@@ -28,29 +28,20 @@ Numbers = NDArray[Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SkinMotion:
-    """The way from pressure to displacement on one grid, within a band.
-
-    Attributes
-    ----------
-    response : ndarray of complex64, shape (bin, row + 1, column + 1)
-        In m/Pa, of each bin of `bins`: a quarter of what the two-dimensional spectrum of a map with as many zeros
-        beside it is multiplied by. The other three are its mirror images.
-    rows, columns : int
-        Of the grid.
-    bins : slice
-        Which bins of a spectrum of `length` moments there are; all others are 0.
-    length : int
-        Moments of the spectrum of a block.
-    reach : int
-        Moments for which a pressure moves the skin, after it and, for the sake of the band, before it.
-    """
+    """Linear operator from pressure to displacement on one grid, within a band."""
 
     response: NDArray[np.complex64]
+    """In m/Pa, shape (bin, row + 1, column + 1): the first quadrant of the factor on the two-dimensional spectrum of a
+    zero-padded map; the others are its mirror images.
+    """
     rows: int
     columns: int
     bins: slice
+    """The bins of a spectrum of `length` moments that are not 0."""
     length: int
+    """Number of moments in the spectrum of a block."""
     reach: int
+    """Number of moments for which a pressure moves the skin, after it and, because of the band limit, before it."""
 
     @classmethod
     def of(
@@ -64,34 +55,32 @@ class SkinMotion:
         edge: float = 10.0,
         settle: float = 0.25,
     ) -> "SkinMotion":
-        """Work out the response.
+        """Compute the response.
 
         Parameters
         ----------
-        tissue : Tissue
-            What moves.
         shape : tuple of int
             Rows and columns of the grid.
         pitch : float
-            Between its points, in m.
+            Distance between its points, in m.
         rate : float
-            Of the pressure, in Hz.
+            Sampling rate of the pressure, in Hz.
         band : tuple of float
-            Frequencies that come through whole, in Hz. Steady pressure moves nothing here.
+            Passband in Hz; static pressure causes no motion here.
         edge : float
-            Over how many Hz they fade on either side.
+            Width of the transition on either side of the band, in Hz.
         settle : float
-            For how long the skin is followed, in s.
+            Length of the impulse response, in s.
 
         Raises
         ------
         InputError
-            If there is no such band at this rate.
+            If the band with its transitions does not fit below half the rate.
         """
         positive(pitch, "pitch", "m")
         if not 0 < edge < band[0] < band[1] < rate / 2:
             raise InputError(
-                f"band of the skin: expected above the edge of {edge:g} Hz and below half the rate of {rate:g} Hz, "
+                f"band of the skin: expected above edge, {edge:g} Hz, and below half the rate of {rate:g} Hz, "
                 f"got {band[0]:g} to {band[1]:g} Hz"
             )
         reach = int(np.ceil(settle * rate))
@@ -109,19 +98,13 @@ class SkinMotion:
         )
 
     def displacement(self, pressure: NDArray[np.floating[Any]]) -> Array:
-        """How far the surface is pressed in, shape (frame, row, column), in m, by a pressure of that shape, in Pa."""
+        """Inward displacement of the surface in m, shape (frame, row, column), for a pressure of that shape in Pa."""
         return np.concatenate(list(self.parts([pressure])))
 
     def parts(self, pressure: Iterable[NDArray[np.floating[Any]]]) -> Iterator[Array]:
-        """The same for a recording that comes in parts, in memory that does not grow with it.
-
-        Raises
-        ------
-        ShapeError
-            If a part is not one of this grid.
-        """
+        """Yield the displacement for a recording in parts, with constant memory. Raises ShapeError for another grid."""
         step = self.length - 2 * self.reach
-        # What the blocks so far move; it begins `reach` moments before the recording.
+        # Overlap of the previous blocks; it begins `reach` moments before the recording.
         held, early = np.zeros((2 * self.reach, self.rows, self.columns)), self.reach
         for block in self._blocks(pressure, step):
             moved = self._moved(block)
@@ -139,7 +122,9 @@ class SkinMotion:
                 yield part[first : first + step]
 
     def _moved(self, block: NDArray[np.floating[Any]]) -> Array:
-        """What a block alone moves, from `reach` before it to `reach` after it, (frame + 2 reach, row, column)."""
+        """Displacement by one block alone, from `reach` before it to `reach` after it, (frame + 2 reach, row,
+        column).
+        """
         from scipy import fft
 
         rows, columns = self.rows, self.columns
@@ -158,14 +143,14 @@ _TOGETHER = 32
 """Bins whose maps are in memory at once."""
 
 _ABOVE = 8.0
-"""How far above the real axis the integral goes, in rad/m; beside it exp(8 r) stays small on any hand."""
+"""Distance of the integration path above the real axis, in rad/m; exp(8 r) stays small on any hand."""
 
 _PANEL = 40.0
-"""Width of a panel of ten nodes, in rad/m: over 12 cm, half of it would tell nothing above a part in 10 000."""
+"""Width of a panel of ten nodes, in rad/m: over 12 cm, half of it changes the result by less than 1e-4."""
 
 
 def _kernel(tissue: Tissue, shape: tuple[int, int], pitch: float, omega: Array) -> Complex:
-    """H of this file's head at all distances between two points, shape (bin, row + 1, column + 1), in m/Pa/m2."""
+    """The kernel h at all distances between two points, shape (bin, row + 1, column + 1), in m/Pa/m2."""
     from scipy.special import jv
 
     row, column = np.arange(shape[0] + 1), np.arange(shape[1] + 1)
@@ -190,7 +175,7 @@ def _path(finest: float) -> tuple[Complex, Complex]:
 
 
 def _even_spectrum(kernel: Complex) -> NDArray[np.complex64]:
-    """A quarter of the two-dimensional spectra of maps that are mirror images of their first quarter."""
+    """First quadrants of the two-dimensional spectra of symmetric maps, given by their first quadrants."""
     from scipy.fft import dctn
 
     parts = [dctn(part, type=1, axes=(1, 2)) for part in (kernel.real, kernel.imag)]

@@ -1,9 +1,9 @@
-"""Transducers that are not all alike: each has its own resonance, quality and strength.
+"""Transducers that differ in resonance, quality factor and strength.
 
-One transducer near its resonance is dq/dt = p (q - s c), with c the drive, p = -1/tau + j dw its pole and s c what it
-settles at (see `dynamics`). The circuit that its maker prints has one inductance L and a resistance R in series: tau =
-2 L / R, and what drives it does not depend on R. So a transducer of pole p under a drive that a nominal one (pole p0)
-follows with strength 1 settles at s = p0 / p: another resonance means another amplitude and another phase.
+Near resonance a transducer follows dq/dt = p (q - s c), with c the drive, p = -1/tau + j dw its pole and s c its steady
+state (see `dynamics`). In its manufacturer's circuit, inductance L and resistance R in series, tau = 2 L / R, and the
+driving force does not depend on R. So a transducer of pole p has the steady state s = p0 / p relative to a nominal one
+of pole p0 and strength 1: another resonance means another amplitude and phase.
 """
 
 from dataclasses import dataclass
@@ -21,24 +21,18 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Transducers:
-    """How each transducer of an array follows its drive.
-
-    Attributes
-    ----------
-    pole : ndarray of complex, shape (transducer,)
-        -1 / time constant + j detuning, in rad/s.
-    response : ndarray of complex, shape (transducer,)
-        What each settles at under full drive, over what the model of the field assumes.
-    """
+    """Dynamics and strength of each transducer of an array."""
 
     pole: Complex
+    """-1 / time constant + j detuning in rad/s, shape (transducer,)."""
     response: Complex
+    """Complex steady state at full drive, over that of the field model, shape (transducer,)."""
 
     def __post_init__(self) -> None:
         pole: Complex = frozen_array(self.pole, "pole of the transducers", ("transducer",), np.complex128)
         if pole.real.max() >= 0:
             raise InputError(
-                f"pole of the transducers: expected a real part below 0 rad/s, got {pole.real.max():g}; it would grow"
+                f"pole of the transducers: expected a real part below 0 rad/s (a decay), got {pole.real.max():g}"
             )
         response = frozen_array(self.response, "response of the transducers", (len(pole),), np.complex128)
         object.__setattr__(self, "pole", pole)
@@ -51,7 +45,7 @@ class Transducers:
 
     @classmethod
     def alike(cls, count: int, dynamics: TransducerDynamics | None = None) -> "Transducers":
-        """`count` transducers of the same dynamics, as strong as the model assumes."""
+        """`count` transducers of the same dynamics, with the strength of the field model."""
         return cls(pole=np.full(count, _pole(dynamics or TransducerDynamics())), response=np.ones(count, complex))
 
     @classmethod
@@ -66,24 +60,21 @@ class Transducers:
         resonance_spread: float = 0.0,
         quality_spread: float = 0.0,
     ) -> "Transducers":
-        """`count` transducers that differ, as those of real arrays do.
+        """`count` transducers with random differences, as in real arrays.
 
         Parameters
         ----------
-        count : int
-            Number of transducers.
         dynamics : TransducerDynamics, optional
-            Their mean; the usual one if None.
-        seed : int
-            The same seed gives the same transducers.
+            Mean dynamics; the default ones if None.
         gain : float
-            Mean strength over the model's.
+            Mean strength relative to the field model.
         gain_spread : float
-            Standard deviation of the strengths, as a part of the mean.
+            Standard deviation of the strengths, as a fraction of the mean.
         resonance_spread : float
-            Standard deviation of the resonances, in Hz.
+            Standard deviation of the resonance frequencies, in Hz.
         quality_spread : float
-            Standard deviation of the quality factors, as a part of the mean; kept above a fifth of it.
+            Standard deviation of the quality factors, as a fraction of the mean; values below a fifth of it are
+            clipped.
         """
         if min(gain, gain_spread, resonance_spread, quality_spread) < 0:
             raise InputError(
@@ -91,7 +82,7 @@ class Transducers:
                 f"{gain:g}, {gain_spread:g}, {resonance_spread:g} Hz and {quality_spread:g}"
             )
         rng = np.random.default_rng(seed)
-        # A draw below 0 would be a transducer of the opposite sign.
+        # A value below 0 would be a transducer of the opposite sign.
         strength = np.clip(gain * (1 + gain_spread * rng.standard_normal(count)), 0, None)
         resonance = resonance_spread * rng.standard_normal(count)
         quality = np.clip(1 + quality_spread * rng.standard_normal(count), 0.2, None)
@@ -101,7 +92,7 @@ class Transducers:
 
     @classmethod
     def measured(cls, calibration: ArrayCalibration) -> "Transducers":
-        """Those that were measured, a dead one silent."""
+        """The measured transducers; a dead one is silent."""
         return cls(pole=calibration.pole, response=calibration.response)
 
 

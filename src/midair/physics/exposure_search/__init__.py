@@ -1,4 +1,4 @@
-"""The loudest sound anywhere in a cube around an ear, for every frame of a drive."""
+"""Highest sound level anywhere in a cube around an ear, for every frame of a drive."""
 
 from midair.physics.exposure_search.exposure_airs import airs_of_room
 from midair.physics.exposure_search.exposure_drive import drive_parts

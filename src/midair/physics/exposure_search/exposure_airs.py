@@ -1,8 +1,8 @@
-"""The airs in which the sound around an ear is measured: as many as the phases over the array need.
+"""The set of airs (temperature, humidity) in which the sound around an ear is computed.
 
-Warmer air has a longer wavelength, so that the paths from the transducers to a place differ by other phases. Where
-these phases change by no more than `STEP` from one air to the next, the loudest of the airs bounds those between them,
-as the points of a cube do (docs/decisions/0015-exposure-bound.md).
+A higher temperature means a longer wavelength, which changes the phases between transducers at a place. Where these
+change by at most `STEP` from one air to the next, the loudest of the airs bounds those between them, like the points of
+a cube do (docs/decisions/0015-exposure-bound.md).
 """
 
 from dataclasses import replace
@@ -14,16 +14,16 @@ from midair.physics.exposure_places import Place
 from midair.physics.exposure_search.exposure_grid import middle
 
 UNKNOWN = (14.0, 30.0)
-"""Coldest and warmest room where no temperature is stated, in degrees Celsius; 14 is the paper's 340 m/s."""
+"""Temperature range in degrees Celsius if no temperature is stated; 14 is the paper's 340 m/s."""
 
 AROUND = 2.0
-"""How far a room may be from its stated temperature, in degrees Celsius."""
+"""Maximum deviation of the room from its stated temperature, in degrees Celsius."""
 
 HUMID = 0.2
-"""How far a room may be from its stated humidity, 0 to 1; from 50 % where none is stated."""
+"""Maximum deviation of the relative humidity from the stated one, 0 to 1; from 50 % if none is stated."""
 
 STEP = 1.6
-"""By how much phases over the array may change from one air to the next, in rad: as between points inside a cube."""
+"""Largest change of phase over the array from one air to the next, in rad, as between points inside a cube."""
 
 
 def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: TransducerArray) -> tuple[Acoustics, ...]:
@@ -32,11 +32,7 @@ def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: Transduc
     Parameters
     ----------
     room : Medium or None
-        The stated air: 2 degrees and 20 % of humidity around it count. 14 to 30 degrees if None.
-    places : tuple of Place
-        Where sound is measured.
-    array : TransducerArray
-        The array that is to play.
+        The stated air, for 2 degrees and 20 % of humidity around it; 14 to 30 degrees if None.
     """
     if room is None:
         (cold, warm), humidity = UNKNOWN, 0.5
@@ -54,13 +50,13 @@ def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: Transduc
 
 
 def _air(degrees: float, humidity: float, possible: tuple[float, ...], frequency: float) -> Medium:
-    """Air that weakens sound as little as it does at any of the possible humidities."""
+    """Air with the lowest attenuation of any of the possible humidities."""
     airs = [Medium.at(temperature=degrees, humidity=each, frequency=frequency) for each in (humidity, *possible)]
     return replace(airs[0], attenuation=float(min(air.attenuation for air in airs)))
 
 
 def _apart(place: Place, array: TransducerArray) -> float:
-    """How far a path from a transducer to a place may differ from that from the middle of the array, in m."""
+    """Largest difference between the path from a transducer to a place and that from the middle of the array, in m."""
     points = place.points
     path = np.linalg.norm(points[:, None] - array.position, axis=2)
     return float(np.abs(path - np.linalg.norm(points - middle(array), axis=1)[:, None]).max())

@@ -1,4 +1,4 @@
-"""Frames of a drive as the searches want them: real parts, imaginary parts and the sums of both."""
+"""Convert frames of a drive for the search: real parts, imaginary parts and their sums."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,34 +19,17 @@ def drive_parts(
     *,
     steps: int | None = None,
 ) -> tuple[Single, Array]:
-    """Some frames in single precision, and their level.
+    """Some frames as float32 (3, frame, transducer), and their level (frame, 1) or (frame, transducer).
 
-    Parameters
-    ----------
-    drive : Drive
-        Of any phases.
-    frames : slice or ndarray of int
-        Which ones.
-    space : Workspace
-        Where they go.
-    order : ndarray of int, shape (transducer,), optional
-        Of the transducers; their own if None.
-    steps : int, optional
-        Of a turn, to which phases are rounded; as they are if None.
-
-    Returns
-    -------
-    parts : ndarray of float32, shape (3, frame, transducer)
-        A level that all transducers of a frame share is not yet in them.
-    level : ndarray, shape (frame, 1) or (frame, transducer)
-        In the drive's own order.
+    A level common to all transducers of a frame is not yet included in the parts. `order` permutes the transducers of
+    the parts; `steps` rounds phases to that many steps per turn.
     """
     phase = np.asarray(drive.phase[frames])
     level = np.asarray(drive.level[frames]).reshape(len(phase), -1)
     parts, angle = space.array("parts", 3, *phase.shape), space.array("angle", *phase.shape)
     with np.errstate(over="ignore"):
         angle[:] = phase
-    # Single precision has no digits to spare for turns: a file may hold any number of them.
+    # Remove whole turns, which would cost digits in single precision; files may contain any phase.
     if max(angle.max(initial=0.0), -angle.min(initial=0.0)) > 64:
         angle[:] = np.remainder(phase, 2 * np.pi)
     if steps is not None:

@@ -1,8 +1,8 @@
-"""Two ears before an array that is its own mirror image: what is worked out for one serves the other.
+"""Search two ears at once in front of an array with mirror symmetry.
 
-Sound goes from a transducer to one ear as it goes from the transducer's mirror image to the other. So the modes of both
-ears follow from the sums and the differences of what two such transducers are told, in half the products, and all that
-belongs to the cube is made once.
+The path from a transducer to one ear is the mirror image of the path from the mirrored transducer to the other ear. So
+the modes of both ears follow from sums and differences of the drives of mirrored transducers, with half the products,
+and everything that belongs to the cube is computed once.
 """
 
 from dataclasses import dataclass, replace
@@ -23,67 +23,54 @@ Complex = NDArray[np.complex64]
 Indices = NDArray[np.intp]
 
 SAME = 1e-6
-"""How far a mirror image may be from a transducer that it is taken for, in m."""
+"""Largest distance between a transducer and a mirror image that counts as the same, in m."""
 
 APART = 1e-3
-"""How far a place may be from the mirror image of another, in m: by half of that a cube that holds both is larger."""
+"""Largest distance between a place and the mirror image of another, in m; the common cube is larger by half of it."""
 
 LONE = 0.05
-"""Share of the transducers that may have no mirror image."""
+"""Largest fraction of transducers without a mirror image."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
-    """Two places that mirror each other, left and right of an array that does.
-
-    Attributes
-    ----------
-    numbers : tuple of two int
-        Of the places in their profile.
-    box : Place
-        A cube that holds the one, and the mirror image of the other.
-    array : TransducerArray
-        With the mirror images of those transducers that had none, at the end.
-    partner : ndarray of int, shape (transducer of `array`,)
-        Which one is the mirror image of which.
-    middle : float
-        x of the mirror, in m.
-    """
+    """Two places that mirror each other, left and right of an array that does."""
 
     numbers: tuple[int, int]
+    """Indices of the places in their profile."""
     box: Place
+    """A cube that contains the one place, and the mirror image of the other."""
     array: TransducerArray
+    """The array, followed by the mirror images of transducers without one."""
     partner: Indices
+    """Index of the mirror image of each transducer of `array`."""
     middle: float
+    """x of the mirror, in m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Halves:
-    """From a drive to the modes of two places, by what transducers that mirror each other have in common or not.
-
-    Attributes
-    ----------
-    order : ndarray of int, shape (transducer,)
-        In which the transducers are wanted: some, then the mirror images of these, then those that have none.
-    pairs : int
-        How many have one.
-    common, different : Product
-        From the sums, and from the differences, to the modes.
-    """
+    """From a drive to the modes of two places, by sums and differences of mirrored transducers."""
 
     order: Indices
+    """Order of the transducers: some, then their mirror images, then those without one."""
     pairs: int
+    """Number of transducers with a mirror image, counted once per pair."""
     common: Product
+    """From the sums to the modes."""
     different: Product
+    """From the differences to the modes."""
 
     @classmethod
     def of(cls, modes: Complex, partner: Indices, count: int) -> Self:
-        """From the modes of one of the places, shape (mode, transducer of `Pair.array`), for an array of a count."""
+        """Make it from the modes (mode, transducer of `Pair.array`) of one place, for an array of `count`
+        transducers.
+        """
         own = np.arange(count)
         ahead = own[partner[:count] > own]
         ahead = ahead[partner[ahead] < count]
         lone = own[partner[:count] >= count]
-        # Those on the mirror itself are their own image, and weigh the same on both sides.
+        # Transducers on the mirror are their own image, and have equal weights for both sides.
         alone = np.concatenate([lone, own[partner[:count] == own]])
         one, other = modes[:, :count], modes[:, partner[:count]]
         kept = np.concatenate([ahead, alone])
@@ -95,16 +82,9 @@ class Halves:
         )
 
     def into(self, one: Single, other: Single, parts: Single, space: Workspace) -> None:
-        """Work out the modes of both places.
+        """Compute the modes of both places into `one` and `other`, float32 (3, frame, mode).
 
-        Parameters
-        ----------
-        one, other : ndarray of float32, shape (3, frame, mode)
-            Where their real parts, imaginary parts and sums of both go.
-        parts : ndarray of float32, shape (3, frame, transducer)
-            The same of the drive, in `order`.
-        space : Workspace
-            For what is between.
+        `parts` is float32 (3, frame, transducer) in `order`.
         """
         near, far, alone = np.split(parts, [self.pairs, 2 * self.pairs], axis=2)
         frames, width = parts.shape[1], self.pairs + alone.shape[2]
@@ -119,10 +99,9 @@ class Halves:
 
 
 def pair_of(places: tuple[Place, ...], array: TransducerArray) -> Pair | None:
-    """The first two places that mirror each other before an array; None where there are none.
+    """The first two places that mirror each other before an array; None if there are none.
 
-    A place of which only points are looked at is none of them, and neither is one of an array that was measured:
-    its transducers are no longer alike.
+    Only enforced places with a cube, and arrays without a measured response, count.
     """
     cubes = [number for number, place in enumerate(places) if place.enforced and place.reach > 0]
     if not array.alike or len(cubes) < 2:
@@ -143,12 +122,12 @@ def pair_of(places: tuple[Place, ...], array: TransducerArray) -> Pair | None:
 
 
 def mirrored(points: Array, middle: float) -> Array:
-    """Points on the other side of a mirror, shape (..., 3), in m."""
+    """Points mirrored at x = middle, shape (..., 3), in m."""
     return points * [-1, 1, 1] + [2 * middle, 0, 0]
 
 
 def _completed(array: TransducerArray, middle: float) -> tuple[TransducerArray, Indices] | None:
-    """An array with all its mirror images, and which is whose; None where it is not nearly its own."""
+    """An array with all its mirror images, and the index of each image; None if it is not nearly symmetric."""
     count, image = array.count, mirrored(array.position, middle)
     away, partner = cKDTree(array.position).query(image)
     partner = np.asarray(partner, np.intp)

@@ -1,4 +1,4 @@
-"""The field at many points of a cube by way of few numbers: modes of the array, shapes on a few planes, points."""
+"""The field at many points of a cube from few numbers: modes of the array, shapes on a few planes, points."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,26 +16,19 @@ Field = Callable[[Array], Complex]
 
 
 FEW = 64
-"""Frames whose points are worked out at once: so few stay in the cache."""
+"""Frames whose points are computed at once, so that they stay in the cache."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Points:
-    """Points on planes through the cube: all at some places across the planes, times all at some places along them.
-
-    Attributes
-    ----------
-    planes : slice
-        From which planes the field there follows.
-    across : ndarray of float32, shape (shape, point of a plane)
-        From shapes on a plane to the pressure there, in Pa.
-    along : ndarray of float32, shape (point, plane), or None
-        From the planes to others; None where it is the planes themselves that count.
-    """
+    """Points on planes through the cube: all combinations of places across and along."""
 
     planes: slice
+    """The planes from which the field follows."""
     across: Single
+    """From shapes on a plane to the pressure at its points, in Pa, shape (shape, point of a plane)."""
     along: Single | None
+    """From the planes to other planes, shape (point, plane); None if the planes themselves are searched."""
 
     def power(self, shaped: Single, space: Workspace) -> Single:
         """Squared magnitude at the loudest point, shape (frame,), in Pa2, of shapes (parts, frame, plane, shape)."""
@@ -43,7 +36,7 @@ class Points:
         two, frames, planes, shapes = kept.shape
         points = self.across.shape[1]
         there = space.array("on the planes", two, frames, planes, points)
-        # Part by part: the frames of both together would first have to be copied.
+        # Part by part, since both together would need a copy.
         for told, found in zip(kept, there, strict=True):
             np.matmul(told.reshape(-1, shapes), self.across, out=found.reshape(-1, points))
         if self.along is not None:
@@ -53,27 +46,17 @@ class Points:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FieldByModes:
-    """What is heard at the points of a cube.
-
-    Attributes
-    ----------
-    modes : ndarray of complex, shape (mode, transducer)
-        From the transducers to the modes of their field in the cube.
-    shapes : tuple of Product
-        From the modes to shapes of the field on some planes, shape (mode, plane x shape); one of each air.
-    planes : int
-        How many.
-    points : tuple of Points
-        Where it is heard.
-    left_out : float
-        Most that all this leaves out anywhere when every transducer is at full drive, in Pa.
-    """
+    """The field at the points of a cube, computed from modes."""
 
     modes: Complex
+    """From the transducers to the modes of their field in the cube, shape (mode, transducer)."""
     shapes: tuple[Product, ...]
+    """From the modes to shapes of the field on some planes, (mode, plane x shape), one per air."""
     planes: int
+    """Number of planes."""
     points: tuple[Points, ...]
     left_out: float
+    """Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa."""
 
     def loudest(self, modes: Single, space: Workspace) -> Single:
         """Magnitude at the loudest point in each air, shape (air, frame), in Pa, of modes as in `CubeSearch`."""
@@ -91,27 +74,16 @@ class FieldByModes:
 def heard_by_modes(
     fields: tuple[Field, ...], wide: Array, stacks: tuple[Stack, ...], enough: float, *, step: float, tried: int
 ) -> FieldByModes:
-    """By modes of the field at some nodes, and by what lies between the nodes.
+    """Compute the modes of the field at some nodes, and the interpolation between the nodes.
 
-    Parameters
-    ----------
-    fields : tuple of callable
-        Field of each transducer in each air, shape (point, transducer), at points of the cube, without a quick wave.
-    wide : ndarray, shape (3,)
-        From `bands`, in rad.
-    stacks : tuple of Stack
-        Where it is to be heard; all along one axis.
-    enough : float
-        About as much as may be left out, in Pa.
-    step : float
-        Between the nodes, in rad.
-    tried : int
-        Modes, at most.
+    `fields` return the field of each transducer in each air (point, transducer) at points of the cube, without the fast
+    wave; `wide` (3,) are the `bands` in rad; `enough` is about the allowed truncation error in Pa; `step` the spacing
+    of the nodes in rad; `tried` the maximum number of modes.
     """
     nodes, axis = lattice(wide, step, crowd=2.0), stacks[0].axis
-    # All airs have the same modes: what reaches the cube in one of them reaches a place beside it in another.
+    # All airs share the same modes: the field in one air is that of a slightly different place in another.
     waves, modes = _modes(np.concatenate([field(nodes.points) for field in fields]), tried, enough)
-    # The planes lie across the axis along which the field changes most.
+    # The planes are perpendicular to the axis along which the field changes most.
     planes = np.moveaxis(waves.reshape(len(fields), *nodes.shape, -1), axis + 1, 1)
     count = planes.shape[1]
     planes = planes.reshape(len(fields) * count, -1, waves.shape[1])
@@ -128,7 +100,7 @@ def heard_by_modes(
         shapes=tuple(Product.of(own.reshape(-1, own.shape[2]).T) for own in told),
         planes=count,
         points=tuple(_points(*way) for way in ways),
-        # A quarter more than where it was measured.
+        # A quarter more than at the test points.
         left_out=1.25 * max(rest),
     )
 
@@ -143,7 +115,7 @@ def _way(stack: Stack, axes: tuple[Array, Array, Array], wide: Array, few: Array
 
 
 def _points(along: Array, across: Array) -> Points:
-    # Planes that are among the nodes' own follow from nothing else.
+    # The first and last plane are planes of the nodes and need no interpolation.
     own = len(along) == 2
     return Points(
         planes=slice(None, None, along.shape[1] - 1) if own else slice(None),
@@ -153,10 +125,10 @@ def _points(along: Array, across: Array) -> Points:
 
 
 def _tested(stack: Stack, way: tuple[Array, Array], told: Complex) -> tuple[Array, Complex]:
-    """Where some points of a stack are, its corners among them, and how they follow from the modes."""
+    """Some points of a stack, its corners included, and the matrix from the modes to the field there."""
     along, across = way
     edge = np.abs(stack.points).sum(axis=2).ravel()
-    # Always the same, so that a drive always measures the same.
+    # A fixed seed, so that results are reproducible.
     some = np.union1d(np.flatnonzero(edge > edge.max() - 1e-9), np.random.default_rng(0).permutation(edge.size)[:56])
     plane, point = np.unravel_index(some, stack.points.shape[:2])
     weights = np.einsum("tp,ts->tps", along[plane], across[point]).reshape(len(some), -1)
@@ -164,7 +136,7 @@ def _tested(stack: Stack, way: tuple[Array, Array], told: Complex) -> tuple[Arra
 
 
 def _shapes(planes: Complex, enough: float) -> Array:
-    """Real patterns whose sums are the field on each plane but for enough in the mean, shape (point, pattern)."""
+    """Real patterns whose sums reproduce the field on each plane to the mean error `enough`, shape (point, pattern)."""
     parts = np.concatenate([planes.real, planes.imag], axis=2).transpose(1, 0, 2).reshape(planes.shape[1], -1)
     power, vectors = np.linalg.eigh((parts @ parts.T).astype(np.float64))
     rest = np.cumsum(np.maximum(power, 0)) / (planes.shape[0] * planes.shape[1])
@@ -172,23 +144,23 @@ def _shapes(planes: Complex, enough: float) -> Array:
 
 
 def _modes(field: Complex, tried: int, enough: float) -> tuple[Complex, Complex]:
-    """Shapes and modes whose product is the field but for less than enough, (point, mode) and (mode, transducer).
+    """Shapes and modes whose product is the field except for less than `enough`, (point, mode) and (mode, transducer).
 
-    From as many random drives as are tried (Halko, Martinsson & Tropp 2011, SIAM Review 53, 217, section 4.1).
+    From `tried` random drives (Halko, Martinsson & Tropp 2011, SIAM Review 53, 217, section 4.1).
     """
-    # Any drives do as long as they have nothing in common; always the same, so that a drive always measures the same.
+    # A fixed seed, so that results are reproducible.
     drives = np.random.default_rng(0).standard_normal((field.shape[1], min(tried, *field.shape)), dtype=np.float32)
     found = np.empty((len(field), drives.shape[1]), np.complex128)
-    # The drives are real: two products in place of four. The squares of single precision would drown the weaker half.
+    # Real drives need two products instead of four. Double precision, since weak modes would be lost in the squares.
     found.real, found.imag = field.real @ drives, field.imag @ drives
     power, vectors = np.linalg.eigh(found.conj().T @ found)
     shapes = (found @ (vectors / np.sqrt(np.maximum(power, 1e-14 * power[-1])))).astype(np.complex64)
     modes = shapes.conj().T @ field
-    # Among what these shapes can make, the strongest modes first.
+    # Rotate to modes in order of strength.
     _, vectors = np.linalg.eigh((modes @ modes.conj().T).astype(np.complex128))
     turn = vectors[:, ::-1].astype(np.complex64)
     shapes, modes = np.asarray(shapes @ turn, np.complex64), np.asarray(turn.conj().T @ modes, np.complex64)
-    # No drive at full level can bring out more of a mode than the square root of the count times its norm.
+    # No drive at full level can excite a mode by more than sqrt(count) times its norm.
     rest = np.abs(shapes) ** 2 * (np.abs(modes) ** 2).sum(axis=1) * field.shape[1]
     after = np.sqrt(np.cumsum(rest[:, ::-1], axis=1)[:, ::-1].max(axis=0))
     count = int((after > 1.2 * enough).sum())

@@ -1,4 +1,4 @@
-"""Products of complex matrices in single precision, into arrays that are kept."""
+"""Products of complex matrices in single precision, written into reused arrays."""
 
 from dataclasses import dataclass
 from math import prod
@@ -11,16 +11,17 @@ Single = NDArray[np.float32]
 
 
 class Workspace:
-    """Arrays by name that are written again and again, for one thread.
+    """Named arrays that are reused, for one thread.
 
-    New ones for each block of frames would take as long as the sums: the system clears every page that it hands out.
+    Allocating new ones for each block of frames would take as long as the computation, because the system clears new
+    pages.
     """
 
     def __init__(self) -> None:
         self._kept: dict[str, Single] = {}
 
     def array(self, name: str, *shape: int) -> Single:
-        """The array of that name, of any numbers that were left in it."""
+        """The array of that name, with undefined content."""
         size, held = prod(shape), self._kept.get(name)
         if held is None or held.size < size:
             held = self._kept[name] = np.empty(size, np.float32)
@@ -29,41 +30,31 @@ class Workspace:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Product:
-    """Complex numbers times a complex matrix, by three products of real matrices in place of four (Gauss).
-
-    Attributes
-    ----------
-    real, less, more : ndarray of float32, shape (in, out)
-        Of the matrix: its real part, its imaginary less its real part, and their sum.
-    """
+    """Multiplication by a complex matrix with three real products instead of four (Gauss)."""
 
     real: Single
+    """Real part of the matrix, shape (in, out)."""
     less: Single
+    """Imaginary minus real part."""
     more: Single
+    """Imaginary plus real part."""
 
     @classmethod
     def of(cls, matrix: NDArray[np.complexfloating]) -> Self:
-        """By a matrix, shape (in, out)."""
+        """Make it from a matrix of shape (in, out)."""
         real, imaginary = matrix.real, matrix.imag
         packed = (np.ascontiguousarray(each, np.float32) for each in (real, imaginary - real, imaginary + real))
         return cls(**dict(zip(("real", "less", "more"), packed, strict=True)))
 
     @property
     def width(self) -> int:
-        """How many numbers come out."""
+        """Number of outputs."""
         return self.real.shape[1]
 
     def into(self, found: Single, parts: Single, space: Workspace) -> None:
-        """Work out the product.
+        """Write real and imaginary part of the product into `found`, float32 (2 or more, frame, out).
 
-        Parameters
-        ----------
-        found : ndarray of float32, shape (2 or more, frame, out)
-            Where its real and its imaginary parts go.
-        parts : ndarray of float32, shape (3, frame, in)
-            Real parts, imaginary parts, and their sums.
-        space : Workspace
-            For what is between.
+        `parts` is float32 (3, frame, in): real parts, imaginary parts, and their sums.
         """
         real, imaginary, both = parts
         shared = np.matmul(both, self.real, out=space.array("shared", len(both), self.width))

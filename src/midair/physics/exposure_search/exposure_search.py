@@ -1,13 +1,13 @@
-"""The loudest sound anywhere in a cube, for every frame of a drive, from few points and at little cost.
+"""Highest sound anywhere in a cube, for every frame of a drive, from few points at low cost.
 
-Sound from an array comes to a cube from a narrow cone, so that its magnitude cannot change faster than the width of
-that cone lets it. It is looked at on lattices, a close one on the faces of the cube, behind which nothing holds it, and
-a wider one inside. A finite number of points still misses something; `ALLOWANCE` is put on for that, and
-docs/decisions/0015-exposure-bound.md says how much the best of all drives can hide all the same.
+Sound from an array reaches a cube from a narrow cone, and the width of the cone limits how fast its magnitude can
+change. The search uses a dense lattice on the faces of the cube, outside which nothing constrains the field, and a
+wider one inside. `ALLOWANCE` is added for the maximum between points; docs/decisions/0015-exposure-bound.md gives the
+remaining error of the worst drive found.
 
-A field that comes from a cone has few degrees of freedom, about 120 in the cube around an ear instead of one for each
-of 996 transducers. The field is worked out in these modes, from there on a few planes, and between them along the one
-edge of the cube, in single precision. What all that leaves out is measured, and added.
+A field from a cone has few degrees of freedom, about 120 in the cube around an ear instead of one for each of 996
+transducers. The field is computed in these modes, from there on a few planes, and interpolated between them along the
+one edge of the cube, in single precision. The truncation error is measured, and added.
 """
 
 from dataclasses import dataclass, replace
@@ -31,62 +31,48 @@ Complex = NDArray[np.complex64]
 Airs = tuple[Acoustics, ...]
 
 ALLOWANCE = 1.15
-"""Put on the loudest point of a cube, in dB: between points and airs it can be this much louder, and a little more."""
+"""Added to the loudest point of a cube, in dB: about the largest excess between points and airs."""
 
 INSIDE, FACES = 1.6, 1.2
-"""By how much the phase of the quickest wave may change from a point to the next, in rad."""
+"""Largest phase change of the fastest wave between neighbouring points inside the cube and on its faces, in rad."""
 
 NODES = 1.9
-"""The same between points from which the field everywhere else in the cube follows, in rad."""
+"""Largest phase change between the nodes of the interpolation, in rad."""
 
 ENOUGH = 8e-4
-"""Of all transducers in step: about as much as the modes may leave out."""
+"""Allowed truncation error, relative to the sum of all transducers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PointSearch:
-    """The loudest of a few points, of a place that only advises.
-
-    Attributes
-    ----------
-    modes : ndarray of complex, shape (air x point, transducer)
-        From the drive to the pressure at the points in each air, in Pa.
-    airs : int
-        How many airs there are.
-    ceiling : ndarray, shape (transducer,)
-        Most that each transducer alone makes there, in Pa; all together cannot make more than the sum.
-    left_out : float
-        As that of `CubeSearch`: nothing.
-    """
+    """The loudest of a few points, for a place without an enforced limit."""
 
     modes: Complex
+    """From the drive to the pressure at the points in each air in Pa, shape (air x point, transducer)."""
     ceiling: Array
+    """Maximum of each transducer alone in Pa, shape (transducer,); the sum bounds all together."""
     airs: int
+    """Number of airs."""
     left_out: float = 0.0
+    """0; see `CubeSearch.left_out`."""
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
-        """As that of `CubeSearch`, of the points alone."""
+        """Like `CubeSearch.loudest`, for the points alone."""
         there = space.array("there", 2, *modes.shape[1:])
         there[:] = modes[:2]
         power = power_of(there).reshape(modes.shape[1], self.airs, -1).max(axis=2).T
-        # There is nothing between points of which each counts alone, but something between airs.
+        # No allowance between points, since each counts alone, but between airs.
         return np.sqrt(power).astype(np.float64) * (10 ** (ALLOWANCE / 20) if self.airs > 1 else 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CubeSearch:
-    """How the loudest sound in the cube of one place follows from what the transducers are told.
-
-    Attributes
-    ----------
-    heard : FieldByModes
-        From the modes of the drive to the pressure at all points.
-    ceiling : ndarray, shape (transducer,)
-        As that of `PointSearch`, of all of the cube.
-    """
+    """Computes the loudest sound in the cube of one place from a drive."""
 
     heard: FieldByModes
+    """From the modes of the drive to the pressure at all points."""
     ceiling: Array
+    """Like `PointSearch.ceiling`, for the whole cube."""
 
     @property
     def modes(self) -> Complex:
@@ -95,59 +81,43 @@ class CubeSearch:
 
     @property
     def airs(self) -> int:
-        """How many airs there are."""
+        """Number of airs."""
         return len(self.heard.shapes)
 
     @property
     def left_out(self) -> float:
-        """Most that the modes leave out anywhere when every transducer is at full drive, in Pa."""
+        """Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa."""
         return self.heard.left_out
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
-        """Amplitude that no place in the cube exceeds but by what the docs say, shape (air, frame), in Pa.
+        """Bound of the amplitude in the cube, shape (air, frame), in Pa, without `left_out`.
 
-        What is left out is to be added.
-
-        Parameters
-        ----------
-        modes : ndarray of float32, shape (3, frame, mode)
-            Real parts of the modes, their imaginary parts, and the sums of both.
-        space : Workspace
-            Of the thread that asks.
+        `modes` is float32 (3, frame, mode): real parts, imaginary parts, and their sums.
         """
         return 10 ** (ALLOWANCE / 20) * self.heard.loudest(modes, space).astype(np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Searches:
-    """The searches of several places in some airs, in one go.
-
-    Attributes
-    ----------
-    each : tuple of CubeSearch or PointSearch
-        Of each place.
-    modes : Product
-        From the drive to the modes of all places but a pair, one after the other: one large product takes less than
-        many.
-    pair : tuple of two int
-        Numbers of two places that mirror each other; empty where none do.
-    halves : Halves or None
-        From the drive to the modes of these two.
-    """
+    """The searches of several places in some airs at once."""
 
     each: tuple[CubeSearch | PointSearch, ...]
+    """The search of each place."""
     modes: Product
+    """From the drive to the modes of all places except a pair: one large product is faster than many."""
     pair: tuple[int, ...] = ()
+    """Indices of two places that mirror each other; empty if there are none."""
     halves: Halves | None = None
+    """From the drive to the modes of these two."""
 
     @classmethod
     def of(cls, *each: CubeSearch | PointSearch) -> Self:
-        """Of one array, each by itself."""
+        """Searches for one array, each by itself."""
         return cls(each=each, modes=Product.of(np.concatenate([one.modes for one in each]).T))
 
     @classmethod
     def with_pair(cls, each: tuple[CubeSearch | PointSearch, ...], pair: Pair, halves: Halves) -> Self:
-        """Of one array, two of them by its symmetry."""
+        """Searches for one array, two of them by its symmetry."""
         rest = [one.modes for number, one in enumerate(each) if number not in pair.numbers]
         none = np.empty((0, len(halves.order)), np.complex64)
         together = np.concatenate([none, *rest])[:, halves.order]
@@ -155,23 +125,18 @@ class Searches:
 
     @property
     def airs(self) -> int:
-        """How many airs there are."""
+        """Number of airs."""
         return self.each[0].airs
 
     @property
     def order(self) -> NDArray[np.intp] | None:
-        """In which the transducers are wanted; None for their own."""
+        """Order of the transducers in `loudest`; None for their own."""
         return None if self.halves is None else self.halves.order
 
     def loudest(self, parts: Single, space: Workspace) -> Array:
-        """Amplitude at each place in each air, shape (air, frame, place), in Pa, but for what is left out.
+        """Amplitude at each place in each air, shape (air, frame, place), in Pa, without `left_out`.
 
-        Parameters
-        ----------
-        parts : ndarray of float32, shape (3, frame, transducer)
-            Real parts of the drive, its imaginary parts, and the sums of both, in `order`.
-        space : Workspace
-            Of the thread that asks.
+        `parts` is float32 (3, frame, transducer), from `drive_parts` with `order`.
         """
         frames = parts.shape[1]
         found = np.empty((self.airs, frames, len(self.each)))
@@ -194,13 +159,13 @@ class Searches:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Alike:
-    """An array that is the same as any other of its numbers: each file of a drive makes one of its own."""
+    """Hashable key of an array that compares its numbers, since each drive file creates its own array object."""
 
     array: TransducerArray
 
     @property
     def numbers(self) -> tuple[object, ...]:
-        """All that sound in the air depends on."""
+        """All values that determine the sound field."""
         one = self.array
         return one.position.tobytes(), one.normal.tobytes(), one.pressure, one.frequency, one.response.tobytes()
 
@@ -212,15 +177,15 @@ class _Alike:
 
 
 def cube_search(place: Place, array: TransducerArray, airs: Airs) -> CubeSearch | PointSearch:
-    """The search of a place: all of its cube where the limit is enforced, its 27 points where it only advises.
+    """The search of a place: its whole cube if the limit is enforced, otherwise its 27 points.
 
-    Kept, since a drive is measured in parts, more than once, and one drive after the other.
+    Cached, since the exposure of a drive is computed in parts, more than once, and for many drives.
     """
     return _cube_search(place, _Alike(array), airs)
 
 
 def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -> Searches:
-    """The searches of all places, kept as that of one is."""
+    """The searches of all places, cached."""
     return _searches_of(places, _Alike(array), airs)
 
 
@@ -246,7 +211,7 @@ def _cube_search(place: Place, alike: _Alike, airs: Airs) -> CubeSearch | PointS
         return point_search(place.points, array, airs)
     magnitudes = [np.abs(transfer_matrix(place.points, array, acoustics=air)) for air in airs]
     alone = np.max(magnitudes, axis=(0, 1))
-    # Far below what counts as silence there are no modes: single precision has no numbers for them.
+    # Far below silence there are no modes, since single precision would underflow.
     if alone.sum() < 1e-9:
         return point_search(place.points, array, airs)
     wide = _bands(place, array, airs)
@@ -257,25 +222,27 @@ def _cube_search(place: Place, alike: _Alike, airs: Airs) -> CubeSearch | PointS
     where, step, tried = stacks(wide, inside=INSIDE, faces=FACES), NODES, _expected(wide)
     while True:
         heard = heard_by_modes(fields, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
-        # What is left out is 48 dB below all transducers in step.
+        # The truncation error is 48 dB below the sum of all transducers.
         if heard.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
             return CubeSearch(heard=heard, ceiling=alone)
         step, tried = 0.85 * step, 2 * tried
 
 
 def _expected(wide: Array) -> int:
-    """Somewhat more modes than a field of these bands has: it comes from a surface, so that products of two count."""
+    """An upper estimate of the number of modes of a field with these bands: products of two, since sources form a
+    surface.
+    """
     x, y, z = (float(band) for band in wide)
     return round(24 + 0.85 * (x * y + y * z + z * x))
 
 
 def _bands(place: Place, array: TransducerArray, airs: Airs) -> Array:
-    """Those of all airs."""
+    """Largest bands of all airs."""
     return np.max([bands(place, array, air) for air in airs], axis=0)
 
 
 def ceiling(place: Place, array: TransducerArray, airs: Airs) -> Array:
-    """Most that each transducer alone makes at a place in any of the airs, shape (transducer,), in Pa."""
+    """Maximum of each transducer alone at a place in any of the airs, shape (transducer,), in Pa."""
     return np.max([np.abs(transfer_matrix(place.points, array, acoustics=air)) for air in airs], axis=(0, 1))
 
 
@@ -286,14 +253,14 @@ def point_search(points: Array, array: TransducerArray, airs: Airs) -> PointSear
 
 
 def searched_points(place: Place, array: TransducerArray, airs: Airs, *, among: tuple[Place, ...] = ()) -> Array:
-    """The points of a place's cube at which a drive is looked at, shape (point, 3), in m.
+    """The points of a place's cube at which a drive is evaluated, shape (point, 3), in m.
 
     Parameters
     ----------
-    place, array, airs
-        As in `cube_search`: each point is looked at in every air.
+    airs : tuple of Acoustics
+        Each point is evaluated in every air.
     among : tuple of Place
-        All that are looked at in one go, itself among them: one that mirrors another has points of both.
+        All places that are evaluated at once, this one included: mirrored places share their points.
     """
     pair = pair_of(among, array)
     if pair is not None and place in (beside := [among[number] for number in pair.numbers]):
