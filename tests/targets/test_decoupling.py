@@ -39,7 +39,7 @@ def test_the_step_is_written_down():
 
 
 def test_points_that_do_not_tell_cells_apart_are_refused():
-    with pytest.raises(InputError, match="decouple: expected cells that the control points tell apart"):
+    with pytest.raises(InputError, match="decouple: expected control points that separate the cells"):
         decouple(frames(np.ones(16)), grid=ControlGrid(rows=2, columns=2, pitch=11e-3))
 
 

@@ -1,6 +1,6 @@
-"""L-BFGS for one function of many numbers (Nocedal & Wright, "Numerical Optimization", 2nd edition, algorithm 7.4).
+"""L-BFGS for one function of many variables (Nocedal & Wright, "Numerical Optimization", 2nd edition, algorithm 7.4).
 
-One evaluation a step: a step that fails the Armijo test is not made, and a shorter one is tried next.
+One evaluation per step: a step that fails the Armijo test is rejected, and a shorter one is tried next.
 """
 
 from collections.abc import Callable
@@ -16,22 +16,11 @@ Function = Callable[[Single], tuple[float, Single]]
 def descend(
     function: Function, x: Single, *, scale: Single, first: float, iterations: int, memory: int, shrink: float = 0.3
 ) -> Single:
-    """The x with the least cost that so many evaluations come to.
+    """The x with the least cost after this number of evaluations, besides two.
 
-    Parameters
-    ----------
-    function : callable
-        Cost and gradient.
-    x : ndarray
-        Where to begin.
-    scale : ndarray, shape that of `x` or one that spreads to it
-        About how large the inverse curvature is from number to number; its unit is found.
-    first : float
-        Root mean square of the step that finds it.
-    iterations, memory : int
-        Evaluations, besides two, and steps that are remembered.
-    shrink : float
-        How much shorter a step is after one that failed.
+    `scale`, of a shape that broadcasts to `x`, is the relative inverse curvature of each variable; its unit is
+    determined by a first step of root mean square `first`. `memory` is the number of pairs kept, `shrink` the factor on
+    the step length after a rejection.
     """
     cost, gradient = function(x)
     step = scale * gradient
@@ -56,14 +45,14 @@ def descend(
 
 
 def _remember(pairs: list[tuple[Single, Single]], step: Single, change: Single, memory: int) -> None:
-    """Keep a step and the change of slope along it; one of no positive curvature would turn later ones uphill."""
+    """Keep a pair unless its curvature is not positive, which could make later directions uphill."""
     if float(np.vdot(step, change)) > 1e-10 * float(np.vdot(change, change)):
         pairs.append((step, change))
         del pairs[:-memory]
 
 
 def _direction(pairs: list[tuple[Single, Single]], gradient: Single, scale: Single) -> Single:
-    """The two loops: minus the approximate inverse Hessian times the gradient."""
+    """Two-loop recursion: minus the approximate inverse Hessian times the gradient."""
     d, parts = -gradient, list[float]()
     for step, change in reversed(pairs):
         parts.append(float(np.vdot(step, d) / np.vdot(step, change)))

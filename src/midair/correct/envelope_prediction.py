@@ -1,19 +1,18 @@
-"""What a measured array will press in time, foreseen and mended before anything is played.
+"""Predict the pressure over time of a measured array, and correct the phases before anything is played.
 
-A solver takes each frame as if it stood for ever, and what is made louder beforehand for hold and transducers goes by
-their mean. Who knows strength, phase and pole of each transducer knows what will press while they follow:
+A solver assumes a steady state in each frame, and precompensation of hold and transducers uses their mean. With the
+measured strength, phase and pole of each transducer, the pressure at the end of frame t is
 
     q_t = e q_(t-1) + (1 - e) s c_t,  P_t = f w |G q_t|^2,  e = exp(p / R),
 
-at the end of frame t, with c the drive, s and p what was measured, f the radiation pressure of 1 Pa of sound, w the
-weights of places all over the square, R the frame rate. P', what the target would press by the same law were the field
-to keep its phases, is to be met. No frame can meet so many places; but only what lies in the band is felt, which
-several frames share, and
+with c the drive, s and p measured, f the radiation pressure of 1 Pa of sound, w the weights of places all over the
+square, R the frame rate. The target P' is the pressure of the target by the same law if the field kept its phases. No
+frame can reach the target at so many places; but only the error in the band is felt, which several frames share, and
 
     (|| F (P - P') ||^2 + slow || P - P' ||^2) / 2,  F a low-pass,
 
-becomes small with next to no change of the phases. It is made so in blocks of frames, one after another, the last
-frames before a block as they are and the first ones after it as they were solved.
+becomes small with very small phase changes. It is minimised in blocks of frames, one after another, with the last
+frames before a block fixed and the first ones after it as they were solved.
 """
 
 from collections.abc import Iterator
@@ -39,56 +38,45 @@ Waves = NDArray[np.complex64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnvelopePrediction:
-    """How it is foreseen and mended.
-
-    Attributes
-    ----------
-    transducers : Transducers
-        As they were measured.
-    dynamics : TransducerDynamics
-        Those that were made up for beforehand.
-    places : SensorModel
-        Whose cells are to read what they should.
-    linear : {"sound", "pressure"}
-        What of the target follows its drive: that of which it was made louder beforehand.
-    highest : float
-        Where the low-pass is half, in Hz.
-    slow : float
-        Weight of what is not felt.
-    even : float
-        Pressure of a frame, in parts of the loudest one of its block, up to which fainter ones make larger steps.
-    iterations, memory : int
-        Steps of the descent, and how many it remembers.
-    block, around : int
-        Frames of a block, and of its surroundings on either side.
-    """
+    """Settings of the prediction and correction."""
 
     transducers: Transducers
+    """The measured transducers."""
     dynamics: TransducerDynamics
+    """The dynamics that precompensation assumed."""
     places: SensorModel
+    """Cells whose pressure is to match the target."""
     linear: Literal["sound", "pressure"] = "sound"
+    """The quantity that precompensation treated as linear in the drive."""
     highest: float = 600.0
+    """Frequency at which the low-pass is one half, in Hz."""
     slow: float = 0.05
+    """Weight of the error outside the low-pass."""
     even: float = 0.03
+    """Pressure of a frame, relative to the loudest of its block, up to which fainter frames make larger steps."""
     iterations: int = 8
+    """Steps of the descent."""
     memory: int = 6
+    """Pairs that the descent keeps."""
     block: int = 512
+    """Frames of a block."""
     around: int = 12
+    """Frames of its surroundings on either side."""
 
     def __post_init__(self) -> None:
         for name, unit in (("highest", "Hz"), ("slow", ""), ("even", "")):
-            positive(getattr(self, name), f"{name} of the foresight", unit)
+            positive(getattr(self, name), f"{name} of the envelope prediction", unit)
         if min(self.iterations, self.memory, self.block, self.around) < 1:
             raise InputError(
-                "foresight: expected 1 or more iterations, remembered steps, frames of a block and around it, got "
+                "envelope prediction: expected 1 or more for iterations, memory, block and around, got "
                 f"{self.iterations}, {self.memory}, {self.block} and {self.around}"
             )
 
     def corrected(self, parts: Iterator[Solution], target: AmplitudeFrames) -> Iterator[Solution]:
-        """Solutions of the same frames, block by block, whatever the parts were; only phases differ.
+        """Yield solutions of the same frames, block by block, with corrected phases.
 
-        Errors stay those of the solver, which are of frames that stand for ever. The amplitude of the target may be a
-        reel; it is read once.
+        The errors stay those of the solver, which are of steady states. `target` may have lazy frames; they are read
+        once.
         """
         stretch, done = None, 0
         for part in chain(parts, [None]):
@@ -102,7 +90,7 @@ class EnvelopePrediction:
                 yield replace(mended, drive=replace(mended.drive, provenance=self._noted(mended.drive)))
 
     def _next(self, there: int, *, last: bool) -> int:
-        """How many frames are the next block; 0 while there are too few."""
+        """Number of frames of the next block; 0 while there are too few."""
         return self.block if there >= self.block + self.around else there * last
 
     def _noted(self, drive: Drive) -> Provenance:
@@ -111,7 +99,7 @@ class EnvelopePrediction:
         )
 
     def metric(self, part: slice, frames: int, rate: float) -> Single:
-        """How differences of so many frames count, of which a part is the block: (F^T F + slow), (frame, frame)."""
+        """The matrix (F^T F + slow), (frame, frame), for frames of which `part` is the block."""
         from scipy.signal import firwin
 
         reach = self.around // 3
@@ -120,7 +108,7 @@ class EnvelopePrediction:
         passed = np.zeros((frames, frames))
         for by, tap in enumerate(taps, -(len(taps) // 2)):
             passed += tap * np.eye(frames, k=by)
-        # Further away from the block there are neighbours that are not known.
+        # Further away from the block the neighbours of frames are unknown.
         counts, own = np.zeros((frames, 1)), np.zeros(frames)
         counts[max(0, part.start - reach) : part.stop + reach] = 1
         own[part] = self.slow
@@ -129,40 +117,25 @@ class EnvelopePrediction:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Stretch:
-    """Frames that are still to be mended, after the last of those that are.
-
-    Attributes
-    ----------
-    way : Foresight
-        How it is done.
-    following : Following
-        What the array presses.
-    drawn : ndarray, shape (place, point)
-        What each place is to read of the target's pressure.
-    solution : Solution
-        The frames.
-    wanted : ndarray, shape (frame, place)
-        What is to press at their ends, in Pa.
-    sound : ndarray of complex, shape (point,)
-        How far the target's sound, or pressure, has followed.
-    start : ndarray of complex, shape (transducer,)
-        What is radiated before the first frame.
-    kept : int
-        Frames that are mended.
-    """
+    """Frames to be corrected, preceded by the last corrected ones."""
 
     way: EnvelopePrediction
     following: EnvelopeTracking
     drawn: Array
+    """Weights from the target's pressure to each place, shape (place, point)."""
     solution: Solution
     wanted: Single
+    """Target pressure at the ends of frames in Pa, shape (frame, place)."""
     sound: NDArray[np.complex128]
+    """Envelope of the target's sound, or pressure, shape (point,)."""
     start: Waves
+    """Output of the transducers before the first frame, shape (transducer,)."""
     kept: int = 0
+    """Number of frames that are already corrected."""
 
     @classmethod
     def of(cls, way: EnvelopePrediction, first: Solution, target: AmplitudeFrames) -> "_Stretch":
-        """From silence on."""
+        """Start from silence."""
         grid, places = target.grid, way.places
         drawn = cell_weights(places, grid, centre=grid.centre, between="lines")
         weights = cell_weights(places, grid, centre=grid.centre, between="waves")
@@ -178,34 +151,34 @@ class _Stretch:
 
     @property
     def open(self) -> int:
-        """Frames that are to be mended."""
+        """Number of frames to be corrected."""
         return self.solution.drive.frames - self.kept
 
     def followed_by(self, part: Solution) -> "_Stretch":
-        """With more frames."""
+        """Append frames."""
         return replace(self, solution=Solution.joined([self.solution, part]))
 
     def with_target(self, amplitude: Array) -> "_Stretch":
-        """With what is to press of the next frames."""
+        """Append the target pressure of the next frames."""
         drive, dynamics = self.solution.drive, self.way.dynamics
         e = np.exp(complex(-1 / dynamics.time_constant, dynamics.detuning) / drive.rate)
         squared = self.way.linear == "pressure"
         now, sound = self.sound, np.empty_like(amplitude)
         for frame, asked in enumerate(amplitude**2 if squared else amplitude):
             now = asked + (now - asked) * e
-            # Of sound that keeps its phase, what is in step with the drive is heard (`physics.playback_response`).
+            # For sound of constant phase the component in phase with the drive counts (`physics.playback_response`).
             sound[frame] = np.maximum(now.real, 0)
         sound = np.sqrt(sound) if squared else sound
         pressed = radiation_pressure(sound, drive.acoustics.medium) @ self.drawn.T
         return replace(self, wanted=np.concatenate([self.wanted, pressed.astype(np.float32)]), sound=now)
 
     def mended(self, count: int) -> "tuple[Solution, _Stretch]":
-        """The next so many frames, mended, and what is left."""
+        """The next `count` frames, corrected, and the rest."""
         drive, end = self.solution.drive, self.kept + count
         phase = np.array(drive.phase)
         phase[self.kept : end] = self._phases(slice(self.kept, end))
         mended = replace(self.solution, drive=replace(drive, phase=np.mod(phase, 2 * np.pi)))
-        # What went by is felt no longer than the low-pass and the transducers remember.
+        # Earlier frames matter only as long as the responses of the low-pass and the transducers last.
         gone = max(0, end - self.way.around)
         start = self.following.radiated(_told(mended.cut(0, gone).drive), self.start)[-1] if gone else self.start
         left = mended.cut(gone, drive.frames)
@@ -213,7 +186,7 @@ class _Stretch:
         return mended.cut(self.kept, end), rest
 
     def _phases(self, part: slice) -> Array:
-        """Of the frames of a block."""
+        """Corrected phases of the frames of a block."""
         frames = min(part.stop + self.way.around, self.solution.drive.frames)
         solution, wanted = self.solution.cut(0, frames), self.wanted[:frames]
         metric, told = self.way.metric(part, frames, solution.drive.rate), _told(solution.drive)

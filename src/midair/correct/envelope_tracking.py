@@ -1,4 +1,4 @@
-"""What transducers press while they follow their drive, and how that changes with each phase of each frame."""
+"""Pressure of transducers with envelopes at the end of each frame, and its gradient by all phases."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,25 +16,18 @@ Waves = NDArray[np.complex64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EnvelopeTracking:
-    """The way from phases to the pressure at the end of each frame, in single precision.
-
-    Attributes
-    ----------
-    G : ndarray of complex, shape (transducer, point)
-        Field of each transducer at full drive, in Pa.
-    back : ndarray of complex, shape (point, transducer)
-        Its conjugate transpose.
-    weights : ndarray, shape (point, place)
-        Radiation pressure at each place of 1 Pa of sound at each point, in Pa.
-    stays, comes : ndarray of complex, shape (transducer,)
-        What is left of a transducer's sound after a frame, and what a drive of 1 has made by then.
-    """
+    """Map from phases to the pressure at the end of each frame, in single precision."""
 
     G: Waves
+    """Field of each transducer at full drive in Pa, shape (transducer, point)."""
     back: Waves
+    """Conjugate transpose of the field, shape (point, transducer)."""
     weights: Single
+    """Radiation pressure at each place of 1 Pa of sound at each point, in Pa, shape (point, place)."""
     stays: Waves
+    """Remainder of a transducer's output after one frame, shape (transducer,)."""
     comes: Waves
+    """Output after one frame of a drive of 1, shape (transducer,)."""
 
     @classmethod
     def of(
@@ -44,7 +37,9 @@ class EnvelopeTracking:
         grid: ControlGrid,
         weights: Array,
     ) -> "EnvelopeTracking":
-        """For a drive's array and air with these transducers, and places of weights (place, point) on a grid."""
+        """Make it for a drive's array and air with these transducers, and places of weights (place, point) on a
+        grid.
+        """
         G = transfer_matrix(grid, drive.array.nominal, acoustics=drive.acoustics)
         unit = float(radiation_pressure(np.ones(1), drive.acoustics.medium)[0])
         stays = np.exp(transducers.pole / drive.rate)
@@ -57,7 +52,7 @@ class EnvelopeTracking:
         )
 
     def radiated(self, told: Waves, start: Waves) -> Waves:
-        """What each transducer radiates at the end of each frame, (frame, transducer); `start` before the first."""
+        """Output of each transducer at the end of each frame, (frame, transducer); `start` before the first."""
         q, now = self.comes * told, start
         for frame in q:
             frame += self.stays * now
@@ -67,21 +62,13 @@ class EnvelopeTracking:
     def missed(self, told: Waves, start: Waves, wanted: Single, metric: Single) -> tuple[float, Single]:
         """The cost ``sum((P - P') * metric (P - P')) / 2``, and its gradient by the phases, (frame, transducer).
 
-        Parameters
-        ----------
-        told : ndarray of complex, shape (frame, transducer)
-            c, as a part of full drive.
-        start : ndarray of complex, shape (transducer,)
-            What is radiated before the first frame.
-        wanted : ndarray, shape (frame, place)
-            P', in Pa.
-        metric : ndarray, shape (frame, frame)
-            Symmetric: how a difference in one frame counts with one in another.
+        `command` (frame, transducer) is c as a fraction of full drive; `start` (transducer,) the output before the
+        first frame; `wanted` (frame, place) P' in Pa; `metric` (frame, frame) the symmetric weights.
         """
         y = self.radiated(told, start) @ self.G
         missed = (y.real**2 + y.imag**2) @ self.weights - wanted
         felt = metric @ missed
-        # The other way round, with the slope of the cost by what each frame radiates.
+        # Backward in time, with the slope of the cost by the output in each frame.
         slope: Any = ((2 * (felt @ self.weights.T)) * y) @ self.back
         later, stays = np.zeros_like(start), self.stays.conj()
         for frame in slope[::-1]:

@@ -1,4 +1,4 @@
-"""Gain of the beam, and of the amplitude, from what was re-recorded (paper, 5.2)."""
+"""Gain of the beam, and gain correction of a reproduction, from re-recordings (paper, 5.2)."""
 
 from dataclasses import dataclass
 
@@ -14,28 +14,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BeamGain:
-    """What the sensor reads over what the model says the beam presses: a straight line through >= 5 levels.
-
-    Attributes
-    ----------
-    gain : float
-        Pa read per Pa commanded.
-    gain_error : float
-        Standard error of `gain`.
-    intercept : float
-        In Pa; a noise floor shows here.
-    curvature : float
-        Change of gain from the lowest to the highest level by a parabola through the same points, as a part of
-        `gain`; saturation shows here as a negative number.
-    residual : float
-        Rms distance of the points from the line, in Pa.
-    """
+    """Linear fit of the measured over the modelled pressure of a beam, through at least 5 levels."""
 
     gain: float
+    """Measured over commanded pressure, Pa/Pa."""
     gain_error: float
+    """Standard error of `gain`."""
     intercept: float
+    """In Pa; shows a noise floor."""
     curvature: float
+    """Change of gain from the lowest to the highest level in a quadratic fit, relative to `gain`; negative for
+    saturation.
+    """
     residual: float
+    """Rms distance of the points from the line, in Pa."""
 
 
 def beam_drive(
@@ -48,39 +40,33 @@ def beam_drive(
     rate: float = 1000.0,
     acoustics: Acoustics | None = None,
 ) -> Drive:
-    """A focus that beats at each level in turn, with which the beam gain is measured.
+    """A focus whose pressure oscillates at each level in turn, to measure the beam gain.
 
-    The sensor hears no steady pressure, so the pressure is a raised sine: P(t) = level^2 P_full (1 - cos 2 pi f t) / 2.
-    Pressure goes with the square of the amplitude, so the drive is its root.
+    The sensor does not measure steady pressure, so the pressure is a raised sine: P(t) = level^2 P_full (1 - cos 2 pi f
+    t) / 2. Pressure is proportional to the squared amplitude, so the drive is its root. The drive has cycles * rate /
+    frequency frames per level.
 
     Parameters
     ----------
-    array : TransducerArray
-        What plays.
     point : ndarray, shape (3,)
-        Place of the focus, in m.
+        Position of the focus, in m.
     levels : ndarray, shape (level,)
-        Largest drive of each beat, 0 to 1.
+        Maximum drive at each level, 0 to 1.
     frequency : float
-        Frequency of the beat, in Hz; `rate` over it must be whole.
+        Frequency of the oscillation, in Hz; `rate` over it must be whole.
     cycles : int
-        Cycles of each level.
+        Cycles per level.
     rate : float
         Frames per second, in Hz.
     acoustics : Acoustics, optional
-        The air and directivity that the focus is made for.
-
-    Returns
-    -------
-    Drive
-        cycles * rate / frequency frames a level.
+        Air and directivity for the focus.
     """
     period = rate / frequency
     if abs(period - round(period)) > 1e-9 or period < 4:
         raise InputError(
             f"frequency: expected the rate {rate:g} Hz over a whole number of 4 or more, got {frequency:g} Hz"
         )
-    # Begins at 0, so that one level passes into the next without a jump.
+    # Begins at 0, so that there is no jump between levels.
     beat = np.sqrt((1 - np.cos(2 * np.pi * np.arange(cycles * round(period)) / period)) / 2)
     level = (np.asarray(levels, float)[:, None] * beat).ravel()
     phase = np.broadcast_to(focus_phase(array, point, acoustics=acoustics), (len(level), array.count))
@@ -101,15 +87,15 @@ def commanded_pressure(
     *,
     acoustics: Acoustics | None = None,
 ) -> Array:
-    """Radiation pressure that the model says a focus has at its point at each level, shape (level,), in Pa."""
+    """Modelled radiation pressure at the focus for each level, shape (level,), in Pa."""
     matrix = transfer_matrix(np.reshape(point, (1, 3)), array, acoustics=acoustics)
     return radiation_pressure(np.abs(matrix).sum() * np.asarray(levels, float), (acoustics or Acoustics()).medium)
 
 
 def beat_amplitude(signal: Array, rate: float, *, frequency: float, parts: int) -> Array:
-    """Amplitude of a sine of `frequency` in each of `parts` equal stretches of a signal.
+    """Amplitude of a sine of `frequency` in each of `parts` equal parts of a signal, shape (part,), half peak to peak.
 
-    By correlation with a complex sine over whole cycles; the first quarter of each stretch settles and is left out.
+    Correlation with a complex sine over whole cycles; the first quarter of each part is left out as settling time.
 
     Parameters
     ----------
@@ -120,47 +106,44 @@ def beat_amplitude(signal: Array, rate: float, *, frequency: float, parts: int) 
     frequency : float
         In Hz.
     parts : int
-        Number of stretches; what is left over at the end is not used.
-
-    Returns
-    -------
-    ndarray, shape (part,)
-        Half peak to peak, in the signal's unit.
+        Number of parts; remaining frames at the end are ignored.
     """
     length = len(signal) // parts
     period = rate / frequency
     kept = round(int(0.75 * length / period) * period)
     if kept < period:
-        raise ShapeError(f"signal: expected {parts} stretches of at least 2 cycles, got {len(signal)} frames in all")
+        raise ShapeError(f"signal: expected {parts} parts of at least 2 cycles, got {len(signal)} frames in total")
     sine = np.exp(-2j * np.pi * frequency / rate * np.arange(kept))
     stretches = signal[: parts * length].reshape(parts, length)[:, length - kept :]
     return np.abs(stretches @ sine) * 2 / kept
 
 
 def beam_gain(commanded: Array, measured: Array) -> BeamGain:
-    """The straight line from commanded to measured pressure, with its error and its bend.
+    """Fit a line to measured over commanded pressure, with its error and curvature.
 
     Parameters
     ----------
     commanded, measured : ndarray, shape (level,)
-        Amplitude of the pressure's beat at each level, in Pa; five levels at least.
+        Amplitude of the pressure's oscillation at each level, in Pa; at least five levels.
 
     Raises
     ------
     InputError
-        With fewer than five levels, or when nothing was heard.
+        With fewer than five levels, or a gain that is not above zero.
     """
     commanded, measured = np.asarray(commanded, float), np.asarray(measured, float)
     if commanded.shape != measured.shape or commanded.ndim != 1:
-        raise ShapeError(f"measured: expected one value a level {commanded.shape}, got {measured.shape}")
+        raise ShapeError(f"measured: expected one value per level {commanded.shape}, got {measured.shape}")
     if len(np.unique(commanded)) < 5:
-        raise InputError(f"levels: expected at least 5 different ones, got {len(np.unique(commanded))}; play more")
+        raise InputError(
+            f"levels: expected at least 5 different ones, got {len(np.unique(commanded))}; play more levels"
+        )
     design = np.stack([commanded, np.ones_like(commanded)], axis=1)
     (gain, intercept), *_ = np.linalg.lstsq(design, measured, rcond=None)
     rest = measured - design @ (gain, intercept)
     if gain <= 0:
         raise InputError(
-            f"measured: expected more pressure at higher levels, got a gain of {gain:g}; is the beam on the sensor?"
+            f"measured: expected more pressure at higher levels, got a gain of {gain:g}; focus the beam on the sensor"
         )
     variance = (rest @ rest) / (len(rest) - 2)
     spread = ((commanded - commanded.mean()) ** 2).sum()
@@ -169,22 +152,22 @@ def beam_gain(commanded: Array, measured: Array) -> BeamGain:
         gain=float(gain),
         gain_error=float(np.sqrt(variance / spread)),
         intercept=float(intercept),
-        # From a x + b x^2 the slope changes by 2 b over the range.
+        # The slope of a x + b x^2 changes by 2 b times the range.
         curvature=float(2 * bend * np.ptp(commanded) / gain),
         residual=float(np.sqrt(np.mean(rest**2))),
     )
 
 
 def amplitude_gain(measured_gain: float, *, limit: float = 4.0) -> float:
-    """Factor on the pressure with which a reproduction of gain `measured_gain` comes out right.
+    """Factor on the pressure that corrects a reproduction of gain `measured_gain`.
 
-    The paper corrects once, and so does this: 1 / gain, for `prepare(gain=...)`. It is kept within 1/limit and
-    limit, so that a silent reproduction cannot ask for endless power.
+    The paper corrects once: 1 / gain, for `prepare(gain=...)`. It is limited to 1/limit and limit, so that a very weak
+    reproduction does not lead to extreme levels.
 
     Raises
     ------
     InputError
-        If the gain is not above zero: then level is not what is wrong.
+        If the gain is not above zero: then the level is not the problem.
     """
     if not measured_gain > 0:
         raise InputError(

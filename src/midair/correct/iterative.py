@@ -1,10 +1,10 @@
-"""Iterative correction: what a re-recording lacks is added to what is asked for, frequency by frequency.
+"""Iterative correction: the error of a re-recording is added to the commanded pressure, frequency by frequency.
 
     U <- proj[ U + g conj(H) / (|H|^2 + eps) (Y_target - Y) ]
 
-U is the pressure that is asked for, Y what was re-recorded of it, H the response from one to the other, proj the
-nearest pressure that can be played. In the terms of iterative learning control it is learning by an inverted model
-(Bristow, Tharayil and Alleyne, IEEE Control Systems 26(3), 2006), regularised where H is small.
+U is the commanded pressure, Y its re-recording, H the response from one to the other, proj the nearest pressure that
+can be played. In iterative learning control this is learning by an inverted model (Bristow, Tharayil and Alleyne, IEEE
+Control Systems 26(3), 2006), regularised where H is small.
 """
 
 from dataclasses import dataclass
@@ -22,21 +22,15 @@ Band = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Response:
-    """What comes back of what is asked for, the same for all cells.
-
-    Attributes
-    ----------
-    frequency : ndarray, shape (bin,)
-        Increasing, in Hz.
-    value : ndarray of complex, shape (bin,)
-        H, Pa re-recorded over Pa asked for.
-    """
+    """Transfer function from commanded to re-recorded pressure, the same for all cells."""
 
     frequency: Array
+    """Increasing, in Hz, shape (bin,)."""
     value: Complex
+    """H in Pa/Pa, shape (bin,)."""
 
     def at(self, frequency: Array) -> Complex:
-        """H between the bins, by linear interpolation of its real and imaginary parts; held at the ends."""
+        """H between the bins, by linear interpolation of its real and imaginary parts; constant beyond the ends."""
         real, imaginary = (np.interp(frequency, self.frequency, part) for part in (self.value.real, self.value.imag))
         return np.asarray(real + 1j * imaginary, np.complex128)
 
@@ -44,38 +38,38 @@ class Response:
 def measured_response(asked: Array, heard: Array, rate: float, *, band: Band, resolution: float = 20.0) -> Response:
     """H1 = S_uy / S_uu by Welch's method, the cross-spectra summed over the cells.
 
-    What nobody asked for in a bin carries no information there: bins with less than 1e-4 of the strongest one's power
-    take H of the nearest bin that has more.
+    Bins with less than 1e-4 of the strongest bin's power contain no information; they take H of the nearest bin with
+    more.
 
     Parameters
     ----------
     asked, heard : ndarray, shape (frame, row, column)
-        In Pa, at the same times.
+        Commanded and re-recorded pressure in Pa, at the same times.
     rate : float
         In Hz.
     band : tuple of float
-        (low, high) outside which nothing is looked at, in Hz.
+        (low, high) in Hz; bins outside are ignored.
     resolution : float
-        Spacing of the bins, in Hz: H is taken as smooth over that.
+        Spacing of the bins, in Hz; H is assumed smooth over it.
 
     Raises
     ------
     ShapeError
         If the shapes differ.
     InputError
-        If nothing was asked for in the band.
+        If the commanded pressure is zero in the band.
     """
     from scipy.signal import csd
     from scipy.signal import welch as scipy_welch
 
     if asked.shape != heard.shape:
-        raise ShapeError(f"heard: expected the shape of what was asked for, {asked.shape}, got {heard.shape}")
+        raise ShapeError(f"heard: expected the shape of the commanded pressure, {asked.shape}, got {heard.shape}")
     segment = min(len(asked), max(8, round(rate / resolution)))
     u, y = asked.reshape(len(asked), -1), heard.reshape(len(heard), -1)
     frequency, power = scipy_welch(u, rate, nperseg=segment, axis=0)
     _, cross = csd(u, y, rate, nperseg=segment, axis=0)
     inside = (frequency >= band[0]) & (frequency <= band[1])
-    # Summed before the ratio: cells that were asked for little must not make it noisy.
+    # Summed before the ratio, so that cells with little pressure do not make it noisy.
     power, cross = power.sum(axis=1) * inside, cross.sum(axis=1)
     if not power.max() > 0:
         raise InputError(f"asked: expected pressure within {band[0]:g} to {band[1]:g} Hz, got none")
@@ -89,27 +83,18 @@ def measured_response(asked: Array, heard: Array, rate: float, *, band: Band, re
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IterativeCorrection:
-    """How the correction steps.
-
-    Attributes
-    ----------
-    step : float
-        g of the first step; 1 would be right at once were the chain linear and H exact.
-    regularisation : float
-        eps, over the largest ``|H|^2`` in the band.
-    shrink : float
-        What g is multiplied by after a step that made it worse and was taken back.
-    smallest : float
-        Below this g it is given up.
-    least : float
-        Part of the error by which a step must lower it to go on.
-    """
+    """Settings of the correction."""
 
     step: float = 0.8
+    """g of the first step; 1 would be exact for a linear chain and an exact H."""
     regularisation: float = 0.01
+    """eps, over the largest ``|H|^2`` in the band."""
     shrink: float = 0.5
+    """Factor on g after a step that increased the error and was undone."""
     smallest: float = 0.1
+    """The correction stops below this g."""
     least: float = 0.002
+    """Fraction of the error by which a step must lower it to continue."""
 
     def __post_init__(self) -> None:
         if not (0 < self.smallest <= self.step <= 2 and 0 < self.shrink < 1):
@@ -124,7 +109,7 @@ class IterativeCorrection:
             )
 
     def change(self, lacking: Array, rate: float, response: Response, *, band: Band, step: float) -> Array:
-        """What to add to what is asked for: ``g conj(H) / (|H|^2 + eps)`` applied to what is lacking, within the band.
+        """Change of the commanded pressure: ``g conj(H) / (|H|^2 + eps)`` applied to the error, within the band.
 
         Parameters
         ----------
@@ -135,7 +120,7 @@ class IterativeCorrection:
         response : Response
             H.
         band : tuple of float
-            (low, high), in Hz, with the band's usual soft edges.
+            (low, high), in Hz, with the usual soft edges.
         step : float
             g.
         """

@@ -1,20 +1,20 @@
-"""Minimum-norm correction: the least change of the phases that presses what a re-recording lacked.
+"""Minimum-norm correction: the smallest phase change that adds the pressure that a re-recording lacked.
 
-With Y_t = G q_t the field in the middle of frame t, q_t what the transducers radiate by then, c_t what they are told,
+With Y_t = G q_t the field in the middle of frame t, q_t the output of the transducers at that time, c_t their drive,
 and w the cells' weights, the pressure on the cells changes by J dtheta with
 
     J = 2 f w diag(conj(Y_t)) G diag(j c_t), real part,
 
-f the radiation pressure of 1 Pa of sound: for changes that are slow against the transducers, as all in the sensor's
-band are once what lacked is made up for hold and envelope (`targets.precompensate`). Of all changes that press r the
-least is
+f the radiation pressure of 1 Pa of sound. This holds for changes that are slow compared with the transducers, which is
+true in the sensor's band after compensation of hold and envelope (`targets.precompensate`). The smallest phase change
+that adds the pressure r is
 
     dtheta = J^T (J J^T + l)^-1 r,
 
-a system as small as there are cells (Levenberg's step of the underdetermined problem; Nocedal & Wright, "Numerical
-Optimization", 2nd edition, section 10.3). It is also the best guess of what is wrong everywhere else if each
-transducer's phase is off by itself. A cell that is nearly silent has no slope: l is the slope of one that presses
-`floor`, so that no cell is asked for more than it can give.
+a system of the size of the number of cells (Levenberg's step of the underdetermined problem; Nocedal & Wright,
+"Numerical Optimization", 2nd edition, section 10.3). It is also the best estimate elsewhere if phase errors of the
+transducers are independent. A cell with little pressure has a small slope: l is the slope of a cell with the pressure
+`floor`, which limits the change.
 """
 
 from dataclasses import dataclass, field, replace
@@ -34,45 +34,36 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MinimumNorm:
-    """How the step is made.
-
-    Attributes
-    ----------
-    floor : float
-        Pressure of a cell, in Pa, below which it is corrected less.
-    dynamics : TransducerDynamics
-        How the transducers follow their drive.
-    together : int
-        Frames at once.
-    """
+    """Settings of the correction."""
 
     floor: float = 0.5
+    """Pressure of a cell in Pa below which it is corrected less."""
     dynamics: TransducerDynamics = field(default_factory=TransducerDynamics)
+    """Envelope dynamics of the transducers."""
     together: int = 64
+    """Frames per block."""
 
     def __post_init__(self) -> None:
         positive(self.floor, "floor of the correction", "Pa")
 
     def corrected(self, drive: Drive, lacking: Array, weights: Array, grid: ControlGrid) -> Drive:
-        """The drive whose frames press on the cells by so much more.
-
-        Frames that are silent stay as they are.
+        """The drive with this additional pressure on the cells; silent frames do not change.
 
         Parameters
         ----------
         drive : Drive
-            What was played.
+            The drive that was played.
         lacking : ndarray, shape (frame, cell)
-            What is to press in addition, in Pa.
+            Pressure to add, in Pa.
         weights : ndarray, shape (cell, point)
-            Of the cells, from `cell_weights` between waves.
+            From `cell_weights` with between="waves".
         grid : ControlGrid
-            The points of the weights.
+            Points of the weights.
 
         Raises
         ------
         ShapeError
-            If what lacks or the weights are not of these frames, cells and points.
+            If `lacking` or the weights have other frames, cells or points.
         """
         if lacking.shape != (drive.frames, len(weights)) or weights.shape[1] != grid.count:
             raise ShapeError(
@@ -85,7 +76,7 @@ class MinimumNorm:
         for first in range(0, drive.frames, self.together):
             part = slice(first, min(first + self.together, drive.frames))
             told = _told(drive, part)
-            # Two moments a frame: its middle, and its end, from which the next one goes on.
+            # Two moments per frame: its middle, and its end, where the next one starts.
             radiated = envelope(told, drive.rate, 2, self.dynamics, start=now)
             now = radiated[-1]
             phase[part] += _step(lacking[part], weights, G, radiated[::2] @ G.T, told, self.floor / unit) / unit
@@ -99,30 +90,22 @@ class MinimumNorm:
 def slopes(weights: Array, G: Complex, field: Complex, told: Complex) -> Array:
     """J of each frame over the radiation pressure of 1 Pa of sound, shape (frame, cell, transducer).
 
-    Parameters
-    ----------
-    weights : ndarray, shape (cell, point)
-        Of the cells.
-    G : ndarray of complex, shape (point, transducer)
-        Field of each transducer at full drive, in Pa.
-    field : ndarray of complex, shape (frame, point)
-        Y, in Pa.
-    told : ndarray of complex, shape (frame, transducer)
-        c, what the transducers are told, as a part of full drive.
+    `weights` (cell, point); G (point, transducer) in Pa; `field` Y (frame, point) in Pa; `command` c (frame,
+    transducer) as a fraction of full drive.
     """
-    # Single precision: a step need not be exact, and the product with G is all of the work.
+    # Single precision: a step need not be exact, and the product with G dominates the time.
     turned = (weights * field.conj()[:, None, :]).astype(np.complex64)
     pulls = (turned.reshape(-1, G.shape[0]) @ G.astype(np.complex64)).reshape(*turned.shape[:2], -1)
     return np.asarray(-2 * (pulls * told[:, None, :]).imag, np.float64)
 
 
 def _step(lacking: Array, weights: Array, G: Complex, field: Complex, told: Complex, floor: float) -> Array:
-    """The least change of phase of each frame, (frame, transducer), in rad times Pa of radiation over Pa^2 of sound."""
+    """The smallest phase change of each frame, (frame, transducer), in rad times Pa of radiation over Pa^2 of sound."""
     J = slopes(weights, G, field, told)
     system = J @ J.transpose(0, 2, 1)
     pressed = (np.abs(field) ** 2 @ weights.T).sum(axis=1)
     slope = np.trace(system, axis1=1, axis2=2)
-    # Where nothing presses there is no slope, and nothing to correct.
+    # Without pressure the slope is 0 and no correction is possible.
     sounds = (pressed > 0) & (slope > 0)
     least = np.where(sounds, floor * slope / np.where(sounds, pressed, 1), 1)
     solved: Any = np.linalg.solve(system + least[:, None, None] * np.eye(len(weights)), lacking[..., None])

@@ -1,4 +1,4 @@
-"""From pressure on a few cells to the sound amplitude wanted at the control points (paper, 4.1)."""
+"""Convert the pressure on a few cells to target sound amplitudes at the control points (paper, 4.1)."""
 
 from midair.targets.compensation import precompensate, precompensate_sound
 from midair.targets.cost import MappingReport, mapping_report

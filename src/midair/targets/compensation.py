@@ -1,8 +1,8 @@
-"""Louder beforehand what the playing of frames makes quieter.
+"""Compensate the low-pass effect of frames and transducers before a target is played.
 
-Holding a frame and the envelope of a transducer both act on the amplitude of the sound, and so `precompensate_sound`
-undoes them there, at all frequencies: exactly so where the phase of the field stays as it is. `precompensate` undoes
-them on pressure, within the band that is wanted: exactly so for changes that are small against the pressure.
+Holding a frame and the envelope of a transducer both act on the amplitude of the sound. `precompensate_sound` inverts
+them there, at all frequencies: exact if the phase of the field is constant. `precompensate` inverts them on pressure,
+within a band: exact for small relative changes of the pressure.
 """
 
 from dataclasses import replace
@@ -24,39 +24,34 @@ def precompensate(
     ramp: float = 0.0,
     band: Band = (20.0, 480.0),
 ) -> PressureFrames:
-    """Pressure with the inverse of what holding frames and the transducers' envelope do to it.
+    """Pressure filtered by the inverse of the hold of frames and the transducers' envelope.
 
     W(f) = 1 / [sinc(f / R) sinc(f T) H(f)] within the band and 1 outside, with R the frame rate, T the ramp and H the
-    envelope (`physics.playback_response`). Delays are undone as well, so that what is played is not late. Do this
-    before a mapping: what it adds below zero the mapping lifts or cuts.
+    envelope (`physics.playback_response`). Delays are compensated, too. Apply it before a mapping, which handles the
+    negative values that it adds.
 
     Parameters
     ----------
     pressure : PressureFrames
-        What is wanted, at the rate of the frames that are to be played.
+        At the frame rate of playback.
     dynamics : TransducerDynamics, optional
-        Dynamics of the transducers; the usual ones if None.
+        Dynamics of the transducers; the default ones if None.
     ramp : float
-        Over how long a silencer spreads each step, in s; 1 / rate makes ramps of steps.
+        Time over which a silencer spreads each step, in s; 1 / rate gives linear interpolation.
     band : tuple of float
-        (low, high) of what is compensated in full, in Hz; half cosines lead down to 0 and up to 1.05 high.
-
-    Returns
-    -------
-    PressureFrames
-        Same rate and number of frames.
+        (low, high) of full compensation, in Hz; cosine transitions from 0 to low and from high to 1.05 high.
     """
     dynamics, (low, high) = dynamics or TransducerDynamics(), band
 
     def inverse(frequency: np.ndarray) -> np.ndarray:
         inside = band_window(frequency, (low / 2, 1.025 * high), edges=(low, high / 20))
-        # The window is .5 at its corners: these put the whole band into its flat part.
+        # The window is .5 at its corners; these corners put the whole band into its flat part.
         response = playback_response(frequency, pressure.rate, dynamics=dynamics, ramp=ramp)
         return (1 + inside * (1 / np.where(inside > 0, response, 1) - 1)).reshape(-1, 1, 1)
 
     return replace(
         pressure,
-        # Four periods of the lower edge, which is `low` wide and reaches furthest.
+        # Four periods of the lower transition, which is `low` wide and has the longest impulse response.
         pressure=filter_response(pressure.pressure, pressure.rate, inverse, reach=4 / low),
         provenance=pressure.provenance.then("precompensate", _settings(dynamics, ramp) | {"band_hz": band}),
     )
@@ -65,24 +60,19 @@ def precompensate(
 def precompensate_sound(
     target: AmplitudeFrames, *, dynamics: TransducerDynamics | None = None, ramp: float = 0.0, reach: float = 0.1
 ) -> AmplitudeFrames:
-    """Sound amplitude with the inverse of what holding frames and the transducers' envelope do to it.
+    """Sound amplitude filtered by the inverse of the hold of frames and the transducers' envelope.
 
-    1 / [sinc(f / R) sinc(f T) H(f)] up to half the frame rate. Where a target rises and falls again faster than the
-    transducers can follow, what was to be below zero is 0.
+    1 / [sinc(f / R) sinc(f T) H(f)] up to half the frame rate. Negative results, where a target changes faster than the
+    transducers can follow, are set to 0.
 
     Parameters
     ----------
     target : AmplitudeFrames
-        What is wanted, at the rate of the frames that are to be played.
+        At the frame rate of playback.
     dynamics, ramp
         As in `precompensate`.
     reach : float
-        Over how long the inverse is taken to act, in s.
-
-    Returns
-    -------
-    AmplitudeFrames
-        Same rate, points and number of frames.
+        Half length of the filter's impulse response, in s.
     """
     dynamics = dynamics or TransducerDynamics()
 

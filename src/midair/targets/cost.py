@@ -1,4 +1,4 @@
-"""What a mapping keeps of the wanted wave, and what it costs."""
+"""Compare the signal that a mapping keeps with its distortion and its cost in exposure."""
 
 from dataclasses import asdict, dataclass
 
@@ -14,60 +14,51 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappingReport:
-    """One mapping of one recording, over all cells.
-
-    Attributes
-    ----------
-    mapping : str
-        Its name.
-    gain : float
-        Gain of the wanted part: best factor from the recorded to the pushed pressure, in the band.
-    distortion_ratio : float
-        The wanted part over all else in the band, in dB.
-    wanted : float
-        rms of the wanted part in the strongest cell over the highest pressure pushed.
-    mean, peak : float
-        Pressure pushed: averaged over time in the cell that is pushed most, and the highest, in Pa.
-    on : float
-        Part of the frames in which anything is pushed: an array whose transducers are all equally loud is at full power
-        in these, whatever the pressure.
-    exposure : float
-        Sound energy that goes with the pressure, over that of the half-wave mapping at the same gain of the wanted
-        part, in dB: radiation pressure goes with the square of sound pressure, so this is the change of the mean level.
-    """
+    """Figures of one mapping of one recording, over all cells."""
 
     mapping: str
     gain: float
+    """Least-squares factor from the recorded to the mapped pressure, in the band."""
     distortion_ratio: float
+    """Recorded part over all other parts of the mapped pressure in the band, in dB."""
     wanted: float
+    """rms of the recorded part in the strongest cell over the highest mapped pressure."""
     mean: float
+    """Mapped pressure averaged over time in the cell with the highest average, in Pa."""
     peak: float
+    """Highest mapped pressure in Pa."""
     on: float
+    """Fraction of frames that are not silent: with equal amplitudes the array is at full power in these, at any
+    pressure.
+    """
     exposure: float
+    """Change of the mean sound level relative to the half-wave mapping with the same gain, in dB (radiation pressure is
+    proportional to the squared sound pressure).
+    """
 
     def figures(self) -> dict[str, str | float]:
-        """Every figure by its name."""
+        """All figures by name."""
         return asdict(self)
 
 
 def mapping_report(
     pressure: PressureFrames, mapping: str, *, band: tuple[float, float] = (20.0, 470.0)
 ) -> MappingReport:
-    """How a mapping treats a recording.
+    """Compute the figures of a mapping for a recording.
 
     Parameters
     ----------
     pressure : PressureFrames
-        The recording's pressure, at the rate at which it is mapped.
+        At the rate at which it is mapped.
     mapping : str
         A name in `MAPPINGS`.
     band : tuple of float
-        (low, high) of what is wanted, in Hz.
+        (low, high) of the recorded part, in Hz.
 
     Raises
     ------
     InputError
-        If there is no such mapping.
+        If the mapping is unknown.
     """
     x = pressure.pressure
     pushed = mapping_of(mapping, band)(x, pressure.rate)
@@ -77,7 +68,7 @@ def mapping_report(
     rest = float(((got - gain * wanted) ** 2).sum())
     peak = float(pushed.max())
     reference = float(half_wave(x).sum())
-    # The half-wave mapping keeps half of the wanted part: the same loudness needs twice its pressure.
+    # The half-wave mapping keeps about half of the recorded part, so it needs twice the pressure for the same gain.
     return MappingReport(
         mapping=mapping,
         gain=gain,
@@ -97,7 +88,7 @@ def _half_wave_gain(x: Array, wanted: Array, rate: float, band: tuple[float, flo
 
 def _in_band(x: Array, rate: float, band: tuple[float, float]) -> Array:
     edges = band_edges(band, rate)
-    # Two periods of the lower edge, which is half as wide as `low` and reaches furthest.
+    # Two periods of the lower transition, which is half as wide as `low` and has the longest impulse response.
     return filter_response(x, rate, lambda f: _column(band_window(f, band, edges=edges), x.ndim), reach=4 / band[0])
 
 

@@ -1,4 +1,4 @@
-"""Undoes that a cell also feels what is played for its neighbours."""
+"""Compensate the overlap between cells: a cell also measures pressure that is played for its neighbours."""
 
 from dataclasses import replace
 
@@ -15,12 +15,12 @@ Array = NDArray[np.float64]
 
 
 def coupling(sensor: SensorModel, grid: ControlGrid) -> Array:
-    """What each cell reads of pressure interpolated from each cell, shape (cell, cell).
+    """Reading of each cell for pressure interpolated from each cell, shape (cell, cell).
 
-    The interpolation spreads a cell's pressure over a tent of one pitch, and the sensor averages what presses on it:
-    M = w T, with T the interpolation and w the cells' weights (`physics.cell_weights`).
+    Interpolation spreads a cell's pressure over a triangle of one pitch, and the sensor averages over its aperture: M =
+    w T, with T the interpolation and w the cells' weights (`physics.cell_weights`).
     """
-    # The interpolation puts the sensor at the grid's centre, wherever that is; so must the weights.
+    # Like the interpolation, the weights must put the sensor at the grid's centre, wherever that is.
     weights = cell_weights(sensor, replace(grid, centre=(0.0, 0.0)), between="lines")
     return weights @ interpolation_matrix(sensor.grid, grid)
 
@@ -32,39 +32,34 @@ def decouple(
     sensor: SensorModel | None = None,
     worst: float = 100.0,
 ) -> PressureFrames:
-    """Pressure that makes each cell read what it was meant to, interpolated and felt by its neighbours as it is.
+    """Pressure whose interpolation gives each cell its original reading.
 
-    x' = M^-1 x, exact where pressure is interpolated and about right where amplitude is. Do this before a mapping: what
-    it adds below zero the mapping lifts or cuts.
+    x' = M^-1 x, exact for interpolated pressure and approximate for interpolated amplitude. Apply it before a mapping,
+    which handles the negative values that it adds.
 
     Parameters
     ----------
     pressure : PressureFrames
-        What the cells are to read.
+        Readings of the cells.
     grid : ControlGrid, optional
-        The control points; the paper's if None.
+        Control points; the paper's if None.
     sensor : SensorModel, optional
-        The sensor whose aperture and gel spread the pressure; the usual one on the pressure's cells if None.
+        Aperture and spread of the sensor; the usual one on the pressure's cells if None.
     worst : float
-        Largest condition number of M: by so much noise could grow.
-
-    Returns
-    -------
-    PressureFrames
-        Same rate and number of frames.
+        Maximum condition number of M, which bounds the amplification of noise.
 
     Raises
     ------
     InputError
-        If the cells cannot be told apart with these control points.
+        If the condition number is higher.
     """
     grid, sensor = grid or ControlGrid(), sensor or SensorModel.usual(pressure.sensor)
     matrix = coupling(sensor, grid)
     condition = float(np.linalg.cond(matrix))
     if not condition <= worst:
         raise InputError(
-            f"decouple: expected cells that the control points tell apart, to a condition number of {worst:g}, got "
-            f"{condition:.3g}; take a grid that covers the cells, or leave decouple out"
+            f"decouple: expected control points that separate the cells, to a condition number of {worst:g}, got "
+            f"{condition:.3g}; use a grid that covers the cells, or turn decouple off"
         )
 
     def undone(block: Array) -> Array:

@@ -1,4 +1,4 @@
-"""A lead before and after a piece: so that nothing begins or ends with a step, and a bias has time to rise."""
+"""Add a lead before and after a recording, so that it starts without a step and a bias has time to rise."""
 
 from dataclasses import replace
 from typing import cast
@@ -19,21 +19,21 @@ LONGEST = 10.0
 
 
 def usual_lead(mapping: str, band: Band) -> float:
-    """Lead that a mapping needs in a band, in s: time to swell, and before that time for a bias to rise from nothing.
+    """Lead in s that a mapping needs in a band: the fade, and before it the rise time of a bias.
 
-    At 20 Hz 60 ms, and 150 ms with a slow bias.
+    For 20 Hz 60 ms, and 150 ms with a slow bias.
     """
     chosen = mapping_of(mapping, band)
     return _swell(band) + (chosen.seconds if isinstance(chosen, SlowBias) else 0.0)
 
 
 def led_in(pressure: PressureFrames, lead: float) -> PressureFrames:
-    """The same with `lead` seconds more on both sides, silent and then swelling to its first frame; of a reel a reel.
+    """Add `lead` seconds on both sides: silence, then a fade to the first frame. Lazy frames stay lazy.
 
     Raises
     ------
     InputError
-        If the lead is below 0 or above 10 s.
+        If the lead is below 0 or not below 10 s.
     """
     if not 0 <= lead < LONGEST:
         raise InputError(f"lead: expected 0 to {LONGEST:g} s, got {lead:g} s")
@@ -48,18 +48,20 @@ def led_in(pressure: PressureFrames, lead: float) -> PressureFrames:
 
 
 def without_lead(pressure: PressureFrames, frames: int) -> PressureFrames:
-    """The `frames` in its middle, which the lead is around."""
+    """The middle `frames`, without the lead."""
     first = (pressure.frames - frames) // 2
     return pressure if first <= 0 else replace(pressure, pressure=pressure.pressure[first : first + frames])
 
 
 def piece_of(provenance: Provenance, frames: int, rate: float) -> slice:
-    """The frames of what was made of a pressure that are not its lead."""
+    """The frames without the lead, from the provenance of data made from a pressure."""
     told = provenance.last("lead").get("lead_s")
     pad = round(float(told) * rate) if isinstance(told, int | float) else 0
     return slice(pad, frames - pad) if 2 * pad < frames else slice(0, frames)
 
 
 def _swell(band: Band) -> float:
-    """1.2 periods of the lower corner, in s: half a wave of less than half its frequency, so hardly in the band."""
+    """Length of the fade, 1.2 periods of the lower corner in s: a half wave below half the corner, so hardly in the
+    band.
+    """
     return 1.2 / max(band[0], 1.0)

@@ -1,4 +1,4 @@
-"""The mappings block by block, for pressure that is still being recorded."""
+"""Map pressure block by block while it is recorded."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,10 @@ Array = NDArray[np.float64]
 
 
 class MappingStream:
-    """One mapping of one stream of frames: what it gives, all together, is what the mapping gives of the whole.
+    """One mapping of a stream of frames; all blocks together equal the mapping of the whole recording.
 
-    Push blocks of any length; each push gives the frames that are ready, `delay` frames late. `finish` gives the rest.
+    `push` takes blocks of any length and returns the frames that are ready, `delay` frames late; `finish` returns the
+    rest.
 
     Parameters
     ----------
@@ -22,14 +23,14 @@ class MappingStream:
     rate : float
         Frames per second, in Hz.
     offset : ndarray, shape (row, column), or float, optional
-        The constant offset, in Pa: a stream cannot know what its cells will pull at most.
+        The constant offset in Pa, since a stream does not know the later minimum of its cells.
     band : tuple of float, optional
-        (low, high) of what is felt, in Hz, which a slow bias follows; from 20 Hz on if None.
+        (low, high) in Hz, which determines a slow bias; from 20 Hz on if None.
 
     Raises
     ------
     InputError
-        If the mapping is unknown, or is the constant offset and has none.
+        If the mapping is unknown, or an offset is missing for "constant-offset" or given for another.
     """
 
     def __init__(
@@ -53,26 +54,26 @@ class MappingStream:
 
     @property
     def delay(self) -> int:
-        """How many frames later than it came a frame goes out: 0 but for the slow bias, 90 ms from 20 Hz on."""
+        """Delay in frames: 0 except for the slow bias, 90 ms for 20 Hz."""
         return 0 if self._bias is None else self._bias.reach(self._rate)
 
     def push(self, block: Array) -> Array:
-        """The frames that are ready after these, shape (frame, ...), in Pa; none at first if there is a delay."""
+        """The frames that are ready after this block, shape (frame, ...), in Pa; possibly none."""
         block = np.asarray(block, float)
         if block.ndim < 1 or not len(block):
             raise ShapeError(f"block: expected at least one frame, got shape {block.shape}")
         before = np.repeat(block[:1], self.delay, axis=0) if self._kept is None else self._kept
         have = np.concatenate([before, block])
-        # The next frame is surrounded by a reach on either side.
+        # The next frame needs `delay` frames on either side.
         self._kept = have[max(0, len(have) - 2 * self.delay) :]
         if self._bias is not None:
             return self._bias.lift(have, self._rate) if len(have) > 2 * self.delay else have[:0]
         return half_wave(block) if self._offset is None else constant_offset(block, offset=self._offset)
 
     def finish(self) -> Array:
-        """The frames that were still held back; the stream can then begin again."""
+        """The remaining frames; the stream can then be used again."""
         if self._kept is None:
-            raise DeviceStateError("stream: expected a push before finish, got none; nothing came in")
+            raise DeviceStateError("stream: expected at least one push before finish, got none")
         held = np.repeat(self._kept[-1:], self.delay, axis=0)
         rest = self.push(held) if len(held) else self._kept
         self._kept = None

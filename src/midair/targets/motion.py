@@ -1,8 +1,8 @@
-"""A slow circular motion of what is played, for the touch below 20 Hz that the sensor does not hear.
+"""A slow circular motion of the pattern, to be felt as pressure below 20 Hz, which the sensor does not measure.
 
 Steady radiation pressure is hardly felt; a focus that circles a few millimetres at 5 Hz is felt as steady pressure
-(Morisaki et al., 2022 and 2023, on single foci). Here the whole pattern is moved. That has not been
-validated on people.
+(Morisaki et al., 2022 and 2023, on single foci). Here the whole pattern is moved. This has not been validated on
+people.
 """
 
 from dataclasses import dataclass
@@ -18,18 +18,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Circle:
-    """The pattern moves on a circle around its place. Not validated on people.
-
-    Attributes
-    ----------
-    radius : float
-        In m.
-    frequency : float
-        In Hz, below 20: faster, it is vibration.
-    """
+    """Motion of the pattern on a circle around its place. Not validated on people."""
 
     radius: float = 3e-3
+    """In m."""
     frequency: float = 5.0
+    """In Hz, below 20; at higher frequencies it is felt as vibration."""
 
     def __post_init__(self) -> None:
         positive(self.radius, "radius of the circle", "m")
@@ -37,7 +31,7 @@ class Circle:
             raise InputError(f"frequency of the circle: expected below 20 Hz, got {self.frequency:g} Hz")
 
     def offset(self, time: Array) -> Array:
-        """Way (x, y) from the pattern's own place, shape (frame, 2), in m; at time 0 it lies to the right."""
+        """Displacement (x, y) of the pattern, shape (frame, 2), in m; at time 0 along x."""
         turn = 2 * np.pi * self.frequency * time
         return self.radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
 

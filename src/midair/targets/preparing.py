@@ -1,4 +1,4 @@
-"""From pressure on a few cells to the sound amplitude wanted at the control points (paper, 4.1)."""
+"""Convert the pressure on a few cells to target sound amplitudes at the control points (paper, 4.1)."""
 
 from typing import Literal, cast, get_args
 
@@ -17,7 +17,7 @@ from midair.validation import positive
 Array = NDArray[np.float64]
 
 Interpolated = Literal["amplitude", "pressure"]
-"""What is interpolated between the cells: sound amplitude (the paper's way), or pressure."""
+"""Quantity that is interpolated between the cells: sound amplitude, as in the paper, or pressure."""
 
 
 def prepare(
@@ -30,33 +30,28 @@ def prepare(
     gain: float = 1.0,
     circle: Circle | None = None,
 ) -> AmplitudeFrames:
-    """Sound amplitude at each control point that is to exert the recorded pressure.
+    """Target sound amplitude (peak, Pa) at each control point for a recorded pressure.
 
-    Pressure is made positive, turned into peak sound amplitude, surrounded by one ring of zeros at the sensor's
-    pitch (4 x 4 -> 6 x 6) and interpolated linearly to the control points (paper, 4.1). The centre of the sensor
-    is put at the centre of the grid.
+    Pressure is made positive, converted to peak sound amplitude, surrounded by one ring of zeros at the sensor's pitch
+    (4 x 4 -> 6 x 6) and interpolated linearly to the control points (paper, 4.1). The centre of the sensor is placed at
+    the centre of the grid.
 
     Parameters
     ----------
     pressure : PressureFrames
-        What the sensor felt.
+        Calibrated pressure of the sensor's cells.
     mapping : {"half-wave", "constant-offset", "slow-bias"}
-        How signed pressure becomes pressure that only pushes, a name in `MAPPINGS`.
+        How signed pressure is made positive, a name in `MAPPINGS`.
     grid : ControlGrid, optional
         The control points; the paper's 16 x 16 at 11/3 mm if None.
     medium : Medium, optional
-        Medium of the sound; the defaults of `Medium` if None.
+        The defaults of `Medium` if None.
     interpolate : {"amplitude", "pressure"}
-        "amplitude" converts first and interpolates after, as the paper does; "pressure" the other way round.
+        "amplitude" converts before interpolating, as the paper does; "pressure" after.
     gain : float
-        Multiplies the pressure, for the correction of a beam's gain.
+        Factor on the pressure, to correct the gain of a beam.
     circle : Circle, optional
-        Moves the pattern on a slow circle over the control points; not validated on people.
-
-    Returns
-    -------
-    AmplitudeFrames
-        Peak, in Pa.
+        Moves the pattern on a slow circle; not validated on people.
 
     Raises
     ------
@@ -68,7 +63,7 @@ def prepare(
         raise InputError(f"interpolate: expected one of {', '.join(get_args(Interpolated))}, got {interpolate!r}")
     gain = positive(gain, "gain of the pressure")
     grid, medium = grid or ControlGrid(), medium or Medium()
-    # On the pressure, not on the drive: the transducers stay equally loud and the target gets stronger (eq. 6).
+    # The gain applies to the pressure, not to the drive: amplitudes stay equal and the target gets stronger (eq. 6).
     pushes = to_push(pressure.pressure, pressure.rate)
 
     def wanted(block: Array, first: int) -> Array:
@@ -108,7 +103,7 @@ def _spread(cells: Array, sensor: SensorGrid, grid: ControlGrid, circle: Circle 
 
 
 def cells_of(provenance: Provenance) -> SensorGrid:
-    """The cells that a drive was made of, so that a virtual sensor can have the same; the paper's if nothing tells."""
+    """The sensor cells in a drive's provenance, so that a virtual sensor can have the same; the paper's if unknown."""
     for step in reversed(provenance.steps):
         shape, pitch = step.settings.get("cells"), step.settings.get("cell_pitch_m")
         if step.stage == "prepare" and isinstance(shape, tuple) and len(shape) == 2 and isinstance(pitch, int | float):
