@@ -121,8 +121,8 @@ def test_a_ramp_goes_the_short_way_round():
         ({"precision": "half"}, "single or double"),
         ({"phase_bits": 0}, "phase bits: expected 1 to 16"),
         ({"phase_ramp": -1.0}, "ramps: expected 0 s or more"),
-        ({"hold": "ideal", "transducers": STILL}, "no ramps and no transducers"),
-        ({"hold": "ideal", "phase_ramp": 1e-3}, "no ramps and no transducers"),
+        ({"hold": "ideal", "transducers": STILL}, "expected step with ramps or transducers"),
+        ({"hold": "ideal", "phase_ramp": 1e-3}, "expected step with ramps or transducers"),
     ],
 )
 def test_chains_that_cannot_be_are_refused(settings, message):

@@ -84,7 +84,7 @@ def test_a_held_drive_is_reached():
 
 
 def test_needs_a_substep_and_a_time_constant():
-    with pytest.raises(InputError, match="1 or more a frame, got 0"):
+    with pytest.raises(InputError, match="1 or more per frame, got 0"):
         envelope(drive(0.0), RATE, 0, TransducerDynamics())
     with pytest.raises(InputError, match="time constant"):
         TransducerDynamics(time_constant=0.0)

@@ -154,8 +154,8 @@ def _command(
     Also returns phase and level at the end.
     """
     if not chain.phase_ramp and not chain.level_ramp:
-        told = np.asarray(level * np.exp(1j * phase), exact)
-        return np.broadcast_to(told[:, None], (len(told), steps + 1, told.shape[1])), phase[-1], level[-1]
+        command = np.asarray(level * np.exp(1j * phase), exact)
+        return np.broadcast_to(command[:, None], (len(command), steps + 1, command.shape[1])), phase[-1], level[-1]
     nodes = np.empty((len(phase), steps + 1, phase.shape[1]), exact)
     time = np.arange(steps + 1) / (rate * steps)
     turned, raised = _ramp(time, chain.phase_ramp), _ramp(time, chain.level_ramp)

@@ -276,10 +276,10 @@ def _palm(middle: tuple[float, float, float], array: TransducerArray, acoustics:
 
 
 def _fill(
-    told: tuple[Array, NDArray[np.int8]], drive: Drive, searches: Searches, steps: int | None, blocks: NDArray[np.intp]
+    out: tuple[Array, NDArray[np.int8]], drive: Drive, searches: Searches, steps: int | None, blocks: NDArray[np.intp]
 ) -> None:
     """Compute the level in dB of the frames of some blocks at each place, and the index of the loudest air."""
-    level, loudest = told
+    level, loudest = out
     space = Workspace()
     alone = np.stack([each.ceiling for each in searches.each], axis=1)
     left_out = np.array([each.left_out for each in searches.each])

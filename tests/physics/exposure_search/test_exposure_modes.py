@@ -3,7 +3,7 @@
 import numpy as np
 
 from midair.physics.exposure_search.exposure_grid import stacks
-from midair.physics.exposure_search.exposure_modes import heard_by_modes
+from midair.physics.exposure_search.exposure_modes import field_by_modes
 from midair.physics.exposure_search.exposure_products import Product, Workspace
 
 WIDE = np.array([3.0, 5.0, 2.5])
@@ -17,7 +17,7 @@ def waves(share):
 
 def test_the_loudest_point_by_modes_is_that_of_the_field():
     where = stacks(WIDE, inside=1.6, faces=1.0)
-    heard = heard_by_modes((waves,), WIDE, where, 1e-3 * 300, step=1.6, tried=160)
+    heard = field_by_modes((waves,), WIDE, where, 1e-3 * 300, step=1.6, tried=160)
     q = np.exp(1j * np.random.default_rng(2).uniform(0, 2 * np.pi, (70, 300)))
     true = np.abs(q @ waves(np.concatenate([each.points.reshape(-1, 3) for each in where])).T).max(axis=1)
     parts = np.stack([q.real, q.imag, q.real + q.imag]).astype(np.float32)

@@ -42,7 +42,7 @@ def airs_of_room(room: Medium | None, places: tuple[Place, ...], array: Transduc
     dry, damp = max(humidity - HUMID, 0.0), min(humidity + HUMID, 1.0)
     slow, fast = (Medium.at(temperature=t, humidity=wet).speed for t, wet in ((cold, dry), (warm, damp)))
     turns = 2 * np.pi * array.frequency * (1 / slow - 1 / fast)
-    count = 1 + max(2, int(np.ceil(turns * max(_apart(place, array) for place in places) / STEP)))
+    count = 1 + max(2, int(np.ceil(turns * max(_path_difference(place, array) for place in places) / STEP)))
     return tuple(
         Acoustics(medium=_air(float(degrees), float(wet), (dry, humidity, damp), array.frequency))
         for degrees, wet in zip(np.linspace(cold, warm, count), np.linspace(dry, damp, count), strict=True)
@@ -55,7 +55,7 @@ def _air(degrees: float, humidity: float, possible: tuple[float, ...], frequency
     return replace(airs[0], attenuation=float(min(air.attenuation for air in airs)))
 
 
-def _apart(place: Place, array: TransducerArray) -> float:
+def _path_difference(place: Place, array: TransducerArray) -> float:
     """Largest difference between the path from a transducer to a place and that from the middle of the array, in m."""
     points = place.points
     path = np.linalg.norm(points[:, None] - array.position, axis=2)

@@ -88,11 +88,11 @@ class Halves:
         """
         near, far, alone = np.split(parts, [self.pairs, 2 * self.pairs], axis=2)
         frames, width = parts.shape[1], self.pairs + alone.shape[2]
-        told, found = space.array("halves", 3, frames, width), space.array("half modes", 2, *one[:2].shape)
-        told[:, :, self.pairs :] = alone
+        combined, found = space.array("halves", 3, frames, width), space.array("half modes", 2, *one[:2].shape)
+        combined[:, :, self.pairs :] = alone
         for combine, product, half in zip((np.add, np.subtract), (self.common, self.different), found, strict=True):
-            combine(near, far, out=told[:, :, : self.pairs])
-            product.into(half, told, space)
+            combine(near, far, out=combined[:, :, : self.pairs])
+            product.into(half, combined, space)
         for combine, modes in ((np.add, one), (np.subtract, other)):
             combine(found[0], found[1], out=modes[:2])
             np.add(modes[0], modes[1], out=modes[2])

@@ -37,8 +37,8 @@ class Points:
         points = self.across.shape[1]
         there = space.array("on the planes", two, frames, planes, points)
         # Part by part, since both together would need a copy.
-        for told, found in zip(kept, there, strict=True):
-            np.matmul(told.reshape(-1, shapes), self.across, out=found.reshape(-1, points))
+        for to_planes, found in zip(kept, there, strict=True):
+            np.matmul(to_planes.reshape(-1, shapes), self.across, out=found.reshape(-1, points))
         if self.along is not None:
             there = np.matmul(self.along, there, out=space.array("there", two, frames, len(self.along), points))
         return power_of(there.reshape(two, frames, -1)).max(axis=1)
@@ -71,7 +71,7 @@ class FieldByModes:
         return np.sqrt(power)
 
 
-def heard_by_modes(
+def field_by_modes(
     fields: tuple[Field, ...], wide: Array, stacks: tuple[Stack, ...], enough: float, *, step: float, tried: int
 ) -> FieldByModes:
     """Compute the modes of the field at some nodes, and the interpolation between the nodes.
@@ -88,24 +88,26 @@ def heard_by_modes(
     count = planes.shape[1]
     planes = planes.reshape(len(fields) * count, -1, waves.shape[1])
     few = _shapes(planes * np.linalg.norm(modes, axis=1), 0.4 * enough / np.sqrt(modes.shape[1]))
-    told = (few.T.astype(np.float32) @ planes).reshape(len(fields), count, few.shape[1], -1)
-    ways = [_way(each, nodes.axes, wide, few) for each in stacks]
+    to_planes = (few.T.astype(np.float32) @ planes).reshape(len(fields), count, few.shape[1], -1)
+    interpolations = [_interpolation(each, nodes.axes, wide, few) for each in stacks]
     rest = []
-    for field, own in zip(fields, told, strict=True):
-        tests = [_tested(each, way, own) for each, way in zip(stacks, ways, strict=True)]
+    for field, own in zip(fields, to_planes, strict=True):
+        tests = [
+            _test_points(each, interpolation, own) for each, interpolation in zip(stacks, interpolations, strict=True)
+        ]
         share, made = (np.concatenate(each) for each in zip(*tests, strict=True))
         rest.append(float(np.abs(field(share) - made @ modes).sum(axis=1).max()))
     return FieldByModes(
         modes=modes,
-        shapes=tuple(Product.of(own.reshape(-1, own.shape[2]).T) for own in told),
+        shapes=tuple(Product.of(own.reshape(-1, own.shape[2]).T) for own in to_planes),
         planes=count,
-        points=tuple(_points(*way) for way in ways),
+        points=tuple(_points(*interpolation) for interpolation in interpolations),
         # A quarter more than at the test points.
         left_out=1.25 * max(rest),
     )
 
 
-def _way(stack: Stack, axes: tuple[Array, Array, Array], wide: Array, few: Array) -> tuple[Array, Array]:
+def _interpolation(stack: Stack, axes: tuple[Array, Array, Array], wide: Array, few: Array) -> tuple[Array, Array]:
     """From the nodes' planes to those of a stack, and from the shapes on a plane to its points."""
     one, other = (each for each in range(3) if each != stack.axis)
     along = between(axes[stack.axis], stack.along, float(wide[stack.axis]))
@@ -124,15 +126,15 @@ def _points(along: Array, across: Array) -> Points:
     )
 
 
-def _tested(stack: Stack, way: tuple[Array, Array], told: Complex) -> tuple[Array, Complex]:
+def _test_points(stack: Stack, interpolation: tuple[Array, Array], to_planes: Complex) -> tuple[Array, Complex]:
     """Some points of a stack, its corners included, and the matrix from the modes to the field there."""
-    along, across = way
+    along, across = interpolation
     edge = np.abs(stack.points).sum(axis=2).ravel()
     # A fixed seed, so that results are reproducible.
     some = np.union1d(np.flatnonzero(edge > edge.max() - 1e-9), np.random.default_rng(0).permutation(edge.size)[:56])
     plane, point = np.unravel_index(some, stack.points.shape[:2])
     weights = np.einsum("tp,ts->tps", along[plane], across[point]).reshape(len(some), -1)
-    return stack.points[plane, point], weights.astype(np.float32) @ told.reshape(-1, told.shape[2])
+    return stack.points[plane, point], weights.astype(np.float32) @ to_planes.reshape(-1, to_planes.shape[2])
 
 
 def _shapes(planes: Complex, enough: float) -> Array:

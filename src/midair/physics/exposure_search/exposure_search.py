@@ -21,7 +21,7 @@ from midair.model import Acoustics, TransducerArray
 from midair.physics.exposure_places import Place
 from midair.physics.exposure_search.exposure_grid import bands, slow_field, stacks
 from midair.physics.exposure_search.exposure_mirror import Halves, Pair, mirrored, pair_of
-from midair.physics.exposure_search.exposure_modes import FieldByModes, heard_by_modes
+from midair.physics.exposure_search.exposure_modes import FieldByModes, field_by_modes
 from midair.physics.exposure_search.exposure_products import Product, Workspace, power_of
 from midair.physics.propagation import transfer_matrix
 
@@ -69,7 +69,7 @@ class PointSearch:
 class CubeSearch:
     """Computes the loudest sound in the cube of one place from a drive."""
 
-    heard: FieldByModes
+    field: FieldByModes
     """From the modes of the drive to the pressure at all points."""
     ceiling: Array
     """Like `PointSearch.ceiling`, for the whole cube."""
@@ -77,24 +77,24 @@ class CubeSearch:
     @property
     def modes(self) -> Complex:
         """From the drive to its modes, shape (mode, transducer)."""
-        return self.heard.modes
+        return self.field.modes
 
     @property
     def airs(self) -> int:
         """Number of airs."""
-        return len(self.heard.shapes)
+        return len(self.field.shapes)
 
     @property
     def left_out(self) -> float:
         """Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa."""
-        return self.heard.left_out
+        return self.field.left_out
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
         """Bound of the amplitude in the cube, shape (air, frame), in Pa, without `left_out`.
 
         `modes` is float32 (3, frame, mode): real parts, imaginary parts, and their sums.
         """
-        return 10 ** (ALLOWANCE / 20) * self.heard.loudest(modes, space).astype(np.float64)
+        return 10 ** (ALLOWANCE / 20) * self.field.loudest(modes, space).astype(np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -158,7 +158,7 @@ class Searches:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Alike:
+class _ArrayKey:
     """Hashable key of an array that compares its numbers, since each drive file creates its own array object."""
 
     array: TransducerArray
@@ -170,7 +170,7 @@ class _Alike:
         return one.position.tobytes(), one.normal.tobytes(), one.pressure, one.frequency, one.response.tobytes()
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Alike) and self.numbers == other.numbers
+        return isinstance(other, _ArrayKey) and self.numbers == other.numbers
 
     def __hash__(self) -> int:
         return hash(self.numbers)
@@ -181,32 +181,32 @@ def cube_search(place: Place, array: TransducerArray, airs: Airs) -> CubeSearch 
 
     Cached, since the exposure of a drive is computed in parts, more than once, and for many drives.
     """
-    return _cube_search(place, _Alike(array), airs)
+    return _cube_search(place, _ArrayKey(array), airs)
 
 
 def searches_of(places: tuple[Place, ...], array: TransducerArray, airs: Airs) -> Searches:
     """The searches of all places, cached."""
-    return _searches_of(places, _Alike(array), airs)
+    return _searches_of(places, _ArrayKey(array), airs)
 
 
 @lru_cache(maxsize=4)
-def _searches_of(places: tuple[Place, ...], alike: _Alike, airs: Airs) -> Searches:
-    array, pair = alike.array, pair_of(places, alike.array)
-    shared = None if pair is None else _cube_search(pair.box, _Alike(pair.array), airs)
+def _searches_of(places: tuple[Place, ...], key: _ArrayKey, airs: Airs) -> Searches:
+    array, pair = key.array, pair_of(places, key.array)
+    shared = None if pair is None else _cube_search(pair.box, _ArrayKey(pair.array), airs)
     if pair is None or not isinstance(shared, CubeSearch):
-        return Searches.of(*(_cube_search(place, alike, airs) for place in places))
+        return Searches.of(*(_cube_search(place, key, airs) for place in places))
     each = tuple(
         replace(shared, ceiling=ceiling(place, array, airs))
         if number in pair.numbers
-        else _cube_search(place, alike, airs)
+        else _cube_search(place, key, airs)
         for number, place in enumerate(places)
     )
     return Searches.with_pair(each, pair, Halves.of(shared.modes, pair.partner, array.count))
 
 
 @lru_cache(maxsize=16)
-def _cube_search(place: Place, alike: _Alike, airs: Airs) -> CubeSearch | PointSearch:
-    array = alike.array
+def _cube_search(place: Place, key: _ArrayKey, airs: Airs) -> CubeSearch | PointSearch:
+    array = key.array
     if not place.enforced or place.reach == 0:
         return point_search(place.points, array, airs)
     magnitudes = [np.abs(transfer_matrix(place.points, array, acoustics=air)) for air in airs]
@@ -219,16 +219,16 @@ def _cube_search(place: Place, alike: _Alike, airs: Airs) -> CubeSearch | PointS
         partial(slow_field, place=place, array=array, acoustics=air, magnitude=magnitude)
         for air, magnitude in zip(airs, magnitudes, strict=True)
     )
-    where, step, tried = stacks(wide, inside=INSIDE, faces=FACES), NODES, _expected(wide)
+    where, step, tried = stacks(wide, inside=INSIDE, faces=FACES), NODES, _mode_count(wide)
     while True:
-        heard = heard_by_modes(fields, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
+        field = field_by_modes(fields, wide, where, ENOUGH * alone.sum(), step=step, tried=tried)
         # The truncation error is 48 dB below the sum of all transducers.
-        if heard.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
-            return CubeSearch(heard=heard, ceiling=alone)
+        if field.left_out < 4e-3 * alone.sum() or step < 0.7 * NODES:
+            return CubeSearch(field=field, ceiling=alone)
         step, tried = 0.85 * step, 2 * tried
 
 
-def _expected(wide: Array) -> int:
+def _mode_count(wide: Array) -> int:
     """An upper estimate of the number of modes of a field with these bands: products of two, since sources form a
     surface.
     """
