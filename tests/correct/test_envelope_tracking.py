@@ -18,36 +18,36 @@ def drive():
     return Drive(phase=phase, level=np.linspace(0.5, 1, FRAMES), rate=4e3, array=ARRAY)
 
 
-def told(drive):
+def command(drive):
     return (drive.level[:, None] * np.exp(1j * np.asarray(drive.phase))).astype(np.complex64)
 
 
 def test_what_presses_is_what_the_playback_simulation_says(drive):
-    following = EnvelopeTracking.of(drive, SPREAD, GRID, WEIGHTS)
+    tracking = EnvelopeTracking.of(drive, SPREAD, GRID, WEIGHTS)
     chain = PlaybackChain(phase_bits=None, transducers=SPREAD, precision="double")
     expected = simulate(drive, transfer_matrix(GRID, ARRAY), chain=chain, rate=drive.rate, weights=WEIGHTS)
     start, none = np.zeros(ARRAY.count, np.complex64), np.zeros((FRAMES, 4), np.float32)
-    cost, _ = following.missed(told(drive), start, none, np.eye(FRAMES, dtype=np.float32))
+    cost, _ = tracking.cost(command(drive), start, none, np.eye(FRAMES, dtype=np.float32))
     assert cost == pytest.approx(0.5 * (expected**2).sum(), rel=1e-4)
 
 
 def test_the_slope_is_the_derivative_by_central_differences(drive):
-    following, rng = EnvelopeTracking.of(drive, SPREAD, GRID, WEIGHTS), np.random.default_rng(1)
+    tracking, rng = EnvelopeTracking.of(drive, SPREAD, GRID, WEIGHTS), np.random.default_rng(1)
     mixed = rng.normal(size=(FRAMES, FRAMES))
     metric = (mixed @ mixed.T).astype(np.float32)
     wanted = rng.uniform(0, 1, (FRAMES, 4)).astype(np.float32)
-    start, turn = told(drive)[0], rng.normal(size=(FRAMES, ARRAY.count))
-    _, slope = following.missed(told(drive), start, wanted, metric)
+    start, turn = command(drive)[0], rng.normal(size=(FRAMES, ARRAY.count))
+    _, slope = tracking.cost(command(drive), start, wanted, metric)
     above, below = (
-        following.missed((told(drive) * np.exp(1j * by * turn)).astype(np.complex64), start, wanted, metric)[0]
+        tracking.cost((command(drive) * np.exp(1j * by * turn)).astype(np.complex64), start, wanted, metric)[0]
         for by in (3e-3, -3e-3)
     )
     assert (slope * turn).sum() == pytest.approx((above - below) / 6e-3, rel=1e-2)
 
 
 def test_a_stretch_goes_on_from_the_one_before_it(drive):
-    following, start = EnvelopeTracking.of(drive, SPREAD, GRID, WEIGHTS), np.zeros(ARRAY.count, np.complex64)
-    whole = following.radiated(told(drive), start)
-    first = following.radiated(told(drive)[:5], start)
-    second = following.radiated(told(drive)[5:], first[-1])
+    tracking, start = EnvelopeTracking.of(drive, SPREAD, GRID, WEIGHTS), np.zeros(ARRAY.count, np.complex64)
+    whole = tracking.radiated(command(drive), start)
+    first = tracking.radiated(command(drive)[:5], start)
+    second = tracking.radiated(command(drive)[5:], first[-1])
     np.testing.assert_allclose(np.concatenate([first, second]), whole, atol=1e-6)

@@ -78,16 +78,16 @@ class EnvelopePrediction:
         The errors stay those of the solver, which are of steady states. `target` may have lazy frames; they are read
         once.
         """
-        stretch, done = None, 0
+        pending, done = None, 0
         for part in chain(parts, [None]):
             if part is not None:
                 amplitude = read_frames(target.amplitude, done, done + part.drive.frames)
-                stretch = _Stretch.of(self, part, target) if stretch is None else stretch.followed_by(part)
-                stretch = stretch.with_target(amplitude)
+                pending = _PendingFrames.of(self, part, target) if pending is None else pending.followed_by(part)
+                pending = pending.with_target(amplitude)
                 done += part.drive.frames
-            while stretch is not None and (count := self._next(stretch.open, last=part is None)):
-                mended, stretch = stretch.mended(count)
-                yield replace(mended, drive=replace(mended.drive, provenance=self._noted(mended.drive)))
+            while pending is not None and (count := self._next(pending.open, last=part is None)):
+                corrected, pending = pending.corrected(count)
+                yield replace(corrected, drive=replace(corrected.drive, provenance=self._noted(corrected.drive)))
 
     def _next(self, there: int, *, last: bool) -> int:
         """Number of frames of the next block; 0 while there are too few."""
@@ -116,12 +116,12 @@ class EnvelopePrediction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Stretch:
+class _PendingFrames:
     """Frames to be corrected, preceded by the last corrected ones."""
 
-    way: EnvelopePrediction
-    following: EnvelopeTracking
-    drawn: Array
+    settings: EnvelopePrediction
+    tracking: EnvelopeTracking
+    target_weights: Array
     """Weights from the target's pressure to each place, shape (place, point)."""
     solution: Solution
     wanted: Single
@@ -134,17 +134,17 @@ class _Stretch:
     """Number of frames that are already corrected."""
 
     @classmethod
-    def of(cls, way: EnvelopePrediction, first: Solution, target: AmplitudeFrames) -> "_Stretch":
+    def of(cls, settings: EnvelopePrediction, first: Solution, target: AmplitudeFrames) -> "_PendingFrames":
         """Start from silence."""
-        grid, places = target.grid, way.places
-        drawn = cell_weights(places, grid, centre=grid.centre, between="lines")
+        grid, places = target.grid, settings.places
+        target_weights = cell_weights(places, grid, centre=grid.centre, between="lines")
         weights = cell_weights(places, grid, centre=grid.centre, between="waves")
         return cls(
-            way=way,
-            following=EnvelopeTracking.of(first.drive, way.transducers, grid, weights),
-            drawn=drawn,
+            settings=settings,
+            tracking=EnvelopeTracking.of(first.drive, settings.transducers, grid, weights),
+            target_weights=target_weights,
             solution=first,
-            wanted=np.zeros((0, len(drawn)), np.float32),
+            wanted=np.zeros((0, len(target_weights)), np.float32),
             sound=np.zeros(grid.count, complex),
             start=np.zeros(first.drive.array.count, np.complex64),
         )
@@ -154,62 +154,62 @@ class _Stretch:
         """Number of frames to be corrected."""
         return self.solution.drive.frames - self.kept
 
-    def followed_by(self, part: Solution) -> "_Stretch":
+    def followed_by(self, part: Solution) -> "_PendingFrames":
         """Append frames."""
         return replace(self, solution=Solution.joined([self.solution, part]))
 
-    def with_target(self, amplitude: Array) -> "_Stretch":
+    def with_target(self, amplitude: Array) -> "_PendingFrames":
         """Append the target pressure of the next frames."""
-        drive, dynamics = self.solution.drive, self.way.dynamics
+        drive, dynamics = self.solution.drive, self.settings.dynamics
         e = np.exp(complex(-1 / dynamics.time_constant, dynamics.detuning) / drive.rate)
-        squared = self.way.linear == "pressure"
+        squared = self.settings.linear == "pressure"
         now, sound = self.sound, np.empty_like(amplitude)
         for frame, asked in enumerate(amplitude**2 if squared else amplitude):
             now = asked + (now - asked) * e
             # For sound of constant phase the component in phase with the drive counts (`physics.playback_response`).
             sound[frame] = np.maximum(now.real, 0)
         sound = np.sqrt(sound) if squared else sound
-        pressed = radiation_pressure(sound, drive.acoustics.medium) @ self.drawn.T
+        pressed = radiation_pressure(sound, drive.acoustics.medium) @ self.target_weights.T
         return replace(self, wanted=np.concatenate([self.wanted, pressed.astype(np.float32)]), sound=now)
 
-    def mended(self, count: int) -> "tuple[Solution, _Stretch]":
+    def corrected(self, count: int) -> "tuple[Solution, _PendingFrames]":
         """The next `count` frames, corrected, and the rest."""
         drive, end = self.solution.drive, self.kept + count
         phase = np.array(drive.phase)
         phase[self.kept : end] = self._phases(slice(self.kept, end))
-        mended = replace(self.solution, drive=replace(drive, phase=np.mod(phase, 2 * np.pi)))
+        corrected = replace(self.solution, drive=replace(drive, phase=np.mod(phase, 2 * np.pi)))
         # Earlier frames matter only as long as the responses of the low-pass and the transducers last.
-        gone = max(0, end - self.way.around)
-        start = self.following.radiated(_told(mended.cut(0, gone).drive), self.start)[-1] if gone else self.start
-        left = mended.cut(gone, drive.frames)
+        gone = max(0, end - self.settings.around)
+        start = self.tracking.radiated(_command(corrected.cut(0, gone).drive), self.start)[-1] if gone else self.start
+        left = corrected.cut(gone, drive.frames)
         rest = replace(self, solution=left, wanted=self.wanted[gone:], start=start, kept=end - gone)
-        return mended.cut(self.kept, end), rest
+        return corrected.cut(self.kept, end), rest
 
     def _phases(self, part: slice) -> Array:
         """Corrected phases of the frames of a block."""
-        frames = min(part.stop + self.way.around, self.solution.drive.frames)
+        frames = min(part.stop + self.settings.around, self.solution.drive.frames)
         solution, wanted = self.solution.cut(0, frames), self.wanted[:frames]
-        metric, told = self.way.metric(part, frames, solution.drive.rate), _told(solution.drive)
-        turned = told.copy()
+        metric, command = self.settings.metric(part, frames, solution.drive.rate), _command(solution.drive)
+        turned = command.copy()
 
         def cost(turn: Single) -> tuple[float, Single]:
-            turned[part] = told[part] * np.exp(1j * turn).astype(np.complex64)
-            missed, slope = self.following.missed(turned, self.start, wanted, metric)
+            turned[part] = command[part] * np.exp(1j * turn).astype(np.complex64)
+            missed, slope = self.tracking.cost(turned, self.start, wanted, metric)
             return missed, slope[part]
 
         loud = wanted[part].sum(axis=1, keepdims=True)
-        scale = 1 / (loud / max(float(loud.max()), 1e-30) + np.float32(self.way.even))
+        scale = 1 / (loud / max(float(loud.max()), 1e-30) + np.float32(self.settings.even))
         turn = descend(
             cost,
-            np.zeros(told[part].shape, np.float32),
+            np.zeros(command[part].shape, np.float32),
             scale=np.asarray(scale, np.float32),
             first=1e-3,
-            iterations=self.way.iterations,
-            memory=self.way.memory,
+            iterations=self.settings.iterations,
+            memory=self.settings.memory,
         )
         return np.asarray(solution.drive.phase)[part] + turn
 
 
-def _told(drive: Drive) -> Waves:
+def _command(drive: Drive) -> Waves:
     level = np.asarray(drive.level).reshape(drive.frames, -1)
     return np.asarray(level * np.exp(1j * np.asarray(drive.phase)), np.complex64)

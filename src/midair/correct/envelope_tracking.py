@@ -51,21 +51,21 @@ class EnvelopeTracking:
             comes=((1 - stays) * transducers.response).astype(np.complex64),
         )
 
-    def radiated(self, told: Waves, start: Waves) -> Waves:
+    def radiated(self, command: Waves, start: Waves) -> Waves:
         """Output of each transducer at the end of each frame, (frame, transducer); `start` before the first."""
-        q, now = self.comes * told, start
+        q, now = self.comes * command, start
         for frame in q:
             frame += self.stays * now
             now = frame
         return q
 
-    def missed(self, told: Waves, start: Waves, wanted: Single, metric: Single) -> tuple[float, Single]:
+    def cost(self, command: Waves, start: Waves, wanted: Single, metric: Single) -> tuple[float, Single]:
         """The cost ``sum((P - P') * metric (P - P')) / 2``, and its gradient by the phases, (frame, transducer).
 
         `command` (frame, transducer) is c as a fraction of full drive; `start` (transducer,) the output before the
         first frame; `wanted` (frame, place) P' in Pa; `metric` (frame, frame) the symmetric weights.
         """
-        y = self.radiated(told, start) @ self.G
+        y = self.radiated(command, start) @ self.G
         missed = (y.real**2 + y.imag**2) @ self.weights - wanted
         felt = metric @ missed
         # Backward in time, with the slope of the cost by the output in each frame.
@@ -75,5 +75,5 @@ class EnvelopeTracking:
             frame += stays * later
             later = frame
         slope *= self.comes.conj()
-        turned = slope.imag * told.real - slope.real * told.imag
+        turned = slope.imag * command.real - slope.real * command.imag
         return 0.5 * float(np.vdot(missed.astype(np.float64), felt)), turned

@@ -75,11 +75,11 @@ class MinimumNorm:
         phase, now = np.array(drive.phase), np.zeros(drive.array.count, complex)
         for first in range(0, drive.frames, self.together):
             part = slice(first, min(first + self.together, drive.frames))
-            told = _told(drive, part)
+            command = _command(drive, part)
             # Two moments per frame: its middle, and its end, where the next one starts.
-            radiated = envelope(told, drive.rate, 2, self.dynamics, start=now)
+            radiated = envelope(command, drive.rate, 2, self.dynamics, start=now)
             now = radiated[-1]
-            phase[part] += _step(lacking[part], weights, G, radiated[::2] @ G.T, told, self.floor / unit) / unit
+            phase[part] += _step(lacking[part], weights, G, radiated[::2] @ G.T, command, self.floor / unit) / unit
         return replace(
             drive,
             phase=np.mod(phase, 2 * np.pi),
@@ -87,7 +87,7 @@ class MinimumNorm:
         )
 
 
-def slopes(weights: Array, G: Complex, field: Complex, told: Complex) -> Array:
+def slopes(weights: Array, G: Complex, field: Complex, command: Complex) -> Array:
     """J of each frame over the radiation pressure of 1 Pa of sound, shape (frame, cell, transducer).
 
     `weights` (cell, point); G (point, transducer) in Pa; `field` Y (frame, point) in Pa; `command` c (frame,
@@ -96,12 +96,12 @@ def slopes(weights: Array, G: Complex, field: Complex, told: Complex) -> Array:
     # Single precision: a step need not be exact, and the product with G dominates the time.
     turned = (weights * field.conj()[:, None, :]).astype(np.complex64)
     pulls = (turned.reshape(-1, G.shape[0]) @ G.astype(np.complex64)).reshape(*turned.shape[:2], -1)
-    return np.asarray(-2 * (pulls * told[:, None, :]).imag, np.float64)
+    return np.asarray(-2 * (pulls * command[:, None, :]).imag, np.float64)
 
 
-def _step(lacking: Array, weights: Array, G: Complex, field: Complex, told: Complex, floor: float) -> Array:
+def _step(lacking: Array, weights: Array, G: Complex, field: Complex, command: Complex, floor: float) -> Array:
     """The smallest phase change of each frame, (frame, transducer), in rad times Pa of radiation over Pa^2 of sound."""
-    J = slopes(weights, G, field, told)
+    J = slopes(weights, G, field, command)
     system = J @ J.transpose(0, 2, 1)
     pressed = (np.abs(field) ** 2 @ weights.T).sum(axis=1)
     slope = np.trace(system, axis1=1, axis2=2)
@@ -112,6 +112,6 @@ def _step(lacking: Array, weights: Array, G: Complex, field: Complex, told: Comp
     return np.asarray((J.transpose(0, 2, 1) @ solved)[..., 0] * sounds[:, None], np.float64)
 
 
-def _told(drive: Drive, part: slice) -> Complex:
+def _command(drive: Drive, part: slice) -> Complex:
     level = np.asarray(drive.level)[part].reshape(part.stop - part.start, -1)
     return np.asarray(level * np.exp(1j * np.asarray(drive.phase)[part]), np.complex128)

@@ -55,8 +55,8 @@ def without_lead(pressure: PressureFrames, frames: int) -> PressureFrames:
 
 def piece_of(provenance: Provenance, frames: int, rate: float) -> slice:
     """The frames without the lead, from the provenance of data made from a pressure."""
-    told = provenance.last("lead").get("lead_s")
-    pad = round(float(told) * rate) if isinstance(told, int | float) else 0
+    seconds = provenance.last("lead").get("lead_s")
+    pad = round(float(seconds) * rate) if isinstance(seconds, int | float) else 0
     return slice(pad, frames - pad) if 2 * pad < frames else slice(0, frames)
 
 
