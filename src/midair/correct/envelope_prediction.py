@@ -121,17 +121,12 @@ class _PendingFrames:
 
     settings: EnvelopePrediction
     tracking: EnvelopeTracking
-    target_weights: Array
-    """Weights from the target's pressure to each place, shape (place, point)."""
+    target_weights: Array  # Weights from the target's pressure to each place, shape (place, point)
     solution: Solution
-    wanted: Single
-    """Target pressure at the ends of frames in Pa, shape (frame, place)."""
-    sound: NDArray[np.complex128]
-    """Envelope of the target's sound, or pressure, shape (point,)."""
-    start: Waves
-    """Output of the transducers before the first frame, shape (transducer,)."""
-    kept: int = 0
-    """Number of frames that are already corrected."""
+    wanted: Single  # Target pressure at the ends of frames in Pa, shape (frame, place)
+    sound: NDArray[np.complex128]  # Envelope of the target's sound, or pressure, shape (point,)
+    start: Waves  # Output of the transducers before the first frame, shape (transducer,)
+    kept: int = 0  # Number of frames that are already corrected
 
     @classmethod
     def of(cls, settings: EnvelopePrediction, first: Solution, target: AmplitudeFrames) -> "_PendingFrames":

@@ -18,16 +18,11 @@ Waves = NDArray[np.complex64]
 class EnvelopeTracking:
     """Map from phases to the pressure at the end of each frame, in single precision."""
 
-    G: Waves
-    """Field of each transducer at full drive in Pa, shape (transducer, point)."""
-    back: Waves
-    """Conjugate transpose of the field, shape (point, transducer)."""
-    weights: Single
-    """Radiation pressure at each place of 1 Pa of sound at each point, in Pa, shape (point, place)."""
-    stays: Waves
-    """Remainder of a transducer's output after one frame, shape (transducer,)."""
-    comes: Waves
-    """Output after one frame of a drive of 1, shape (transducer,)."""
+    G: Waves  # Field of each transducer at full drive in Pa, shape (transducer, point)
+    back: Waves  # Conjugate transpose of the field, shape (point, transducer)
+    weights: Single  # Radiation pressure at each place of 1 Pa of sound at each point, in Pa, shape (point, place)
+    stays: Waves  # Remainder of a transducer's output after one frame, shape (transducer,)
+    comes: Waves  # Output after one frame of a drive of 1, shape (transducer,)
 
     @classmethod
     def of(

@@ -43,12 +43,9 @@ def squares(xp: Any, a: Rows) -> Numbers:
 class Backend:
     """An array library, a device, and a precision."""
 
-    xp: Any
-    """Module with the functions of the standard."""
-    device: Any = None
-    """Device as `xp` names it; None for its default."""
-    single: bool = True
-    """float32 and complex64 instead of float64 and complex128."""
+    xp: Any  # Module with the functions of the standard
+    device: Any = None  # Device as `xp` names it; None for its default
+    single: bool = True  # float32 and complex64 instead of float64 and complex128
 
     @property
     def on_gpu(self) -> bool:

@@ -25,16 +25,11 @@ class Batch:
     The cost is then E^2 / 2, and single precision is enough.
     """
 
-    p: Rows
-    """Targets of norm 1, shape (row, point)."""
-    gain: Rows
-    """One over the original norm, shape (row, 1)."""
-    peak: Rows
-    """Largest of p, shape (row, 1)."""
-    cells: Rows = None
-    """Target pressures of the cells, shape (row, cell), or None."""
-    cell_scale: Numbers = None
-    """One over the squared norm of `cells`, shape (row,), or None."""
+    p: Rows  # Targets of norm 1, shape (row, point)
+    gain: Rows  # One over the original norm, shape (row, 1)
+    peak: Rows  # Largest of p, shape (row, 1)
+    cells: Rows = None  # Target pressures of the cells, shape (row, cell), or None
+    cell_scale: Numbers = None  # One over the squared norm of `cells`, shape (row,), or None
 
     def some(self, xp: Any, rows: Numbers) -> "Batch":
         """The rows with these indices."""
@@ -52,28 +47,17 @@ class FieldOperators:
 
     backend: Backend
     problem: Problem
-    field: Rows
-    """(U diag(s) A)^T, from V^H q to the field, shape (mode, listener)."""
-    drive: Rows
-    """V transposed, shape (mode, transducer)."""
-    field_back: Rows
-    """Adjoint of `field`."""
-    drive_back: Rows
-    """Adjoint of `drive`."""
-    root: Numbers
-    """Square roots of A s, shape (mode,)."""
-    strongest: float
-    """Largest singular value times A."""
-    psi: Numbers
-    """exp j psi, initial phases of the field, shape (point,)."""
-    initial_drive: Rows
-    """The drive that all frames start from, shape (1, transducer)."""
-    weights: Rows
-    """Weights of the cells, shape (point, cell), or None."""
-    ceiling: Rows
-    """Ceiling of the guard, shape (1, guard point), or None."""
-    memory: int
-    """Number of pairs that L-BFGS keeps."""
+    field: Rows  # (U diag(s) A)^T, from V^H q to the field, shape (mode, listener)
+    drive: Rows  # V transposed, shape (mode, transducer)
+    field_back: Rows  # Adjoint of `field`
+    drive_back: Rows  # Adjoint of `drive`
+    root: Numbers  # Square roots of A s, shape (mode,)
+    strongest: float  # Largest singular value times A
+    psi: Numbers  # exp j psi, initial phases of the field, shape (point,)
+    initial_drive: Rows  # The drive that all frames start from, shape (1, transducer)
+    weights: Rows  # Weights of the cells, shape (point, cell), or None
+    ceiling: Rows  # Ceiling of the guard, shape (1, guard point), or None
+    memory: int  # Number of pairs that L-BFGS keeps
 
     @classmethod
     def of(
@@ -281,18 +265,14 @@ class FieldMove:
     """
 
     operators: FieldOperators
-    out: Rows
-    """From z to the listeners, shape (mode, listener)."""
-    out_back: Rows
-    """Adjoint of `out`."""
+    out: Rows  # From z to the listeners, shape (mode, listener)
+    out_back: Rows  # Adjoint of `out`
+    # From z to the sampled transducers, shape (mode, sampled): drives of r modes are smooth, so a sample is
+    # enough
     loud: Rows
-    """From z to the sampled transducers, shape (mode, sampled): drives of r modes are smooth, so a sample is enough."""
-    loud_back: Rows
-    """Adjoint of `loud`."""
-    loudness: float
-    """Weight of amplitudes above full drive, per sampled transducer."""
-    pseudo: Numbers
-    """Damped inverse from the field at the points to z, shape (mode,)."""
+    loud_back: Rows  # Adjoint of `loud`
+    loudness: float  # Weight of amplitudes above full drive, per sampled transducer
+    pseudo: Numbers  # Damped inverse from the field at the points to z, shape (mode,)
 
     def first(self, y: Rows) -> Rows:
         """The z whose field at the control points comes close to y, (row, point): root s U^H y / (s^2 + floor^2)."""

@@ -22,37 +22,25 @@ Function = Callable[[Rows], tuple[Numbers, Rows]]
 class RowsState:
     """State of all rows; `LBFGS.step` updates it in place."""
 
-    x: Rows
-    """Unknowns, shape (row, unknown)."""
+    x: Rows  # Unknowns, shape (row, unknown)
     gradient: Rows
-    cost: Numbers
-    """Shape (row,)."""
-    scale: Numbers
-    """Initial guess of the inverse Hessian, shape (row,)."""
-    length: Numbers
-    """Fraction of the full step to try next, shape (row,)."""
-    pairs: list[tuple[Rows, Rows, Numbers]]
-    """The last steps s, changes of gradient y, and 1 / s.y."""
-    iterations: int = 0
-    """Evaluations after the first."""
-    ring: Any = None
-    """The `Ring` of `device.RingLBFGS`, which replaces the pairs."""
+    cost: Numbers  # Shape (row,)
+    scale: Numbers  # Initial guess of the inverse Hessian, shape (row,)
+    length: Numbers  # Fraction of the full step to try next, shape (row,)
+    pairs: list[tuple[Rows, Rows, Numbers]]  # The last steps s, changes of gradient y, and 1 / s.y
+    iterations: int = 0  # Evaluations after the first
+    ring: Any = None  # The `Ring` of `device.RingLBFGS`, which replaces the pairs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LBFGS:
     """Settings of the method."""
 
-    memory: int = 4
-    """Number of pairs that are kept."""
-    armijo: float = 1e-4
-    """Fraction of the predicted decrease that a step must reach."""
-    shrink: float = 0.3
-    """Factor on the step length after a rejected step."""
-    grow: float = 3.0
-    """Factor on the step length after an accepted step."""
-    xp: Any = np
-    """Module with the functions of the array API standard."""
+    memory: int = 4  # Number of pairs that are kept
+    armijo: float = 1e-4  # Fraction of the predicted decrease that a step must reach
+    shrink: float = 0.3  # Factor on the step length after a rejected step
+    grow: float = 3.0  # Factor on the step length after an accepted step
+    xp: Any = np  # Module with the functions of the array API standard
 
     def begin(self, function: Function, x: Rows, step: Numbers) -> RowsState:
         """The state at x; `step` (row,) is the length of the first step over that of the gradient."""

@@ -25,28 +25,20 @@ Complex = NDArray[np.complex128]
 class State:
     """State of the iteration for one frame."""
 
-    x: Array
-    """[theta, psi] in rad, shape (transducer + point,)."""
-    residual: Complex
-    """G q - diag(p) u at x, shape (point,)."""
-    gradient: Array
-    """J^T f at x, shape (transducer + point,)."""
-    cost: float
-    """|| f ||^2 / 2."""
-    damping: float
-    """lambda."""
-    growth: float = 2.0
-    """Factor on lambda after a rejected step; it doubles with each one."""
-    iterations: int = 0
-    """Iterations made, rejected steps included."""
-    status: Status | None = None
-    """None until the iteration ends."""
+    x: Array  # [theta, psi] in rad, shape (transducer + point,)
+    residual: Complex  # G q - diag(p) u at x, shape (point,)
+    gradient: Array  # J^T f at x, shape (transducer + point,)
+    cost: float  # || f ||^2 / 2
+    damping: float  # lambda
+    growth: float = 2.0  # Factor on lambda after a rejected step; it doubles with each one
+    iterations: int = 0  # Iterations made, rejected steps included
+    status: Status | None = None  # None until the iteration ends
+    # J J^T at x, shape (2 point, 2 point), kept after rejected steps, without the rows of the guard
     normal: Array | None = None
-    """J J^T at x, shape (2 point, 2 point), kept after rejected steps, without the rows of the guard."""
+    # Residuals of the guard, shape (active guard point,), see `terms.guard.excess_rows`
     excess: Array = field(default_factory=lambda: np.zeros(0))
-    """Residuals of the guard, shape (active guard point,), see `terms.guard.excess_rows`."""
+    # Derivative of `excess` by theta, shape (active guard point, transducer)
     slope: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    """Derivative of `excess` by theta, shape (active guard point, transducer)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,18 +30,12 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 class System:
     """The factors of one G in one precision."""
 
-    U: Complex
-    """Orthonormal fields, shape (point, mode)."""
-    C: Complex
-    """A diag(s) V^H, shape (mode, transducer)."""
-    real: Array
-    """Real part of C."""
-    imaginary: Array
-    """Imaginary part of C."""
-    power: Array
-    """(A s)^2, shape (mode,)."""
-    work: Array
-    """Workspace of `normal`, shape (3, mode, transducer)."""
+    U: Complex  # Orthonormal fields, shape (point, mode)
+    C: Complex  # A diag(s) V^H, shape (mode, transducer)
+    real: Array  # Real part of C
+    imaginary: Array  # Imaginary part of C
+    power: Array  # (A s)^2, shape (mode,)
+    work: Array  # Workspace of `normal`, shape (3, mode, transducer)
 
     @classmethod
     def of(cls, kept: Modes, level: float, precision: Literal["single", "double"]) -> "System":

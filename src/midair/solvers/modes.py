@@ -18,12 +18,9 @@ Complex = NDArray[np.complex128]
 class Modes:
     """G = U diag(s) V^H, largest singular values first."""
 
-    U: Complex
-    """Fields, orthonormal columns, shape (point, mode)."""
-    s: Array
-    """Singular values in the unit of G, shape (mode,)."""
-    V: Complex
-    """Drives, orthonormal columns, shape (transducer, mode)."""
+    U: Complex  # Fields, orthonormal columns, shape (point, mode)
+    s: Array  # Singular values in the unit of G, shape (mode,)
+    V: Complex  # Drives, orthonormal columns, shape (transducer, mode)
 
     @property
     def rank(self) -> int:

@@ -108,10 +108,9 @@ class Answer:
 class WarmStart:
     """State from which a solver continues with the next part of a recording."""
 
+    # Phases in rad of the last frame that is not silent, shape (transducer,); silent frames after it keep them
     theta: Array
-    """Phases in rad of the last frame that is not silent, shape (transducer,); silent frames after it keep them."""
-    known: Any = None
-    """State private to the method that made it; None if it needs none."""
+    known: Any = None  # State private to the method that made it; None if it needs none
 
 
 class Solver(Protocol):

@@ -108,10 +108,8 @@ class Greedy:
     IEEE Trans. Haptics 14 (2021). The order is random with a fixed seed.
     """
 
-    levels: int = 16
-    """Number of phases to choose from."""
-    iterations: int = 1
-    """Number of passes over all transducers."""
+    levels: int = 16  # Number of phases to choose from
+    iterations: int = 1  # Number of passes over all transducers
     seed: int = 0
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:

@@ -21,8 +21,7 @@ Single = NDArray[np.float32]
 class Lattice:
     """Points on planes through a cube, its faces included: all combinations of three coordinates."""
 
-    axes: tuple[Array, Array, Array]
-    """Coordinates, from -1 to 1 at the faces."""
+    axes: tuple[Array, Array, Array]  # Coordinates, from -1 to 1 at the faces
 
     @property
     def points(self) -> Array:
@@ -50,12 +49,9 @@ def lattice(bands: Array, step: float, *, crowd: float = 1.5) -> Lattice:
 class Stack:
     """Points of a cube on planes along one axis, the same points on each plane."""
 
-    axis: int
-    """Axis perpendicular to the planes."""
-    along: Array
-    """Coordinates of the planes, shape (plane,), from -1 to 1."""
-    across: Array
-    """Coordinates of each plane's points along the two other axes, in their order, shape (point, 2)."""
+    axis: int  # Axis perpendicular to the planes
+    along: Array  # Coordinates of the planes, shape (plane,), from -1 to 1
+    across: Array  # Coordinates of each plane's points along the two other axes, in their order, shape (point, 2)
 
     @property
     def points(self) -> Array:

@@ -36,30 +36,21 @@ LONE = 0.05
 class Pair:
     """Two places that mirror each other, left and right of an array that does."""
 
-    numbers: tuple[int, int]
-    """Indices of the places in their profile."""
-    box: Place
-    """A cube that contains the one place, and the mirror image of the other."""
-    array: TransducerArray
-    """The array, followed by the mirror images of transducers without one."""
-    partner: Indices
-    """Index of the mirror image of each transducer of `array`."""
-    middle: float
-    """x of the mirror, in m."""
+    numbers: tuple[int, int]  # Indices of the places in their profile
+    box: Place  # A cube that contains the one place, and the mirror image of the other
+    array: TransducerArray  # The array, followed by the mirror images of transducers without one
+    partner: Indices  # Index of the mirror image of each transducer of `array`
+    middle: float  # x of the mirror, in m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Halves:
     """From a drive to the modes of two places, by sums and differences of mirrored transducers."""
 
-    order: Indices
-    """Order of the transducers: some, then their mirror images, then those without one."""
-    pairs: int
-    """Number of transducers with a mirror image, counted once per pair."""
-    common: Product
-    """From the sums to the modes."""
-    different: Product
-    """From the differences to the modes."""
+    order: Indices  # Order of the transducers: some, then their mirror images, then those without one
+    pairs: int  # Number of transducers with a mirror image, counted once per pair
+    common: Product  # From the sums to the modes
+    different: Product  # From the differences to the modes
 
     @classmethod
     def of(cls, modes: Complex, partner: Indices, count: int) -> Self:

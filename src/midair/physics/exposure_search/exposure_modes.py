@@ -23,12 +23,10 @@ FEW = 64
 class Points:
     """Points on planes through the cube: all combinations of places across and along."""
 
-    planes: slice
-    """The planes from which the field follows."""
-    across: Single
-    """From shapes on a plane to the pressure at its points, in Pa, shape (shape, point of a plane)."""
+    planes: slice  # The planes from which the field follows
+    across: Single  # From shapes on a plane to the pressure at its points, in Pa, shape (shape, point of a plane)
+    # From the planes to other planes, shape (point, plane); None if the planes themselves are searched
     along: Single | None
-    """From the planes to other planes, shape (point, plane); None if the planes themselves are searched."""
 
     def power(self, shaped: Single, space: Workspace) -> Single:
         """Squared magnitude at the loudest point, shape (frame,), in Pa2, of shapes (parts, frame, plane, shape)."""
@@ -48,15 +46,12 @@ class Points:
 class FieldByModes:
     """The field at the points of a cube, computed from modes."""
 
-    modes: Complex
-    """From the transducers to the modes of their field in the cube, shape (mode, transducer)."""
+    modes: Complex  # From the transducers to the modes of their field in the cube, shape (mode, transducer)
+    # From the modes to shapes of the field on some planes, (mode, plane x shape), one per air
     shapes: tuple[Product, ...]
-    """From the modes to shapes of the field on some planes, (mode, plane x shape), one per air."""
-    planes: int
-    """Number of planes."""
+    planes: int  # Number of planes
     points: tuple[Points, ...]
-    left_out: float
-    """Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa."""
+    left_out: float  # Upper estimate of the truncation error anywhere with every transducer at full drive, in Pa
 
     def loudest(self, modes: Single, space: Workspace) -> Single:
         """Magnitude at the loudest point in each air, shape (air, frame), in Pa, of modes as in `CubeSearch`."""

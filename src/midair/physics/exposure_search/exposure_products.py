@@ -32,12 +32,9 @@ class Workspace:
 class Product:
     """Multiplication by a complex matrix with three real products instead of four (Gauss)."""
 
-    real: Single
-    """Real part of the matrix, shape (in, out)."""
-    less: Single
-    """Imaginary minus real part."""
-    more: Single
-    """Imaginary plus real part."""
+    real: Single  # Real part of the matrix, shape (in, out)
+    less: Single  # Imaginary minus real part
+    more: Single  # Imaginary plus real part
 
     @classmethod
     def of(cls, matrix: NDArray[np.complexfloating]) -> Self:

@@ -47,14 +47,10 @@ ENOUGH = 8e-4
 class PointSearch:
     """The loudest of a few points, for a place without an enforced limit."""
 
-    modes: Complex
-    """From the drive to the pressure at the points in each air in Pa, shape (air x point, transducer)."""
-    ceiling: Array
-    """Maximum of each transducer alone in Pa, shape (transducer,); the sum bounds all together."""
-    airs: int
-    """Number of airs."""
-    left_out: float = 0.0
-    """0; see `CubeSearch.left_out`."""
+    modes: Complex  # From the drive to the pressure at the points in each air in Pa, shape (air x point, transducer)
+    ceiling: Array  # Maximum of each transducer alone in Pa, shape (transducer,); the sum bounds all together
+    airs: int  # Number of airs
+    left_out: float = 0.0  # 0; see `CubeSearch.left_out`
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
         """Like `CubeSearch.loudest`, for the points alone."""
@@ -69,10 +65,8 @@ class PointSearch:
 class CubeSearch:
     """Computes the loudest sound in the cube of one place from a drive."""
 
-    field: FieldByModes
-    """From the modes of the drive to the pressure at all points."""
-    ceiling: Array
-    """Like `PointSearch.ceiling`, for the whole cube."""
+    field: FieldByModes  # From the modes of the drive to the pressure at all points
+    ceiling: Array  # Like `PointSearch.ceiling`, for the whole cube
 
     @property
     def modes(self) -> Complex:
@@ -101,14 +95,10 @@ class CubeSearch:
 class Searches:
     """The searches of several places in some airs at once."""
 
-    each: tuple[CubeSearch | PointSearch, ...]
-    """The search of each place."""
-    modes: Product
-    """From the drive to the modes of all places except a pair: one large product is faster than many."""
-    pair: tuple[int, ...] = ()
-    """Indices of two places that mirror each other; empty if there are none."""
-    halves: Halves | None = None
-    """From the drive to the modes of these two."""
+    each: tuple[CubeSearch | PointSearch, ...]  # The search of each place
+    modes: Product  # From the drive to the modes of all places except a pair: one large product is faster than many
+    pair: tuple[int, ...] = ()  # Indices of two places that mirror each other; empty if there are none
+    halves: Halves | None = None  # From the drive to the modes of these two
 
     @classmethod
     def of(cls, *each: CubeSearch | PointSearch) -> Self:

@@ -25,20 +25,13 @@ Function = Callable[[Rows], tuple[Numbers, Rows]]
 class Ring:
     """The pairs of all rows in a ring buffer; `turn` overwrites the oldest."""
 
-    vectors: Rows
-    """S, Y and the gradient, shape (row, 2 memory + 1, unknown)."""
-    gram: Rows
-    """Their inner products, shape (row, 2 memory + 1, 2 memory + 1)."""
-    inverse: Rows
-    """R^-1, shape (row, memory, memory); 0 in the rows and columns of ignored pairs."""
-    minus: Numbers
-    """-1, shape (row, 1)."""
-    nothing: Numbers
-    """Infinity, shape (), whose inverse is 0."""
-    memory: int
-    """Number of pairs."""
-    slot: int = 0
-    """Index of the next pair."""
+    vectors: Rows  # S, Y and the gradient, shape (row, 2 memory + 1, unknown)
+    gram: Rows  # Their inner products, shape (row, 2 memory + 1, 2 memory + 1)
+    inverse: Rows  # R^-1, shape (row, memory, memory); 0 in the rows and columns of ignored pairs
+    minus: Numbers  # -1, shape (row, 1)
+    nothing: Numbers  # Infinity, shape (), whose inverse is 0
+    memory: int  # Number of pairs
+    slot: int = 0  # Index of the next pair
 
     @classmethod
     def of(cls, xp: Any, gradient: Rows, memory: int) -> "Ring":

@@ -21,34 +21,23 @@ Effort = tuple[int, int, int]
 class FrameSolution:
     """Solution of some frames, on the backend."""
 
-    theta: Rows
-    """Phases in rad, shape (row, transducer)."""
-    z: Rows
-    """Field in the coordinates of `FieldMove`, shape (row, mode), that the phases make or approximate."""
-    scale: Numbers
-    """Final inverse curvature of the refinement, in units of the target, shape (row,)."""
-    field_scale: Numbers
-    """Final inverse curvature of the field step, in units of the target, shape (row,)."""
+    theta: Rows  # Phases in rad, shape (row, transducer)
+    z: Rows  # Field in the coordinates of `FieldMove`, shape (row, mode), that the phases make or approximate
+    scale: Numbers  # Final inverse curvature of the refinement, in units of the target, shape (row,)
+    field_scale: Numbers  # Final inverse curvature of the field step, in units of the target, shape (row,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Neighbours:
     """Means of the two solved frames around each frame."""
 
-    q: Rows
-    """Mean drive, normalised to magnitude 1, shape (row, transducer)."""
-    z: Rows
-    """Mean field, shape (row, mode)."""
-    p: Rows
-    """Mean target, shape (row, point)."""
-    part: Rows
-    """Least-squares factor of the mean target in the frame's own target, shape (row, 1)."""
-    missed: Rows
-    """Remainder of the frame's target, shape (row, point)."""
-    scale: Numbers
-    """Geometric mean, shape (row,)."""
-    field_scale: Numbers
-    """Geometric mean, shape (row,)."""
+    q: Rows  # Mean drive, normalised to magnitude 1, shape (row, transducer)
+    z: Rows  # Mean field, shape (row, mode)
+    p: Rows  # Mean target, shape (row, point)
+    part: Rows  # Least-squares factor of the mean target in the frame's own target, shape (row, 1)
+    missed: Rows  # Remainder of the frame's target, shape (row, point)
+    scale: Numbers  # Geometric mean, shape (row,)
+    field_scale: Numbers  # Geometric mean, shape (row,)
 
     def some(self, xp: Any, rows: Numbers) -> "Neighbours":
         """The rows with these indices."""
@@ -61,24 +50,15 @@ class BisectionStep:
     """The steps with the matrices of one problem."""
 
     operators: FieldOperators
-    field: FieldMove
-    """The field step."""
-    step: float
-    """Step size of the heavy-ball phase fit."""
-    momentum: float
-    """Momentum of the heavy-ball phase fit."""
-    relaxation: float
-    """Over-relaxation of the projections, 1 to 2."""
-    even_field_weight: float
-    """Weight, relative to the peak, of an even field in the phases of the new part of a target."""
-    admm_iterations: int
-    """Iterations of `FieldOperators.admm`."""
-    stiffness: float
-    """Stiffness of `FieldOperators.admm`."""
-    max_power_share: float
-    """Limit of `FieldOperators.reachable`, above which a longer refinement replaces ADMM."""
-    hard_polish: int
-    """Iterations of that refinement."""
+    field: FieldMove  # The field step
+    step: float  # Step size of the heavy-ball phase fit
+    momentum: float  # Momentum of the heavy-ball phase fit
+    relaxation: float  # Over-relaxation of the projections, 1 to 2
+    even_field_weight: float  # Weight, relative to the peak, of an even field in the phases of the new part of a target
+    admm_iterations: int  # Iterations of `FieldOperators.admm`
+    stiffness: float  # Stiffness of `FieldOperators.admm`
+    max_power_share: float  # Limit of `FieldOperators.reachable`, above which a longer refinement replaces ADMM
+    hard_polish: int  # Iterations of that refinement
 
     def from_scratch(self, batch: Batch, effort: Effort) -> FrameSolution:
         """Solve frames without solved neighbours."""

@@ -21,8 +21,7 @@ class BlockRange:
 
     first: int
     last: int
-    marks: Indices
-    """Frames that are solved from scratch, shape (mark,), `first` only in the first block."""
+    marks: Indices  # Frames that are solved from scratch, shape (mark,), `first` only in the first block
 
     @property
     def leads(self) -> bool:

@@ -32,14 +32,10 @@ _EMPTY, _MORE = 1.1, 1.3
 class SymmetricModes:
     """G = U diag(s) W^H with W of four kinds, or of one for an array without symmetry."""
 
-    U: Complex
-    """Fields, shape (point, kind * mode); kinds with fewer modes are padded with zeros."""
-    s: Array
-    """Singular values in the unit of G, shape (kind * mode,)."""
-    V: Complex
-    """Drives of each kind on the places of one image, shape (kind, mode, place)."""
-    place: NDArray[np.intp]
-    """Index of each transducer among all places, image after image."""
+    U: Complex  # Fields, shape (point, kind * mode); kinds with fewer modes are padded with zeros
+    s: Array  # Singular values in the unit of G, shape (kind * mode,)
+    V: Complex  # Drives of each kind on the places of one image, shape (kind, mode, place)
+    place: NDArray[np.intp]  # Index of each transducer among all places, image after image
 
     def drive(self, z: Complex) -> Complex:
         """W z, shape (transducer,), of coordinates z (kind * mode,)."""

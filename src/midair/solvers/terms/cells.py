@@ -46,12 +46,9 @@ class Cells:
 class CellTarget:
     """Weights and target pressures of cells or windows in one problem."""
 
-    weights: Array
-    """w, the share of each point, shape (cell, point)."""
-    wanted: Array
-    """Target pressure in the unit of amplitude squared, shape (frame, cell)."""
-    faint: float = 0.0
-    """Frames with an rms target below this report their error relative to this, in the same unit."""
+    weights: Array  # w, the share of each point, shape (cell, point)
+    wanted: Array  # Target pressure in the unit of amplitude squared, shape (frame, cell)
+    faint: float = 0.0  # Frames with an rms target below this report their error relative to this, in the same unit
 
     def repeated(self, times: int) -> "CellTarget":
         """The same target for several fields, whose points follow one another."""

@@ -70,12 +70,10 @@ class Guard:
 class GuardField:
     """Transfer matrix and limits of the points that shall be quiet, in one problem."""
 
-    G: NDArray[np.complex128]
-    """Complex, shape (guard point, transducer), in the unit of the problem's G."""
+    G: NDArray[np.complex128]  # Complex, shape (guard point, transducer), in the unit of the problem's G
+    # As in `Guard`, for all points or shape (guard point,); 0 for rows with minimal sound, see `terms.quiet_ears`
     ceiling: float | NDArray[np.float64]
-    """As in `Guard`, for all points or shape (guard point,); 0 for rows with minimal sound, see `terms.quiet_ears`."""
-    weight: float
-    """As in `Guard`."""
+    weight: float  # As in `Guard`
 
     @property
     def ceilings(self) -> NDArray[np.float64]:

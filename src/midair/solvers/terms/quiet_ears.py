@@ -19,12 +19,11 @@ from midair.validation import positive
 class QuietEars:
     """Positions of the ears and weight of the sound there."""
 
+    # lambda: weight of the mean square at the ears relative to that of the error at the control points
     weight: float = 30.0
-    """lambda: weight of the mean square at the ears relative to that of the error at the control points."""
+    # x, y, z of each ear from the centre of the array in m; those of the exposure profiles
     positions: tuple[tuple[float, float, float], ...] = ((-0.075, -0.35, 0.45), (0.075, -0.35, 0.45))
-    """x, y, z of each ear from the centre of the array in m; those of the exposure profiles."""
-    reach: float = 0.04
-    """Half the edge of the cube around each ear in m."""
+    reach: float = 0.04  # Half the edge of the cube around each ear in m
 
     def __post_init__(self) -> None:
         positive(self.weight, "weight of quiet ears")
