@@ -1,4 +1,4 @@
-"""Foresight on one unit, played by the playback simulation on transducers that each have a pole of their own."""
+"""Envelope prediction on one unit, in a playback simulation with a different pole for each transducer."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ FRAMES = 80
 
 @pytest.fixture(scope="module")
 def asked():
-    """A focus that goes to and fro and a target that is its own field, but for a tenth that beats with 200 Hz."""
+    """A focus that moves back and forth; the target is its field with 10 % modulation at 200 Hz."""
     time = np.arange(FRAMES) / 4e3
     focus = [focus_phase(ARRAY, np.array([6e-3 * np.sin(2 * np.pi * 30 * at), 0, 0.12])) for at in time]
     drive = Drive(phase=np.mod(focus, 2 * np.pi), level=np.full(FRAMES, 0.8), rate=4e3, array=ARRAY)
@@ -43,7 +43,7 @@ def asked():
 
 
 def missed(drive, target):
-    """Rms of what presses on the places less what should, 1 ms of it together, in Pa."""
+    """Rms error of the pressure at the places, averaged over 1 ms, in Pa."""
     chain = PlaybackChain(phase_bits=None, transducers=SPREAD)
     G = transfer_matrix(GRID, ARRAY.nominal)
     drawn, waves = (cell_weights(PLACES, GRID, between=each) for each in ("lines", "waves"))
@@ -59,7 +59,7 @@ def parts_of(solution, size):
     return iter([solution.cut(at, min(at + size, FRAMES)) for at in range(0, FRAMES, size)])
 
 
-def test_what_is_foreseen_is_mended(asked):
+def test_the_predicted_error_is_corrected(asked):
     solution, target = asked
     mended = Solution.joined(list(WAY.corrected(iter([solution]), target)))
     assert missed(mended.drive, target) < 0.7 * missed(solution.drive, target)
@@ -80,7 +80,7 @@ def test_blocks_are_the_same_bits_whatever_the_parts(asked):
 
 
 def test_a_block_has_no_seam(asked):
-    """One block of all frames and many blocks mend as much."""
+    """One block of all frames and many blocks correct equally well."""
     solution, target = asked
     one, many = (
         missed(Solution.joined(list(replace(WAY, block=size).corrected(iter([solution]), target))).drive, target)
@@ -89,7 +89,7 @@ def test_a_block_has_no_seam(asked):
     assert many < 1.2 * one
 
 
-def test_what_is_silent_stays_as_it_is(asked):
+def test_silent_frames_do_not_change(asked):
     solution, target = asked
     drive = replace(solution.drive, level=np.where(np.arange(FRAMES) < 40, 0.0, 0.8))
     quiet = np.array(target.amplitude)
@@ -104,7 +104,7 @@ def test_the_low_pass_is_of_the_band():
     slow, fast = np.ones(56), (-1.0) ** np.arange(56)
     assert slow @ metric @ slow == pytest.approx(32 + 8 + 32 * 0.05, rel=0.05)
     assert fast @ metric @ fast == pytest.approx(32 * 0.05, rel=0.2)
-    # At 1 kHz all that can be played is in the band.
+    # At 1 kHz all playable frequencies are in the band.
     np.testing.assert_allclose(np.diag(WAY.metric(slice(0, 8), 20, 1e3))[:8], 1.05)
 
 

@@ -22,7 +22,7 @@ def command(drive):
     return (drive.level[:, None] * np.exp(1j * np.asarray(drive.phase))).astype(np.complex64)
 
 
-def test_what_presses_is_what_the_playback_simulation_says(drive):
+def test_the_pressure_agrees_with_the_playback_simulation(drive):
     tracking = EnvelopeTracking.of(drive, SPREAD, GRID, WEIGHTS)
     chain = PlaybackChain(phase_bits=None, transducers=SPREAD, precision="double")
     expected = simulate(drive, transfer_matrix(GRID, ARRAY), chain=chain, rate=drive.rate, weights=WEIGHTS)

@@ -20,7 +20,7 @@ def in_band(x):
 
 
 def chain(x, corner=150.0):
-    """A low-pass of first order and a gain of .7: what a re-recording could do to what is asked for."""
+    """A first-order low-pass and a gain of .7, as a model of a re-recording."""
     return filter_response(x, RATE, lambda f: (0.7 / (1 + 1j * f / corner)).reshape(-1, 1, 1), reach=0.2)
 
 
@@ -45,7 +45,7 @@ def test_nothing_asked_and_other_shapes_are_refused():
 
 
 def test_one_whole_step_makes_a_linear_chain_right():
-    """eps 0, g 1 and the true H: what is asked for next comes back as the target."""
+    """eps 0, g 1 and the true H: the next re-recording is the target."""
     target = noise()
     frequency = np.linspace(0, 500, 501)
     response = Response(frequency=frequency, value=0.7 / (1 + 1j * frequency / 150))
@@ -58,7 +58,7 @@ def test_one_whole_step_makes_a_linear_chain_right():
 
 @given(st.floats(0.1, 1.0), st.integers(0, 5))
 def test_every_step_on_a_chain_that_only_pushes_brings_it_nearer(step, seed):
-    """Projected on what pushes, as in the half-wave mode: five steps, each with less error than the one before."""
+    """Projected on positive pressure, as in the half-wave mode: five steps, each with less error."""
     target = noise(seed, frames=600)
     asked = np.maximum(target, 0)
     correction, errors = IterativeCorrection(step=1.0), []
@@ -71,7 +71,7 @@ def test_every_step_on_a_chain_that_only_pushes_brings_it_nearer(step, seed):
     assert (np.diff(errors) < 0).all()
 
 
-def test_a_deaf_band_is_not_asked_for_without_end():
+def test_a_band_without_response_is_not_amplified_without_limit():
     frequency = np.linspace(0, 500, 51)
     response = Response(frequency=frequency, value=np.where(frequency < 200, 1.0, 1e-6).astype(complex))
     change = IterativeCorrection(regularisation=0.01).change(noise(), RATE, response, band=BAND, step=1.0)

@@ -26,7 +26,7 @@ FRAMES = 40
 
 
 def steady(level=1.0):
-    """Foci that are out of step with each other: some pressure on every cell, the same in every frame."""
+    """Foci out of phase with each other: some pressure on every cell, the same in every frame."""
     rng = np.random.default_rng(0)
     places = [(x, y, 0.12) for x in (-5e-3, 6e-3) for y in (-6e-3, 5e-3)]
     parts = [np.exp(1j * focus_phase(ARRAY, np.array(place))) for place in places]
@@ -37,7 +37,7 @@ def steady(level=1.0):
 
 
 def at_rest(drive):
-    """Pressure on the cells of the last frame, had it stood for ever."""
+    """Steady-state pressure on the cells of the last frame."""
     q = np.asarray(drive.level)[-1] * np.exp(1j * np.asarray(drive.phase)[-1])
     return WEIGHTS @ radiation_pressure(np.abs(G @ q), drive.acoustics.medium)
 
@@ -52,7 +52,7 @@ def test_the_slopes_are_the_derivative():
 
 
 @pytest.mark.parametrize("level", [1.0, 0.6])
-def test_what_lacks_presses_afterwards(level):
+def test_the_missing_pressure_is_added(level):
     drive = steady(level)
     lacking = np.tile(0.01 * at_rest(drive) * np.array([1, -1, 1, 0]), (FRAMES, 1))
     better = MinimumNorm(floor=1e-6).corrected(drive, lacking, WEIGHTS, GRID)
@@ -62,7 +62,7 @@ def test_what_lacks_presses_afterwards(level):
 
 
 def test_no_smaller_change_presses_as_much():
-    """Against the pseudo-inverse of the derivative by central differences, whose steps are the least of all."""
+    """Against the pseudo-inverse of the derivative by central differences, the minimum-norm step."""
     drive = steady()
     lacking = np.tile([0.05, 0.0, -0.02, 0.01], (FRAMES, 1))
     change = np.asarray(MinimumNorm(floor=1e-9).corrected(drive, lacking, WEIGHTS, GRID).phase)[-1] - drive.phase[-1]
@@ -73,7 +73,7 @@ def test_no_smaller_change_presses_as_much():
 
 
 def test_while_transducers_still_follow_the_field_is_the_one_they_make():
-    """A drive that has just begun, by the playback simulation: what lacked presses in the middle of the frame."""
+    """In a playback simulation from silence, the missing pressure is present in the middle of the frame."""
     chain = PlaybackChain(phase_bits=None, transducers=Transducers.alike(ARRAY.count), precision="double")
     drive = steady()
 
@@ -108,7 +108,7 @@ def test_a_higher_floor_asks_for_less():
     assert sizes[0] > sizes[1] > sizes[2] > 0
 
 
-def test_what_does_not_belong_together_is_refused():
+def test_inconsistent_shapes_are_refused():
     with pytest.raises(ShapeError, match=r"lacking: expected \(40, 4\)"):
         MinimumNorm().corrected(steady(), np.zeros((3, 4)), WEIGHTS, GRID)
     with pytest.raises(InputError, match="floor of the correction"):

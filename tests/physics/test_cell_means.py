@@ -59,10 +59,10 @@ def test_weights_agree_with_an_integral_over_the_plane():
 
 @pytest.mark.parametrize("between", ["steps", "lines"])
 @pytest.mark.parametrize("centre", [(0.0, 0.0), (4e-3, -7e-3)])
-def test_each_cell_hears_what_is_over_it(centre, between):
+def test_each_cell_reads_the_pressure_above_it(centre, between):
     sensor, grid = SensorGrid(rows=2, columns=3), ControlGrid(rows=20, columns=22, pitch=3e-3, centre=(2e-3, 5e-3))
     weights = cell_weights(SensorModel(grid=sensor), grid, centre=centre, between=between)
-    # the mean place of what a cell hears is the cell's own, but for the steps of the grid
+    # the centroid of a cell's weights is the cell's position, except for the steps of the grid
     for channel in range(sensor.count):
         heard = weights[channel] @ grid.position[:, :2]
         assert heard == pytest.approx(np.add(sensor.channel_position(channel), centre), abs=2e-4)
@@ -90,7 +90,7 @@ def test_lines_agree_with_an_integral_of_the_interpolated_pressure():
 @pytest.mark.long
 @pytest.mark.parametrize("per_metre", [0.0, 40.0, 110.0, 160.0])
 def test_waves_are_exact_below_half_the_points(per_metre):
-    """A cosine comes out as the window's own spectrum says: sinc(f a) exp(-2 (pi f s)^2)."""
+    """A cosine is multiplied by the window's spectrum, sinc(f a) exp(-2 (pi f s)^2)."""
     points = ControlGrid(rows=1, columns=801, pitch=3e-3)
     weights = cell_weights(ALONE, points, between="waves")
     alone = cell_weights(ALONE, points, between="waves") @ np.ones(801)
@@ -99,7 +99,7 @@ def test_waves_are_exact_below_half_the_points(per_metre):
     assert read == pytest.approx(np.sinc(f * a) * np.exp(-2 * (np.pi * f * s) ** 2), abs=2e-3)
 
 
-def test_sixteen_points_tell_what_a_cell_reads_of_a_sound_field():
+def test_sixteen_points_suffice_for_the_reading_of_a_cell():
     """Means of the squared field of four units, from 16 x 16 points and from points four times as close."""
     array, rng = TransducerArray.autd3(), np.random.default_rng(0)
     sensor = SensorModel(grid=SensorGrid(rows=3, columns=3, pitch=5e-3))

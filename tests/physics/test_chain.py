@@ -1,4 +1,4 @@
-"""What transducers radiate while frames are played: against slow loops, and in closed form."""
+"""Output of the transducers during playback: against slow loops, and in closed form."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The simulation of what is played: against slow loops, closed forms, and itself at finer steps."""
+"""Playback simulation: against slow loops, closed forms, and finer steps."""
 
 import numpy as np
 import pytest
@@ -83,7 +83,7 @@ def test_cells_average_over_points():
     np.testing.assert_allclose(cells, points @ weights.T, rtol=1e-9)
 
 
-def test_a_small_modulation_comes_out_as_the_response_says():
+def test_a_small_modulation_agrees_with_the_response():
     """Level 0.5 (1 + .01 cos) makes pressure 1 + .02 cos; at 250 Hz that much of it is left, and that much later."""
     rate, f, dynamics = 2000.0, 250.0, TransducerDynamics()
     time = np.arange(400) / rate
@@ -119,7 +119,7 @@ def test_rates_that_no_array_takes_are_refused_with_the_nearest_that_it_does():
         check_frame_rate(44100.0)
 
 
-def test_what_does_not_belong_together_is_refused():
+def test_inconsistent_shapes_are_refused():
     with pytest.raises(RateError, match="over a whole number"):
         simulate(drive(), G, rate=1500.0)
     with pytest.raises(ShapeError, match=r"G: expected \(point, 12\)"):

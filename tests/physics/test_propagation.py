@@ -41,7 +41,7 @@ def test_focus_of_four_units_with_exact_phases(array):
     assert focus_rms(array, focus_phase(array, FOCUS)) == pytest.approx(12875.36, abs=0.005)
 
 
-def test_focus_of_four_units_with_eight_bits_as_the_emulator_says(array):
+def test_focus_of_four_units_with_eight_bits_agrees_with_the_emulator(array):
     phase = quantise_phase(focus_phase(array, FOCUS), bits=8)
     assert focus_rms(array, phase) == pytest.approx(12875.038, rel=1e-6)
     assert focus_rms(array, phase) == pytest.approx(12875.03, abs=0.005)
@@ -104,7 +104,7 @@ def test_attenuation_takes_nepers_per_metre(array):
     assert np.abs(quiet / loud)[0] == pytest.approx(np.exp(-0.3 * distance), rel=1e-12)
 
 
-def test_the_strongest_focus_is_what_full_drive_makes_of_it(array):
+def test_the_strongest_focus_agrees_with_propagation_at_full_drive(array):
     grid = ControlGrid()
     best = focus_amplitude(grid, array)
     assert 14.6e3 < best < 14.8e3  # the linear model's 14.7 kPa at 200 mm
@@ -154,7 +154,7 @@ def test_a_row_is_the_same_to_the_last_bit_whatever_is_worked_out_beside_it(arra
     np.testing.assert_array_equal(together, alone)
 
 
-def test_what_a_matrix_takes_beside_itself_does_not_grow_with_it(array):
+def test_temporary_memory_of_a_matrix_is_constant(array):
     sizes = []
     for side in (16, 48):
         places = ControlGrid(rows=side, columns=side).position

@@ -42,7 +42,7 @@ def test_response_at_hand_computed_frequencies():
 
 
 @pytest.mark.parametrize("frequency", [10.0, 25.0, 100.0, 250.0, 470.0])
-def test_a_tone_comes_out_as_the_response_says(frequency):
+def test_a_tone_agrees_with_the_response(frequency):
     model = QUIET.with_spread(seed=2)
     volts = sense(model, tone(frequency, 3000), RATE)[1000:2500]
     turn = np.exp(-2j * np.pi * frequency * np.arange(1000, 2500) / RATE)
@@ -68,7 +68,7 @@ def test_nothing_comes_out_before_something_goes_in():
     assert np.abs(volts[:190]).max() < 1e-4 * np.abs(volts).max()
 
 
-def test_what_comes_later_hardly_changes_what_was_read():
+def test_later_pressure_hardly_changes_earlier_readings():
     time = np.arange(8 * 600) / 8000
     push = 30 * (0.5 - 0.5 * np.cos(2 * np.pi * 100 * time))
     whole = np.broadcast_to(push[:, None, None], (len(push), 4, 4))
@@ -88,7 +88,7 @@ def test_oversampled_pressure_gives_the_same_samples():
     assert sense(model, fine, RATE, oversample=8) == pytest.approx(sense(model, fine[::8], RATE), abs=1e-6)
 
 
-def test_what_lies_above_half_the_rate_does_not_fold_back():
+def test_frequencies_above_half_the_rate_do_not_alias():
     high = tone(900.0, 8 * 1000, rate=8000.0) * np.hanning(8000)[:, None, None]
     assert np.abs(sense(QUIET, high, RATE, oversample=8)).max() < 1e-5
     folded = sense(QUIET, high[::8], RATE)

@@ -11,7 +11,7 @@ FINE = SensorModel(bits=32, full_scale=1e-3, noise=0.0, delay=np.linspace(0, 3e-
 
 
 @pytest.mark.parametrize(("steps", "over"), [(801, 8), (800, 8), (3, 8), (500, 1), (1000, 3)])
-def test_each_channel_says_what_it_says_in_memory(steps, over):
+def test_each_channel_equals_the_result_in_memory(steps, over):
     pressure = 1e-3 * np.random.default_rng(steps).standard_normal((steps, 4, 4))
     whole = sense(FINE, pressure, 1000.0, oversample=over)
     for number in (0, 6, 15):

@@ -14,5 +14,5 @@ def test_an_octave_away_pacinian_corpuscles_take_up_a_quarter_below_and_a_third_
     assert TOUCH_CHANNELS["P"].weight(np.array([125.0, 500.0])) == pytest.approx([0.2512, 0.3548], abs=1e-4)
 
 
-def test_what_stands_still_is_taken_up_by_none():
+def test_static_displacement_has_no_weight():
     assert [channel.weight(np.zeros(1))[0] for channel in TOUCH_CHANNELS.values()] == [0.0, 0.0]

@@ -17,7 +17,7 @@ def motion():
 
 
 @pytest.mark.parametrize("name", SKINS)
-def test_a_soft_spot_moves_the_skin_as_the_integral_over_wavenumbers_says(name):
+def test_a_gaussian_pressure_moves_the_skin_as_the_integral_over_wavenumbers(name):
     # A Gaussian of pressure has a Gaussian spectrum; by sums on the real axis, far past the grid's finest ripple.
     from scipy.special import j0
 
@@ -47,7 +47,7 @@ def test_steady_pressure_moves_nothing_in_the_band(motion):
     assert np.abs(moved[1300:1700]).max() < 1e-3 * np.abs(moved).max()
 
 
-def test_what_moves_nothing_can_be_asked_for(motion):
+def test_zero_pressure_gives_zero_motion(motion):
     assert motion.displacement(np.zeros((3, SIDE, SIDE))).shape == (3, SIDE, SIDE)
 
 

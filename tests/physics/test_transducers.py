@@ -14,7 +14,7 @@ def test_alike_ones_have_the_pole_of_their_dynamics_and_the_strength_of_the_mode
 
 
 def test_another_resonance_settles_at_the_ratio_of_the_poles():
-    """s = p0 / p: a resonance 1 kHz off lowers the amplitude by hand to |p0 / p| and turns the phase."""
+    """s = p0 / p: a resonance 1 kHz off lowers the amplitude to |p0 / p| and changes the phase."""
     one = Transducers.varied(2000, seed=1, resonance_spread=300.0)
     off = one.pole.imag / (2 * np.pi) - 205
     assert np.std(off) == pytest.approx(300, rel=0.05)
@@ -46,7 +46,7 @@ def test_the_same_seed_is_the_same_array():
     assert first.count == 9
 
 
-def test_what_cannot_be_is_refused():
+def test_impossible_settings_are_refused():
     with pytest.raises(InputError, match="expected a real part below 0"):
         Transducers(pole=np.ones(2, complex), response=np.ones(2, complex))
     with pytest.raises(ShapeError, match="response"):

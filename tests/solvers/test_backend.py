@@ -1,4 +1,4 @@
-"""The batch solver and its parts on every array library that is here: the same contract, the same figures."""
+"""The batch solver and its parts on every installed array library: the same contract, the same results."""
 
 import sys
 from dataclasses import replace
@@ -38,13 +38,13 @@ def host(array):
     return np.asarray(array)
 
 
-def test_what_is_put_there_comes_back(there):
+def test_a_round_trip_to_the_backend_keeps_values(there):
     numbers = np.random.default_rng(0).normal(size=(3, 4))
     np.testing.assert_allclose(there.get(there.put(numbers)), numbers, atol=1e-7)
     assert there.get(there.put(numbers)).dtype == np.float64
 
 
-def test_what_is_put_there_is_a_copy(there):
+def test_putting_an_array_copies_it(there):
     numbers = np.ones((2, 2), np.float32 if there.single else np.float64)
     put = there.put(numbers)
     put += 1
@@ -103,7 +103,7 @@ TERMS = {
 }
 
 
-# Few iterations, before rounding can send two descents different ways; of the recording's solver all kinds of frames.
+# Few iterations, before rounding can separate two descents; for the recording solver all kinds of frames.
 FEW = {
     "fast": Fast(precision="double", field_iterations=8, iterations=4, more_iterations=4, batch=3),
     "glide, smooth": Glide(precision="double", cold=(8, 2, 4), coarse=4, near=9.0, smooth=3, rows=3),
@@ -152,7 +152,7 @@ def test_torch_gets_its_threads_back():
         ("", "backend: expected one of numpy"),
     ],
 )
-def test_wrong_names_say_what_was_expected(wrong, message):
+def test_wrong_names_are_refused_with_the_valid_ones(wrong, message):
     with pytest.raises(InputError, match=message):
         backend(wrong)
 
@@ -168,7 +168,7 @@ def test_a_device_that_is_not_here_is_refused():
 
 
 @pytest.mark.parametrize(("library", "extra"), [("torch", "gpu-torch"), ("cupy", "gpu-cupy")])
-def test_a_library_that_is_not_installed_says_what_to_install(monkeypatch, library, extra):
+def test_a_missing_library_names_the_extra_to_install(monkeypatch, library, extra):
     monkeypatch.setitem(sys.modules, LIBRARIES[library], None)
     module._module.cache_clear()
     with pytest.raises(MissingExtraError, match=rf"pip install 'midair\[{extra}\]'"):

@@ -1,4 +1,4 @@
-"""Every solver on every known problem: a new one is a line in `METHODS`, and its tests are here already."""
+"""Contract tests of every solver in `METHODS` on every problem."""
 
 from dataclasses import replace
 
@@ -71,7 +71,7 @@ def by_cells(problem):
 
 
 def by_windows(problem):
-    """Means that overlap, with shares below 0 as band-limited ones have, of a pressure whose own shares are not."""
+    """Overlapping means with band-limited weights, some negative, of a pressure with non-negative weights."""
     near, far = np.eye(problem.points), np.eye(problem.points, k=1) + np.eye(problem.points, k=-1)
     wanted = problem.amplitude**2 @ (near + 0.5 * far).T
     return replace(problem, cells=CellTarget(weights=near + 0.6 * far - 0.1 * far @ far, wanted=wanted, faint=1e-3))
@@ -82,7 +82,7 @@ def smoothed(problem):
 
 
 def in_two_airs(problem):
-    """The same again with waves that are a little longer: phases that a slope over the transducers has turned."""
+    """The same again with a slightly longer wavelength: phases changed linearly over the transducers."""
     slope = np.exp(0.3j * np.linspace(-1, 1, problem.transducers))
     cells, guard = problem.cells, problem.guard
     return replace(
@@ -104,7 +104,7 @@ WITH = {
     "amplitudes": doubled,
     "all": lambda problem: doubled(in_two_airs(smoothed(by_cells(guarded(problem))))),
 }
-"""What makes a problem with a term of one without."""
+"""Functions that add a term to a problem."""
 
 TERMS = WITH.keys() - {"all", "windows"}
 
@@ -158,7 +158,7 @@ def test_no_term_makes_it_fail_or_give_nan(taker, term, name):
     assert [status == "silent" for status in answer.status] == list(~plain.amplitude.any(axis=1))
 
 
-def test_what_a_method_does_not_take_it_refuses(method):
+def test_unsupported_terms_are_refused(method):
     for term in ("guard", "cells", "smooth", "amplitudes", "robust"):
         if term in TAKES[method]:
             check_terms(method, {term})
@@ -167,14 +167,14 @@ def test_what_a_method_does_not_take_it_refuses(method):
                 check_terms(method, {term})
 
 
-def test_a_problem_says_which_terms_it_has():
+def test_a_problem_lists_its_terms():
     plain = PROBLEMS["all points"]
     assert plain.terms == frozenset()
     for term in ("guard", "cells", "smooth"):
         assert WITH[term](plain).terms == {term}
 
 
-def test_every_method_says_what_it_takes():
+def test_every_method_lists_its_terms():
     assert set(TAKES) == set(METHODS)
 
 
@@ -217,7 +217,7 @@ def test_how_close_each_comes_to_a_field_that_exists(name, worst):
 
 @pytest.mark.parametrize("name", ["lm", "exact", "fast", "live", "greedy"])
 def test_one_point_is_met_by_all_that_fit_amplitudes(name):
-    """One point of which the array can make 20 times more: every phase pattern of the right sum is a solution."""
+    """One point with a twentieth of the possible field: every phase pattern with the right sum is a solution."""
     if name == "live":
         pytest.importorskip("numba")
     problem = PROBLEMS["one point"]

@@ -34,7 +34,7 @@ def test_failed_steps_raise_lambda_as_in_the_plain_form(random_problem):
 
 
 def test_a_frame_on_its_own_starts_from_a_field(ten):
-    """One step from there is worth many from zero; the next frame goes on from it if it may."""
+    """One step from there equals many from zero; the next frame continues from it with a warm start."""
     problem = ten(0.1)
     twice = Problem(G=problem.G, amplitude=problem.amplitude[[2, 2]], psi=problem.psi)
     settings = {"iterations": 1, "warm_iterations": 4, "last": 0}

@@ -15,7 +15,7 @@ TEN = (0x0001, 0x8001, 0x0660, 0xF99F, 0x5A5A, 0x1248, 0xFFFF, 0x00FF, 0x8421, 0
 @pytest.mark.parametrize(
     ("strength", "mean", "worst"),
     [
-        # What the plain form of the paper's method reaches on the same ten patterns in 50 iterations.
+        # Result of the plain form of the paper's method on the same ten patterns in 50 iterations.
         (0.1, 0.0527, 0.0737),
         (0.2, 0.1609, 0.2612),
     ],
@@ -54,7 +54,7 @@ def change_of(phase):
 
 
 def test_smooth_phases_change_less_and_the_sum_is_less():
-    """E^2 / 2 + mu mean(1 - cos) over all frames is no more than what frames on their own make of it."""
+    """E^2 / 2 + mu mean(1 - cos) over all frames is at most that of independent frames."""
     rng, mu = np.random.default_rng(3), 0.01
     path = 0.1 + 0.05 * np.sin(0.1 * np.arange(20)[:, None] + rng.uniform(0, 6, 8))
     alone = replace(small(frames=20), amplitude=path)
@@ -68,7 +68,7 @@ def test_smooth_phases_change_less_and_the_sum_is_less():
 
 
 def test_smooth_goes_on_from_one_batch_to_the_next():
-    """The first frame of a batch is tied to the last of the one before: the same target, the same phases."""
+    """The first frame of a batch is coupled to the last of the previous one: the same target, the same phases."""
     problem = replace(small(frames=1), smooth=1.0)
     problem = replace(problem, amplitude=np.repeat(problem.amplitude, 6, axis=0))
     tied = Fast(batch=2, precision="double").solve(problem).phase

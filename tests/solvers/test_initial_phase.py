@@ -24,7 +24,7 @@ def test_symmetric_and_flat_where_the_array_is_no_wider():
     assert not spreading_phase(ControlGrid(rows=1, columns=1), array, medium).any()
 
 
-def test_moving_the_grid_moves_the_lens():
+def test_moving_the_grid_moves_the_spreading_phase():
     array, medium = TransducerArray.autd3(), Medium()
     here, there = (spreading_phase(ControlGrid(centre=c), array, medium) for c in ((0, 0), (0.02, -0.01)))
     np.testing.assert_allclose(here, there, atol=1e-6)

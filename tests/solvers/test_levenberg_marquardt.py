@@ -5,7 +5,7 @@ from midair.solvers.levenberg_marquardt import LevenbergMarquardt, dual_step, pr
 from midair.solvers.problem import Problem, error_of, jacobian, residual
 from midair.solvers.terms.guard import GuardField, excess_rows
 
-# What the plain form of the paper's method reaches on ten patterns of strength .1 in 50 iterations, from zero.
+# Results of the plain form of the paper's method on ten patterns of strength .1 in 50 iterations, from zero.
 PLAIN = {
     0x0001: 0.056,
     0x8001: 0.064,
@@ -96,8 +96,8 @@ def test_ten_patterns_no_worse_than_the_plain_form(transfer, patterns_to_points)
     assert (error <= np.array(list(PLAIN.values())) + 0.0005).all()
 
 
-def test_at_the_minimum_the_gradient_vanishes_and_it_says_converged():
-    """One point, one transducer: |G| < p can only be met by turning the free phase; then nothing is left to do."""
+def test_at_the_minimum_the_gradient_vanishes_and_the_status_is_converged():
+    """One point, one transducer, |G| < p: only the free phase can improve; then the gradient is 0."""
     problem = Problem(G=np.array([[0.5j]]), amplitude=np.array([[1.0]]))
     answer = LevenbergMarquardt().solve(problem)
     assert answer.status == ("converged",)

@@ -25,11 +25,11 @@ def test_iterations_and_start_reach_those_that_have_them():
         ({"method": "lm", "start": "one"}, "start: expected previous or zero"),
     ],
 )
-def test_wrong_settings_say_what_was_expected(call, message):
+def test_wrong_settings_are_refused(call, message):
     with pytest.raises(InputError, match=message):
         solver(call.pop("method"), **call)
 
 
-def test_a_method_that_meets_points_alone_is_told_that_it_may():
+def test_a_method_without_cells_suggests_fit_points():
     with pytest.raises(InputError, match=r"method lm: .* got cells; choose fast or glide or fit points"):
         check_terms("lm", {"cells", "guard"})

@@ -24,7 +24,7 @@ def test_the_step_is_that_of_the_textbook(random_problem, points, transducers, d
 
 
 def test_two_symmetric_products_make_the_whole_of_k(random_problem):
-    """K in the fields that points see: U K U^T is J_theta J_theta^T."""
+    """K in the basis of the points: U K U^T is J_theta J_theta^T."""
     G, p, x = random_problem(8, 15, 3)
     system = System.of(modes(G), 0.7, "double")
     J = jacobian(Problem(G=G, amplitude=p[None], level=0.7), p, x)[:, :15]
@@ -41,7 +41,7 @@ def test_single_precision_takes_nearly_the_same_step(transfer, patterns_to_point
     assert np.linalg.norm(steps[0] - steps[1]) < 1e-3 * np.linalg.norm(steps[1])
 
 
-def test_a_singular_system_is_said_by_nan():
+def test_a_singular_system_gives_nan():
     system = System.of(modes(np.zeros((2, 3), complex)), 1.0, "double")
     x = np.zeros(5)
     step = system.step(np.ones(2), x, system.residual(np.ones(2), x), 0.0, system.normal(x))

@@ -24,7 +24,7 @@ def test_tolerance_zero_is_exact(points, transducers, seed):
 
 
 @pytest.mark.parametrize("tolerance", [1e-1, 1e-3, 1e-5])
-def test_what_is_left_out_is_below_the_tolerance(transfer, tolerance):
+def test_omitted_modes_are_below_the_tolerance(transfer, tolerance):
     kept = modes(transfer, tolerance=tolerance)
     left = np.linalg.norm(put_together(kept) - transfer, ord=2)
     assert left <= tolerance * kept.s[0] * (1 + 1e-6)

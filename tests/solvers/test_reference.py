@@ -14,7 +14,7 @@ def random_matrix(points, transducers, seed=0):
 
 @pytest.mark.parametrize("method", [Naive(), GerchbergSaxton(), WeightedGerchbergSaxton(), GSPAT()], ids=str)
 def test_one_point_is_a_focus(method):
-    """All transducers in step at the point: theta = -arg G, whatever the method."""
+    """All transducers in phase at the point: theta = -arg G, for any method."""
     G = random_matrix(1, 12)
     theta = method.solve(Problem(G=G, amplitude=np.array([[0.1]]))).phase[0]
     together = np.exp(1j * (theta + np.angle(G[0])))
@@ -22,7 +22,7 @@ def test_one_point_is_a_focus(method):
 
 
 def test_a_focus_of_the_array_is_the_focus_of_physics(array, lossless, transfer):
-    """Control point 0 alone: the phases that put all waves in step there."""
+    """Control point 0 alone: the phases that focus on it."""
     from midair.model import ControlGrid
 
     theta = Naive().solve(Problem(G=transfer[:1], amplitude=np.array([[0.1]]))).phase[0]
@@ -31,7 +31,7 @@ def test_a_focus_of_the_array_is_the_focus_of_physics(array, lossless, transfer)
 
 
 def test_weights_make_equal_points_equal():
-    """Two points that the array hears unequally: GS leaves them unequal, WGS does not."""
+    """Two points with unequal coupling to the array: GS leaves them unequal, WGS does not."""
     G = random_matrix(2, 60) * np.array([[1], [0.4]])
     problem = Problem(G=G, amplitude=np.ones((1, 2)))
     sizes = {
@@ -64,7 +64,7 @@ def test_best_level_is_the_least_squares_one():
 
 @pytest.mark.parametrize(("name", "low", "high"), [("gs", 0.3, 0.45), ("gs-pat", 0.4, 0.6), ("greedy", 0.15, 0.35)])
 def test_dense_patterns_are_missed_by_as_much_as_the_peers_miss_them(transfer, patterns_to_points, name, low, high):
-    """Other people's programs on the same kind of patterns: GS .39, GS-PAT .51, greedy .34."""
+    """Independent implementations on the same kind of patterns: GS .39, GS-PAT .51, greedy .34."""
     problem = Problem(G=transfer, amplitude=0.1 * patterns_to_points([0xF99F, 0x5A5A, 0x00FF]))
     answer = solver(name).solve(problem)
     assert low < error_of(problem, answer.phase, answer.level).mean() < high

@@ -17,7 +17,7 @@ def moving_blob(frames, rate=1000.0):
 
 
 def counting(G, amplitude):
-    """A frame solver that adds one to every unknown and notes how it was called."""
+    """A frame solver that adds one to every unknown and records its arguments."""
     problem, calls = Problem(G=G, amplitude=amplitude), []
 
     def one(p, x, iterations):

@@ -80,7 +80,7 @@ def test_phases_are_within_a_turn_and_the_life_is_written_down():
 
 
 @pytest.mark.parametrize("method", ["lm", "exact", "fast"])
-def test_bounded_amplitudes_are_each_transducers_own_and_the_error_is_that_of_what_is_played(method):
+def test_bounded_amplitudes_differ_between_transducers_and_the_error_includes_them(method):
     wanted = target(wave(pascal=700.0))
     solution = solve(wanted, UNIT, method=method, amplitudes="bounded", level=0.5, bits=8)
     level = solution.drive.level
@@ -122,8 +122,8 @@ def test_a_guard_makes_the_ring_quieter(method):
     assert kept.drive.provenance.steps[-1].settings["guard_margin"] == 15e-3
 
 
-def test_cells_read_the_pressure_that_was_asked_for():
-    """In Pa, by the sensor's weights on the radiation pressure of the field that is propagated from the drive."""
+def test_cells_read_the_target_pressure():
+    """In Pa: the sensor's weights times the radiation pressure of the drive's propagated field."""
     grid = ControlGrid(height=0.1)
     asked = np.random.default_rng(1).uniform(2, 6, (2, 4, 4))
     pressure = PressureFrames(pressure=asked, rate=500.0)
@@ -136,7 +136,7 @@ def test_cells_read_the_pressure_that_was_asked_for():
     assert missed.max() < 0.05
 
 
-def test_what_was_asked_for_is_written_down():
+def test_settings_are_in_the_provenance():
     solution = solve(target(wave()), UNIT, method="fast", fit="cells", smooth=0.01, amplitudes="bounded")
     settings = solution.drive.provenance.steps[-1].settings
     assert (settings["fit"], settings["smooth"], settings["amplitudes"]) == ("cells", 0.01, "bounded")
@@ -180,7 +180,7 @@ def test_robust_goes_with_every_other_term(term):
 
 
 def test_memory_of_parts_is_that_of_whole_blocks_of_every_job():
-    """A part of a recording by bisection is a block a job, far more than the frames of another method's part."""
+    """A part of a recording by bisection is one block per job, far more frames than with other methods."""
     long = target(np.zeros((20000, 16)))
     one, two = (memory_of(long, UNIT, method="glide", parts=True, jobs=jobs) for jobs in (1, 2))
     assert two - one == pytest.approx(1024 * 249 * 80)

@@ -21,7 +21,7 @@ def test_one_thread_within_and_as_before_after():
 
 
 def test_a_blas_that_would_be_loaded_within_is_limited_too():
-    """NumPy and SciPy bring one each, and Numba loads SciPy's when the first kernel compiles."""
+    """NumPy and SciPy have one BLAS each, and Numba loads SciPy's when the first kernel compiles."""
     program = """
 from threadpoolctl import threadpool_info
 from midair.solvers.threads import one_blas_thread

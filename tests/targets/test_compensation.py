@@ -36,7 +36,7 @@ def test_outside_the_band_nothing_changes(frequency):
     np.testing.assert_allclose(precompensate(plain).pressure[1000:3000], plain.pressure[1000:3000], atol=1e-2)
 
 
-def test_what_is_compensated_and_then_played_is_the_original():
+def test_playing_compensated_pressure_gives_the_original():
     x = wave(230.0)
     frequency = np.fft.rfftfreq(4000, 1 / RATE)
     played = np.fft.rfft(precompensate(x).pressure[:, 0, 0]) * playback_response(frequency, RATE)
@@ -105,7 +105,7 @@ def test_large_changes_come_out_right_when_the_sound_is_compensated():
     assert by_sound < by_pressure / 3
 
 
-def test_sound_never_goes_below_zero_and_says_what_was_done():
+def test_sound_is_never_negative_and_the_step_is_in_the_provenance():
     amplitude = np.zeros((400, 1))
     amplitude[200] = 1.0
     louder = precompensate_sound(AmplitudeFrames(amplitude=amplitude, rate=4000.0, grid=ControlGrid(rows=1, columns=1)))

@@ -22,7 +22,7 @@ def test_a_cell_feels_most_of_its_own_and_some_of_its_neighbours():
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_what_was_decoupled_reads_as_it_should(seed):
+def test_decoupled_pressure_gives_the_original_readings(seed):
     """Through prepare, sound amplitude, radiation pressure and the cells: exact when pressure is interpolated."""
     sensor, grid = SensorModel(), ControlGrid(centre=(0.01, -0.02))
     wanted = np.random.default_rng(seed).uniform(5, 6, (3, 16))

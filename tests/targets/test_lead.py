@@ -1,4 +1,4 @@
-"""The lead around a piece."""
+"""The lead before and after a recording."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ RATE = 1000.0
 
 
 def piece(band=(20.0, 470.0), frames=300):
-    """A piece that is cut in a touch: it begins and ends far from rest."""
+    """A recording cut within a touch: it begins and ends far from zero."""
     time = np.arange(frames) / RATE
     wave = np.cos(2 * np.pi * 1.25 * band[0] * time) - 0.4
     return PressureFrames(pressure=8 * wave[:, None, None] * np.ones((1, 4, 4)), rate=RATE, band=band)
@@ -45,8 +45,8 @@ def test_of_a_reel_it_is_the_same(lead):
 
 
 @pytest.mark.parametrize("band", [(20.0, 470.0), (5.0, 400.0)])
-def test_the_bias_begins_at_nothing_and_what_it_adds_is_slow(band):
-    """Cut in a touch without a lead the push begins with a static step of all that is pulled."""
+def test_the_bias_starts_at_zero_and_changes_slowly(band):
+    """Without a lead, a recording cut within a touch begins with a static step of the bias."""
     x = piece(band, frames=round(6000 / band[0]))
     to_push = mapping_of("slow-bias", band)
     bare = to_push(x.pressure, RATE) - x.pressure
@@ -62,7 +62,7 @@ def test_the_bias_begins_at_nothing_and_what_it_adds_is_slow(band):
     assert inside < 1e-3 * wanted
 
 
-def test_what_lifts_needs_a_longer_lead_than_what_does_not():
+def test_a_slow_bias_needs_a_longer_lead():
     assert usual_lead("half-wave", (20.0, 470.0)) == pytest.approx(0.06)
     assert usual_lead("slow-bias", (20.0, 470.0)) == pytest.approx(0.15)
     assert usual_lead("slow-bias", (1.0, 15.0)) == pytest.approx(3.0)

@@ -15,14 +15,14 @@ def noise(frames=400, seed=0):
 
 
 @pytest.mark.parametrize("name", MAPPINGS)
-def test_what_comes_out_pushes_and_has_the_shape_of_what_came_in(name):
+def test_the_result_is_not_negative_and_has_the_same_shape(name):
     pushed = MAPPINGS[name](noise(), 1000.0)
     assert pushed.shape == (400, 2, 3)
     assert pushed.min() >= 0
 
 
 @pytest.mark.parametrize("name", MAPPINGS)
-def test_what_only_pushes_is_left_as_it_is(name):
+def test_positive_pressure_does_not_change(name):
     pressure = np.abs(noise())
     np.testing.assert_array_equal(MAPPINGS[name](pressure, 1000.0), pressure)
 
@@ -43,7 +43,7 @@ def test_half_wave_keeps_half_of_the_wave_and_half_of_its_magnitude():
     np.testing.assert_allclose(half_wave(x), x / 2 + np.abs(x) / 2, atol=1e-15)
 
 
-def test_a_given_offset_lifts_by_itself_and_cuts_what_pulls_harder():
+def test_a_given_offset_is_added_and_the_remaining_negative_part_cut():
     np.testing.assert_array_equal(constant_offset(np.array([[1.0], [-2.0], [-5.0]]), offset=3.0), [[4.0], [1.0], [0.0]])
     with pytest.raises(InputError, match="0 Pa or more, got -1 Pa"):
         constant_offset(noise(), offset=-1.0)
@@ -64,13 +64,13 @@ def test_one_pull_is_bounded_by_a_plateau_with_smooth_shoulders():
     hann = np.hanning(93)[1:-1] / np.hanning(93).sum()
     # at frame 140 the window from 95 to 185 sees the plateau from 155 to 245 with its last 31 weights
     assert bias[140] == pytest.approx(hann[-31:].sum(), abs=1e-12)
-    # at the pull itself all 91 weights are on the plateau
+    # at the minimum itself all 91 weights are on the plateau
     assert bias[199] == pytest.approx(1 - hann[0], abs=1e-12)
     assert bias[200] == pytest.approx(0, abs=1e-12)
 
 
 def test_a_shorter_window_cuts_a_pull_that_is_alone():
-    """At the pull 61 of 91 weights are on the plateau: a + sin(pi a) / pi with a = 30.5 / 46; the rest is cut."""
+    """At the minimum 61 of 91 weights are on the plateau: a + sin(pi a) / pi with a = 30.5 / 46; the rest is cut."""
     x = np.zeros((401, 1))
     x[200] = -1
     hann = np.hanning(93)[1:-1] / np.hanning(93).sum()
@@ -81,7 +81,7 @@ def test_a_shorter_window_cuts_a_pull_that_is_alone():
 
 @pytest.mark.parametrize("band", [(20.0, 470.0), (1.0, 15.0), (5.0, 100.0)])
 def test_the_bias_follows_the_band(band):
-    """A wave just above the lower corner comes through as well as one just above 20 Hz does: its bias is no wave."""
+    """The distortion just above the lower corner is that just above 20 Hz: the bias contains no vibration."""
     rate, low = 50 * band[0], band[0]
     time = np.arange(round(20 / low * rate)) / rate
     x = (np.sin(2 * np.pi * 1.5 * low * time) * (1 + 0.5 * np.sin(2 * np.pi * 0.3 * low * time)))[:, None]

@@ -21,7 +21,7 @@ def offline(name, pressure, rate=1000.0):
 @pytest.mark.parametrize("name", MAPPINGS)
 @settings(max_examples=25, deadline=None)
 @given(blocks=BLOCKS, seed=st.integers(0, 2**32 - 1))
-def test_all_blocks_together_are_what_the_whole_gives(name, blocks, seed):
+def test_all_blocks_together_equal_the_whole(name, blocks, seed):
     pressure = np.random.default_rng(seed).normal(size=(sum(blocks), 2, 2))
     one = stream(name)
     ends = np.cumsum(blocks)
@@ -66,7 +66,7 @@ def test_after_finish_it_begins_again():
     np.testing.assert_array_equal(first, again)
 
 
-def test_what_cannot_be_streamed_is_refused():
+def test_mappings_that_cannot_be_streamed_are_refused():
     with pytest.raises(InputError, match="got none for constant-offset; measure it"):
         MappingStream("constant-offset", 1000.0)
     with pytest.raises(InputError, match="got one for half-wave"):

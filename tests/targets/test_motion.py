@@ -29,7 +29,7 @@ def test_the_pattern_turns_once_in_a_fifth_of_a_second():
     np.testing.assert_allclose(moved[200:], moved[:200], atol=1e-9)
 
 
-def test_it_says_what_it_is_and_that_nobody_has_felt_it():
+def test_the_text_describes_the_circle_and_that_it_is_not_validated():
     step = prepare(steady(2), circle=Circle()).provenance.steps[-1]
     assert step.settings["motion"] == "circle of 3 mm at 5 Hz, not validated on people"
     assert (step.settings["circle_m"], step.settings["circle_hz"]) == (3e-3, 5.0)

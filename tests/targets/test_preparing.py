@@ -125,7 +125,7 @@ def test_the_step_is_written_down():
         ({"gain": float("nan")}, "gain of the pressure: expected a number above 0"),
     ],
 )
-def test_wrong_settings_say_what_was_expected(options, message):
+def test_wrong_settings_are_refused(options, message):
     with pytest.raises(InputError, match=message):
         prepare(frames(np.ones((1, 4, 4))), **options)
 

@@ -58,7 +58,7 @@ class LBFGS:
         # A rise within the rounding error of the cost is accepted.
         slack = 4 * xp.finfo(cost.dtype).eps * state.cost
         better = cost <= state.cost + self.armijo * state.length * slope + slack
-        # Also for rejected steps, which carry information about the curvature, too.
+        # Also for rejected steps, which carry information about the curvature.
         self._remember(state, s, gradient - state.gradient)
         # At most the full step of the method.
         state.length = xp.where(better, xp.clip(self.grow * state.length, None, 1), self.shrink * state.length)

@@ -1,4 +1,4 @@
-"""The airs of a room: they cover what it may have, close enough for the phases over an array."""
+"""The airs of a room cover its range with the spacing that the phases over an array need."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def test_phases_change_little_from_one_air_to_the_next(room, array):
     for place in PLACES:
         path = np.linalg.norm(place.points[:, None] - array.position, axis=2)
         phase = 2 * np.pi * array.frequency * path / speeds[:, None, None]
-        # What all transducers share is heard nowhere.
+        # A phase common to all transducers has no effect.
         phase -= 2 * np.pi * array.frequency * np.linalg.norm(place.points, axis=1)[:, None] / speeds[:, None, None]
         assert np.abs(np.diff(phase, axis=0)).max() < 1.05 * STEP
 

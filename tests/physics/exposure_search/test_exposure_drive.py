@@ -1,4 +1,4 @@
-"""Frames in single precision are the drive, whatever its phases, its levels and the order of its transducers."""
+"""Frames in single precision equal the drive for any phases, levels and order of transducers."""
 
 from types import SimpleNamespace
 
@@ -41,7 +41,7 @@ def test_a_phase_beyond_single_precision_is_a_phase():
     np.testing.assert_allclose(parts[0], np.cos(np.remainder(1e300, 2 * np.pi)), atol=1e-6)
 
 
-def test_what_is_no_phase_stays_none():
-    """A drive refuses it; should one come through all the same, it must not be heard as silence."""
+def test_nan_phases_stay_nan():
+    """A drive rejects NaN; if one passes nevertheless, it must not count as silence."""
     said = SimpleNamespace(phase=np.full((1, 3), np.nan), level=np.ones(1))
     assert np.isnan(drive_parts(said, slice(None), Workspace())[0]).all()

@@ -1,4 +1,4 @@
-"""Lattices reach the faces and stay close enough, and what lies between nodes follows from them."""
+"""Lattices reach the faces, have the required spacing, and interpolate between nodes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Two ears that mirror each other are heard as each by itself, and nothing else is taken for a pair."""
+"""Two mirrored ears get the same levels as each by itself, and no other places form a pair."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def test_the_box_holds_one_ear_and_the_image_of_the_other():
     for middle in (left, mirrored(right, pair.middle)):
         corner = np.abs(middle - pair.box.position).max() + PROFILE.places[0].reach
         assert corner <= pair.box.reach + 1e-12
-    # A third of a millimetre is all that is looked at outside a cube.
+    # The search extends at most a third of a millimetre beyond a cube.
     assert pair.box.reach - PROFILE.places[0].reach < 3e-4
 
 
@@ -100,7 +100,7 @@ TURNED = replace(ARRAY, position=ARRAY.position @ np.array([[0.9, 0.1, 0], [-0.1
     ],
     ids=["one", "advice", "points", "elsewhere", "larger", "measured", "turned", "tilted", "two at a place"],
 )
-def test_what_is_no_pair(places, array):
+def test_places_without_a_mirror_image_are_no_pair(places, array):
     assert pair_of(places, array) is None
 
 

@@ -1,4 +1,4 @@
-"""What is heard by way of modes is the field at all points, for any field that changes slowly."""
+"""The field computed from modes equals the field at all points, for any slowly changing field."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ WIDE = np.array([3.0, 5.0, 2.5])
 
 
 def waves(share):
-    """Of 300 transducers: a plane wave each, no quicker than the bands."""
+    """One plane wave for each of 300 transducers, within the bands."""
     rng = np.random.default_rng(1)
     return np.exp(1j * share @ (rng.uniform(-1, 1, (3, 300)) * WIDE[:, None])).astype(np.complex64)
 

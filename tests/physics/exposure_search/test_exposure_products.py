@@ -1,4 +1,4 @@
-"""Products by three real ones are the complex product, and arrays are kept."""
+"""Three real products give the complex product, and arrays are reused."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The loudest sound in a cube is found wherever it is: random drives, foci anywhere, and a search for gaps."""
+"""The loudest sound in a cube is found at any place: random drives, foci, and a search for gaps."""
 
 from dataclasses import replace
 
@@ -27,16 +27,16 @@ PROFILE = profile_named("occupational-110")
 EAR = PROFILE.places[0]
 AIR = (Acoustics(),)
 MISSED = 0.5
-"""What the docs promise: never further below the loudest place, in dB."""
+"""Limit in the docs: largest underestimate of the loudest place, in dB."""
 
 TOO_MUCH = 1.5
-"""What they promise the other way: never further above it where sound is as loud as a drive makes it, in dB."""
+"""Limit in the docs: largest overestimate for loud drives, in dB."""
 
 
 MEASURED = replace(
     ARRAY, response=np.random.default_rng(9).uniform(0.7, 1.1, ARRAY.count) * np.exp(1j * np.arange(ARRAY.count))
 )
-"""Transducers of all phases and of some sizes."""
+"""Transducers with random phases and some amplitudes."""
 
 
 def alone(place):
@@ -79,7 +79,7 @@ def test_random_drives_on_a_grid_of_a_tenth_of_a_wavelength():
     true = sound_level(np.abs(told.q @ transfer_matrix(grid(place), ARRAY).T).max(axis=1))
     missed = true - exposure(told, alone(place)).level[:, 0]
     assert missed.max() < MISSED
-    # A ceiling that refuses everything would be no gate.
+    # A bound that rejects everything would be useless.
     assert np.median(missed) > -TOO_MUCH
 
 
@@ -87,7 +87,7 @@ def test_random_drives_on_a_grid_of_a_tenth_of_a_wavelength():
 def test_foci_anywhere_in_the_cube(place):
     points = somewhere(place, 200, np.random.default_rng(2))
     told = drive(np.stack([focus_phase(ARRAY, point) for point in points]))
-    # A focus far away is loudest somewhere before the point where all are in step.
+    # A distant focus is loudest in front of the point where all waves are in phase.
     anywhere = np.concatenate([points, grid(place, wavelength=80e-3)])
     true = sound_level(np.abs(told.q @ transfer_matrix(anywhere, ARRAY).T).max(axis=1))
     over = exposure(told, alone(place)).level[:, 0] - true
@@ -114,13 +114,13 @@ def test_a_focus_of_an_array_that_was_measured():
 
 
 def hidden(told, wanted, place):
-    """By how much each drive is louder at the point wanted than the gate says, in dB."""
+    """Excess of each drive's level at the target point over the computed bound, in dB."""
     true = sound_level(np.abs((told.q * wanted).sum(axis=1)))
     return true - exposure(told, alone(place)).level[:, 0]
 
 
 def attack(wanted, looked_at, steps):
-    """Phases that are changed, step by step, to be loud at one point and quiet wherever the field is looked at."""
+    """Phases optimised to be loud at one point and quiet at all searched points."""
     phase = -np.angle(wanted)
     pace = np.zeros_like(phase)
     for step in range(steps):
@@ -156,7 +156,7 @@ def test_a_search_for_gaps_finds_none_of_half_a_decibel(surface, count, steps):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("thing", ["towel", "sponge"])
-def test_strokes_are_said_no_more_than_one_and_a_half_decibels_too_loud(thing):
+def test_levels_of_strokes_are_at_most_one_and_a_half_decibels_too_high(thing):
     control = ControlGrid(height=0.2)
     amplitude = prepare(stroke(thing), grid=control).amplitude
     amplitude = amplitude[amplitude.max(axis=1).argsort()[-12:]]
@@ -171,7 +171,7 @@ def test_strokes_are_said_no_more_than_one_and_a_half_decibels_too_loud(thing):
 
 
 def test_the_field_is_that_of_the_transfer_matrix_at_all_points():
-    """Modes, shapes and planes leave out no more than they say."""
+    """The truncation error of modes, shapes and planes is at most `left_out`."""
     search, rng = cube_search(EAR, ARRAY, AIR), np.random.default_rng(8)
     q = np.exp(1j * rng.uniform(0, 2 * np.pi, (8, ARRAY.count)))
     true = np.abs(q @ transfer_matrix(searched_points(EAR, ARRAY, AIR), ARRAY).T).max(axis=1)

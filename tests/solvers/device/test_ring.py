@@ -1,4 +1,4 @@
-"""The ring makes the steps of `lbfgs`, in the launches that are stated here, and asks the device nothing."""
+"""The ring makes the steps of `lbfgs` with a fixed number of launches and no synchronisation."""
 
 from collections import Counter
 from concurrent.futures import Executor, Future
@@ -22,13 +22,13 @@ VIEWS = {
     *("as_strided", "detach", "alias", "diagonal", "view_as_real", "view_as_complex", "_conj", "real", "imag"),
     *("empty", "empty_like", "empty_strided", "lift_fresh"),
 }
-"""What no device gets to see: other ways to look at the same memory, and memory without numbers."""
+"""Operations without a launch: views, and allocation without initialisation."""
 WAITS = {"_local_scalar_dense", "is_nonzero", "equal", "nonzero", "item", "_to_copy", "masked_select", "_unique2"}
-"""What the host waits for; a copy to another device counts as one, which it may be."""
+"""Operations that the host waits for; a copy to another device counts, since it may wait."""
 
 
 def launches():
-    """PyTorch's dispatch shows on a CPU what a GPU would be asked for: `made`, `waits`, and `moved` in bytes."""
+    """Count, by PyTorch's dispatch on a CPU, launches (`made`), `waits` and bytes `moved` of a GPU."""
     mode = pytest.importorskip("torch.utils._python_dispatch").TorchDispatchMode
 
     class Launches(mode):
@@ -51,7 +51,7 @@ def launches():
 
 @pytest.fixture(scope="module")
 def patterns(transfer, array, lossless, channels_to_points):
-    """The paper's array, and so many patterns."""
+    """The paper's array with this number of patterns."""
     bits = (np.arange(1, ROWS + 1)[:, None] >> np.arange(16)) & 1
     strength = 0.1 * channels_to_points(bits.astype(float))
     return Problem(G=transfer, amplitude=strength, psi=spreading_phase(ControlGrid(), array, lossless))
@@ -65,7 +65,7 @@ def there(request):
 
 
 def bumpy(xp, depth):
-    """Hills and hollows: some steps fail, and some pairs have no positive curvature."""
+    """A function with rejected steps, and pairs without positive curvature."""
 
     def function(x):
         return depth * xp.sum(1 - xp.cos(x), axis=1) + 0.05 * xp.sum(x * x, axis=1), depth * xp.sin(x) + 0.1 * x
@@ -103,7 +103,7 @@ def test_any_number_of_pairs(there, memory):
 
 
 def test_nothing_is_asked_of_a_device_on_the_way(patterns, monkeypatch):
-    """The standard's own checker, whose arrays here refuse to become a number of the host."""
+    """The standard's own checker, with arrays that refuse conversion to a number."""
     pytest.importorskip("array_api_strict")
     there = backend("strict")
     operators = FieldOperators.of(replace(patterns, amplitude=patterns.amplitude[:8]), there, tolerance=0.1, memory=4)
@@ -120,7 +120,7 @@ def test_nothing_is_asked_of_a_device_on_the_way(patterns, monkeypatch):
 
 
 def test_launches_waits_and_bytes_of_an_iteration(patterns):
-    """Before the ring: 88 launches, a wait and .43 MB a row in the polish, 96, a wait and .15 MB in the field."""
+    """Before the ring: 88 launches, a wait and .43 MB a row in the refinement, 96, a wait and .15 MB in the field."""
     counted, there = launches(), backend("torch")
     operators = FieldOperators.of(patterns, there, tolerance=5e-3, memory=4)
     batch = operators.batch(np.arange(ROWS), faintest=1e-12)
@@ -174,7 +174,7 @@ class InThisThread(Executor):
 
 
 def test_a_recording_asks_once_for_each_chunk_of_frames(patterns, monkeypatch):
-    """Which frames are smooth, or which fields are possible; besides, what is found comes home chunk by chunk."""
+    """The host reads which frames are smooth, which fields are reachable, and the results chunk by chunk."""
     pytest.importorskip("torch")
     monkeypatch.setattr("midair.solvers.glide.glide.ThreadPoolExecutor", InThisThread)
     called = Counter()
@@ -200,7 +200,7 @@ def test_a_recording_asks_once_for_each_chunk_of_frames(patterns, monkeypatch):
         few.solve(replace(patterns, amplitude=strength))
     asked = called["host"] - 4 * called["keep"]
     assert 0 < asked <= called["_batch"]
-    # PyTorch itself waits for nothing else: what comes home comes by `host`.
+    # PyTorch waits for nothing else: all copies to the host use `host`.
     assert counted.waits == 0
     assert counted.made["mm"] > 100
 

@@ -1,4 +1,4 @@
-"""What is told of phases on a device is what the host would tell."""
+"""Phases and errors computed on a device equal those of the host."""
 
 import numpy as np
 import pytest
@@ -44,8 +44,8 @@ def test_phases_and_errors_are_those_of_the_host(name, asked, level, bits):
 
 
 @pytest.mark.parametrize("amplitudes", ["equal", "bounded"])
-def test_solve_tells_what_will_be_played(name, amplitudes):
-    """The whole way: the drive's own field against the target has the error that the solution tells."""
+def test_solve_reports_the_error_of_the_played_phases(name, amplitudes):
+    """End to end: the error of the drive's propagated field equals the reported error."""
     grid, array = ControlGrid(rows=3, columns=3, pitch=0.01), TransducerArray.autd3(columns=1, rows=1)
     target = AmplitudeFrames(amplitude=np.random.default_rng(5).uniform(20, 60, (6, 9)), rate=1000.0, grid=grid)
     few = Fast(backend=name, field_iterations=4, iterations=4, more_iterations=2)

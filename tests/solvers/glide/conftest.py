@@ -18,7 +18,7 @@ def problem_of(transfer, array, lossless):
 
 @pytest.fixture(scope="session")
 def moving_spot(channels_to_points):
-    """A Gaussian of 11 mm that is moved to and fro and modulated at 100 Hz, at 1 kHz: frames -> (frame, point)."""
+    """A Gaussian of 11 mm that moves back and forth, modulated at 100 Hz, at 1 kHz: frames -> (frame, point)."""
 
     def strengths(frames):
         time = np.arange(frames) / 1000
@@ -32,7 +32,7 @@ def moving_spot(channels_to_points):
 
 @pytest.fixture(scope="session")
 def towel():
-    """What a towel's stroke asks for, less the frames that are nearly silent: frames -> (frame, point)."""
+    """Targets of a towel's stroke without nearly silent frames: frames -> (frame, point)."""
     amplitude = prepare(stroke("towel"), grid=ControlGrid()).amplitude
     amplitude = amplitude[amplitude.max(axis=1) > 0.01 * amplitude.max()]
     return lambda frames: 0.1 * amplitude[:frames] / amplitude.max()

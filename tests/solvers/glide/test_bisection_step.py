@@ -1,4 +1,4 @@
-"""The moves of the recording solver, one at a time."""
+"""The steps of the recording solver, one at a time."""
 
 import numpy as np
 import pytest
@@ -10,13 +10,13 @@ from midair.solvers.glide.frame_block import FrameBlock, solve_marks
 
 @pytest.fixture(scope="module")
 def bisection(problem_of, moving_spot):
-    # Double precision: what is compared is the moves, not their rounding.
+    # Double precision, so that rounding does not affect the comparison.
     return Glide()._bisection(problem_of(moving_spot(40)), backend("numpy", precision="double"))
 
 
 @pytest.fixture(scope="module")
 def around(bisection):
-    """What is known of frame 10, between 0 and 20."""
+    """Neighbours of frame 10: frames 0 and 20."""
     efforts = Glide()._efforts()
     block_frames = FrameBlock(bisection, efforts, np.arange(21))
     block_frames.known.put(np.array([0, 20]), solve_marks(bisection, efforts, np.array([0, 20])))
@@ -32,12 +32,12 @@ def error(bisection, batch, theta):
     return np.sqrt(2 * bisection.operators.phase_function(batch)(theta)[0][0])
 
 
-def test_the_mean_of_the_neighbours_is_what_it_says(bisection, around):
+def test_the_mean_of_the_neighbours_has_the_stated_values(bisection, around):
     p = bisection.operators.problem.amplitude / np.linalg.norm(
         bisection.operators.problem.amplitude, axis=1, keepdims=True
     )
     np.testing.assert_allclose(around.p[0], (p[0] + p[20]) / 2)
-    # The target is a part of their mean and something that no part of it is: they stand at right angles.
+    # The target is a multiple of their mean plus an orthogonal part.
     np.testing.assert_allclose(around.part[0] * around.p[0] + around.missed[0], p[10])
     assert abs(around.p[0] @ around.missed[0]) < 1e-12
     np.testing.assert_allclose(np.abs(around.q), 1)

@@ -1,4 +1,4 @@
-"""A block of frames: each kind of frame gets its effort, and marks stay as they were."""
+"""A block of frames: each kind of frame gets its number of iterations, and marks do not change."""
 
 from dataclasses import replace
 
@@ -48,9 +48,9 @@ def test_where_no_start_is_near_and_everything_is_far_all_get_the_effort_of_roug
     assert (known.iterations[between] == 3 + 2 + 1 + bisection.admm_iterations).all()
 
 
-def test_frames_one_by_one_are_what_they_are_in_batches(problem_of, moving_spot):
+def test_batch_size_does_not_change_frames(problem_of, moving_spot):
     bisection = Glide()._bisection(problem_of(moving_spot(33)), backend("numpy", precision="double"))
     few = {"cold": (8, 2, 4), "near": 9.0, "smooth": 3, "smooth_wide": 3}
     together, alone = (walked(bisection, rows=rows, **few).theta for rows in (128, 1))
-    # In few iterations and double precision, before the rounding of another shape's products sends descents apart.
+    # Few iterations and double precision, before rounding separates descents of other batch sizes.
     np.testing.assert_allclose(np.exp(1j * alone), np.exp(1j * together), atol=1e-6)

@@ -1,4 +1,4 @@
-"""The recording solver: as true as the batch solver, keeping still, and the same however it is cut."""
+"""The recording solver: as accurate as the batch solver, smooth in time, and independent of block sizes."""
 
 from dataclasses import replace
 
@@ -60,7 +60,7 @@ def test_there_is_no_seam_between_blocks(glided):
     assert seams.max() <= np.quantile(change, 0.99)
 
 
-def test_what_follows_a_whole_block_and_its_next_mark_does_not_change_it(spot, glided):
+def test_later_frames_do_not_change_a_block_and_its_next_mark(spot, glided):
     # Block 2 ends at frame 128, a mark; more of the recording must not move what is before.
     part = Glide(block=64).solve(replace(spot, amplitude=spot.amplitude[:129]))
     assert np.array_equal(part.phase[:128], glided.phase[:128])
@@ -76,7 +76,7 @@ def test_frames_that_have_nothing_to_do_with_their_neighbours_get_phases_of_thei
     bits = np.random.default_rng(5).choice(np.arange(1, 65536), 40, replace=False)
     problem = problem_of(0.1 * patterns_to_points([int(each) for each in bits]))
     ours, theirs = Glide().solve(problem), Fast().solve(problem)
-    # Neighbours are of no use here, so that the effort for rough frames alone decides.
+    # Neighbours are of no use here, so only the iterations for rough frames matter.
     assert error_of(problem, ours.phase).mean() <= 1.1 * error_of(problem, theirs.phase).mean()
 
 
@@ -103,11 +103,11 @@ def test_a_guard_keeps_its_ring_quiet(spot, array):
     assert quiet < 0.7 * loud
 
 
-def test_the_seats_are_spread_over_the_array(array):
+def test_sampled_transducers_are_spread_over_the_array(array):
     sampled = evenly_spread(array.position, every=4, count=array.count)
     assert len(sampled) == len(set(sampled.tolist())) == 249
     away = np.linalg.norm(array.position[:, None] - array.position[sampled], axis=2).min(axis=1)
-    # A quarter of them, evenly: nobody is farther than two pitches from one.
+    # A quarter of them, evenly: no transducer is farther than two pitches from a sampled one.
     assert away.max() <= 2 * 10.16e-3
     assert evenly_spread(None, every=4, count=10).tolist() == [0, 4, 8]
 

@@ -1,4 +1,4 @@
-"""Pieces of a recording, each solved without the frames before it: the bits of the whole."""
+"""Pieces of a recording, solved without the frames before them, are bit-identical to the whole."""
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ def test_pieces_solved_apart_are_the_recording_to_the_last_bit(settings, togethe
     assert sum((part.status for part in apart), ()) == sum((part.status for part in whole), ())
 
 
-def test_they_are_what_solving_all_at_once_gives_too():
+def test_pieces_equal_the_solution_of_the_whole():
     amplitude = wave()
     apart = solved_apart(amplitude, 1, method=QUICK)
     whole = solve(target(amplitude), UNIT, method=QUICK)
@@ -79,7 +79,7 @@ def test_frames_are_counted_from_the_first_that_sounds_and_each_is_in_one_piece(
     sounds = np.ones(60, bool)
     sounds[[0, 1, 20]] = False
     found = [(one.first, one.last, one.marks.tolist()) for one in pieces(QUICK, sounds, together=1)]
-    # Blocks of 16 frames that sound; the first has its first mark besides.
+    # Blocks of 16 sounding frames; the first also has its first mark.
     assert found == [(0, 19, []), (19, 36, [2, 10, 18]), (36, 52, [27, 35]), (52, 60, [43, 51])]
     assert [(one.first, one.last) for one in pieces(QUICK, sounds, together=3)] == [(0, 52), (52, 60)]
 

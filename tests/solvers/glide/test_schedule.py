@@ -1,4 +1,4 @@
-"""Every frame once, after the two that it lies between; blocks do not depend on how much follows them."""
+"""Every frame once, after the two around it; blocks do not depend on later frames."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_marks_are_no_farther_apart_than_was_asked(frames, coarse, size):
 
 
 @pytest.mark.parametrize("frames", [100, 101, 160])
-def test_blocks_that_are_whole_do_not_depend_on_what_follows(frames):
+def test_whole_blocks_do_not_depend_on_later_frames(frames):
     short = list(blocks(frames, coarse=10, size=40))[:2]
     long = list(blocks(1000, coarse=10, size=40))[:2]
     for one, other in zip(short, long, strict=True):

@@ -21,10 +21,10 @@ def solved(units, side, frames):
     amplitude = np.random.default_rng(0).uniform(100, 1500, (frames, grid.count))
     array = TransducerArray.autd3(columns=units, rows=units)
     solve(AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid), array, method=method, iterations=None)
-    # Not ru_maxrss, which begins with the peak of the program that started this one.
+    # Not ru_maxrss, which starts at the peak of the parent process.
     return 1024 * int(re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())[1])
 
-# What libraries take once for all is taken by a problem that is almost none.
+# A very small problem first, so that libraries allocate their one-time memory.
 before = solved(1, 2, 1)
 print(solved(units, side, frames) - before)
 """
@@ -42,15 +42,15 @@ print(solved(units, side, frames) - before)
     ],
 )
 @pytest.mark.long
-def test_what_is_told_is_what_the_system_sees(units, side, frames, method):
+def test_the_estimate_agrees_with_the_measured_memory(units, side, frames, method):
     words = [sys.executable, "-c", GROWTH, str(units), str(side), str(frames), method]
     seen = int(subprocess.run(words, check=True, capture_output=True, text=True, timeout=300).stdout)
     told = memory_needed(side**2, 249 * units**2, frames, method=method)
-    # Small arrays come out of what the libraries had taken and given back before.
+    # Small arrays reuse memory that libraries freed before.
     assert 0.75 * seen <= told <= 1.6 * seen + 20e6
 
 
-def test_what_does_not_fit_is_one_line():
+def test_too_little_memory_is_refused_in_one_line():
     with pytest.raises(
         InputError, match=r"0\.05 GB that are free, got 15936 transducers x 4096 points, .* 0\.09 GB; ask"
     ):
@@ -58,7 +58,7 @@ def test_what_does_not_fit_is_one_line():
 
 
 @pytest.mark.parametrize("available", [None, 1000])
-def test_what_fits_or_cannot_be_known_is_let_through(available):
+def test_enough_or_unknown_memory_is_accepted(available):
     check_memory(1000, available, points=1, transducers=1)
 
 

@@ -33,18 +33,18 @@ def test_a_tilted_grid_is_flat_keeps_its_distances_and_looks_along_its_normal(no
 
 
 @pytest.mark.parametrize("normal", [(0, 0, -1), (0, 0, 0), (np.nan, 0, 1)])
-def test_a_direction_that_says_no_turn_is_refused(normal):
+def test_a_direction_without_a_unique_rotation_is_refused(normal):
     with pytest.raises(InputError, match="not straight down"):
         placed(SMALL, centre=LEFT, normal=normal)
 
 
-def test_one_level_plane_has_the_phases_of_the_lens():
+def test_one_level_plane_has_the_spreading_phase():
     x, y = np.meshgrid(np.linspace(-0.05, 0.05, 12), np.linspace(-0.05, 0.05, 12))
     square = np.stack([x.ravel(), y.ravel(), np.zeros(144)], axis=1)
     array = TransducerArray(position=square, normal=np.broadcast_to([0.0, 0.0, 1.0], square.shape))
     grid, air = ControlGrid(rows=7, columns=7, pitch=2e-3), Medium()
     here, flat = converging_phase(grid.position, array, air), spreading_phase(grid, array, air)
-    # The lens is the first term of the same: this is what it leaves out where the array is narrow, in rad.
+    # The spreading phase is the first-order term; its error for a narrow array, in rad.
     assert np.ptp(here - flat) < 0.05 < 0.5 < np.ptp(flat)
 
 
@@ -61,7 +61,7 @@ def test_two_hands_are_solved_as_one_and_heard_as_solved(array, hands):
     problem = problem_at(hands, wanted, array, acoustics=acoustics)
     theta = solver("fast").solve(problem).phase
     drive = Drive(phase=theta, level=np.ones(4), rate=1000.0, array=array, acoustics=acoustics)
-    # By the field of the drive in Pa, plane by plane, which knows nothing of the problem.
+    # From the drive's propagated field in Pa, plane by plane, independent of the problem.
     heard = np.concatenate([np.abs(propagate(drive, plane)) for plane in hands], axis=1)
     error = relative_error(heard, wanted)
     asleep = relative_error(np.roll(heard, 1, axis=0), wanted)

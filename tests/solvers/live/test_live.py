@@ -55,14 +55,14 @@ def test_first_frames_get_the_iterations_of_first_frames(blob):
 
 
 def test_a_target_that_only_fades_needs_no_new_field(blob):
-    """The field is kept in units of its target: without a single iteration of it, the phases alone follow."""
+    """The field is stored in units of its target: the phases follow without any iteration of the field."""
     fading = replace(blob, amplitude=np.linspace(1, 0.5, 40)[:, None] * blob.amplitude[3])
     error = error_of(fading, Live(warm_iterations=0, warm_lift_iterations=20).solve(fading).phase)
     assert error.max() < 1.3 * error[0] + 0.005
 
 
 def test_the_loops_allocate_nothing(blob):
-    """A call wraps its arrays, 24 of them; forty times the iterations wrap no more."""
+    """A call wraps 24 arrays; forty times the iterations wrap no more."""
     from numba import njit
     from numba.core.runtime import _nrt_python, rtsys
 
@@ -91,7 +91,7 @@ def test_the_loops_allocate_nothing(blob):
 
 @pytest.mark.slow
 def test_a_thousand_frames_do_not_drift(transfer, channels_to_points, array, lossless):
-    """The spot goes to and fro for a second; the last fifth is followed as well as the first.
+    """The spot moves back and forth for a second; the error of the last fifth equals that of the first.
 
     Of five matrices that differ by a rounding, since what a rounding grows to in a thousand frames is luck: about one
     run in twelve passes through a field that is twice as wrong for a while.
@@ -118,10 +118,10 @@ def test_a_thousand_frames_do_not_drift(transfer, channels_to_points, array, los
 
 
 def test_targets_that_have_little_to_do_with_each_other_are_followed(blob, patterns_to_points):
-    """Each frame half of the last one and half new, as in noise on all channels: what is new is put in first."""
+    """Each frame is half the previous one and half new, as with noise: the new part is added first."""
     bits = np.random.default_rng(3).choice(np.arange(1, 65536), 25, replace=False)
     strengths = patterns_to_points([int(each) for each in bits])
     jumping = replace(blob, amplitude=0.05 * (strengths[1:] + strengths[:-1]))
     error = error_of(jumping, Live().solve(jumping).phase)[4:]
-    # .043; without the new part put in first it was .126.
+    # .043; without adding the new part first it was .126.
     assert error.mean() < 0.08

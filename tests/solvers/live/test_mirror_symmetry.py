@@ -17,7 +17,7 @@ def of(array, grid=GRID):
 
 
 def whole(kept):
-    """W, shape (transducer, kind * mode), by way of each of its columns."""
+    """W, shape (transducer, kind * mode), column by column."""
     return np.stack([kept.drive(z) for z in np.eye(len(kept.s), dtype=complex)], axis=1)
 
 
@@ -31,12 +31,12 @@ def test_the_kinds_together_make_every_field_of_the_array(placement):
     kept = of(array)
     assert kept.V.shape[0] * kept.V.shape[2] == 252 * placement.units
     G = problem_at([GRID.position], np.zeros((1, GRID.count)), array, acoustics=AIR).G
-    # What modes below the tolerance would have added; 249 of 252 places have a transducer.
+    # Contribution of modes below the tolerance; 249 of 252 places have a transducer.
     assert np.linalg.norm(G - (kept.U * kept.s) @ whole(kept).conj().T) < 4e-3 * np.linalg.norm(G)
 
 
 def test_drives_of_different_kinds_have_nothing_in_common():
-    """But for what the empty places leave: twelve of 1008."""
+    """Except for the empty places: twelve of 1008."""
     W = whole(of(TransducerArray.autd3()))
     used = np.linalg.norm(W, axis=0) > 0
     alike = np.abs(W.conj().T @ W - np.diag(used))
@@ -44,7 +44,7 @@ def test_drives_of_different_kinds_have_nothing_in_common():
 
 
 def test_a_drive_and_its_mirror_image_are_of_the_same_kinds():
-    """Kinds are what a mirror leaves, but for the sign: seen where both the place and its image have a transducer."""
+    """A mirror changes only the sign of a kind, checked where both the place and its image have a transducer."""
     array = TransducerArray.autd3()
     kept = of(array)
     middle = (array.position.min(axis=0) + array.position.max(axis=0)) / 2
@@ -81,7 +81,7 @@ def _measured():
     ],
     ids=["tilted", "measured", "beside the middle"],
 )
-def test_what_is_not_its_own_mirror_image_is_not_folded(array, grid):
+def test_an_array_without_mirror_symmetry_is_not_split_into_kinds(array, grid):
     assert of(array, grid) is None
 
 
@@ -93,7 +93,7 @@ def test_one_kind_is_the_modes_as_they_are():
 
 
 @pytest.mark.parametrize(("peak", "most"), [(800, 0.02), (4000, 0.12)])
-def test_folded_phases_are_as_good(peak, most):
+def test_phases_by_symmetry_are_as_good(peak, most):
     """A spot that moves and swings; where it is faint, 1 % of its field is in modes that are left out."""
     pytest.importorskip("numba")
     array = TransducerArray.autd3()

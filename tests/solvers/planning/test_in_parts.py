@@ -41,7 +41,7 @@ def test_a_recording_in_parts_is_solved_as_a_whole(settings, monkeypatch):
         solve_parts(replace(whole, amplitude=reel), array, progress=lambda *told: calls.append(told), **settings)
     )
     assert len(parts) > 1
-    # Rounding: products of more or fewer frames at once end in another digit.
+    # Rounding: products of another number of frames differ in the last digit.
     np.testing.assert_allclose(np.concatenate([part.drive.phase for part in parts]), made.drive.phase, atol=1e-9)
     np.testing.assert_allclose(np.concatenate([part.drive.level for part in parts]), made.drive.level, rtol=1e-9)
     np.testing.assert_allclose(np.concatenate([part.error for part in parts]), made.error, rtol=1e-9, atol=1e-12)

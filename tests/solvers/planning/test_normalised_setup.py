@@ -1,4 +1,4 @@
-"""The units of a scene: any array, any air, the same numbers."""
+"""Normalised units: the same numbers for any array and any air."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is asked of a solver is checked before any work, and reaches it."""
+"""Settings are checked before solving, and reach the solver."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def wave(frames=4, points=16, pascal=3000.0):
         ({"backend": "torch"}, "backend: expected method fast or glide, got lm"),
     ],
 )
-def test_wrong_settings_say_what_was_expected(options, message):
+def test_wrong_settings_are_refused(options, message):
     with pytest.raises(InputError, match=message):
         solve(target(wave(1)), UNIT, **options)
 
@@ -54,8 +54,8 @@ def test_published_methods_refuse_a_range():
         solve(target(wave()), UNIT, method="gs", robust=2.0)
 
 
-def test_a_method_knows_where_the_transducers_are(monkeypatch):
-    """Glide looks at an even part of them; without places it would take every fourth in their order."""
+def test_methods_get_the_positions_of_the_transducers(monkeypatch):
+    """Glide samples transducers evenly over the array; without positions it would take every fourth by index."""
     seen = []
     solve_as_it_is = Glide.solve
 

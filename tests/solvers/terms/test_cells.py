@@ -28,7 +28,7 @@ def test_the_slope_is_the_derivative(complex_slope):
     np.testing.assert_allclose(slope, expected, atol=1e-6)
 
 
-def test_the_target_is_what_the_cells_would_read_of_the_target_at_the_points():
+def test_the_target_is_the_reading_of_the_target_at_the_points():
     amplitude = np.random.default_rng(1).uniform(0, 1, (2, GRID.count))
     target = Cells().target(amplitude, GRID, 1.0)
     np.testing.assert_allclose(target.wanted, amplitude**2 @ cell_weights(SensorModel(), GRID, between="lines").T)

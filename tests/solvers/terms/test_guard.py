@@ -72,7 +72,7 @@ def test_as_residuals_it_is_the_same_cost_and_slope():
         ({"ceiling": float("nan")}, "ceiling of the guard"),
     ],
 )
-def test_wrong_settings_say_what_was_expected(settings, message):
+def test_wrong_settings_are_refused(settings, message):
     with pytest.raises(InputError, match=message):
         Guard(**settings)
 

@@ -23,7 +23,7 @@ def target():
 
 
 def test_rows_add_up_to_the_mean_square_over_the_cubes():
-    """Against 4000 points anywhere in the cubes, for drives that are random and for one that is in step at an ear."""
+    """Against 4000 random points in the cubes, for random drives and for one focused on an ear."""
     rng = np.random.default_rng(0)
     rows = QuietEars().rows(ARRAY, Acoustics())
     field = transfer_matrix(somewhere_at_the_ears(2000, rng), ARRAY)
@@ -52,7 +52,7 @@ def test_beside_a_guard_each_keeps_its_weight():
 
 
 @pytest.mark.parametrize(("method", "weight", "says"), [("exact", 1.0, "quiet-ears"), ("fast", -1.0, "0 or more")])
-def test_what_cannot_be_is_refused(method, weight, says):
+def test_impossible_settings_are_refused(method, weight, says):
     with pytest.raises(InputError, match=says):
         solve(target(), ARRAY, method=method, quiet_ears=weight)
 

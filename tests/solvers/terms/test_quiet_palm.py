@@ -62,7 +62,7 @@ def test_a_hand_is_quiet_where_it_lies():
         for term in (QuietPalm(weight=0.3), QuietPalm.under(HAND, weight=0.3))
     ]
     right, left = ([np.mean(np.abs(propagate(each, beside(side))) ** 2) for each in drives] for side in (1.0, -1.0))
-    # The disc of 100 mm does not mind what is there, and the hand not what is at its other side.
+    # The disc of 100 mm does not include these points, nor the hand those on its other side.
     assert 10 * np.log10(right[1] / right[0]) < -6
     assert left[1] > 4 * right[1]
     assert drives[1].provenance.steps[-1].settings["quiet_palm_outline"] == HAND.rows
@@ -101,7 +101,7 @@ def _parts(array):
         ("fast", QuietPalm(outline=("###", "###"), margin=0.0), "one larger than the control points, got an outline"),
     ],
 )
-def test_what_cannot_be_is_refused(method, asked, says):
+def test_impossible_settings_are_refused(method, asked, says):
     with pytest.raises(InputError, match=says):
         solve(target(), ARRAY, method=method, quiet_palm=asked)
 

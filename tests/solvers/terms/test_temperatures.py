@@ -1,4 +1,4 @@
-"""Several airs as one problem: which airs, and where their fields begin."""
+"""Several airs as one problem: the airs, and the initial phases of their fields."""
 
 from dataclasses import replace
 

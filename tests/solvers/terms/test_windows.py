@@ -30,7 +30,7 @@ def test_windows_cover_whatever_the_points_cover(grid, shape):
 
 
 def test_wanted_are_means_of_the_pressure_that_is_interpolated():
-    """Of pressure drawn from cells in straight lines, 10 times as close as the control points."""
+    """Pressure interpolated linearly between cells, 10 times as dense as the control points."""
     sensor, cells = SensorModel(), np.random.default_rng(2).uniform(0, 1, 16)
     amplitude = np.sqrt(interpolation_matrix(sensor.grid, GRID) @ cells)[None]
     fine = ControlGrid(rows=180, columns=180, pitch=11e-3 / 30)
@@ -51,8 +51,8 @@ def test_an_even_pressure_is_wanted_evenly():
     np.testing.assert_allclose(target.wanted, 4.0, rtol=1e-3)
 
 
-def test_a_faint_frame_is_told_its_error_over_what_phases_at_random_press():
-    """An even pressure of a hundredth of that, met with 3 times as much: wrong by a fiftieth of it, not by twice."""
+def test_the_error_of_a_faint_frame_is_relative_to_random_phases():
+    """A uniform target of a hundredth of it, exceeded by a factor of 3: error 1/50 relative to it, not 2."""
     amplitude = np.sqrt(np.array([[1e-5], [4e-2]])) * np.ones((2, GRID.count))
     target = Windows(faint=1e-3).target(amplitude, GRID, 1.0)
     np.testing.assert_allclose(target.error(np.sqrt(3) * amplitude), [0.02, 2.0], rtol=0.02)
@@ -65,7 +65,7 @@ def test_windows_have_a_size(name):
 
 
 def test_a_sensor_that_is_moved_reads_the_same():
-    """Error in six places, of a field that is propagated to points twice as close: windows keep it, cells do not."""
+    """Error at six places, from points twice as dense: small for windows, not for cells."""
     grid, array = ControlGrid(height=0.1), TransducerArray.autd3(columns=1, rows=1)
     sensor, fine = SensorModel(), ControlGrid(rows=32, columns=32, pitch=11e-3 / 6, height=0.1)
     cells = np.random.default_rng(3).uniform(1, 3, (2, 16))
