@@ -34,11 +34,11 @@ def descend(
     for _ in range(iterations):
         direction = _direction(pairs, gradient, scale)
         moved = np.asarray(length * direction, np.float32)
-        there, slope = function(x + moved)
-        better = there <= cost + 1e-4 * float(np.vdot(moved, gradient))
+        trial, slope = function(x + moved)
+        better = trial <= cost + 1e-4 * float(np.vdot(moved, gradient))
         _remember(pairs, moved, slope - gradient, memory)
         if better:
-            x, cost, gradient, length = x + moved, there, slope, 1.0
+            x, cost, gradient, length = x + moved, trial, slope, 1.0
         else:
             length *= shrink
     return x

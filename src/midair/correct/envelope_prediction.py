@@ -89,9 +89,9 @@ class EnvelopePrediction:
                 corrected, pending = pending.corrected(count)
                 yield replace(corrected, drive=replace(corrected.drive, provenance=self._noted(corrected.drive)))
 
-    def _next(self, there: int, *, last: bool) -> int:
+    def _next(self, count: int, *, last: bool) -> int:
         """Number of frames of the next block; 0 while there are too few."""
-        return self.block if there >= self.block + self.around else there * last
+        return self.block if count >= self.block + self.around else count * last
 
     def _noted(self, drive: Drive) -> Provenance:
         return drive.provenance.then(

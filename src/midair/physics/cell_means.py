@@ -82,9 +82,9 @@ def _waves(model: SensorModel, offset: Array, pitch: float) -> Array:
     # More than pi nodes per cycle at the highest frequency and the farthest point: exact to rounding.
     nodes, weight = np.polynomial.legendre.leggauss(32 + 4 * int(np.ceil(np.abs(offset).max() / pitch)))
     frequency = top * (nodes + 1) / 2
-    heard = np.sinc(frequency * model.aperture) * np.exp(-2 * (np.pi * frequency * model.spread) ** 2)
+    window = np.sinc(frequency * model.aperture) * np.exp(-2 * (np.pi * frequency * model.spread) ** 2)
     waves = np.cos(2 * np.pi * offset[..., None] * frequency)
-    return np.asarray(pitch * top * (waves @ (heard * weight)), np.float64)
+    return np.asarray(pitch * top * (waves @ (window * weight)), np.float64)
 
 
 _SHARES: Mapping[str, Callable[[SensorModel, Array, float], Array]] = MappingProxyType(

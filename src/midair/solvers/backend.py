@@ -60,8 +60,8 @@ class Backend:
     def put(self, array: NDArray[Any]) -> Rows:
         """Copy a NumPy array to the device in this precision; integers keep their type."""
         kinds = {"f": np.float32, "c": np.complex64} if self.single else {"f": np.float64, "c": np.complex128}
-        there = np.array(array, kinds.get(array.dtype.kind), order="C")
-        return there if self.xp is np else self.xp.asarray(there, device=self.device)
+        copy = np.array(array, kinds.get(array.dtype.kind), order="C")
+        return copy if self.xp is np else self.xp.asarray(copy, device=self.device)
 
     def get(self, array: Rows) -> NDArray[np.float64]:
         """Copy an array to NumPy in double precision."""
@@ -101,9 +101,9 @@ class Backend:
             # One pass in PyTorch; the added number only matters where q is 0.
             return self.xp.sgn(q + self.xp.finfo(q.dtype).smallest_normal)
         size = self.xp.abs(q)
-        heard = size > 0
+        nonzero = size > 0
         one = self.xp.ones_like(q)
-        return self.xp.where(heard, q / self.xp.where(heard, size, self.xp.ones_like(size)), one)
+        return self.xp.where(nonzero, q / self.xp.where(nonzero, size, self.xp.ones_like(size)), one)
 
     def as_real(self, z: Rows) -> Rows:
         """Complex rows as real rows of twice the length; `as_complex` is the inverse."""

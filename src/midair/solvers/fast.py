@@ -66,13 +66,13 @@ class Fast:
 
         The reported iterations are those of all three steps, without the additional ones for the worst quarter.
         """
-        there = backend(self.backend, precision=self.precision)
+        array_backend = backend(self.backend, precision=self.precision)
         audible = np.flatnonzero(problem.amplitude.any(axis=1))
         phase = np.zeros((len(problem.amplitude), problem.transducers))
         made = np.zeros(len(phase), np.int64)
         if len(audible):
-            with there.at_work():
-                operators = FieldOperators.of(problem, there, tolerance=self.tolerance, memory=self.memory)
+            with array_backend.at_work():
+                operators = FieldOperators.of(problem, array_backend, tolerance=self.tolerance, memory=self.memory)
                 self._fill(phase, operators, audible, after, progress)
             made[audible] = self._iterations(problem)
             if progress is not None:
@@ -90,14 +90,14 @@ class Fast:
         progress: Progress | None,
     ) -> None:
         """Solve the audible frames, batch by batch, into `phase`."""
-        there = operators.backend
+        array_backend = operators.backend
         # There is no frame before the first: a drive of 0 has no effect on the phases.
-        before = there.xp.zeros_like(operators.initial_drive)
+        before = array_backend.xp.zeros_like(operators.initial_drive)
         if after is not None:
-            before = there.phasor(there.put(after.theta[None]))
-        for some in _batches(audible, self.batch or there.rows):
+            before = array_backend.phasor(array_backend.put(after.theta[None]))
+        for some in _batches(audible, self.batch or array_backend.rows):
             theta = self._phases(operators, operators.batch(some, faintest=self.faintest), before)
-            phase[some], before = there.get(theta), there.phasor(theta[-1:, :])
+            phase[some], before = array_backend.get(theta), array_backend.phasor(theta[-1:, :])
             if progress is not None:
                 progress(int(some[-1]) + 1, len(phase))
 
@@ -113,8 +113,8 @@ class Fast:
         return operators.refine(theta, batch, self.iterations, more=self.more_iterations)
 
     def _iterations(self, problem: Problem) -> int:
-        polish = 5 * self.iterations if problem.smooth > 0 else self.iterations
-        return self.field_iterations + self.lift_iterations + polish
+        refinement = 5 * self.iterations if problem.smooth > 0 else self.iterations
+        return self.field_iterations + self.lift_iterations + refinement
 
 
 def _batches(audible: NDArray[np.int64], size: int) -> Iterator[NDArray[np.int64]]:

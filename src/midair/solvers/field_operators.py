@@ -68,14 +68,14 @@ class FieldOperators:
         `outside` is the weight of guard points relative to control points in the choice of modes: a field that shall
         only be quiet needs less precision.
         """
-        heard, weighed = problem.G, problem.G
+        listeners, weighted = problem.G, problem.G
         if problem.guard is not None:
-            heard = np.concatenate([problem.G, problem.guard.G])
-            weighed = np.concatenate([problem.G, outside * problem.guard.G])
-        kept = modes(weighed, tolerance=tolerance)
+            listeners = np.concatenate([problem.G, problem.guard.G])
+            weighted = np.concatenate([problem.G, outside * problem.guard.G])
+        kept = modes(weighted, tolerance=tolerance)
         s, psi = problem.level * kept.s, np.exp(1j * problem.first_psi)
-        lens = (psi @ kept.U[: problem.points].conj() / np.where(s > 0, s, 1)) @ kept.V.T
-        field, drive = backend.put(problem.level * (heard @ kept.V).T), backend.put(kept.V.T)
+        first_drive = (psi @ kept.U[: problem.points].conj() / np.where(s > 0, s, 1)) @ kept.V.T
+        field, drive = backend.put(problem.level * (listeners @ kept.V).T), backend.put(kept.V.T)
         return cls(
             backend=backend,
             problem=problem,
@@ -86,7 +86,7 @@ class FieldOperators:
             root=backend.put(np.sqrt(s)),
             strongest=float(s[0]),
             psi=backend.put(psi),
-            initial_drive=backend.put(rippled(lens)[None, :]),
+            initial_drive=backend.put(rippled(first_drive)[None, :]),
             weights=None if problem.cells is None else backend.put(problem.cells.weights.T),
             ceiling=None if problem.guard is None else backend.put(problem.guard.ceilings[None, :]),
             memory=memory,
@@ -160,17 +160,17 @@ class FieldOperators:
         initial field, q (row, transducer) a drive of magnitude 1 close to it; `stiffness` is the penalty relative to
         the strongest mode, `relaxation` 1 to 2 applies to the step towards q. Returns q.
         """
-        there, s, points = self.backend, self.root**2, batch.p.shape[1]
+        backend, s, points = self.backend, self.root**2, batch.p.shape[1]
         weight = (stiffness * self.strongest * batch.gain) ** 2
         inverse = 1 / ((s * batch.gain) ** 2 + weight)
         b, u = q @ self.drive_back, 0 * a
         for _ in range(iterations):
             y = ((batch.gain * a) @ self.field)[:, :points]
-            wanted = (batch.gain * (batch.p * there.unit(y))) @ self.field_back[:points, :]
+            wanted = (batch.gain * (batch.p * backend.unit(y))) @ self.field_back[:points, :]
             a = (wanted + weight * (b - u)) * inverse
             # Less than the full step of the dual, which at few iterations overshoots.
             u = u + 0.8 * (a - b)
-            q = there.unit(q + relaxation * ((a + u - b) @ self.drive))
+            q = backend.unit(q + relaxation * ((a + u - b) @ self.drive))
             b = q @ self.drive_back
         return q
 
@@ -249,12 +249,12 @@ class FieldOperators:
         return cost + extra, xp.concat([slope, outside], axis=1)
 
 
-def in_order(there: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Rows:
+def in_order(backend: Backend, parts: list[tuple[NDArray[np.int64], Rows]]) -> Rows:
     """Concatenate rows that were computed separately, in the order of their indices."""
     if len(parts) == 1:
         return parts[0][1]
-    order = there.put(np.argsort(np.concatenate([rows for rows, _ in parts])))
-    return there.xp.take(there.xp.concat([part for _, part in parts], axis=0), order, axis=0)
+    order = backend.put(np.argsort(np.concatenate([rows for rows, _ in parts])))
+    return backend.xp.take(backend.xp.concat([part for _, part in parts], axis=0), order, axis=0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -287,16 +287,16 @@ class FieldMove:
         return self.operators.backend.as_complex(state.x) / self.operators.root / batch.gain
 
     def _function(self, batch: Batch) -> Function:
-        there, inverse = self.operators.backend, 1 / batch.gain
-        xp, weight = there.xp, self.loudness
+        backend, inverse = self.operators.backend, 1 / batch.gain
+        xp, weight = backend.xp, self.loudness
         heavy = weight * inverse
 
         def function(x: Rows) -> tuple[Numbers, Rows]:
-            z = there.as_complex(x)
+            z = backend.as_complex(x)
             cost, slope = self.operators.cost_and_slope(batch, z @ self.out)
             q = inverse * (z @ self.loud)
             above = xp.clip(xp.real(q) ** 2 + xp.imag(q) ** 2 - 1, 0, None)
             gradient = slope @ self.out_back + heavy * ((above * q) @ self.loud_back)
-            return cost + 0.25 * weight * squares(xp, above), there.as_real(gradient)
+            return cost + 0.25 * weight * squares(xp, above), backend.as_real(gradient)
 
         return function

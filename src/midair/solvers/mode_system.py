@@ -62,8 +62,8 @@ class System:
         """J^T f, shape (transducer + point,)."""
         count = self.C.shape[1]
         wave = np.exp(1j * x)
-        heard = (residual.conj().astype(self.C.dtype) @ self.U) @ self.C
-        return np.concatenate([-(wave[:count] * heard).imag, -p * (wave[count:].conj() * residual).imag])
+        back = (residual.conj().astype(self.C.dtype) @ self.U) @ self.C
+        return np.concatenate([-(wave[:count] * back).imag, -p * (wave[count:].conj() * residual).imag])
 
     def normal(self, x: NDArray[np.float64]) -> Array:
         """K, shape (2 mode, 2 mode), from two symmetric products."""
@@ -102,15 +102,15 @@ class System:
         z = self._solved(K, u, w, damping, np.concatenate([b.real, -b.imag]))
         k = K @ z
         left = residual - self.U @ (k[:r] + 1j * k[r:])
-        heard = ((z[:r] - 1j * z[r:]) @ self.C) * np.exp(1j * x[:count])
-        return np.concatenate([heard.imag, p / stiff * (u.conj() * left).imag])
+        back = ((z[:r] - 1j * z[r:]) @ self.C) * np.exp(1j * x[:count])
+        return np.concatenate([back.imag, p / stiff * (u.conj() * left).imag])
 
     def _solved(self, K: Array, u: Complex, w: Array, damping: float, right: Array) -> Array:
         """The z of (lambda I + (I - Q) K) z = right, shape (2 mode,); NaN if the matrix is singular."""
         kind = self.power.dtype
         # A point with target 0 has no psi to eliminate, hence no row.
-        heard = np.flatnonzero(w > 0)
-        F = self.U[heard] * (np.sqrt(w[heard]) * u[heard].conj()).astype(self.C.dtype)[:, None]
+        sounding = np.flatnonzero(w > 0)
+        F = self.U[sounding] * (np.sqrt(w[sounding]) * u[sounding].conj()).astype(self.C.dtype)[:, None]
         # Re(conj(v) y) of y = U z, by the real and the imaginary parts of z; its sign cancels in Q.
         rows = np.concatenate([F.imag, F.real], axis=1)
         Q = _blas("syrk", kind)(1, rows.T)

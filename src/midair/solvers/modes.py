@@ -73,8 +73,8 @@ def _by_sketch(G: Complex, tolerance: float) -> Modes | None:
     block = max(least // 8, 16)
     left, strongest = float(np.linalg.norm(G) ** 2), 0.0
     fields: list[Complex] = []
-    heard: list[Complex] = []
-    while not heard or left > (0.1 * tolerance * strongest) ** 2:
+    reduced: list[Complex] = []
+    while not reduced or left > (0.1 * tolerance * strongest) ** 2:
         count = block * len(fields)
         # On a fine grid up to half of the points are modes; a sketch then pays off only for very large grids.
         if count >= 0.75 * least or (count and least < 2 * _MANY and left > strongest**2):
@@ -85,10 +85,10 @@ def _by_sketch(G: Complex, tolerance: float) -> Modes | None:
             for known in fields:
                 new -= known @ (known.conj().T @ new)
         fields.append(np.linalg.qr(new)[0])
-        heard.append(fields[-1].conj().T @ G)
-        left -= float(np.linalg.norm(heard[-1]) ** 2)
-        strongest = strongest or float(np.linalg.norm(heard[-1], ord=2))
-    Q, found = np.concatenate(fields, axis=1), _by_gram(np.concatenate(heard), 0.0)
+        reduced.append(fields[-1].conj().T @ G)
+        left -= float(np.linalg.norm(reduced[-1]) ** 2)
+        strongest = strongest or float(np.linalg.norm(reduced[-1], ord=2))
+    Q, found = np.concatenate(fields, axis=1), _by_gram(np.concatenate(reduced), 0.0)
     rank = _rank(found.s, np.sqrt(tolerance**2 - max(left, 0.0) / found.s[0] ** 2))
     return Modes(U=Q @ found.U[:, :rank], s=found.s[:rank], V=found.V[:, :rank])
 

@@ -61,7 +61,7 @@ class Problem:
             "cells": self.cells is not None,
             "smooth": self.smooth > 0,
         }
-        return frozenset(term for term, there in asked.items() if there)
+        return frozenset(term for term, present in asked.items() if present)
 
     @property
     def first_psi(self) -> Array:
@@ -123,8 +123,8 @@ class Solver(Protocol):
 
 def status_of(frames: int, audible: NDArray[np.int64]) -> tuple[Status, ...]:
     """Status of frames by a method with a fixed number of iterations: "iterations", or "silent"."""
-    heard = set(audible.tolist())
-    return tuple("iterations" if frame in heard else "silent" for frame in range(frames))
+    sounding = set(audible.tolist())
+    return tuple("iterations" if frame in sounding else "silent" for frame in range(frames))
 
 
 def error_of(problem: Problem, theta: Array, level: Array | None = None) -> Array:

@@ -52,7 +52,7 @@ def test_the_estimate_agrees_with_the_measured_memory(units, side, frames, metho
 
 def test_too_little_memory_is_refused_in_one_line():
     with pytest.raises(
-        InputError, match=r"0\.05 GB that are free, got 15936 transducers x 4096 points, .* 0\.09 GB; ask"
+        InputError, match=r"0\.05 GB of free memory, got 15936 transducers x 4096 points, .* 0\.09 GB; use"
     ):
         check_memory(90_000_000, 50_000_000, points=4096, transducers=15936)
 

@@ -97,8 +97,8 @@ def _parts(array):
     [
         ("exact", 0.1, "quiet-palm"),
         ("fast", -0.1, "0 or more, got -0.1"),
-        ("fast", QuietPalm(diameter=40e-3), "one larger than the control points, got a disc of 40 mm"),
-        ("fast", QuietPalm(outline=("###", "###"), margin=0.0), "one larger than the control points, got an outline"),
+        ("fast", QuietPalm(diameter=40e-3), "a palm larger than the control grid, got a disc of 40 mm"),
+        ("fast", QuietPalm(outline=("###", "###"), margin=0.0), "a palm larger than the control grid, got an outline"),
     ],
 )
 def test_impossible_settings_are_refused(method, asked, says):

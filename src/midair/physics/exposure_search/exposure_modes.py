@@ -33,13 +33,13 @@ class Points:
         kept = shaped[:, :, self.planes]
         two, frames, planes, shapes = kept.shape
         points = self.across.shape[1]
-        there = space.array("on the planes", two, frames, planes, points)
+        field = space.array("on the planes", two, frames, planes, points)
         # Part by part, since both together would need a copy.
-        for to_planes, found in zip(kept, there, strict=True):
+        for to_planes, found in zip(kept, field, strict=True):
             np.matmul(to_planes.reshape(-1, shapes), self.across, out=found.reshape(-1, points))
         if self.along is not None:
-            there = np.matmul(self.along, there, out=space.array("there", two, frames, len(self.along), points))
-        return power_of(there.reshape(two, frames, -1)).max(axis=1)
+            field = np.matmul(self.along, field, out=space.array("there", two, frames, len(self.along), points))
+        return power_of(field.reshape(two, frames, -1)).max(axis=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -61,7 +61,7 @@ class Product:
         np.add(shared, found[1], out=found[1])
 
 
-def power_of(there: Single) -> Single:
+def power_of(field: Single) -> Single:
     """Squared magnitude, shape (frame, point), of (real and imaginary, frame, point), which is overwritten."""
-    np.multiply(there, there, out=there)
-    return np.add(there[0], there[1], out=there[0])
+    np.multiply(field, field, out=field)
+    return np.add(field[0], field[1], out=field[0])

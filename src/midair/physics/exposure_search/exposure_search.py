@@ -54,9 +54,9 @@ class PointSearch:
 
     def loudest(self, modes: Single, space: Workspace) -> Array:
         """Like `CubeSearch.loudest`, for the points alone."""
-        there = space.array("there", 2, *modes.shape[1:])
-        there[:] = modes[:2]
-        power = power_of(there).reshape(modes.shape[1], self.airs, -1).max(axis=2).T
+        field = space.array("there", 2, *modes.shape[1:])
+        field[:] = modes[:2]
+        power = power_of(field).reshape(modes.shape[1], self.airs, -1).max(axis=2).T
         # No allowance between points, since each counts alone, but between airs.
         return np.sqrt(power).astype(np.float64) * (10 ** (ALLOWANCE / 20) if self.airs > 1 else 1.0)
 

@@ -89,11 +89,11 @@ class BisectionStep:
 
         `rough` adds ADMM between phase fit and refinement.
         """
-        operators, there = self.operators, self.operators.backend
+        operators, backend = self.operators, self.operators.backend
         y = (around.z @ self.field.out)[:, : batch.p.shape[1]]
         # The phases of the mean field; where it is nearly silent, the initial phases.
-        even = self.even_field_weight * there.xp.max(around.p, axis=1, keepdims=True)
-        u = there.unit(there.unit(y) * around.p + even * operators.psi)
+        even = self.even_field_weight * backend.xp.max(around.p, axis=1, keepdims=True)
+        u = backend.unit(backend.unit(y) * around.p + even * operators.psi)
         z = around.part * around.z + self.field.first(around.missed * u)
         state = self.field.run(batch, z, around.field_scale, effort[0])
         a = self.field.coordinates(batch, state)
@@ -104,7 +104,7 @@ class BisectionStep:
             if rough and batch.cells is None
             else self._refine(batch, self._angle(q), scale, effort[2])
         )
-        return self._solved(batch, polished, there.as_complex(state.x), state.scale)
+        return self._solved(batch, polished, backend.as_complex(state.x), state.scale)
 
     def _method(self) -> LBFGS:
         return self.operators.descent
@@ -122,38 +122,38 @@ class BisectionStep:
 
     def _phase_fit(self, a: Rows, q: Rows, iterations: int) -> Rows:
         """Drive of magnitude 1 with V^H q close to a, by a heavy ball on the phases starting at q; see `live`."""
-        operators, there = self.operators, self.operators.backend
-        xp = there.xp
+        operators, backend = self.operators, self.operators.backend
+        xp = backend.xp
         speed = xp.zeros_like(xp.real(q))
         for _ in range(iterations):
             change = (a - q @ operators.drive_back) @ operators.drive
             uphill = xp.real(q) * xp.imag(change) - xp.imag(q) * xp.real(change)
             speed = self.momentum * speed + self.step * uphill
             # Rotate by the angle whose tangent is the speed, which needs no sine.
-            q = there.unit(there.complex(xp.real(q) - speed * xp.imag(q), xp.imag(q) + speed * xp.real(q)))
+            q = backend.unit(backend.complex(xp.real(q) - speed * xp.imag(q), xp.imag(q) + speed * xp.real(q)))
         return q
 
     def _refine_with_admm(self, batch: Batch, a: Rows, q: Rows, scale: Numbers, iterations: int) -> RowsState:
         """Refine all rows: after ADMM where equal amplitudes can reach the field, with more iterations elsewhere."""
         operators = self.operators
         xp, put = operators.backend.xp, operators.backend.put
-        possible = operators.reachable(a, self.max_power_share)
+        reachable = operators.reachable(a, self.max_power_share)
         parts: list[tuple[NDArray[np.int64], RowsState]] = []
-        for rows, easy in ((np.flatnonzero(possible), True), (np.flatnonzero(~possible), False)):
+        for rows, easy in ((np.flatnonzero(reachable), True), (np.flatnonzero(~reachable), False)):
             if len(rows):
                 index = put(rows)
-                some, mine = batch.some(xp, index), xp.take(q, index, axis=0)
+                some, drives = batch.some(xp, index), xp.take(q, index, axis=0)
                 if easy:
-                    mine = operators.admm(
+                    drives = operators.admm(
                         some,
                         xp.take(a, index, axis=0),
-                        mine,
+                        drives,
                         self.admm_iterations,
                         stiffness=self.stiffness,
                         relaxation=self.relaxation,
                     )
                 its = iterations if easy else self.hard_polish
-                parts.append((rows, self._refine(some, self._angle(mine), xp.take(scale, index), its)))
+                parts.append((rows, self._refine(some, self._angle(drives), xp.take(scale, index), its)))
         return self._joined(parts)
 
     def _joined(self, parts: list[tuple[NDArray[np.int64], RowsState]]) -> RowsState:

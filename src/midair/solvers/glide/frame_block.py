@@ -56,10 +56,10 @@ class SolvedFrames:
             iterations=np.zeros(frames, np.int64),
         )
 
-    def keep(self, index: Indices, solved: FrameSolution, iterations: int, there: Backend) -> None:
+    def keep(self, index: Indices, solved: FrameSolution, iterations: int, backend: Backend) -> None:
         """Copy a solution from the backend into these rows."""
         for name in FrameSolution.__slots__:
-            getattr(self, name)[index] = there.host(getattr(solved, name))
+            getattr(self, name)[index] = backend.host(getattr(solved, name))
         self.iterations[index] = iterations
 
     def put(self, index: Indices, other: "SolvedFrames") -> None:
@@ -74,12 +74,12 @@ class SolvedFrames:
 
 def solve_marks(bisection: BisectionStep, efforts: BlockIterations, frames: Indices) -> SolvedFrames:
     """Solve frames of the problem from scratch."""
-    there, found = bisection.operators.backend, SolvedFrames.empty(len(frames), bisection)
+    backend, found = bisection.operators.backend, SolvedFrames.empty(len(frames), bisection)
     for some in _chunks(np.arange(len(frames)), efforts.rows):
         solved = bisection.from_scratch(
             bisection.operators.batch(frames[some], faintest=efforts.faintest), efforts.cold
         )
-        found.keep(some, solved, sum(efforts.cold), there)
+        found.keep(some, solved, sum(efforts.cold), backend)
     return found
 
 
@@ -102,15 +102,15 @@ class FrameBlock:
 
     def _solve_near(self, rows: Indices, *, wide: bool) -> Indices:
         """Solve those rows (before, middle, after) where the mean of the neighbours is close; return the other rows."""
-        efforts, there = self._efforts, self._bisection.operators.backend
+        efforts, backend = self._efforts, self._bisection.operators.backend
         batch, around = self._batch(rows[:, 1]), self._neighbours(rows)
         state = self._bisection.begin(batch, around)
-        near = np.sqrt(2 * there.get(state.cost)) <= efforts.near
+        near = np.sqrt(2 * backend.get(state.cost)) <= efforts.near
         if near.any():
             if not near.all():
-                index = there.put(np.flatnonzero(near))
-                batch, around = batch.some(there.xp, index), around.some(there.xp, index)
-                state = _some(there.xp, state, index)
+                index = backend.put(np.flatnonzero(near))
+                batch, around = batch.some(backend.xp, index), around.some(backend.xp, index)
+                state = _some(backend.xp, state, index)
             iterations = efforts.smooth_wide if wide else efforts.smooth
             self._keep(rows[near, 1], self._bisection.refine_mean(batch, around, state, iterations), iterations)
         return rows[~near]
@@ -136,18 +136,18 @@ class FrameBlock:
         """The mean of the neighbours' targets, and its least-squares factor in the frame's own target."""
         before, after = self._time_weights(rows)
         mean = before * self._p[rows[:, 0]] + after * self._p[rows[:, 2]]
-        # The mean of two non-negative targets of norm 1 has a norm of at least 1/2; the limit guards against rounding.
+        # The mean of two non-negative targets of norm 1 has a squared norm of at least 1/2; the limit only guards.
         square = np.maximum((mean * mean).sum(axis=1, keepdims=True), 1e-20)
         return mean, (self._p[rows[:, 1]] * mean).sum(axis=1, keepdims=True) / square
 
     def _neighbours(self, rows: Indices) -> Neighbours:
-        there, known = self._bisection.operators.backend, self.known
-        put, first, last = there.put, rows[:, 0], rows[:, 2]
+        backend, known = self._bisection.operators.backend, self.known
+        put, first, last = backend.put, rows[:, 0], rows[:, 2]
         before, after = (put(share) for share in self._time_weights(rows))
         mean, part = self._mean_target(rows)
-        mixed = before * there.phasor(put(known.theta[first])) + after * there.phasor(put(known.theta[last]))
+        mixed = before * backend.phasor(put(known.theta[first])) + after * backend.phasor(put(known.theta[last]))
         return Neighbours(
-            q=there.unit(mixed),
+            q=backend.unit(mixed),
             z=before * put(known.z[first]) + after * put(known.z[last]),
             p=put(mean),
             part=put(part),

@@ -97,15 +97,15 @@ class Glide:
         """
         if self.jobs < 1:
             raise InputError(f"jobs: expected 1 or more, got {self.jobs}")
-        there = backend(self.backend, precision=self.precision)
+        array_backend = backend(self.backend, precision=self.precision)
         audible = np.flatnonzero(problem.amplitude.any(axis=1))
         phase = np.zeros((len(problem.amplitude), problem.transducers))
         made = np.zeros(len(phase), np.int64)
         if after is not None:
             phase[audible[:1]] = after.theta
         if len(audible) > (after is not None):
-            with there.at_work():
-                bisection = self._bisection(problem, there)
+            with array_backend.at_work():
+                bisection = self._bisection(problem, array_backend)
                 last = None if after is None else after.known
                 for frames, found in self._solved_blocks(bisection, audible, last):
                     last = found.last()
@@ -149,9 +149,9 @@ class Glide:
 
         `marks` must contain all marks of the block and nothing else: the same batch gives the same bits.
         """
-        there = backend(self.backend, precision=self.precision)
-        with there.at_work():
-            bisection = self._bisection(marks, there)
+        array_backend = backend(self.backend, precision=self.precision)
+        with array_backend.at_work():
+            bisection = self._bisection(marks, array_backend)
             last = _without_warnings(solve_marks, bisection, self._efforts(), np.arange(len(marks.amplitude))).last()
         return WarmStart(theta=last.theta[0], known=last)
 
@@ -164,9 +164,9 @@ class Glide:
         own["rows"] = self.rows or backend(self.backend).rows
         return BlockIterations(**own)
 
-    def _bisection(self, problem: Problem, there: Backend) -> BisectionStep:
+    def _bisection(self, problem: Problem, array_backend: Backend) -> BisectionStep:
         operators = FieldOperators.of(
-            problem, there, tolerance=self.tolerance, memory=self.memory, outside=self.outside
+            problem, array_backend, tolerance=self.tolerance, memory=self.memory, outside=self.outside
         )
         sampled = evenly_spread(problem.position, every=self.every, count=problem.transducers)
         return BisectionStep(

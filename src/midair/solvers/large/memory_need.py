@@ -38,14 +38,14 @@ def memory_needed(points: int, transducers: int, frames: int, *, method: str, gu
         Number of temperatures that are solved for at once, see `terms.temperatures`.
     """
     M, N = airs * points, transducers
-    heard = M + airs * guard
+    listeners = M + airs * guard
     # The guard's rows exist alone and then below the others, both unweighted and weighted.
-    G = 16 * M * N * (2 if airs > 1 else 1) + (16 * N * (heard - M + 2 * heard) if guard else 0)
+    G = 16 * M * N * (2 if airs > 1 else 1) + (16 * N * (listeners - M + 2 * listeners) if guard else 0)
     answer = _ANSWER * 8 * frames * N
     gram = 16 * M * M + _PLAIN * 16 * M * M + 8 * M * N
     if method in ("exact", "fast", "glide", "live"):
-        batch = min(frames, _ROWS) * 4 * _DESCENT * N + 8 * min(heard, N) * (2 * heard + 3 * N)
-        work = max(_modes(heard, N), batch, gram if method == "exact" else 0)
+        batch = min(frames, _ROWS) * 4 * _DESCENT * N + 8 * min(listeners, N) * (2 * listeners + 3 * N)
+        work = max(_modes(listeners, N), batch, gram if method == "exact" else 0)
     else:
         work = gram if method == "lm" else 16 * M * N
     return G + work + answer
