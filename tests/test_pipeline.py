@@ -113,7 +113,7 @@ def test_what_does_not_fit_into_memory_is_refused_before_it_is_made(monkeypatch,
     monkeypatch.setattr(
         "midair.solvers.planning.normalised_setup.transfer_matrix", None
     )  # which would be called, and is nothing
-    with pytest.raises(InputError, match=r"0\.05 GB that are free, got 15936 transducers x 4096 points, .* GB; ask"):
+    with pytest.raises(InputError, match=r"0\.05 GB of free memory, got 15936 transducers x 4096 points, .* GB; use"):
         way(pressure, TransducerArray.autd3(columns=8, rows=8), settings)
 
 

@@ -120,7 +120,7 @@ def test_rates_that_no_array_takes_are_refused_with_the_nearest_that_it_does():
 
 
 def test_inconsistent_shapes_are_refused():
-    with pytest.raises(RateError, match="over a whole number"):
+    with pytest.raises(RateError, match="whole multiple"):
         simulate(drive(), G, rate=1500.0)
     with pytest.raises(ShapeError, match=r"G: expected \(point, 12\)"):
         simulate(drive(), G[:, :5], rate=1000.0)

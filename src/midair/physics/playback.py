@@ -108,7 +108,7 @@ def steps_a_frame(drive_rate: float, rate: float) -> int:
     steps = rate / drive_rate
     if steps < 1 or abs(steps - round(steps)) > 1e-6:
         raise RateError(
-            f"drive: expected a frame rate of {rate:g} Hz over a whole number, got {drive_rate:g} Hz; "
+            f"drive: expected a frame rate of which {rate:g} Hz is a whole multiple, got {drive_rate:g} Hz; "
             "solve it at 1000 Hz"
         )
     return round(steps)

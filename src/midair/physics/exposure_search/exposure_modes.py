@@ -35,8 +35,8 @@ class Points:
         points = self.across.shape[1]
         field = space.array("on the planes", two, frames, planes, points)
         # Part by part, since both together would need a copy.
-        for to_planes, found in zip(kept, field, strict=True):
-            np.matmul(to_planes.reshape(-1, shapes), self.across, out=found.reshape(-1, points))
+        for part, found in zip(kept, field, strict=True):
+            np.matmul(part.reshape(-1, shapes), self.across, out=found.reshape(-1, points))
         if self.along is not None:
             field = np.matmul(self.along, field, out=space.array("there", two, frames, len(self.along), points))
         return power_of(field.reshape(two, frames, -1)).max(axis=1)
