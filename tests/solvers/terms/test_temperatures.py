@@ -8,7 +8,7 @@ import pytest
 from midair.errors import InputError
 from midair.model import Acoustics, ControlGrid, Medium, TransducerArray
 from midair.physics import transfer_matrix
-from midair.solvers.terms import airs_around, psi_in_each
+from midair.solvers.terms import airs_around, psi_at_temperatures
 
 ROOM = Acoustics(medium=Medium.at(temperature=22.0, humidity=0.3), directivity="point")
 
@@ -38,7 +38,7 @@ def test_one_drive_makes_all_fields_that_a_solver_begins_with():
     """With the drive that focuses on one point, the phase there is that of a path: k r of each air, from the same r."""
     array, grid = TransducerArray.autd3(columns=1, rows=1), ControlGrid(rows=1, columns=1)
     G = [transfer_matrix(grid, array, acoustics=air) for air in airs_around(ROOM, 2.0)]
-    own, colder, warmer = psi_in_each(G, np.array([0.7]))
+    own, colder, warmer = psi_at_temperatures(G, np.array([0.7]))
     assert own == 0.7
     # 745 rad/m at 22 degrees, .17 % less for each degree, over 210 mm or a little more.
     assert np.angle(np.exp(1j * (colder - own))) == pytest.approx(0.55, abs=0.03)

@@ -18,7 +18,7 @@ from midair.solvers.terms import (
     QuietPalm,
     Windows,
     automatic_level,
-    psi_in_each,
+    psi_at_temperatures,
 )
 
 
@@ -60,7 +60,7 @@ class NormalisedSetup:
             G=self.G[0] if times == 1 else np.concatenate(self.G),
             amplitude=np.tile(amplitude, (1, times)),
             level=automatic_level(amplitude) if level == "auto" else level,
-            psi=psi_in_each(self.G, spreading_phase(grid, self.array, medium)),
+            psi=psi_at_temperatures(self.G, spreading_phase(grid, self.array, medium)),
             guard=self._quiet(guard, ears, palm),
             cells=None if means is None else means.target(amplitude, grid, unit).repeated(times),
             smooth=smooth,

@@ -12,7 +12,7 @@ from midair.solvers.terms.points import misfit
 from midair.solvers.terms.quiet_ears import QuietEars
 from midair.solvers.terms.quiet_palm import QuietPalm
 from midair.solvers.terms.smooth import change
-from midair.solvers.terms.temperatures import airs_around, psi_in_each
+from midair.solvers.terms.temperatures import airs_around, psi_at_temperatures
 from midair.solvers.terms.windows import Windows
 
 __all__ = [
@@ -33,5 +33,5 @@ __all__ = [
     "pressure_means",
     "misfit",
     "name_of_pressure_means",
-    "psi_in_each",
+    "psi_at_temperatures",
 ]

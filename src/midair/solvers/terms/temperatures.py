@@ -29,7 +29,7 @@ def airs_around(acoustics: Acoustics, robust: float, *, apart: float = 2.0) -> t
     return (acoustics, *warmer)
 
 
-def psi_in_each(G: list[Complex], psi: Array) -> Array:
+def psi_at_temperatures(G: list[Complex], psi: Array) -> Array:
     """Initial phases of the field at each temperature, (temperature times point,) in rad, from `psi` (point,) of the
     first.
 
