@@ -1,6 +1,4 @@
-"""Correct a reproduction from its re-recording or its prediction: gains (paper, 5.2), iteration, envelope
-prediction.
-"""
+"""Correct a reproduction from its re-recording or prediction: gains (paper, 5.2), iteration, envelope prediction."""
 
 from midair.correct.envelope_prediction import EnvelopePrediction
 from midair.correct.gains import BeamGain, amplitude_gain, beam_drive, beam_gain, beat_amplitude, commanded_pressure

@@ -32,9 +32,7 @@ class EnvelopeTracking:
         grid: ControlGrid,
         weights: Array,
     ) -> "EnvelopeTracking":
-        """Make it for a drive's array and air with these transducers, and places of weights (place, point) on a
-        grid.
-        """
+        """Make it for a drive's array and air, these transducers, and weights (place, point) of places on a grid."""
         G = transfer_matrix(grid, drive.array.nominal, acoustics=drive.acoustics)
         unit = float(radiation_pressure(np.ones(1), drive.acoustics.medium)[0])
         stays = np.exp(transducers.pole / drive.rate)

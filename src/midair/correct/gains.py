@@ -23,9 +23,7 @@ class BeamGain:
     intercept: float
     """In Pa; shows a noise floor."""
     curvature: float
-    """Change of gain from the lowest to the highest level in a quadratic fit, relative to `gain`; negative for
-    saturation.
-    """
+    """Relative change of gain from the lowest to the highest level in a quadratic fit; negative for saturation."""
     residual: float
     """Rms distance of the points from the line, in Pa."""
 

@@ -1,6 +1,4 @@
-"""Physical models as pure functions: radiation pressure, directivity, propagation, transducers, sensors, exposure,
-skin.
-"""
+"""Physical models as pure functions: radiation pressure, propagation, transducers, sensors, exposure, skin."""
 
 from midair.physics.cell_means import Between, cell_weights
 from midair.physics.chain import Moment, PlaybackChain, radiate

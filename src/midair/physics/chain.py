@@ -31,9 +31,7 @@ class PlaybackChain:
     phase_bits: int | None = 8
     """Phases are rounded to 2 pi / 2^bits; None for no rounding."""
     hold: Hold = "step"
-    """"step": each frame is held until the next. "ideal": the pressure is interpolated band-limited between frames;
-    this excludes ramps and transducers.
-    """
+    """"step": each frame is held until the next. "ideal": band-limited interpolation, without ramps and transducers."""
     phase_ramp: float = 0.0
     """Time in s over which a silencer spreads a step of phase; 0 for none."""
     level_ramp: float = 0.0

@@ -62,8 +62,7 @@ def _rows(places: NDArray[np.float64], array: TransducerArray, acoustics: Acoust
 
 
 def propagate(drive: Drive, points: Points, *, acoustics: Acoustics | None = None) -> Complex:
-    """The steady-state field of each frame of a drive, p = G q, paper eq. (1): complex peak pressure in Pa, (frame,
-    point).
+    """The steady-state field of each frame of a drive, p = G q, paper eq. (1); complex, peak, in Pa, (frame, point).
 
     Parameters
     ----------

@@ -122,9 +122,7 @@ class SkinMotion:
                 yield part[first : first + step]
 
     def _moved(self, block: NDArray[np.floating[Any]]) -> Array:
-        """Displacement by one block alone, from `reach` before it to `reach` after it, (frame + 2 reach, row,
-        column).
-        """
+        """Displacement by one block alone, with `reach` moments before and after it, (frame + 2 reach, row, column)."""
         from scipy import fft
 
         rows, columns = self.rows, self.columns

@@ -36,7 +36,7 @@ def doubled(problem: Problem, *, apart: float = np.pi / 4) -> Problem:
 
 
 def halves(phase: Array, *, apart: float = np.pi / 4) -> tuple[Array, Array]:
-    """Phase in rad and amplitude 0 to 1, each (frame, transducer), from phases (frame, 2 transducer) of the doubled
+    """Phase (rad) and amplitude (0 to 1), (frame, transducer), from phases (frame, 2 transducer) of the doubled
     problem.
     """
     count = phase.shape[1] // 2

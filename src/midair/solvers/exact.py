@@ -33,9 +33,7 @@ class Exact:
     start: Start = "previous"
     """Start of every frame after the first."""
     first: Literal["field", "zero"] = "field"
-    """Start of a frame without a warm start: "field" takes the first two steps of `Fast`; "zero" is the start of the
-    paper, which needs some fifty iterations.
-    """
+    """Start of a frame without a warm start: phases of the first two steps of `Fast`, or zero as in the paper."""
     tau: float = 1e-3
     """Initial lambda over the largest diagonal element of J^T J."""
     tolerance: float = 5e-3

@@ -37,9 +37,7 @@ class Fast:
     lift_iterations: int = 10
     """Iterations of the phase fit."""
     tolerance: float = 5e-3
-    """Modes of G below this fraction of the largest singular value are left out of the iterations. The reported error
-    uses the whole G.
-    """
+    """Modes of G below this fraction of the largest singular value are left out, except from the reported error."""
     loudness: float = 0.0075
     """Weight of the penalty on amplitudes above full drive, in the field step."""
     floor: float = 0.1
@@ -53,8 +51,8 @@ class Fast:
     memory: int = 4
     """Number of pairs that L-BFGS keeps."""
     faintest: float = 1e-12
-    """Targets with a norm below this, in units of the focus, are scaled as if they had it: the range of single
-    precision.
+    """Smallest norm of a target, in units of the focus, that single precision can represent; others are raised to
+    it.
     """
     precision: Literal["single", "double"] = "single"
     """Precision of the iterations. Rounding in single precision is a thousandth of the smallest error seen."""

@@ -15,9 +15,7 @@ def unit(q: Complex) -> Complex:
 
 
 def rippled(q: Complex) -> Complex:
-    """The phases of q (transducer,) with a ripple of .3 rad, since a drive in phase with one mode would stay in
-    phase.
-    """
+    """The phases of q (transducer,) plus a ripple of .3 rad: a drive in phase with one mode would stay so."""
     return (unit(q) * np.exp(0.3j * np.sin(2.4 * np.arange(len(q))))).astype(q.dtype)
 
 

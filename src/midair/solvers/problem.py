@@ -49,9 +49,7 @@ class Problem:
     smooth: float = 0.0
     """Weight of phase changes between frames; see `terms.smooth`."""
     position: Array | None = None
-    """Positions of the transducers in m, shape (transducer, 3), for methods that choose an evenly spread subset; if
-    None they use the order of the transducers.
-    """
+    """Positions of the transducers in m, shape (transducer, 3), for methods that sample them evenly."""
 
     @property
     def terms(self) -> frozenset[Term]:

@@ -28,13 +28,9 @@ class MappingReport:
     peak: float
     """Highest mapped pressure in Pa."""
     on: float
-    """Fraction of frames that are not silent: with equal amplitudes the array is at full power in these, at any
-    pressure.
-    """
+    """Fraction of frames that are not silent: with equal amplitudes the array is at full power in all of them."""
     exposure: float
-    """Change of the mean sound level relative to the half-wave mapping with the same gain, in dB (radiation pressure is
-    proportional to the squared sound pressure).
-    """
+    """Change of the mean sound level relative to the half-wave mapping with the same gain, in dB."""
 
     def figures(self) -> dict[str, str | float]:
         """All figures by name."""

@@ -20,8 +20,7 @@ def interpolation_matrix(sensor: SensorGrid, grid: ControlGrid) -> Array:
 
 
 def moved_interpolation(cells: Array, sensor: SensorGrid, grid: ControlGrid, offset: Array) -> Array:
-    """Interpolate with the pattern moved by an offset in each frame, shape (frame, point); parts outside the grid are
-    lost.
+    """Interpolate with the pattern displaced in each frame, shape (frame, point); parts outside the grid are lost.
 
     Parameters
     ----------

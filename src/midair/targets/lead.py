@@ -61,7 +61,7 @@ def piece_of(provenance: Provenance, frames: int, rate: float) -> slice:
 
 
 def _swell(band: Band) -> float:
-    """Length of the fade, 1.2 periods of the lower corner in s: a half wave below half the corner, so hardly in the
+    """Length of the fade in s, 1.2 periods of the lower corner: a half wave below half the corner is hardly in the
     band.
     """
     return 1.2 / max(band[0], 1.0)

@@ -54,8 +54,8 @@ class Halves:
 
     @classmethod
     def of(cls, modes: Complex, partner: Indices, count: int) -> Self:
-        """Make it from the modes (mode, transducer of `Pair.array`) of one place, for an array of `count`
-        transducers.
+        """Make it from the modes (mode, transducer of `Pair.array`) of one place; `count` is the size of the real
+        array.
         """
         own = np.arange(count)
         ahead = own[partner[:count] > own]

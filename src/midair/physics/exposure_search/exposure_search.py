@@ -219,9 +219,7 @@ def _cube_search(place: Place, key: _ArrayKey, airs: Airs) -> CubeSearch | Point
 
 
 def _mode_count(wide: Array) -> int:
-    """An upper estimate of the number of modes of a field with these bands: products of two, since sources form a
-    surface.
-    """
+    """Estimated number of modes of a field with these bands: products of two, since the sources form a surface."""
     x, y, z = (float(band) for band in wide)
     return round(24 + 0.85 * (x * y + y * z + z * x))
 

@@ -33,9 +33,7 @@ class BlockIterations:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SolvedFrames:
-    """Solutions of frames as NumPy arrays, one row per frame; the fields are those of
-    `bisection_step.FrameSolution`.
-    """
+    """Solutions of frames as NumPy arrays, one row per frame, with the fields of `FrameSolution`."""
 
     theta: NDArray[np.floating[Any]]
     z: NDArray[np.complexfloating[Any, Any]]

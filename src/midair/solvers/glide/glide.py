@@ -44,9 +44,7 @@ class Glide:
     smooth_wide: int = 40
     """The same where the neighbours are at least `wide` frames away, since all frames between build on them."""
     far: float = 0.3
-    """Norm of a target's difference from the neighbours' mean, relative to the target, up to which it counts as bent,
-    above as rough.
-    """
+    """Largest relative difference of a target from its neighbours' mean for a bent frame; above it is rough."""
     bent: Effort = (7, 9, 8)
     """Iterations of field step, phase fit and refinement of bent frames."""
     bent_wide: Effort = (15, 9, 60)
@@ -67,6 +65,7 @@ class Glide:
     """Weight, relative to the peak, of an even field in the phases of the new part of a target."""
     # With 5e-3, as in the batch solver, the omitted modes would limit the error.
     tolerance: float = 2e-3
+    """Modes of G below this fraction of the largest singular value are left out, except from the reported error."""
     outside: float = 0.3
     loudness: float = 0.1
     every: int = 4
@@ -79,6 +78,7 @@ class Glide:
     block: int | None = None
     jobs: int = field(default=1, compare=False)
     faintest: float = 1e-12
+    """As in `Fast`."""
     precision: Literal["single", "double"] = "single"
     backend: str = "numpy"
 
@@ -122,9 +122,7 @@ class Glide:
     def _solved_blocks(
         self, bisection: BisectionStep, audible: Indices, before: SolvedFrames | None
     ) -> Iterator[tuple[Indices, SolvedFrames]]:
-        """Yield the frames and solutions of each block in order; `before` is the solution of the first frame, if
-        known.
-        """
+        """Yield frames and solutions of each block in order; `before` is the solution of the first frame, if known."""
         efforts = self._efforts()
         every = list(blocks(len(audible), coarse=self.coarse, size=self.block_on()))
         if before is not None:

@@ -15,9 +15,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BlockRange:
-    """Frames `first` to `last`, both included; `first` is the last frame of the block before, except for the first
-    block.
-    """
+    """Frames `first` to `last`, both included; `first` is the last frame of the previous block, if there is one."""
 
     first: int
     last: int

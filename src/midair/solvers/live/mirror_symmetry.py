@@ -51,8 +51,7 @@ def full_phase(modes: Modes) -> SymmetricModes:
 def symmetric_modes(
     grid: ControlGrid, array: TransducerArray, *, acoustics: Acoustics, tolerance: float
 ) -> SymmetricModes | None:
-    """The modes of an array by kind, in units of the strongest focus; None if the array has no symmetry or it saves
-    nothing.
+    """The modes of an array by kind, in units of the strongest focus; None without symmetry, or if it saves nothing.
 
     Modes below `tolerance` times the strongest are left out.
     """

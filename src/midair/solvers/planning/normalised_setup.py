@@ -24,9 +24,7 @@ from midair.solvers.terms import (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NormalisedSetup:
-    """Target and transfer matrices in units of the strongest focus, in one or several airs; the first is the nominal
-    air.
-    """
+    """Target and transfer matrices in units of the strongest focus, in the nominal air and optionally in others."""
 
     target: AmplitudeFrames
     array: TransducerArray

@@ -99,9 +99,7 @@ class SolvePlan:
         jobs: int | None = None,
         loudest: float | None = None,
     ) -> "SolvePlan":
-        """Check the settings of `solve`; `loudest` is the highest amplitude in Pa of the recording that the target
-        belongs to.
-        """
+        """Check the settings of `solve`; `loudest` is the highest amplitude in Pa of the whole recording."""
         solver = solver_of(method, iterations=iterations, start=start, backend=backend, jobs=jobs)
         _check(level, bits, amplitudes, smooth, robust, quiet_ears)
         palm = _palm(quiet_palm)

@@ -39,8 +39,7 @@ class Guard:
             raise InputError(f"ceiling of the guard: expected 0 or more of the target's peak, got {self.ceiling:g}")
 
     def ring(self, grid: ControlGrid) -> NDArray[np.float64]:
-        """The points of the ring, shape (point, 3), in m: a larger grid without the control grid and half a pitch
-        around it.
+        """The points of the ring, shape (point, 3), in m, at least half a pitch from the control grid.
 
         Raises
         ------

@@ -24,15 +24,13 @@ class QuietPalm:
     weight: float = 0.1
     """lambda: weight of the mean square on the palm relative to that of the error at the control points."""
     diameter: float = 100e-3
-    """Diameter in m of the palm, a disc around the control points; slightly larger than a real palm, since hands are
-    not placed to the millimetre.
+    """Diameter in m of the palm, a disc around the control points; larger than a real palm, to allow for its
+    position.
     """
     pitch: float = 4.25e-3
     """Distance between the points in m; half a wavelength is 4.3 mm."""
     outline: tuple[str, ...] = ()
-    """Shape of the palm as `Palm.rows`, centred on the array, in place of the disc; text, so that settings can be
-    stored.
-    """
+    """Shape of the palm as `Palm.rows` (text), centred on the array, in place of the disc."""
     outline_pitch: float = 2.5e-3
     """Distance between two letters of the outline in m."""
     margin: float = 7.5e-3
@@ -52,8 +50,8 @@ class QuietPalm:
         return cls(weight=weight, outline=palm.rows, outline_pitch=palm.pitch)
 
     def rows(self, grid: ControlGrid, array: TransducerArray, acoustics: Acoustics) -> NDArray[np.complex128]:
-        """Rows whose squared fields add up to the mean of ``|p|^2`` on the palm around a grid, (row, transducer),
-        Pa.
+        """Rows (row, transducer) in Pa whose squared fields add up to the mean of ``|p|^2`` on the palm around a
+        grid.
         """
         points = self.points(grid)
         return transfer_matrix(points, array, acoustics=acoustics) / np.sqrt(len(points))

@@ -11,11 +11,10 @@ from midair.solvers.backend import Numbers, Rows
 
 
 def change(xp: Any, q: Rows, before: Rows, weight: float) -> tuple[Numbers, Rows]:
-    """The cost mu mean_n (1 - Re(conj(q_n) q_n')) of each row and the previous one (row,), and its gradient by the
-    phases.
+    """The cost mu mean_n (1 - Re(conj(q_n) q_n')) of each row (row,), and its gradient by the phases (row, transducer).
 
-    q (row, transducer) are drives of magnitude 1 in order of time; `before` (1, transducer) is the fixed drive before
-    the first. The gradient (row, transducer) is mu / N Im(q_n conj(q_n' + q_n'')) with both neighbours; the last row
+    q (row, transducer) are drives of magnitude 1 in order of time, q' the previous row; `before` (1, transducer) is the
+    fixed drive before the first. The gradient is mu / N Im(q_n conj(q_n' + q_n'')) with both neighbours; the last row
     has one.
     """
     count = q.shape[1]

@@ -17,8 +17,7 @@ Complex = NDArray[np.complex128]
 
 
 def airs_around(acoustics: Acoustics, robust: float, *, apart: float = 2.0) -> tuple[Acoustics, ...]:
-    """The air itself, then others up to `robust` degrees Celsius colder and warmer, at most `apart` degrees from each
-    other.
+    """The air itself, then others up to `robust` degrees Celsius colder and warmer, in steps of at most `apart`.
 
     Two degrees shift waves from the near and the far side of an array by a quarter of a radian against each other, so a
     solution for both holds in between. Raises InputError outside the range of the formulas for air.
@@ -30,10 +29,9 @@ def airs_around(acoustics: Acoustics, robust: float, *, apart: float = 2.0) -> t
 
 
 def psi_at_temperatures(G: list[Complex], psi: Array) -> Array:
-    """Initial phases of the field at each temperature, (temperature times point,) in rad, from `psi` (point,) of the
-    first.
+    """Initial phases of the field at each temperature, (temperature times point,) in rad; `psi` (point,) is the first.
 
-    They belong to one drive: phases of different drives would make contradictory demands on the transducers.
+    They belong to one drive, since phases of different drives would contradict each other.
     """
     back = np.exp(1j * psi) @ G[0].conj()
     drive = np.exp(1j * np.angle(back))

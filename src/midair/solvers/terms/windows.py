@@ -30,12 +30,10 @@ class Windows:
     pitch: float = 11e-3 / 3
     """Distance between windows in m; below half the aperture the windows leave no gaps."""
     inset: float = 5.5e-3
-    """Distance in m from the outermost control points, where the pressure is zero, to the middle of the outermost
-    windows.
-    """
+    """Distance in m from the outermost control points, with pressure zero, to the middle of the outermost windows."""
     faint: float = 1e-3
-    """Pressure, over that of the strongest focus, below which the error is relative to this: the pressure of 996
-    transducers with random phases.
+    """Smallest pressure, over that of the focus, to which errors are relative: that of 996 transducers with random
+    phases.
     """
 
     def __post_init__(self) -> None:
