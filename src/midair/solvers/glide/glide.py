@@ -67,20 +67,33 @@ class Glide:
     tolerance: float = 2e-3
     """Modes of G below this fraction of the largest singular value are left out, except from the reported error."""
     outside: float = 0.3
+    """Weight of a guard point relative to a control point in the choice of modes."""
     loudness: float = 0.1
+    """Weight of the penalty on amplitudes above full drive, in the field step."""
     every: int = 4
+    """The penalty looks at one in this many transducers, evenly spread over the array."""
     floor: float = 0.1
+    """Modes below this fraction of the largest singular value are damped in the initial field."""
     step: float = 2.0
+    """Step size of the heavy-ball phase fit, as in `Live`."""
     momentum: float = 0.3
+    """Momentum of the heavy-ball phase fit, as in `Live`."""
     relaxation: float = 1.5
+    """Over-relaxation of the projections, 1 to 2."""
     memory: int = 4
+    """Number of pairs that L-BFGS keeps."""
     rows: int | None = None
+    """Frames per batch; if None, the backend decides."""
     block: int | None = None
+    """Frames per block, solved by one job; other blocks only share a mark with it. If None, see `block_on`."""
     jobs: int = field(default=1, compare=False)
+    """Number of blocks solved at once; the phases are bit-identical for any number."""
     faintest: float = 1e-12
     """As in `Fast`."""
     precision: Literal["single", "double"] = "single"
+    """Precision of the iterations."""
     backend: str = "numpy"
+    """Array library and device, see `backend.backend`."""
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Compute phases for each frame; silent frames keep the phases of the frame before.

@@ -36,22 +36,36 @@ class Live:
     """Iterations of the field for the first frame."""
     # With 7 + 9 iterations 99 % of the frames take less than a millisecond; fewer cannot follow sudden changes.
     warm_iterations: int = 7
+    """Iterations of the field for each later frame."""
     lift_iterations: int = 60
+    """Iterations of the phase fit for the first frame."""
     warm_lift_iterations: int = 9
+    """Iterations of the phase fit for each later frame."""
     # Half the time; the next frames correct most of the additional error.
     hurried_iterations: int = 3
+    """Iterations of the field for a frame with little time left."""
     hurried_lift_iterations: int = 4
+    """Iterations of the phase fit for a frame with little time left."""
     # With 2e-3 a towel's error is 1 % smaller and a moving spot's 30 % larger, for a tenth more time.
     tolerance: float = 5e-3
+    """Modes of G below this fraction of the largest singular value are left out."""
     loudness: float = 0.1
+    """As in `Fast`; weighted more here, since no refinement follows."""
     floor: float = 0.1
+    """As in `Fast`."""
     every: int = 4
+    """As in `Fast`."""
     # Close to the optimum for random phases, 2.2 and .25 (see the module's docstring).
     step: float = 2.0
+    """Step size of the heavy-ball phase fit."""
     momentum: float = 0.3
+    """Momentum of the heavy-ball phase fit."""
     towards: float = 0.2
+    """Weight, relative to the last target's peak, of an even field in the phases of the new part of a target."""
     memory: int = 6
+    """As in `Fast`."""
     faintest: float = 1e-12
+    """As in `Fast`."""
 
     def solve(self, problem: Problem, *, after: WarmStart | None = None, progress: Progress | None = None) -> Answer:
         """Compute phases frame by frame."""
