@@ -1,4 +1,4 @@
-"""Bounded amplitudes from solvers that know only equal ones.
+"""Bounded amplitudes from solvers that support only equal ones.
 
 Any drive of at most full amplitude is the mean of two drives at full amplitude: a exp(j theta) = (exp(j alpha) + exp(j
 beta)) / 2 with theta = (alpha + beta) / 2 and a = cos((alpha - beta) / 2). So amplitudes 0 <= a <= 1 on N transducers
