@@ -49,7 +49,7 @@ def test_a_reel_reads_as_its_array():
     np.testing.assert_array_equal(reel.max(axis=0), X.max(axis=0))
     with pytest.raises(IndexError):
         reel[1000]
-    assert repr(reel) == "<Reel 1000 x 2 x 3>"
+    assert repr(reel) == "<LazyFrames 1000 x 2 x 3>"
 
 
 def test_a_slice_of_a_reel_is_a_reel_that_has_read_nothing():

@@ -43,6 +43,6 @@ def small():
 def test_a_disk_that_takes_no_more_is_one_line_that_names_the_folder(put, small):
     """It was "File too large", of no file that anybody could have named."""
     put(np.zeros((small // 16, 1)))
-    with pytest.raises(FileError, match=r"frames that wait there .* File too large; .* set TMPDIR") as told:
+    with pytest.raises(FileError, match=r"disk space for temporary frames, .* File too large; .* set TMPDIR") as told:
         put(np.zeros((small // 4, 1)))
     assert str(told.value).startswith(f"{tempfile.gettempdir()}: ")

@@ -1,6 +1,6 @@
-"""midair: a tape recorder for touch.
+"""midair: record touch with a pressure sensor and replay it on a bare palm with focused ultrasound.
 
-Records what an object does to skin, and plays it back on a bare palm with focused ultrasound::
+::
 
     take = midair.record("virtual:towel", 1.0)
     pressure = midair.calibrate(take.recording, take.calibration)
@@ -8,8 +8,8 @@ Records what an object does to skin, and plays it back on a bare palm with focus
     solution = midair.solve(target, midair.TransducerArray.autd3())
     played = midair.play(solution, "virtual")
 
-Verbs are functions here; what they hand to each other are nouns, all of them in `midair.model`; the rooms of the house
-are modules. Importing it loads nothing else: every name is imported when it is first asked for.
+The stages are functions of this package; the data classes that they exchange are in `midair.model`; every other part
+is a subpackage. Names are imported on first use, so ``import midair`` loads nothing else.
 """
 
 from importlib import import_module
@@ -144,11 +144,11 @@ _ELSEWHERE = {
     "propagate": "midair.physics",
     "solve": "midair.solvers",
 }
-"""Nouns and verbs of this face and where they are from; all other names are rooms."""
+"""Functions and classes of this package and the package that defines each; all other names are subpackages."""
 
 
 def __getattr__(name: str) -> Any:
-    """Every name is imported when it is first asked for, and kept."""
+    """Import a name on first use and cache it."""
     if name in _ELSEWHERE:
         globals()[name] = getattr(import_module(_ELSEWHERE[name]), name)
         return globals()[name]
@@ -158,5 +158,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """All names of this face, and no others."""
+    """Public names only."""
     return sorted(__all__)

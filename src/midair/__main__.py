@@ -1,4 +1,4 @@
-"""The command line, as ``midair`` and as ``python -m midair`` where the script is not on the path."""
+"""Entry point of the command line: ``midair`` or ``python -m midair``."""
 
 import gc
 import sys
@@ -8,13 +8,13 @@ from midair.ram import give_back_large
 
 
 def main() -> None:
-    """Run the command line and leave with its exit status."""
+    """Run the command line and exit with its status."""
     take_wide_kernel()
     give_back_large()
-    # What is loaded stays: looking through it for garbage at every step takes a twelfth of the time.
+    # Imported modules stay in memory: collecting garbage while they load takes a twelfth of the start-up time.
     gc.disable()
     try:
-        # Only now: it loads NumPy, and NumPy's OpenBLAS chooses its kernel when it is loaded.
+        # Imported only now: this loads NumPy, and OpenBLAS chooses its kernel when NumPy loads it.
         from midair.cli import load
         from midair.cli import main as command_line
 

@@ -1,4 +1,4 @@
-"""One channel of many frames at a time: what a spectrum of the whole needs in memory is a channel, not all of them."""
+"""Iterate over the channels of many frames, so that only one channel at a time is in memory."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -12,9 +12,9 @@ Array = NDArray[np.float64]
 
 
 def channels(x: "NDArray[Any] | LazyFrames") -> Iterator[Array]:
-    """Each channel of an array or a reel of (frame, ...), shape (frame,), in the order of its other axes.
+    """Yield each channel, shape (frame,), in the order of the other axes.
 
-    A reel is read once for each channel: keep in a `TempFrames` what takes long to work out.
+    Lazy frames are read once for each channel: cache frames that are slow to compute in a `TempFrames`.
     """
     for number in range(int(np.prod(x.shape[1:], dtype=np.int64))):
         whole, first = np.empty(len(x)), 0

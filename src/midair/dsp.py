@@ -1,6 +1,6 @@
-"""Signals along the frame axis: windows in frequency, filters without delay, spectra, other rates.
+"""Signal processing along the frame axis: band windows, zero-delay filters, spectra, resampling.
 
-Time is always the first axis; every other axis is carried along. Filters and other rates of a reel are reels.
+Time is always the first axis; all other axes are kept. Filters and `resample` return lazy frames for lazy frames.
 """
 
 from collections.abc import Callable
@@ -21,12 +21,12 @@ Band = tuple[float, float]
 
 
 def check_band(band: Band, rate: float) -> Band:
-    """`band` as two floats if it fits below half the rate: 0 <= low < high <= rate / 2.
+    """Return `band` as two floats if 0 <= low < high <= rate / 2.
 
     Raises
     ------
     BandError
-        If it does not; the message names a band that would.
+        If it does not fit; the message suggests a band that does.
     """
     low, high = float(band[0]), float(band[1])
     nyquist = rate / 2
@@ -40,13 +40,13 @@ def check_band(band: Band, rate: float) -> Band:
 
 
 def band_edges(band: Band, rate: float) -> tuple[float, float]:
-    """Usual widths of a band window's two edges, in Hz: low / 2 and high / 20, or less where that does not fit."""
+    """Default widths of a band window's two edges, in Hz: low / 2 and high / 20, or less where these do not fit."""
     low, high = check_band(band, rate)
     return min(low / 2, high - low), min(high / 20, high - low, rate - 2 * high)
 
 
 def band_window(frequency: Array, band: Band, *, edges: tuple[float, float]) -> Array:
-    """Raised-cosine window B(f): 1 inside the band, 0 outside, .5 at its two corners.
+    """Raised-cosine window B(f): 1 inside the band, 0 outside, 0.5 at its two corners.
 
     B rises as a half cosine over `edges[0]` around the lower corner and falls over `edges[1]` around the upper one.
 
@@ -57,12 +57,7 @@ def band_window(frequency: Array, band: Band, *, edges: tuple[float, float]) -> 
     band : tuple of float
         (low, high) corners, in Hz.
     edges : tuple of float
-        Whole widths of the edges, in Hz; 0 for a step, which includes the corner itself.
-
-    Returns
-    -------
-    ndarray, same shape
-        0 to 1.
+        Full widths of the edges, in Hz; 0 for a step, which includes the corner itself.
 
     Raises
     ------
@@ -84,10 +79,10 @@ def fft_frequencies(length: int, rate: float) -> Array:
 
 
 def filter_response(x: Array, rate: float, response: Callable[[Array], Complex | Array], *, reach: float) -> Array:
-    """Multiply the spectrum of `x` by a response: no delay but what the response itself has.
+    """Multiply the spectrum of `x` by a frequency response, without any delay besides that of the response itself.
 
-    Before the first and after the last frame the signal is held, then fades to its mean as a half cosine: a constant
-    is answered exactly, and a signal that starts at rest is taken to have been at rest.
+    Before the first and after the last frame the signal is held, then fades to its mean as a half cosine. A constant is
+    therefore filtered exactly, and a signal that starts at rest is assumed to have been at rest before.
 
     Parameters
     ----------
@@ -96,9 +91,9 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
     rate : float
         In Hz.
     response : callable
-        Takes frequencies, shape (bin,), in Hz from 0 to half the rate; returns (bin, ...) to multiply with.
+        Takes frequencies, shape (bin,), from 0 to half the rate in Hz; returns factors, shape (bin, ...).
     reach : float
-        How far the response reaches in time, either way, in s: that much is added on both sides.
+        Duration of the response in time, in s; the signal is extended by it on both sides.
 
     Returns
     -------
@@ -111,10 +106,10 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
         return cast("Array", filter_lazily(x, rate, response, reach=reach))
     pad = int(np.ceil(reach * rate)) + 1
     x = np.asarray(x, float)
-    # Taken out, so that what is added at the ends fades to the mean and not to 0.
+    # Subtracted, so that the extension fades to the mean and not to 0.
     mean = x.mean(axis=0)
     held = extend(x - mean, pad)
-    # A few frames more of silence cost less than a length with a large prime factor.
+    # Padding with a few zeros costs less than a length with a large prime factor.
     length = next_fast_len(len(held), real=True)
     wanted = response(fft_frequencies(length, rate))
     changing = irfft(rfft(held, length, axis=0) * wanted, length, axis=0)[pad : pad + len(x)]
@@ -122,10 +117,10 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
 
 
 def fir_from_response(response: Complex, taps: int) -> Array:
-    """Coefficients whose response comes closest to a wanted one, delayed by (taps - 1) / 2.
+    """FIR coefficients with the least-squares closest response to a given one, delayed by (taps - 1) / 2.
 
-    The cut of the wanted impulse response, which is the least-squares fit over all frequencies (Oppenheim and Schafer,
-    Discrete-Time Signal Processing, 7.5). A zero-phase response gives a symmetric, linear-phase filter.
+    The truncated impulse response is the least-squares fit over all frequencies (Oppenheim and Schafer, Discrete-Time
+    Signal Processing, 7.5). A zero-phase response gives a symmetric, linear-phase filter.
 
     Parameters
     ----------
@@ -143,12 +138,12 @@ def fir_from_response(response: Complex, taps: int) -> Array:
     if taps < 1 or taps % 2 == 0 or taps >= length:
         raise InputError(f"taps: expected an odd number below {length}, got {taps}")
     impulse = np.fft.irfft(response, length, axis=0)
-    # The impulse response of a spectrum begins at time 0 and has its past at the end: turned, its middle is the delay.
+    # irfft puts negative times at the end: rotate them to the front, so that time 0 is in the middle.
     return np.roll(impulse, taps // 2, axis=0)[:taps]
 
 
 def filter_fir(x: Array, fir: Array) -> Array:
-    """Convolve along time with an odd-length filter and take its delay of (taps - 1) / 2 away.
+    """Convolve along time with an odd-length filter and remove its delay of (taps - 1) / 2 frames.
 
     Parameters
     ----------
@@ -160,7 +155,6 @@ def filter_fir(x: Array, fir: Array) -> Array:
     Returns
     -------
     ndarray, shape (frame, ...)
-        Same length as `x`.
     """
     from scipy.signal import oaconvolve
 
@@ -182,7 +176,7 @@ def welch(x: Array | LazyFrames, rate: float, *, resolution: float = 4.0) -> tup
     rate : float
         In Hz.
     resolution : float
-        Spacing of the bins, in Hz; coarser only where the signal is shorter than 1 / resolution.
+        Bin spacing in Hz; coarser only where the signal is shorter than 1 / resolution.
 
     Returns
     -------
@@ -200,7 +194,7 @@ def welch(x: Array | LazyFrames, rate: float, *, resolution: float = 4.0) -> tup
         count if not isinstance(x, LazyFrames) else max(1, BYTES // (8 * step * max(1, int(np.prod(x.shape[1:])))))
     )
     frequency, density = np.zeros(0), 0.0
-    # Of a reel some segments at a time: the mean of all is that of the parts.
+    # Lazy frames are processed some segments at a time; their results are averaged with weights.
     for first in range(0, count, together):
         last = min(first + together, count)
         part = read_frames(x, first * step, (last - 1) * step + segment)
@@ -212,9 +206,9 @@ def welch(x: Array | LazyFrames, rate: float, *, resolution: float = 4.0) -> tup
 def band_energy(x: Array, rate: float, band: Band, *, resolution: float = 2.0) -> Array:
     """Mean square of the part of a signal within a band.
 
-    By Welch's method with Blackman-Harris segments, three quarters of each shared with the next. Their side lobes are
-    92 dB down: a drift or a strong tone further than four bins away does not leak into the band. What lies in the first
-    or last tenth of a segment from the ends of the signal hardly counts.
+    Welch's method with Blackman-Harris segments that overlap by three quarters. Their side lobes are 92 dB down: a
+    drift or a strong tone more than four bins away does not leak into the band. Samples in the first or last tenth of a
+    segment from either end of the signal have almost no weight.
 
     Parameters
     ----------
@@ -225,7 +219,7 @@ def band_energy(x: Array, rate: float, band: Band, *, resolution: float = 2.0) -
     band : tuple of float
         (low, high), both included, in Hz.
     resolution : float
-        Spacing of the bins, in Hz; coarser only where the signal is shorter than 1 / resolution.
+        Bin spacing in Hz; coarser only where the signal is shorter than 1 / resolution.
 
     Returns
     -------
@@ -240,27 +234,26 @@ def band_energy(x: Array, rate: float, band: Band, *, resolution: float = 2.0) -
         x, rate, window="blackmanharris", nperseg=segment, noverlap=3 * segment // 4, detrend="constant", axis=0
     )
     inside = (frequency >= low) & (frequency <= high)
-    # A sum times the spacing of the bins: densities integrate to a mean square.
+    # Sum times bin spacing: the integral of a density is a mean square.
     return np.asarray(density[inside].sum(axis=0) * rate / segment, np.float64)
 
 
 def resample(x: Array, rate: float, new_rate: float) -> Array:
     """The same band-limited signal at another rate; frame 0 stays at time 0.
 
-    A polyphase filter (`scipy.signal.resample_poly`) under a Kaiser window: flat to 0.1 % up to 94 % of half the lower
-    rate (470 of 500 Hz), halved there, and 80 dB down from 106 % of it on.
+    Polyphase filter (`scipy.signal.resample_poly`) with a Kaiser window: flat to 0.1 % up to 94 % of half the lower
+    rate (470 of 500 Hz), -6 dB at half the lower rate, and 80 dB down from 106 % on.
 
     Parameters
     ----------
     x : ndarray, shape (frame, ...)
         Any unit; held beyond its ends.
     rate, new_rate : float
-        In Hz. The faster over the slower is taken as the nearest fraction with a denominator up to 1000.
+        In Hz. Their ratio is rounded to the nearest fraction with a denominator up to 1000.
 
     Returns
     -------
     ndarray, shape (ceil(frame * new_rate / rate), ...)
-        Same unit.
     """
     from scipy.signal import firwin, resample_poly
 
@@ -270,12 +263,12 @@ def resample(x: Array, rate: float, new_rate: float) -> Array:
     if up == down:
         return x if isinstance(x, LazyFrames) else np.array(x, float)
     slower = max(up, down)
-    # Kaiser's beta for a stop band of 80 dB is 8; 64 frames of the slower rate on either side give the edge its width.
+    # Kaiser's beta is 8 for 80 dB of stop-band attenuation; 64 frames of the lower rate per side set the edge width.
     fir = firwin(128 * slower + 1, 1 / slower, window=("kaiser", 8.0))
     if isinstance(x, LazyFrames):
         return cast("Array", resample_lazily(x, up, down, fir))
     x = np.asarray(x, float)
-    # The stubs know windows by name only; the function takes coefficients too.
+    # The type stubs accept window names only; the function accepts coefficients too.
     y = resample_poly(x, up, down, window=fir, padtype="edge")  # pyright: ignore[reportCallIssue, reportArgumentType]
     return np.asarray(y, np.float64)
 

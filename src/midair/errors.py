@@ -1,33 +1,33 @@
-"""Every error that midair raises on purpose, in one tree.
+"""All errors that midair raises on purpose, in one tree.
 
 ::
 
     MidairError
     ├── InputError (ValueError)              a value that cannot be used
-    │   ├── ShapeError                       wrong number of axes or length of one
+    │   ├── ShapeError                       wrong number of axes or wrong axis length
     │   ├── NonFiniteError                   NaN or infinity
-    │   ├── NegativePressureError            radiation pressure can only push
-    │   ├── RateError                        a frame rate that does not fit
-    │   ├── BandError                        a frequency band that holds nothing
-    │   ├── UnitError                        a quantity in the wrong unit
-    │   ├── MismatchError                    two things that do not belong together
+    │   ├── NegativePressureError            radiation pressure cannot be negative
+    │   ├── RateError                        unsuitable frame rate
+    │   ├── BandError                        empty or unusable frequency band
+    │   ├── UnitError                        wrong or missing unit
+    │   ├── MismatchError                    two objects that do not belong together
     │   └── ExposureError                    a drive above the exposure profile
     ├── FileError
     │   ├── MissingFileError (FileNotFoundError)
-    │   ├── UnknownFormatError (ValueError)  no reader or writer for this name
-    │   └── BrokenFileError (OSError)        truncated, damaged, or of another kind
+    │   ├── UnknownFormatError (ValueError)  no reader or writer for this file name
+    │   └── BrokenFileError (OSError)        truncated, damaged, or another file type
     ├── DeviceError
     │   ├── UnknownDeviceError (LookupError)
-    │   ├── DeviceStateError (RuntimeError)  called in the wrong order
-    │   ├── HeldError                        another program has it
-    │   ├── StoppedError                     somebody asked for silence
-    │   ├── LinkLostError (ConnectionError)  a unit that no longer answers
-    │   ├── SilentFramesError                frames of a drive that did not sound
-    │   └── TooHotError                      units of an array that have to cool
-    ├── ClusterError (RuntimeError)          a cluster that does not answer or loses its workers
+    │   ├── DeviceStateError (RuntimeError)  methods called in the wrong order
+    │   ├── HeldError                        in use by another program
+    │   ├── StoppedError                     playback stopped by a stop request
+    │   ├── LinkLostError (ConnectionError)  connection lost
+    │   ├── SilentFramesError                frames of a drive that were not played
+    │   └── TooHotError                      array units above their temperature limit
+    ├── ClusterError (RuntimeError)          no answer from a cluster, or workers lost
     └── MissingExtraError (ImportError)      an optional package is not installed
 
-A message says what was expected, what came, and what to do.
+Each message states the expected value, the value received, and what to do.
 """
 
 
@@ -52,23 +52,23 @@ class NegativePressureError(InputError):
 
 
 class RateError(InputError):
-    """A frame rate that does not fit what is asked."""
+    """A frame rate that does not suit the operation."""
 
 
 class BandError(InputError):
-    """A frequency band that is empty, upside down, or holds nothing of the recording."""
+    """A frequency band that is empty, reversed, or outside the recording's spectrum."""
 
 
 class UnitError(InputError):
-    """A quantity whose unit does not fit, or that has none."""
+    """A quantity whose unit is wrong or missing."""
 
 
 class MismatchError(InputError):
-    """Two things that do not belong together, such as phases and another array."""
+    """Two objects that do not belong together, such as phases and another array."""
 
 
 class ExposureError(InputError):
-    """A drive that exceeds the exposure profile and that nobody has answered for."""
+    """A drive that exceeds the exposure profile and has no override by a named person."""
 
 
 class FileError(MidairError):
@@ -76,52 +76,52 @@ class FileError(MidairError):
 
 
 class MissingFileError(FileError, FileNotFoundError):
-    """A file that is not there."""
+    """A file that does not exist."""
 
 
 class UnknownFormatError(FileError, ValueError):
-    """A file name for which there is no reader or writer."""
+    """A file name for which no reader or writer exists."""
 
 
 class BrokenFileError(FileError, OSError):
-    """A file that is truncated, damaged, or not what its name says."""
+    """A file that is truncated, damaged, or of another type than its name indicates."""
 
 
 class DeviceError(MidairError):
-    """A sensor or an array that does not do what was asked."""
+    """A sensor or an array that failed to carry out a command."""
 
 
 class UnknownDeviceError(DeviceError, LookupError):
-    """A device name that nothing answers to."""
+    """A device name that is not registered."""
 
 
 class DeviceStateError(DeviceError, RuntimeError):
-    """A device called in the wrong order, such as read before open."""
+    """A device whose methods were called in the wrong order, such as read before open."""
 
 
 class HeldError(DeviceError):
-    """A device that another program has."""
+    """A device that another program is using."""
 
 
 class StoppedError(DeviceError):
-    """An array that plays no more because somebody asked for silence, as `midair stop` does."""
+    """Playback that a stop request has ended, such as `midair stop`."""
 
 
 class LinkLostError(DeviceError, ConnectionError):
-    """A device that answered and no longer does."""
+    """A device that answered before and no longer does."""
 
 
 class SilentFramesError(DeviceError):
-    """Frames of a drive that did not sound, though the array was told to play them."""
+    """Frames of a drive that the array did not play."""
 
 
 class TooHotError(DeviceError):
-    """Units of an array that report too hot; the array is silent and plays again once they have cooled."""
+    """Array units above their temperature limit; the array stays silent until they have cooled."""
 
 
 class ClusterError(MidairError, RuntimeError):
-    """A cluster that does not answer, or loses its workers."""
+    """A cluster that does not answer, or has lost its workers."""
 
 
 class MissingExtraError(MidairError, ImportError):
-    """An optional package that is needed here and not installed."""
+    """An optional package that is required here and not installed."""

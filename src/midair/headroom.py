@@ -1,7 +1,7 @@
-"""How hard an array can press, how hard a drive asks it to, and what comes of that; all by the model, in Pa.
+"""Largest pressure that an array can produce, and how a drive's requested pressure compares with it (model, in Pa).
 
-An array of equally loud transducers adds up to one strong focus or to a weaker pressure all over the palm. Up to some
-level what is asked for comes; beyond it more is asked for and hardly more comes.
+An array of transducers of equal amplitude produces one strong focus or a weaker pressure on the whole palm. Up to some
+level the produced pressure follows the requested one; beyond it, it saturates.
 """
 
 from collections.abc import Iterator
@@ -22,93 +22,74 @@ from midair.targets import interpolation_matrix, piece_of
 Array = NDArray[np.float64]
 
 LINEAR = 0.9
-"""Part of what is asked for that comes at the end of the linear range."""
+"""Ratio of produced to requested pressure at the end of the linear range."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Headroom:
-    """What can be had of an array at a height.
-
-    Attributes
-    ----------
-    height : float
-        In m.
-    focus : float
-        Pressure in the middle of one focus of the whole array, in Pa.
-    even : float
-        Pressure on all cells at once at the end of the linear range, in Pa.
-    most : float
-        Pressure on all cells at once that more asking does not exceed, in Pa.
-    """
+    """Largest pressures that an array can produce at a height."""
 
     height: float
+    """In m."""
     focus: float
+    """Pressure at the centre of a single focus of the whole array, in Pa."""
     even: float
+    """Pressure on all cells at once at the end of the linear range, in Pa."""
     most: float
+    """Saturation pressure on all cells at once, in Pa."""
 
     @property
     def swing(self) -> float:
-        """Amplitude of vibration on all cells at once, in Pa: sound only pushes, so half of the pressure is its rest.
+        """Largest vibration amplitude on all cells at once, in Pa.
 
-        With half-wave rectification as well, which leaves half of the wave.
+        Half of `even`, because radiation pressure cannot be negative: the other half is the mean. The same holds for
+        half-wave rectification, which keeps half of the wave.
         """
         return self.even / 2
 
     def __str__(self) -> str:
         return (
-            f"{_pa(self.focus)} in one focus, {_pa(self.even)} on all cells at once, of which {_pa(self.swing)} "
-            f"swing either way; {1e3 * self.height:.3g} mm above the array"
+            f"{_pa(self.focus)} in one focus, {_pa(self.even)} on all cells at once with a vibration amplitude of "
+            f"{_pa(self.swing)}; {1e3 * self.height:.3g} mm above the array"
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressureLevel:
-    """What a drive was asked for and what comes of it, without its lead.
-
-    Attributes
-    ----------
-    strength : float
-        Peak of the sound that is asked for, over that of one focus of the whole array.
-    asked : float
-        Highest pressure at a control point, in Pa.
-    steady : float
-        Its mean over time at the same point, in Pa: push without vibration.
-    vibration : float
-        Rms of the vibration in the band at the same point, in Pa.
-    comes : float
-        Part of the asked pressure that comes in the loudest frames.
-    linear : float
-        Highest pressure at a control point up to which the loudest pattern is in the linear range, in Pa.
-    headroom : Headroom
-        What can be had at all.
-    """
+    """Pressure that a drive requests, and the pressure that the model predicts for it, without its lead."""
 
     strength: float
+    """Requested peak sound amplitude relative to a single focus of the whole array."""
     asked: float
+    """Highest requested pressure at a control point, in Pa."""
     steady: float
+    """Mean pressure over time at the same point, in Pa."""
     vibration: float
+    """Rms of the vibration in the band at the same point, in Pa."""
     comes: float
+    """Ratio of predicted to requested pressure in the loudest frames."""
     linear: float
+    """Highest pressure at a control point for which the loudest pattern is in the linear range, in Pa."""
     headroom: Headroom
 
     @property
     def too_loud(self) -> bool:
-        """Whether it is above the linear range: more is asked for than comes."""
+        """True above the linear range, where the predicted pressure falls short of the requested one."""
         return self.asked > self.linear and self.comes < LINEAR
 
     def advice(self) -> str:
-        """What to do where it is asked for too much; empty where it is not."""
+        """Suggested strength or gain if the drive requests too much; otherwise empty."""
         if not self.too_loud:
             return ""
         fits = self.linear / self.asked
         return (
-            f"level: {_pa(self.asked)} are asked for and {100 * self.comes:.0f} % of them come; this pattern comes in "
-            f"full up to about {_pa(self.linear)}: take --strength {self.strength * np.sqrt(fits):.2g}, or a --gain "
+            f"level: {_pa(self.asked)} requested, {100 * self.comes:.0f} % predicted; this pattern is reproduced in "
+            f"full up to about {_pa(self.linear)}: use --strength {self.strength * np.sqrt(fits):.2g}, or a --gain "
             f"{fits:.2g} times as large"
         )
 
     def rows(self) -> list[tuple[str, str]]:
-        """In words."""
+        """Label and text of each row of a printed table."""
         return [
             ("can be had", str(self.headroom)),
             (
@@ -118,13 +99,13 @@ class PressureLevel:
             ),
             (
                 "comes",
-                f"{100 * self.comes:.0f} % of it in the loudest frames, by the model; in full up to about "
+                f"{100 * self.comes:.0f} % of it in the loudest frames (model prediction); in full up to about "
                 f"{_pa(self.linear)}",
             ),
         ]
 
     def plain(self) -> dict[str, object]:
-        """For JSON: pressures in Pa."""
+        """Dictionary for JSON, pressures in Pa."""
         own = {f"{name}_pa": getattr(self, name) for name in ("asked", "steady", "vibration", "linear")}
         head = {f"{name}_pa": value for name, value in asdict(self.headroom).items() if name != "height"}
         return {
@@ -143,18 +124,9 @@ def headroom(
     *,
     sensor: SensorGrid | None = None,
 ) -> Headroom:
-    """What an array can press at the height of a grid; the second time for the same it is known.
+    """Largest pressures of `array` at the height of `grid`, cached for equal inputs.
 
-    Parameters
-    ----------
-    array : TransducerArray
-        What plays, at equal and full amplitudes.
-    grid : ControlGrid
-        The control points.
-    acoustics : Acoustics, optional
-        The air and the directivity; the paper's if None.
-    sensor : SensorGrid, optional
-        Whose cells are pressed all at once; the paper's 4 x 4 if None.
+    `sensor` has the cells that are pressed all at once; None for the paper's 4 x 4.
     """
     key = array.position.tobytes() + array.normal.tobytes()
     return _headroom(_Keyed(array=array, key=(key, array.pressure, array.frequency)), grid, acoustics, sensor)
@@ -163,17 +135,7 @@ def headroom(
 def level_of(
     solution: Solution, target: AmplitudeFrames, *, band: tuple[float, float] = (20.0, 470.0)
 ) -> PressureLevel:
-    """How hard a drive was asked to press, and what comes of it by the model.
-
-    Parameters
-    ----------
-    solution : Solution
-        What was found.
-    target : AmplitudeFrames
-        What it was found for.
-    band : tuple of float
-        In which vibration counts, in Hz.
-    """
+    """Requested and predicted pressure of a solution for its target; vibration is measured within `band`, in Hz."""
     drive = solution.drive
     medium = drive.acoustics.medium
     piece = piece_of(target.provenance, target.frames, target.rate)
@@ -197,7 +159,7 @@ def level_of(
 
 
 def band_of(target: AmplitudeFrames) -> tuple[float, float]:
-    """The band of the recording that a target was made of; 20 to 470 Hz where nothing tells."""
+    """Band of the recording that a target was made from, in Hz; 20 to 470 Hz where its provenance has none."""
     known = Settings.of(target.provenance)
     return (20.0, 470.0) if known is None else known.calibration.band
 
@@ -205,15 +167,7 @@ def band_of(target: AmplitudeFrames) -> tuple[float, float]:
 def linear_range(
     array: TransducerArray, grid: ControlGrid, pattern: Array, acoustics: Acoustics | None = None
 ) -> tuple[float, float]:
-    """Highest pressure of a pattern up to which it comes, and the highest that comes at all, in Pa.
-
-    Parameters
-    ----------
-    array, grid, acoustics
-        As in `headroom`.
-    pattern : ndarray, shape (point,)
-        Pressure at the points over any unit.
-    """
+    """End of the linear range and saturation of a pressure pattern, shape (point,), any unit; both results in Pa."""
     acoustics, top = acoustics or Acoustics(), float(pattern.max())
     if not top > 0:
         return 0.0, 0.0
@@ -231,14 +185,14 @@ def linear_range(
     if not len(lacks):
         return float(asked[-1]), float((part * asked).max())
     first = int(lacks[0])
-    # On a straight line between the last level that comes and the first that does not, over its logarithm.
+    # Interpolate over the logarithm of the level, between the last level in the linear range and the first above it.
     low, high = part[first - 1] / part[0], part[first] / part[0]
     share = (low - LINEAR) / (low - high)
     return float(asked[first - 1] * (asked[first] / asked[first - 1]) ** share), float((part * asked).max())
 
 
 def thinned(grid: ControlGrid, *, side: int = 16) -> tuple[NDArray[np.int64], ControlGrid]:
-    """Which points of a grid are looked at, so that a fine one costs no more than the paper's; and those as a grid."""
+    """Every n-th point of a grid, so that a fine grid costs no more than the paper's: their indices and their grid."""
     step = max(1, -(-max(grid.shape) // side))
     rows, columns = np.arange(0, grid.rows, step), np.arange(0, grid.columns, step)
     middle = (float(grid.x[columns].mean()) + grid.centre[0], float(grid.y[rows].mean()) + grid.centre[1])
@@ -247,13 +201,13 @@ def thinned(grid: ControlGrid, *, side: int = 16) -> tuple[NDArray[np.int64], Co
 
 
 def _pa(value: float) -> str:
-    """In two digits, as exact as a model is."""
+    """Pressure with two digits, the accuracy of the model."""
     return f"{float(f'{value:.2g}'):g} Pa"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Keyed:
-    """An array that is the same as another of the same numbers, for a cache."""
+    """A hashable array for a cache: equal when its numbers are equal."""
 
     array: TransducerArray
     key: tuple[bytes, float, float]
@@ -275,7 +229,7 @@ def _headroom(keyed: _Keyed, grid: ControlGrid, acoustics: Acoustics | None, sen
 
 
 def _loudest(target: AmplitudeFrames, piece: slice) -> tuple[int, int, Array]:
-    """The frame that asks for most in all, the point with the highest amplitude, and the highest of each point."""
+    """Frame with the highest power, point with the highest amplitude, and the maximum amplitude of each point."""
     most, frame, top = -1.0, piece.start, np.zeros(target.grid.count)
     for first, block in _stretches(target, piece):
         power = (block**2).sum(axis=1)
@@ -286,13 +240,13 @@ def _loudest(target: AmplitudeFrames, piece: slice) -> tuple[int, int, Array]:
 
 
 def _loud_frames(target: AmplitudeFrames, piece: slice, *, count: int = 16) -> list[int]:
-    """Frames that ask for most, no more than `count`."""
+    """The `count` frames with the highest power."""
     power = np.concatenate([(block**2).sum(axis=1) for _, block in _stretches(target, piece)])
     return [piece.start + int(frame) for frame in np.argsort(power)[::-1][:count]]
 
 
 def _at_point(target: AmplitudeFrames, piece: slice, point: int) -> Array:
-    # Copies: a view would keep the whole block that it is of.
+    # Copies: a view would keep its whole block in memory.
     return np.concatenate([block[:, point].copy() for _, block in _stretches(target, piece)])
 
 
@@ -304,7 +258,7 @@ def _stretches(target: AmplitudeFrames, piece: slice) -> Iterator[tuple[int, Arr
 
 
 def _comes(drive: Drive, target: AmplitudeFrames, frames: list[int]) -> float:
-    """Best factor from asked to pressed over some frames, as if every frame lasted for ever."""
+    """Least-squares ratio of produced to requested pressure over some frames in steady state."""
     medium = drive.acoustics.medium
     phase, level, wanted = (
         np.concatenate([read_frames(each, one, one + 1) for one in frames])

@@ -1,7 +1,7 @@
-"""Filters along the frames of a reel, a segment at a time, with as much around each as the filter reaches.
+"""Filters for lazy frames, one segment at a time with as much context on both sides as the filter needs.
 
-What comes out is what the same filter in `midair.dsp` makes of the whole in memory: convolutions and other rates to
-rounding; responses that are multiplied onto a spectrum to what their answer in time has left beyond the margin.
+Results equal those of `midair.dsp` on the whole array: for convolutions and resampling to rounding; for frequency
+responses up to the part of their impulse response that lies beyond the margin.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ Complex = NDArray[np.complex128]
 
 
 LEAST = 2048
-"""Frames around a segment, at least: two seconds of a drive."""
+"""Minimum number of context frames on either side of a segment: two seconds of a drive."""
 
 
 def extend(x: Array, pad: int) -> Array:
@@ -31,7 +31,7 @@ def extend(x: Array, pad: int) -> Array:
 
 
 def pad_with_silence(x: Array | LazyFrames, pad: int) -> Array | LazyFrames:
-    """`x` with `pad` frames of silence on both sides; of a reel a reel."""
+    """`x` with `pad` frames of silence on both sides; lazy if `x` is."""
     shape = (len(x) + 2 * pad, *x.shape[1:])
     if not isinstance(x, LazyFrames):
         whole = np.zeros(shape)
@@ -49,10 +49,7 @@ def pad_with_silence(x: Array | LazyFrames, pad: int) -> Array | LazyFrames:
 
 
 def pad_with_fade(x: Array | LazyFrames, pad: int, swell: int) -> Array | LazyFrames:
-    """`x` with `pad` frames on both sides: silence, and at last `swell` frames of a half cosine to its end values.
-
-    Of a reel a reel.
-    """
+    """`x` with `pad` frames on both sides: silence, then `swell` frames of a half cosine to the end values."""
     swell, quiet = min(swell, pad), pad_with_silence(x, pad)
     if not swell:
         return quiet
@@ -75,93 +72,93 @@ def pad_with_fade(x: Array | LazyFrames, pad: int, swell: int) -> Array | LazyFr
 
 
 def filter_lazily(
-    reel: LazyFrames, rate: float, response: Callable[[Array], Complex | Array], *, reach: float
+    x: LazyFrames, rate: float, response: Callable[[Array], Complex | Array], *, reach: float
 ) -> LazyFrames:
-    """As `midair.dsp.filter_response`, of a reel: each segment has its own spectrum.
+    """`midair.dsp.filter_response` of lazy frames: each segment has its own spectrum.
 
-    Around a segment lie two reaches of the signal on either side, `LEAST` frames at least, of which the outer half
-    fades in or out: so a segment ends without a step. What a response answers after that is left out. The inverse of an
-    envelope that begins at half the rate with another phase than 0 answers for ever, with 1 / t of a tone at half the
-    rate: that is where the two differ.
+    The context is two reaches of the signal on either side, at least `LEAST` frames, of which the outer half fades in
+    or out, so that a segment ends without a step. The impulse response beyond it is cut off. The inverse of an envelope
+    whose phase at half the rate is not 0 never ends: it contains a tone at half the rate that falls as 1 / t, and there
+    the two results differ.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
     pad = int(np.ceil(reach * rate)) + 1
     margin = max(2 * pad, LEAST)
-    mean, known = reel.moments.mean, dict[int, Complex | Array]()
+    mean, known = x.moments.mean, dict[int, Complex | Array]()
 
     def make(first: int, last: int) -> Array:
-        around = _around(reel, first - margin, last + margin, pad, mean, fade=margin // 2)
+        around = _around(x, first - margin, last + margin, pad, mean, fade=margin // 2)
         length = next_fast_len(len(around), real=True)
         if length not in known:
-            # All segments but the last one are equally long.
+            # All segments except the last one have the same length.
             known.clear()
             known[length] = _answer(response, np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
         wanted = known[length]
         inside = slice(margin, margin + last - first)
-        changing = np.empty((last - first, *reel.shape[1:]))
-        # One row of channels after another: spectra of all take several times the memory of the segment.
-        for row in range(reel.shape[1]):
+        changing = np.empty((last - first, *x.shape[1:]))
+        # One row of channels at a time: spectra of all rows take several times the memory of the segment.
+        for row in range(x.shape[1]):
             factor = wanted[:, row if wanted.shape[1] > 1 else 0]
             spectrum = rfft(around[:, row], length, axis=0)
             changing[:, row] = irfft(spectrum * factor, length, axis=0, overwrite_x=True)[inside]
         changing += mean * wanted[0].real
         return changing
 
-    return cached_blocks(make, reel.shape, size=max(_usual(reel), 2 * margin), kept=2)
+    return cached_blocks(make, x.shape, size=max(_usual(x), 2 * margin), kept=2)
 
 
-def shift_earlier(reel: LazyFrames, by: float) -> LazyFrames:
-    """A reel earlier by so many frames, whole or not, by a linear phase on the spectrum; silence on both sides.
+def shift_earlier(x: LazyFrames, by: float) -> LazyFrames:
+    """Shift lazy frames earlier by a number of frames, not necessarily whole, with silence on both sides.
 
-    Beside a segment lie `LEAST` frames more than it is moved by, the outer ones of which fade. So what differs from a
-    spectrum of the whole is what lies near half the rate: 1e-6 of what goes up to 48 hundredths of the rate.
+    The shift is a linear phase on the spectrum. The context is the shift plus `LEAST` frames, the outer ones of which
+    fade. Compared with the spectrum of the whole, the error is 1e-6 for frequencies up to 0.48 of the rate.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
-    margin, rest = LEAST + int(np.ceil(abs(by))), int(np.prod(reel.shape[1:], dtype=np.int64))
+    margin, rest = LEAST + int(np.ceil(abs(by))), int(np.prod(x.shape[1:], dtype=np.int64))
 
     def make(first: int, last: int) -> Array:
-        around = _around(reel, first - margin, last + margin, 0, np.zeros(reel.shape[1:]), fade=LEAST // 2)
+        around = _around(x, first - margin, last + margin, 0, np.zeros(x.shape[1:]), fade=LEAST // 2)
         length = next_fast_len(len(around), real=True)
         turn = np.exp(2j * np.pi * np.fft.rfftfreq(length) * by)
         moved = np.empty((last - first, rest))
         for channel, values in enumerate(around.reshape(len(around), rest).T):
             spectrum = rfft(values, length)
             moved[:, channel] = irfft(spectrum * turn, length, overwrite_x=True)[margin : margin + last - first]
-        return moved.reshape(-1, *reel.shape[1:])
+        return moved.reshape(-1, *x.shape[1:])
 
-    return cached_blocks(make, reel.shape, size=max(_usual(reel), 2 * margin), kept=2)
+    return cached_blocks(make, x.shape, size=max(_usual(x), 2 * margin), kept=2)
 
 
-def convolve_lazily(reel: LazyFrames, fir: Array) -> LazyFrames:
-    """As `midair.dsp.filter_fir`, of a reel: the same to rounding."""
+def convolve_lazily(x: LazyFrames, fir: Array) -> LazyFrames:
+    """`midair.dsp.filter_fir` of lazy frames, equal to rounding."""
     from scipy.signal import oaconvolve
 
     pad = len(fir) - 1
 
     def make(first: int, last: int) -> Array:
-        around = _around(reel, first - pad // 2, last + pad // 2, pad, np.zeros(reel.shape[1:]))
+        around = _around(x, first - pad // 2, last + pad // 2, pad, np.zeros(x.shape[1:]))
         return np.asarray(oaconvolve(around, fir, mode="valid", axes=0), np.float64)
 
-    return cached_blocks(make, reel.shape, size=max(_usual(reel), 2 * pad), kept=2)
+    return cached_blocks(make, x.shape, size=max(_usual(x), 2 * pad), kept=2)
 
 
-def resample_lazily(reel: LazyFrames, up: int, down: int, fir: Array) -> LazyFrames:
-    """As `midair.dsp.resample`, of a reel, by its filter and its fraction: the same to rounding."""
+def resample_lazily(x: LazyFrames, up: int, down: int, fir: Array) -> LazyFrames:
+    """`midair.dsp.resample` of lazy frames with its filter and its fraction, equal to rounding."""
     from scipy.signal import resample_poly
 
-    # Frames of the input that half of the filter covers, and whole periods of the fraction, so that phases agree.
+    # Input frames covered by half of the filter, and whole periods of the fraction, so that the phases agree.
     half = -(-len(fir) // (2 * up)) + 1
-    frames = -(-len(reel) * up // down)
-    periods = max(1, _usual(reel) // down)
+    frames = -(-len(x) * up // down)
+    periods = max(1, _usual(x) // down)
 
     def make(first: int, last: int) -> Array:
         begin = max(0, (first * down // up - half) // down * down)
-        end = min(len(reel), -(-last * down // up) + half + 1)
-        # The stubs know windows by name only; the function takes coefficients too.
+        end = min(len(x), -(-last * down // up) + half + 1)
+        # The type stubs accept window names only; the function accepts coefficients too.
         y = resample_poly(  # pyright: ignore[reportCallIssue]
-            reel.read(begin, end),
+            x.read(begin, end),
             up,
             down,
             window=fir,  # pyright: ignore[reportArgumentType]
@@ -170,64 +167,61 @@ def resample_lazily(reel: LazyFrames, up: int, down: int, fir: Array) -> LazyFra
         skip = begin // down * up
         return np.asarray(y[first - skip : last - skip], np.float64)
 
-    return cached_blocks(make, (frames, *reel.shape[1:]), size=periods * up, kept=2)
+    return cached_blocks(make, (frames, *x.shape[1:]), size=periods * up, kept=2)
 
 
-def with_context(reel: LazyFrames, reach: int, function: Callable[[Array], Array]) -> LazyFrames:
-    """What `function` makes of frames and `reach` more on either side, held beyond the ends; it gives the inner ones.
+def with_context(x: LazyFrames, reach: int, function: Callable[[Array], Array]) -> LazyFrames:
+    """Apply `function` to segments with `reach` frames more on either side, held beyond the ends.
 
-    The frames must keep their shape.
+    `function` returns the inner frames; the shape of a frame stays.
     """
 
     def make(first: int, last: int) -> Array:
-        begin, end = max(0, first - reach), min(len(reel), last + reach)
-        inside = reel.read(begin, end)
+        begin, end = max(0, first - reach), min(len(x), last + reach)
+        inside = x.read(begin, end)
         before, after = reach - (first - begin), reach - (end - last)
         ends = [np.repeat(inside[:1], before, axis=0), np.repeat(inside[-1:], after, axis=0)]
         return function(np.concatenate([ends[0], inside, ends[1]]))
 
-    return cached_blocks(make, reel.shape, size=max(_usual(reel), 2 * reach), kept=2)
+    return cached_blocks(make, x.shape, size=max(_usual(x), 2 * reach), kept=2)
 
 
 def _answer(response: Callable[[Array], Complex | Array], frequency: Array) -> Complex | Array:
-    """A response at many frequencies, of some at a time: what working it out takes is several times what it is."""
+    """A response at many frequencies, computed in parts because intermediate results are several times as large."""
     step = 4096
     parts = [response(frequency[first : first + step]) for first in range(0, len(frequency), step)]
     return cast("Complex", np.concatenate(parts))
 
 
-def _usual(reel: LazyFrames) -> int:
-    """Frames of about a block."""
-    return max(1, BYTES // max(1, 8 * int(np.prod(reel.shape[1:], dtype=np.int64))))
+def _usual(x: LazyFrames) -> int:
+    """Number of frames in a block."""
+    return max(1, BYTES // max(1, 8 * int(np.prod(x.shape[1:], dtype=np.int64))))
 
 
-def _around(reel: LazyFrames, first: int, last: int, pad: int, mean: Array, *, fade: int = 0) -> Array:
-    """Frames less a mean, from before the beginning to after the end if asked for, extended there as by `extend`.
-
-    Where the signal goes on, the outer `fade` frames fade.
-    """
-    begin, end = max(0, first), min(len(reel), last)
-    whole = np.zeros((last - first, *reel.shape[1:]))
+def _around(x: LazyFrames, first: int, last: int, pad: int, mean: Array, *, fade: int = 0) -> Array:
+    """Frames minus a mean, extended as by `extend` beyond the ends; elsewhere the outer `fade` frames fade."""
+    begin, end = max(0, first), min(len(x), last)
+    whole = np.zeros((last - first, *x.shape[1:]))
     at = begin - first
-    # A block at a time: what is read, and what it is less the mean, would take as much memory as the whole each.
-    for block in reel[begin:end].blocks():
+    # One block at a time: a copy without the mean would double the memory.
+    for block in x[begin:end].blocks():
         np.subtract(block, mean, out=whole[at : at + len(block)])
         at += len(block)
-    ramp, soft = (_ramp(each).reshape(-1, *([1] * (reel.ndim - 1))) for each in (pad, fade))
+    ramp, soft = (_ramp(each).reshape(-1, *([1] * (x.ndim - 1))) for each in (pad, fade))
     if first < 0 and pad:
         count = min(pad, -first)
-        whole[-first - count : -first] = ramp[pad - count :] * (reel.moments.first - mean)
+        whole[-first - count : -first] = ramp[pad - count :] * (x.moments.first - mean)
     elif fade and first > 0:
         whole[: len(soft)] *= soft
-    if last > len(reel) and pad:
-        count, behind = min(pad, last - len(reel)), len(reel) - first
-        whole[behind : behind + count] = ramp[::-1][:count] * (reel.moments.last - mean)
-    elif fade and last < len(reel):
+    if last > len(x) and pad:
+        count, behind = min(pad, last - len(x)), len(x) - first
+        whole[behind : behind + count] = ramp[::-1][:count] * (x.moments.last - mean)
+    elif fade and last < len(x):
         whole[-len(soft) :] *= soft[::-1]
     return whole
 
 
 def _ramp(pad: int) -> Array:
-    """A half cosine from 0, and then 1: `pad` frames together."""
+    """A half cosine from 0 to 1, then 1: `pad` frames in total."""
     fade = pad - pad // 2
     return np.concatenate([0.5 - 0.5 * np.cos(np.pi * np.arange(fade) / max(fade, 1)), np.ones(pad - fade)])

@@ -1,7 +1,7 @@
-"""Frames that are read or worked out when somebody asks for them: however many there are, a stretch is in memory.
+"""Arrays whose frames are read or computed on access, so that only one block at a time is in memory.
 
-A `LazyFrames` stands where a noun holds an array: `Recording.samples`, `PressureFrames.pressure`, `Drive.phase` and the
-others. What goes through it in `blocks` needs the memory of a block; NumPy takes it for the whole array.
+A `LazyFrames` can replace an array in a data class: `Recording.samples`, `PressureFrames.pressure`, `Drive.phase` and
+others. Iterating over its `blocks` needs the memory of one block; NumPy functions convert it to a whole array.
 """
 
 from collections import OrderedDict
@@ -19,23 +19,23 @@ from midair.progress import passing
 
 Array = NDArray[np.float64]
 Stored = Literal["f4", "f8"]
-"""Of what precision the numbers are that a reel reads: what is read of float32 fits into float32."""
+"""Precision of the stored numbers: values read from float32 fit into float32."""
 
 BYTES = 2**21
-"""Of a block, about: large enough that what a block costs besides its numbers does not count."""
+"""Approximate size of a block: large enough that the overhead per block is negligible."""
 
 
 class LazyFrames:
-    """An array along frames of which nothing is kept.
+    """A read-only array of (frame, ...) that keeps no frames in memory.
 
     Parameters
     ----------
     read : callable
-        Takes (first, last), gives the frames from `first` up to `last`, shape (last - first, ...), as float64.
+        Takes (first, last); returns these frames, shape (last - first, ...), as float64.
     shape : tuple of int
-        Of the whole: (frame, ...).
+        Shape of the whole array: (frame, ...).
     stored : {"f4", "f8"}
-        Whether float32 holds every number of it.
+        "f4" if float32 holds every number of it exactly.
     """
 
     def __init__(self, read: Callable[[int, int], Array], shape: tuple[int, ...], *, stored: Stored = "f8") -> None:
@@ -43,7 +43,7 @@ class LazyFrames:
         self.stored: Stored = stored
 
     def __repr__(self) -> str:
-        return f"<Reel {' x '.join(map(str, self.shape))}>"
+        return f"<LazyFrames {' x '.join(map(str, self.shape))}>"
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -55,17 +55,17 @@ class LazyFrames:
 
     @property
     def size(self) -> int:
-        """How many numbers there are."""
+        """Total number of elements."""
         return int(np.prod(self.shape, dtype=np.int64))
 
     @property
     def dtype(self) -> np.dtype[np.float64]:
-        """Of what is read: float64."""
+        """Type of the frames that `read` returns."""
         return np.dtype(np.float64)
 
     @property
     def nbytes(self) -> int:
-        """Of the whole, were it in memory."""
+        """Size of the whole array in memory."""
         return 8 * self.size
 
     def read(self, first: int, last: int) -> Array:
@@ -73,7 +73,7 @@ class LazyFrames:
         return self._read(first, last)
 
     def __getitem__(self, key: Any) -> Any:
-        """Frames from here to there as a reel, one frame or some as an array, and anything else of the whole array."""
+        """A slice without step gives lazy frames; frame indices give an array; any other key reads the whole array."""
         if isinstance(key, slice) and key.step in (None, 1):
             first, last, _ = key.indices(len(self))
             if (first, last) == (0, len(self)):
@@ -91,18 +91,18 @@ class LazyFrames:
         return np.asarray(self)[key]
 
     def _some(self, frames: NDArray[np.intp]) -> Array:
-        """Chosen frames; those that follow each other are read together, since a file is opened for each reading."""
+        """Read chosen frames; consecutive ones are read together, because each read may open a file."""
         some, most = np.empty((len(frames), *self.shape[1:])), next(block_ranges(self.shape), (0, 1))[1]
         ends = [*(np.flatnonzero(np.diff(frames) != 1) + 1).tolist(), len(frames)]
         for begin, end in zip([0, *ends], ends, strict=False):
             for at in range(begin, end, most):
-                # Each into its place: a stretch may be a view of a long segment, which it would keep.
+                # Copied into place: a view would keep its whole segment in memory.
                 count = min(most, end - at)
                 some[at : at + count] = self._read(int(frames[at]), int(frames[at]) + count)
         return some
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        """The whole, in memory."""
+        """Read the whole array into memory."""
         whole = np.empty(self.shape)
         first = 0
         for block in self.blocks():
@@ -111,17 +111,17 @@ class LazyFrames:
         return whole if dtype is None else whole.astype(dtype)
 
     def blocks(self, size: int | None = None) -> Iterator[Array]:
-        """The frames in order, `size` at a time; about two megabytes if None."""
+        """Iterate over the frames, `size` at a time; about 2 MB if None."""
         parts = (self._read(first, last) for first, last in block_ranges(self.shape, size))
         yield from passing(parts, len(self), weight=len)
 
     def mapped(self, function: Callable[[Array], Any], *, stored: Stored = "f8") -> "LazyFrames":
-        """What `function` makes of every frame; it takes (frame, ...) and gives as many frames."""
+        """Lazy frames of `function`, which takes (frame, ...) and returns as many frames."""
         some = function(self._read(0, 1))
         return LazyFrames(lambda a, b: function(self._read(a, b)), (len(self), *some.shape[1:]), stored=stored)
 
     def followed(self, frames: int) -> "LazyFrames":
-        """The same, followed by zeros so that there are `frames` of it at least."""
+        """Lazy frames padded at the end with zeros to at least `frames` frames."""
 
         def read(first: int, last: int) -> Array:
             there = self._read(min(first, len(self)), min(last, len(self)))
@@ -130,61 +130,55 @@ class LazyFrames:
         return LazyFrames(read, (max(frames, len(self)), *self.shape[1:]), stored=self.stored)
 
     def min(self, axis: Literal[0] | None = None) -> Any:
-        """Least number, of all or along the frames (axis 0)."""
+        """Minimum of all numbers, or along the frames (axis 0)."""
         return self.moments.least if axis == 0 else float(self.moments.least.min())
 
     def max(self, axis: Literal[0] | None = None) -> Any:
-        """Greatest number, of all or along the frames (axis 0)."""
+        """Maximum of all numbers, or along the frames (axis 0)."""
         return self.moments.greatest if axis == 0 else float(self.moments.greatest.max())
 
     @cached_property
     def moments(self) -> "Moments":
-        """What one pass through all of it tells."""
+        """Statistics of each channel from one pass along the frames, cached."""
         return Moments.of(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Moments:
-    """What one pass along the frames tells of each channel.
-
-    Attributes
-    ----------
-    least, greatest, mean, spread : ndarray, shape (...)
-        Of each channel over all frames; the spread is its standard deviation.
-    step : ndarray, shape (...)
-        Rms of the difference of one frame and the next; 0 where there is one frame.
-    first, last : ndarray, shape (...)
-        Frames.
-    """
+    """Statistics of each channel from one pass along the frames; each array has shape (...)."""
 
     least: Array
     greatest: Array
     mean: Array
     spread: Array
+    """Standard deviation."""
     step: Array
+    """Rms difference between successive frames; 0 for a single frame."""
     first: Array
+    """First frame."""
     last: Array
+    """Last frame."""
 
     @property
     def largest(self) -> float:
-        """Largest magnitude of all."""
+        """Largest magnitude of all channels."""
         return float(np.maximum(self.greatest, -self.least).max())
 
     @classmethod
     def of(cls, x: "Array | LazyFrames") -> "Moments":
-        """Of an array or a reel of at least one frame, block by block."""
+        """Compute the statistics of an array or lazy frames, at least one frame, block by block."""
         parts = blocks(x)
         block = next(parts)
         first, last, count = block[0], block[-1], len(block)
         least, greatest = block.min(axis=0), block.max(axis=0)
-        # A power of two near the first numbers: squares of very large or small ones would leave the range of numbers.
+        # Scaled by a power of two, because squares of very large or small numbers overflow or underflow.
         unit = 2.0 ** min(int(np.frexp(np.maximum(greatest, -least).max())[1]), 1023)
         mean, apart, steps = (block / unit).mean(axis=0), _apart(block / unit), _steps(block / unit)
         for block in parts:
             least, greatest = np.minimum(least, block.min(axis=0)), np.maximum(greatest, block.max(axis=0))
             part, total = block / unit, count + len(block)
             steps = steps + np.square(part[0] - last / unit) + _steps(part)
-            # Two parts' mean and sum of squares make those of both: Chan, Golub & LeVeque, Am. Stat. 37 (1983).
+            # Update of mean and sum of squares: Chan, Golub & LeVeque, Am. Stat. 37 (1983).
             change = part.mean(axis=0) - mean
             apart = apart + _apart(part) + change**2 * (count * len(block) / total)
             mean, count, last = mean + change * (len(block) / total), total, block[-1]
@@ -200,61 +194,55 @@ class Moments:
 
 
 def moments(x: "Array | LazyFrames") -> Moments:
-    """What one pass through an array or a reel tells; a reel keeps it."""
+    """Statistics from one pass through an array or lazy frames; lazy frames cache them."""
     return x.moments if isinstance(x, LazyFrames) else Moments.of(x)
 
 
 def _apart(block: Array) -> Array:
-    """Sum of the squared distances from the mean."""
+    """Sum of squared deviations from the mean."""
     return np.asarray(block.var(axis=0) * len(block), np.float64)
 
 
 def _steps(block: Array) -> Array:
-    """Sum of the squared differences of one frame and the next."""
+    """Sum of squared differences between successive frames."""
     return np.asarray(np.square(np.diff(block, axis=0)).sum(axis=0), np.float64)
 
 
 def block_ranges(shape: tuple[int, ...], size: int | None = None) -> Iterator[tuple[int, int]]:
-    """(first, last) of each block of `size` frames of an array of this shape; of about two megabytes if None."""
+    """Yield (first, last) for each block of `size` frames of an array of this shape; about 2 MB each if None."""
     row = 8 * int(np.prod(shape[1:], dtype=np.int64))
     step = size or max(1, BYTES // max(row, 1))
     yield from ((first, min(first + step, shape[0])) for first in range(0, shape[0], step))
 
 
 def blocks(x: "NDArray[Any] | LazyFrames", size: int | None = None) -> Iterator[NDArray[Any]]:
-    """The frames of an array or a reel in order, `size` at a time; about two megabytes if None."""
+    """Iterate over the frames of an array or lazy frames, `size` at a time; about 2 MB if None."""
     if isinstance(x, LazyFrames):
         return x.blocks(size)
     return passing((x[first:last] for first, last in block_ranges(x.shape, size)), len(x), weight=len)
 
 
 def read_frames(x: "NDArray[Any] | LazyFrames", first: int, last: int) -> NDArray[Any]:
-    """Frames of an array or a reel from `first` up to `last`, in memory."""
+    """Frames of an array or lazy frames from `first` up to `last`, in memory."""
     return x.read(first, last) if isinstance(x, LazyFrames) else x[first:last]
 
 
 def as_lazy(x: "NDArray[Any] | LazyFrames") -> Any:
-    """An array as a reel, so that what is made of it is made when it is read; a reel as it is."""
+    """An array as lazy frames, so that functions of it are computed when read; lazy frames unchanged."""
     return x if isinstance(x, LazyFrames) else LazyFrames(lambda first, last: x[first:last], x.shape)
 
 
 def each_frame(x: Any, function: Callable[[Array], Any], *, exact: bool = False) -> Any:
-    """What `function` makes of all frames: of an array at once, of a reel when they are read.
+    """Apply `function` to all frames: to an array at once, to lazy frames when they are read.
 
-    Parameters
-    ----------
-    x : ndarray or Reel, shape (frame, ...)
-        The frames.
-    function : callable
-        Takes and gives as many frames, each of which hangs on that frame of `x` alone.
-    exact : bool
-        Whether what fits into float32 still does after it.
+    `function` takes and returns as many frames, each of which depends only on that frame of `x`. Set `exact` if its
+    results still fit into float32 where the input does.
     """
     return x.mapped(function, stored=x.stored if exact else "f8") if isinstance(x, LazyFrames) else function(x)
 
 
 def concatenate_lazy(parts: "Sequence[NDArray[Any] | LazyFrames]") -> Any:
-    """One after another: an array of arrays, a reel where one is a reel."""
+    """Concatenate along the frames: an array if all parts are arrays, otherwise lazy frames."""
     if not any(isinstance(part, LazyFrames) for part in parts):
         return np.concatenate(parts)
     ends = np.cumsum([len(part) for part in parts])
@@ -272,21 +260,13 @@ def concatenate_lazy(parts: "Sequence[NDArray[Any] | LazyFrames]") -> Any:
 
 
 def from_iterator(parts: Iterable[Array], shape: tuple[int, ...]) -> LazyFrames:
-    """A reel of parts that come once, one after another, and must be read in that order.
-
-    Parameters
-    ----------
-    parts : iterable of ndarray, shape (frame, ...)
-        As many frames together as `shape` says.
-    shape : tuple of int
-        Of the whole.
-    """
+    """Lazy frames of an iterator of blocks; they must be read once and in order. `shape` is the total shape."""
     coming, waiting, given = iter(parts), [np.zeros((0, *shape[1:]))], 0
 
     def read(first: int, last: int) -> Array:
         nonlocal given
         if first != given:
-            raise InputError(f"reel: expected frame {given} to be read next, got frame {first}")
+            raise InputError(f"lazy frames: expected frame {given} to be read next, got frame {first}")
         while sum(map(len, waiting)) < last - first:
             waiting.append(next(coming))
         whole = np.concatenate(waiting)
@@ -299,22 +279,10 @@ def from_iterator(parts: Iterable[Array], shape: tuple[int, ...]) -> LazyFrames:
 def cached_blocks(
     make: Callable[[int, int], Array], shape: tuple[int, ...], *, size: int, kept: int = 3, stored: Stored = "f8"
 ) -> LazyFrames:
-    """A reel that is worked out in segments of `size` frames, the last few of which are kept.
+    """Lazy frames computed in segments of `size` frames, the last `kept` of which stay in memory.
 
-    Segments lie where they lie: a frame is the same number whatever stretch of the reel is read.
-
-    Parameters
-    ----------
-    make : callable
-        Takes (first, last) of a segment; gives its frames.
-    shape : tuple of int
-        Of the whole.
-    size : int
-        Frames of a segment.
-    kept : int
-        How many segments stay in memory: who reads in stretches comes back to the last one.
-    stored : {"f4", "f8"}
-        As in `LazyFrames`.
+    Segment boundaries are fixed: a frame has the same value whichever range is read. `make` takes (first, last) of a
+    segment and returns its frames.
     """
     held: OrderedDict[int, Array] = OrderedDict()
     lock = Lock()
@@ -339,7 +307,7 @@ def cached_blocks(
 
 
 def with_cache(x: "NDArray[Any] | LazyFrames") -> Any:
-    """A reel of which the last blocks that were read stay in memory: for short stretches one after another."""
+    """Lazy frames whose last two blocks stay in memory, for short reads one after another; arrays unchanged."""
     if not isinstance(x, LazyFrames):
         return x
     return cached_blocks(x.read, x.shape, size=next(last for _, last in block_ranges(x.shape)), kept=2, stored=x.stored)

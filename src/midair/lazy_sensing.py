@@ -1,4 +1,4 @@
-"""What a sensor puts out under a pressure that is too long for the memory: it waits on the disk meanwhile."""
+"""Sensor output for a pressure that does not fit into memory, with intermediate results on disk."""
 
 import numpy as np
 
@@ -15,19 +15,10 @@ def sense_lazily(
     rng: np.random.Generator | None = None,
     oversample: int = 1,
 ) -> LazyFrames:
-    """As `midair.physics.sense`, of a reel: the same to the rounding of sums, and that before the converter's steps.
+    """`midair.physics.sense` for lazy frames of pressure in Pa, shape (step, row, column), which are read once.
 
-    Parameters
-    ----------
-    model, rate, rng, oversample
-        As there.
-    pressure : Reel, shape (step, row, column)
-        On the cells, in Pa; it is read once.
-
-    Returns
-    -------
-    Reel, shape (ceil(step / oversample), row, column)
-        In V; it lies on the disk.
+    Before quantisation it equals `sense` to rounding. The result, in V, shape (ceil(step / oversample), row, column),
+    is stored on disk.
     """
     steps, frames = len(pressure), -(-len(pressure) // oversample)
     felt = TempChannels(steps, model.grid.count).fill(each_frame(pressure, lambda block: cell_pressure(model, block)))
@@ -43,16 +34,16 @@ def sense_lazily(
 
         volts.put(number, 0, channel_volts(model, number, every, steps, rate, oversample=oversample))
     made = TempFrames(*model.grid.shape)
-    # Noise is drawn in the order of the frames, as it is for all of them at once.
+    # Noise is drawn in frame order, as in `sense`.
     for block in volts.reel(*model.grid.shape).blocks():
         made.append(sensor_output(model, block, rate, rng=rng))
     return LazyFrames(made.read, (frames, *model.grid.shape), stored=storage_precision(model))
 
 
 _FRAMES = 2**16
-"""Of one channel that are looked at together."""
+"""Frames of one channel that are processed at once."""
 
 
 def storage_precision(model: SensorModel) -> Stored:
-    """Precision that holds every number of a sensor: single where 24 binary digits hold its converter's steps."""
+    """Precision that holds every number of a sensor: float32 if 24 binary digits hold the steps of its converter."""
     return "f4" if model.step.as_integer_ratio()[0].bit_length() + model.bits <= 24 else "f8"

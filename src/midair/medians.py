@@ -1,4 +1,4 @@
-"""The median of every channel of frames that do not fit into memory, exactly: by counting, not by sorting."""
+"""Exact median of every channel of frames that do not fit into memory, by counting instead of sorting."""
 
 from typing import Any
 
@@ -11,23 +11,14 @@ Array = NDArray[np.float64]
 
 _BINS = 2**14
 _FEW = 2**16
-"""Numbers of one channel that are held and sorted."""
+"""Maximum number of values of one channel that are kept and sorted."""
 
 
 def medians(x: "NDArray[Any] | LazyFrames") -> Array:
-    """Median of each channel along the frames: `numpy.median`, to the last bit.
+    """Median of each channel along the frames, shape (...), bit-identical to `numpy.median`.
 
-    A reel is read three or four times: for the range of each channel, for the counts of 16384 parts of that range, and
-    for the numbers in the part where the middle lies; once more where those are many.
-
-    Parameters
-    ----------
-    x : ndarray or Reel, shape (frame, ...)
-        At least one frame.
-
-    Returns
-    -------
-    ndarray, shape (...)
+    Lazy frames are read three or four times: for the range of each channel, for the counts in 16384 bins of that range,
+    and for the values in the bin of the median; once more where these are many.
     """
     if not isinstance(x, LazyFrames):
         return np.asarray(np.median(x, axis=0), np.float64)
@@ -45,7 +36,7 @@ def medians(x: "NDArray[Any] | LazyFrames") -> Array:
 
 
 class _Middle:
-    """The middle of numbers that pass by several times: those from `low` to `high` hold it, `below` are smaller."""
+    """Median of values that are read several times: it lies between `low` and `high`; `below` values are smaller."""
 
     def __init__(self, count: int, low: float, high: float) -> None:
         self.ranks = ((count - 1) // 2, count // 2)
@@ -53,11 +44,11 @@ class _Middle:
         self._narrow(low, high, 0)
 
     def look(self, values: Array) -> None:
-        """Some of the numbers: counted the first time; the second time those in the parts of the two middle ones."""
-        # A copy in a row: a channel of many lies scattered.
+        """Process a block: count it in the first pass; in the second, collect the values in the two median bins."""
+        # Contiguous copy: the values of one channel are strided in memory.
         inside = np.ascontiguousarray(values)
         inside = inside[(inside >= self.low) & (inside <= self.high)]
-        # Halves, since the range of two numbers may be more than a number can be. What grows never falls back by it.
+        # Halves, because high - low may overflow; the mapping stays monotonic.
         share = (inside / 2 - self.low / 2) / (self.high / 2 - self.low / 2)
         part = np.minimum((share * _BINS).astype(np.int64), _BINS - 1)
         if self._parts is None:
@@ -71,7 +62,7 @@ class _Middle:
                     self._ends[side] = (min(least, float(there.min())), max(greatest, float(there.max())))
 
     def conclude(self) -> None:
-        """What one pass has told."""
+        """Evaluate one pass."""
         if self._parts is None:
             reached = self.below + np.cumsum(self._counts)
             first, last = (int(np.searchsorted(reached, rank, side="right")) for rank in self.ranks)

@@ -1,4 +1,4 @@
-"""The paper on one page: from what the sensor said to what the array is told."""
+"""The pipeline from a recording to a drive."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -34,14 +34,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reproduction:
-    """What was made of a recording, stage by stage."""
+    """Results of the stages of a reproduction."""
 
     pressure: PressureFrames
     target: AmplitudeFrames
     solution: Solution
 
     def strength(self) -> float:
-        """The target's peak over the peak of a single focus of the whole array at full drive."""
+        """Peak of the target relative to a single focus of the whole array at full drive."""
         drive = self.solution.drive
         focus = focus_amplitude(self.target.grid, drive.array, acoustics=drive.acoustics)
         return float(self.target.amplitude.max() / focus)
@@ -53,22 +53,21 @@ class Reproduction:
 def calibrated_pressure(
     recording: Recording, calibration: Calibration | None, settings: Settings, *, from_rest: bool = False
 ) -> PressureFrames:
-    """The pressure that the sensor felt, in the settings' band and at their rate.
+    """Pressure on the sensor, in the settings' band and at their rate.
 
     Parameters
     ----------
     recording, calibration
         As in `calibrate`.
     settings : Settings
-        Their band, the way to undo the sensor, their rate.
+        Band, inverse method and rate.
     from_rest : bool
-        Whether the sensor is known to have been at rest before the first frame and after the last one. Otherwise what
-        it said there is taken as held.
+        True if the sensor was at rest before the first and after the last frame; otherwise the end values are held.
     """
     chosen, rate = settings.calibration, settings.target.rate
     if not from_rest:
         return at_rate(calibrate(recording, calibration, band=chosen.band, method=chosen.inverse), rate)
-    # As many frames as are whole ones at the other rate too.
+    # A number of frames that is whole at the other rate too.
     ratio = Fraction(rate / recording.rate).limit_denominator(1000)
     pad = -(-is_silent(chosen.band, recording.rate) // ratio.denominator) * ratio.denominator
     longer = replace(recording, samples=cast("Array", pad_with_silence(recording.samples, pad)))
@@ -78,7 +77,7 @@ def calibrated_pressure(
 
 
 def at_rate(pressure: PressureFrames, rate: float) -> PressureFrames:
-    """The same pressure at another frame rate, band-limited; itself when the rate is right already."""
+    """The same pressure, band-limited, at another frame rate; unchanged if the rate is equal."""
     if np.isclose(pressure.rate, rate, rtol=1e-9):
         return pressure
     return replace(
@@ -95,9 +94,9 @@ def lead_of(settings: Settings) -> float:
 
 
 def compensate_pressure(pressure: PressureFrames, settings: Settings) -> PressureFrames:
-    """The pressure to be mapped so that this is what presses: decoupled and pre-compensated, as the settings say.
+    """Decouple and pre-compensate the pressure as the settings specify; the result is the input of `map_pressure`.
 
-    Pre-compensation of the sound comes later, in `target_amplitude`.
+    Pre-compensation of the sound amplitude is part of `target_amplitude`.
     """
     chosen = settings.compensation
     if chosen.decouple:
@@ -108,7 +107,7 @@ def compensate_pressure(pressure: PressureFrames, settings: Settings) -> Pressur
 
 
 def map_pressure(pressure: PressureFrames, settings: Settings) -> AmplitudeFrames:
-    """Sound amplitude at the control points for a pressure made by `compensate_pressure`."""
+    """Sound amplitude at the control points for a pressure from `compensate_pressure`."""
     chosen = settings.target
     return prepare(
         pressure,
@@ -122,7 +121,7 @@ def map_pressure(pressure: PressureFrames, settings: Settings) -> AmplitudeFrame
 
 
 def target_amplitude(pressure: PressureFrames, settings: Settings) -> AmplitudeFrames:
-    """Sound amplitude at the control points that presses as the sensor felt, all but the solver's part of the way.
+    """Sound amplitude at the control points that reproduces the pressure: all stages before the solver.
 
     Raises
     ------
@@ -139,33 +138,33 @@ def target_amplitude(pressure: PressureFrames, settings: Settings) -> AmplitudeF
 
 
 def at_strength(pressure: PressureFrames, array: TransducerArray, settings: Settings) -> Settings:
-    """The settings with the gain at which the target has their strength; as they are where they state none.
+    """The settings with the gain at which the target has their strength; unchanged if they have no strength.
 
     Raises
     ------
     InputError
-        If nothing is asked for, which no gain makes louder.
+        If the target is zero everywhere.
     """
     if settings.target.strength is None:
         return settings
     plain = settings.but(strength=None, gain=1.0)
     peak = float(target_amplitude(pressure, plain).amplitude.max())
     if not peak > 0:
-        raise InputError("strength: expected a pressure that asks for something, got silence; leave --strength out")
+        raise InputError("strength: expected a pressure above 0 in some frame, got silence; leave --strength out")
     focus = focus_amplitude(settings.target.grid, array, acoustics=settings.acoustics)
-    # Sound goes with the root of the pressure, and so with that of the gain.
+    # Sound amplitude is proportional to the square root of pressure, and so of gain.
     return settings.but(gain=(settings.target.strength * focus / peak) ** 2)
 
 
 def solve_with(
     target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
 ) -> Solution:
-    """The drive for a target by the settings' solver, terms and air.
+    """Solve for a target with the solver, the error terms and the air of the settings.
 
     Raises
     ------
     InputError
-        If it would not fit into memory.
+        If the solution would not fit into memory.
     """
     _fits(target, array, settings, parts=False)
     made = solve(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
@@ -175,10 +174,10 @@ def solve_with(
 def compensate_envelope(
     parts: Iterator[Solution], target: AmplitudeFrames, array: TransducerArray, settings: Settings
 ) -> Iterator[Solution]:
-    """Solutions for a measured array, mended by what its transducers will press while they follow their drive.
+    """Correct solutions for a measured array by predicting the envelopes of its transducers.
 
-    As they are where nobody measured the transducers, or where the mapping cuts: cells that are silent half of the time
-    have no slope.
+    Solutions are unchanged if the transducers were not measured, or with half-wave mapping: cells that are silent half
+    of the time have zero slope.
     """
     if not len(array.pole) or settings.target.mapping == "half-wave":
         yield from parts
@@ -207,7 +206,7 @@ def _fits(target: AmplitudeFrames, array: TransducerArray, settings: Settings, *
 def reproduce_stream(
     pressure: PressureFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
 ) -> tuple[AmplitudeFrames, Iterator[Solution]]:
-    """As `reproduce`, for a pressure of any length: the target, and its solution part by part.
+    """`reproduce` for a pressure of any length: the target, and an iterator over the blocks of its solution.
 
     Raises
     ------
@@ -225,9 +224,9 @@ def reproduce_stream(
 def reproduce(
     pressure: PressureFrames, array: TransducerArray, settings: Settings, *, progress: Progress | None = None
 ) -> Reproduction:
-    """The drive with which the array presses as the sensor felt: prepare, then solve.
+    """Compute the drive that reproduces a pressure: prepare, then solve.
 
-    All settings are a step of the drive's provenance, so that `Settings.of` makes it again.
+    All settings are stored as a step of the drive's provenance; `Settings.of` restores them.
 
     Raises
     ------

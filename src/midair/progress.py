@@ -1,4 +1,4 @@
-"""What long work calls as it goes on, and how far the loops of short work are, for whoever watches."""
+"""Progress reports of long computations and of loops."""
 
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
@@ -7,10 +7,10 @@ from typing import Protocol, TypeVar
 
 
 class Progress(Protocol):
-    """Called with how much is done, and how much there is in all: frames, batches or tasks."""
+    """Callback with the number of completed and of all frames, batches or tasks."""
 
     def __call__(self, done: int, total: int, /) -> None:
-        """Done, and in all."""
+        """Report progress."""
         ...
 
 
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 class _Watcher:
-    """Who watches, and whether a loop reports already: those inside it do not."""
+    """A progress callback, and whether a loop reports to it already; loops inside that one do not."""
 
     def __init__(self, report: Progress) -> None:
         self.report, self.busy = report, False
@@ -29,7 +29,7 @@ _watcher: ContextVar[_Watcher | None] = ContextVar("watcher", default=None)
 
 @contextmanager
 def watched(report: Progress) -> Generator[None]:
-    """Tell `report` how far each loop of `passing` inside is, the outermost of those that run at the same time."""
+    """Report the progress of each loop over `passing` to `report`; of nested loops only the outermost reports."""
     before = _watcher.set(_Watcher(report))
     try:
         yield
@@ -38,16 +38,9 @@ def watched(report: Progress) -> Generator[None]:
 
 
 def passing(items: Iterable[T], total: int, *, weight: Callable[[T], int] = lambda _: 1) -> Iterator[T]:
-    """The items as they are; whoever watches is told how far the loop over them is.
+    """Yield the items and report progress to the callback of `watched`, if there is one.
 
-    Parameters
-    ----------
-    items : iterable
-        To go through.
-    total : int
-        What all of them weigh together.
-    weight : callable
-        Of an item; 1 each if not given.
+    `total` is the sum of the weights of all items; each item weighs 1 by default.
     """
     watcher = _watcher.get()
     if watcher is None or watcher.busy:

@@ -1,4 +1,4 @@
-"""How much memory the system can still give, and that it gets back what is no longer used."""
+"""Available memory, and the return of freed memory to the system."""
 
 import ctypes
 import re
@@ -7,9 +7,9 @@ from pathlib import Path
 
 
 def available(meminfo: Path = Path("/proc/meminfo"), group: Path = Path("/sys/fs/cgroup")) -> int | None:
-    """Bytes that a process can take before something is swapped out or killed; None where nobody says.
+    """Bytes that a process can allocate without swapping; None where the system does not report it.
 
-    Linux says it, and within a container how much its group may have.
+    Linux reports it; within a container the limit of its cgroup counts too.
     """
     if not meminfo.is_file():
         return None
@@ -18,21 +18,22 @@ def available(meminfo: Path = Path("/proc/meminfo"), group: Path = Path("/sys/fs
     limit, used = (_number(group / name) for name in ("memory.max", "memory.current"))
     if limit is None or used is None:
         return free
-    # What files left in memory counts as used there, but is given back when it is asked for.
+    # The page cache counts as used there, but the kernel frees it on demand.
     kept = _number(group / "memory.stat", r"^inactive_file (\d+)$") or 0
     left = max(limit - used + kept, 0)
     return left if free is None else min(free, left)
 
 
 def give_back_large(least: int = 2**22) -> bool:
-    """From now on an array of `least` bytes or more goes back to the system as soon as nobody has it; whether so.
+    """Return arrays of `least` bytes or more to the system as soon as they are freed; True if that could be set.
 
-    The GNU library's own choice rises with what was freed, up to 32 MB; arrays below that are cut out of one heap, of
-    which small ones that stay keep the rest. What streams large blocks then grows by half without holding more.
+    The default threshold of the GNU C library rises with freed sizes up to 32 MB. Smaller arrays come from one heap,
+    where small live objects keep freed memory from being returned, so that streaming large blocks grows the process by
+    half.
     """
     if sys.platform != "linux":
         return False
-    # mallopt(3): parameter -3 is M_MMAP_THRESHOLD; other C libraries have no such function.
+    # mallopt(3): parameter -3 is M_MMAP_THRESHOLD; other C libraries lack this function.
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     return mallopt is not None and bool(mallopt(-3, least))
 

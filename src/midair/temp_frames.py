@@ -1,4 +1,4 @@
-"""Frames that wait on the disk, in a file without a name, which is gone with the program."""
+"""Temporary frames on disk, in an unnamed file that the system deletes when the program ends."""
 
 import tempfile
 from collections.abc import Generator
@@ -17,13 +17,13 @@ Array = NDArray[np.float64]
 
 @contextmanager
 def _on_disk() -> Generator[None]:
-    """What the disk refuses is one line that names the folder: nobody chose this file, and it has no name."""
+    """Turn a disk error into one that names the folder, because the file has no name."""
     try:
         yield
     except OSError as wrong:
         raise FileError(
-            f"{tempfile.gettempdir()}: expected room for frames that wait there while it works, got: {wrong.strerror}; "
-            "make room, or set TMPDIR to a folder on another disk"
+            f"{tempfile.gettempdir()}: expected disk space for temporary frames, got: {wrong.strerror}; "
+            "free some space, or set TMPDIR to a folder on another disk"
         ) from wrong
 
 
@@ -40,19 +40,13 @@ def _write(file: IO[bytes], at: int, block: Array) -> None:
 
 
 def _forget(file: IO[bytes]) -> None:
-    # What could not be written is tried once more by closing, and is wanted no longer.
+    # Closing retries failed writes, whose data are no longer needed.
     with suppress(OSError):
         file.close()
 
 
 class TempFrames:
-    """Frames of one shape, appended and read again.
-
-    Parameters
-    ----------
-    shape : int
-        Lengths of a frame.
-    """
+    """Frames of one shape on disk, which can be appended and read."""
 
     def __init__(self, *shape: int) -> None:
         self.shape = shape
@@ -69,21 +63,15 @@ class TempFrames:
         self.close()
 
     def __del__(self) -> None:
-        # A reel may be all that still holds it.
+        # Lazy frames may hold the last reference to it.
         self.close()
 
     def close(self) -> None:
-        """Forget all frames."""
+        """Delete all frames."""
         _forget(self._file)
 
     def append(self, block: Array) -> None:
-        """Put frames, shape (frame, ...), behind those that are there.
-
-        Raises
-        ------
-        FileError
-            If the disk does not take them.
-        """
+        """Append frames, shape (frame, ...); raises FileError if the disk is full."""
         _write(self._file, self.frames * self._bytes, block)
         self.frames += len(block)
 
@@ -94,18 +82,12 @@ class TempFrames:
         return whole.reshape(-1, *self.shape)
 
     def reel(self, frames: int | None = None) -> LazyFrames:
-        """All frames that are there, or will be."""
+        """All frames as lazy frames; `frames` if more will be appended."""
         return LazyFrames(self.read, (self.frames if frames is None else frames, *self.shape))
 
 
 class TempChannels:
-    """Numbers of every channel over all frames, channel after channel: written and read by either.
-
-    Parameters
-    ----------
-    frames, channels : int
-        How many there are.
-    """
+    """Values of every channel over all frames, stored channel by channel, written and read by channel or by frame."""
 
     def __init__(self, frames: int, channels: int) -> None:
         self.frames, self.channels = frames, channels
@@ -115,22 +97,16 @@ class TempChannels:
         _forget(self._file)
 
     def put(self, channel: int, first: int, values: Array) -> None:
-        """Numbers of one channel from a frame on.
-
-        Raises
-        ------
-        FileError
-            If the disk does not take them.
-        """
+        """Write values of one channel from frame `first` on; raises FileError if the disk is full."""
         _write(self._file, 8 * (channel * self.frames + first), values)
 
     def channel(self, number: int, first: int, last: int) -> Array:
-        """Numbers of one channel from `first` up to `last`."""
+        """Values of one channel from frame `first` up to `last`."""
         self._file.seek(8 * (number * self.frames + first))
         return np.frombuffer(self._file.read(8 * (last - first)), np.float64)
 
     def fill(self, x: "Array | LazyFrames") -> Self:
-        """All of an array or a reel of as many frames and channels."""
+        """Write a whole array or lazy frames with the same numbers of frames and channels."""
         first = 0
         for block in blocks(x):
             for channel, values in enumerate(block.reshape(len(block), -1).T):
@@ -139,7 +115,7 @@ class TempChannels:
         return self
 
     def reel(self, *shape: int) -> LazyFrames:
-        """All frames, each in this shape."""
+        """All frames as lazy frames, each reshaped to `shape`."""
 
         def read(first: int, last: int) -> Array:
             parts = [self.channel(number, first, last) for number in range(self.channels)]

@@ -1,4 +1,4 @@
-"""Arrays that cannot change: checked once, copied, read-only."""
+"""Checks of input values, and read-only copies of arrays."""
 
 from collections.abc import Sequence
 from typing import Any, cast
@@ -18,36 +18,21 @@ def frozen_array(
     *,
     finite: bool = True,
 ) -> NDArray[Any]:
-    """A read-only copy of `value` after checking its axes and that every number in it is finite.
+    """A read-only copy of `value` whose axes and numbers have been checked.
 
-    Parameters
-    ----------
-    value : array_like or Reel
-        What came. A reel stays one: only its shape is looked at here, its numbers when they are read.
-    name : str
-        What to call it in a message.
-    axes : sequence of str or int
-        One entry an axis: a word names an axis of any length from 1 on, a number fixes the length.
-    dtype : dtype
-        Type of the copy.
-    finite : bool
-        Whether NaN and infinity are refused.
-
-    Returns
-    -------
-    ndarray
-        Read-only.
+    For lazy frames only the shape is checked here, and the numbers when they are read. Each entry of `axes` is an axis:
+    a word names an axis of any length from 1 on, a number fixes the length. `name` is used in messages.
 
     Raises
     ------
     ShapeError
         If the number of axes or the length of one differs.
     NonFiniteError
-        If a number is NaN or infinite.
+        If a number is NaN or infinite and `finite` is set.
     """
     if isinstance(value, LazyFrames):
         _check_shape(value.shape, name, axes)
-        # To a type checker a reel is the array that it stands for.
+        # Type checkers treat lazy frames as an array.
         return cast("NDArray[Any]", value)
     try:
         array = np.array(value, dtype=dtype, order="C")
@@ -79,13 +64,7 @@ def _check_shape(shape: tuple[int, ...], name: str, axes: Sequence[str | int]) -
 
 
 def positive(value: float, name: str, unit: str = "") -> float:
-    """`value` as a float if it is finite and above zero.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
+    """Return `value` as a float if it is finite and above zero; otherwise raise InputError."""
     number = float(value)
     if not (np.isfinite(number) and number > 0):
         raise InputError(f"{name}: expected a number above 0{' ' + unit if unit else ''}, got {number:g}")
@@ -93,20 +72,14 @@ def positive(value: float, name: str, unit: str = "") -> float:
 
 
 HEIGHTS = (20e-3, 1.0)
-"""Heights of a palm above an array, in m."""
+"""Allowed heights of a palm above an array, in m."""
 
 PITCHES = (1e-6, 0.2)
-"""Distances between the places of a grid, in m."""
+"""Allowed distances between grid points, in m."""
 
 
 def length(value: float, name: str, limits: tuple[float, float]) -> float:
-    """`value` as a float if it lies within the limits, in m: millimetres are a thousand times too large.
-
-    Raises
-    ------
-    InputError
-        If it does not.
-    """
+    """Return `value` as a float if it is within the limits, in m; otherwise raise InputError."""
     number, (low, high) = float(value), limits
     if not low <= number <= high:
         hint = f"; lengths are in metres, {number:g} mm is {number / 1e3:g}" if low <= number / 1e3 <= high else ""
