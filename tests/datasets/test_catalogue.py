@@ -66,7 +66,7 @@ def test_ridges_are_a_real_recording_that_can_be_felt_and_say_what_was_chosen():
     notes = recording.provenance.notes
     assert notes["licence"] == "MIT"
     assert "10.3389/fnbot.2022.808222" in notes["origin"]
-    assert "nobody measured it" in notes["level"]
+    assert "not measured" in notes["level"]
     assert "ten times as fast" in notes["speed"]
     card = felt_by(recording)
     assert card.verdict().startswith("A palm would feel it")

@@ -1,4 +1,4 @@
-"""Data to try things on: seeded synthetic strokes and stimuli, and real samples."""
+"""Example data: synthetic strokes and stimuli with seeds, and real recordings."""
 
 from midair.datasets.catalogue import SAMPLES, Sample, credited, sample, sample_path, samples
 from midair.datasets.patterns import binary_patterns, channel_amplitudes

@@ -1,4 +1,4 @@
-"""Recordings that come with the package: real ones under a licence that lets them travel, and synthetic ones."""
+"""Recordings that are part of the package: real ones whose licence permits redistribution, and synthetic ones."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -17,51 +17,39 @@ from midair.recordings import resample
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """A recording that comes with the package.
-
-    Attributes
-    ----------
-    name : str
-        The name by which `sample` knows it.
-    what : str
-        What it is a recording of, in one line.
-    licence : str
-        SPDX identifier; the text lies beside the file.
-    source : str
-        Repository, commit and paper that it is from.
-    file : str
-        Path below the folder of the samples; empty where it is synthetic.
-    stroke : {"brush", "sponge", "towel"} or None
-        The object of a synthetic one.
-    peak : float or None
-        Its largest pressure, in Pa; as strong as the object makes it if None. Of a real one, the largest change of any
-        channel, which is chosen so that it can be felt: nobody measured it.
-    faster : float
-        So many times as fast as it was recorded.
-    notes : Mapping of str to str
-        What a person should know of it, beside licence and source.
-    """
+    """A recording that is part of the package."""
 
     name: str
+    """Argument of `sample`."""
     what: str
+    """Description in one line."""
     licence: str
+    """SPDX identifier; the text is beside the file."""
     source: str
+    """Repository, commit and paper."""
     file: str = ""
+    """Path below the folder of the samples; empty for a synthetic recording."""
     stroke: Object | None = None
+    """Object of a synthetic recording."""
     peak: float | None = None
+    """Largest pressure in Pa; None for the default of the object. For a real recording it is the largest change of any
+    channel, chosen so that it can be felt, not measured.
+    """
     faster: float = 1.0
+    """Factor by which it is faster than the original."""
     notes: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Further notes for the provenance, besides licence and source."""
 
     @property
     def ready(self) -> bool:
-        """Whether it comes in Pa and can be solved as it is."""
+        """True if the recording is in Pa and can be solved directly."""
         return self.peak is not None or self.stroke is not None
 
 
 def _synthetic(name: Object, peak: float | None = None) -> Sample:
     return Sample(
         name=name,
-        what=f"a {name} that slides over the sensor at 50 mm/s, synthetic: SIMULATED, at a level that is felt",
+        what=f"a {name} that slides over the sensor at 50 mm/s, synthetic: SIMULATED, at a level that can be felt",
         licence="MIT",
         source="midair.datasets.stroke, seed 0",
         stroke=name,
@@ -98,13 +86,13 @@ SAMPLES: Mapping[str, Sample] = {
         peak=60.0,
         faster=10.0,
         notes={
-            "level": "chosen, so that it can be felt: the largest change of any taxel is 60 Pa; nobody measured it",
+            "level": "chosen so that it can be felt, not measured: the largest change of any taxel is 60 Pa",
             "speed": "recorded at 20 mm/s and 35.6 Hz, ten times as fast here, as if slid at 200 mm/s; at 5, 10, "
             "20 and 30 mm/s the ridges come every 4.0 mm alike",
-            "felt": "yes, 10 dB over what is just felt on a palm, by a model of skin; not tried on people",
+            "felt": "yes, 10 dB above the detection threshold of a palm by a model of skin; not tested on people",
         },
     ),
-    # Bristles of smooth tips are felt least: by 1 dB as strong as the model makes them.
+    # Bristles with smooth tips are felt least: 1 dB above the threshold at the model's own level.
     "brush": _synthetic("brush", 60.0),
     "sponge": _synthetic("sponge"),
     "towel": _synthetic("towel"),
@@ -113,34 +101,24 @@ SAMPLES: Mapping[str, Sample] = {
 
 
 def samples() -> tuple[Sample, ...]:
-    """Every sample that comes with the package: name, what it is, licence and source."""
+    """Every sample that is part of the package."""
     return tuple(SAMPLES.values())
 
 
 def sample(name: str) -> Recording:
-    """A recording that comes with the package.
-
-    Parameters
-    ----------
-    name : str
-        One of the names that `samples` lists.
-
-    Returns
-    -------
-    Recording
-        Its provenance names source and licence.
+    """Load or generate a sample by name; its provenance contains source and licence.
 
     Raises
     ------
     InputError
-        If there is none of that name.
+        If the name is unknown.
     """
     about = _known(name)
     return _named(_made(about) if about.stroke is not None else _read(about), about)
 
 
 def credited(name: str, recording: Recording) -> Recording:
-    """A recording that was read from `sample_path(name)`, with licence and source in its provenance."""
+    """A recording read from `sample_path(name)`, with licence and source added to its provenance."""
     return _named(recording, _known(name))
 
 
@@ -151,7 +129,7 @@ def _named(recording: Recording, about: Sample) -> Recording:
 
 
 def _made(about: Sample) -> Recording:
-    """A synthetic one."""
+    """Generate a synthetic sample."""
     pressure = stroke(about.stroke or "towel", peak=about.peak)
     return Recording(
         samples=pressure.pressure,
@@ -163,7 +141,7 @@ def _made(about: Sample) -> Recording:
 
 
 def _read(about: Sample) -> Recording:
-    """A real one, as its file has it, or faster and at the level that was chosen."""
+    """Read a real sample, and apply its speed and level if it has them."""
     found = open_take(sample_path(about.name), **_OPENED.get(about.name, {})).recording
     if about.peak is None:
         return found
@@ -176,7 +154,7 @@ def _read(about: Sample) -> Recording:
 
 
 _OPENED: Mapping[str, Mapping[str, Any]] = {"connect": {"unit": "count"}}
-"""What has to be said to open a sample in Python."""
+"""Options that `open_take` needs for a sample."""
 
 
 def _known(name: str) -> Sample:
@@ -191,8 +169,8 @@ def sample_path(name: str) -> Path:
     Raises
     ------
     InputError
-        If there is none of that name, or it is synthetic.
+        If the name is unknown, or the sample is synthetic.
     """
     if not _known(name).file:
-        raise InputError(f"sample: expected one that has a file, got {name!r}, which is made by sample()")
+        raise InputError(f"sample: expected one that has a file, got {name!r}; call sample() to generate it")
     return Path(str(files("midair.datasets").joinpath("samples", *SAMPLES[name].file.split("/"))))

@@ -8,26 +8,26 @@ from midair.model import SensorGrid
 
 
 def binary_patterns(count: int | None = None, *, seed: int = 0, channels: int = 16) -> NDArray[np.int64]:
-    """Patterns in an order drawn with a seed, so that the first few are a fair sample of all.
+    """Binary patterns in a random order, so that the first few are a representative sample of all.
 
     Parameters
     ----------
     count : int, optional
-        How many; all 2^channels - 1 if None.
+        All 2^channels - 1 patterns if None.
     seed : int
         Seed of the order.
     channels : int
-        Number of channels of the sensor, at most 16.
+        At most 16.
 
     Returns
     -------
     ndarray of int, shape (pattern,)
-        Bit k says whether channel k is loud. No pattern comes twice, and none is 0.
+        Bit k is 1 if channel k is loud. Patterns are unique, and none is 0.
 
     Raises
     ------
     InputError
-        If there are not so many patterns.
+        If `count` exceeds the number of patterns, or `channels` is out of range.
     """
     if not 1 <= channels <= 16:
         raise InputError(f"channels: expected 1 to 16, got {channels}")
@@ -38,14 +38,6 @@ def binary_patterns(count: int | None = None, *, seed: int = 0, channels: int = 
 
 
 def channel_amplitudes(patterns: ArrayLike, sensor: SensorGrid | None = None) -> NDArray[np.float64]:
-    """Amplitude, 0 or 1, of each channel in each pattern, shape (pattern, channel).
-
-    Parameters
-    ----------
-    patterns : array of int, shape (pattern,)
-        Bit k is channel k.
-    sensor : SensorGrid, optional
-        The cells; 4 x 4 by default.
-    """
+    """Amplitude, 0 or 1, of each channel in each pattern, shape (pattern, channel); bit k of a pattern is channel k."""
     bits = np.asarray(patterns, np.int64)[:, None] >> np.arange((sensor or SensorGrid()).count)
     return (bits & 1).astype(np.float64)

@@ -1,4 +1,4 @@
-"""The modulated foci of the paper's section 5.2, as pressure on the sensor."""
+"""Synthetic pressure signals: the modulated foci of the paper's section 5.2, and probe signals."""
 
 from typing import Literal, get_args
 
@@ -20,33 +20,28 @@ def am_stimulus(
     rate: float = 1000.0,
     sensor: SensorGrid | None = None,
 ) -> PressureFrames:
-    """Pressure of the modulated foci of the paper's section 5.2, as an array that can only push presents them.
+    """Pressure of the modulated foci of the paper's section 5.2, 0 or more, as an array can present it.
 
     A modulation of frequency f is the raised sinusoid (1 - cos 2 pi f t) / 2. "i": 100 Hz on the first channel; "ii":
-    100 Hz on the first and the last one; "iii": 25 Hz and 250 Hz in the ratio 3:2 on the first one.
+    100 Hz on the first and the last channel; "iii": 25 Hz and 250 Hz in the ratio 3:2 on the first channel.
 
     Parameters
     ----------
     kind : {"i", "ii", "iii"}
-        Which of the three.
+        The stimulus.
     peak : float
-        Peak of the pressure, in Pa; "iii" comes to within 3 % of it.
+        Peak pressure, in Pa; "iii" reaches it to within 3 %.
     duration : float
-        In s; the bins of a spectrum meet the modulation when it is a multiple of 40 ms.
+        In s; multiples of 40 ms put the modulation on the bins of a spectrum.
     rate : float
-        Frames per second, in Hz, above twice the highest modulation.
+        In Hz, above twice the highest modulation frequency.
     sensor : SensorGrid, optional
-        The cells; 4 x 4 at 11 mm by default.
-
-    Returns
-    -------
-    PressureFrames
-        Simulated, in Pa, 0 or more.
+        4 x 4 at 11 mm by default.
 
     Raises
     ------
     InputError
-        If `kind` is none of the three.
+        If `kind` is unknown.
     RateError
         If the rate is too low for the modulation.
     """
@@ -69,7 +64,7 @@ def am_stimulus(
 
 
 def _modulation(kind: Stimulus) -> dict[float, float]:
-    """Frequency in Hz: share of the peak."""
+    """Mapping of frequency in Hz to share of the peak."""
     if kind in ("i", "ii"):
         return {100.0: 1.0}
     if kind == "iii":
@@ -91,29 +86,29 @@ def probe_signal(
     seed: int = 0,
     sensor: SensorGrid | None = None,
 ) -> PressureFrames:
-    """A vibration of both signs on one cell, at rest before and after, with which fidelity is measured.
+    """A vibration of both signs on one cell, with rest before and after it, for measurements of fidelity.
 
-    "25+250 Hz": the two in the ratio 3:2. "noise": normal noise from 25 to 460 Hz. "bursts": 200 Hz under Gaussians of
-    8 ms standard deviation, 50 ms apart. Each swells and fades over a fifth of `rest`, beyond the duration.
+    "25+250 Hz": both in the ratio 3:2. "noise": normal noise from 25 to 460 Hz. "bursts": 200 Hz under Gaussians of 8
+    ms standard deviation, 50 ms apart. Each fades in and out over a fifth of `rest`, outside the duration.
 
     Parameters
     ----------
     kind : {"25+250 Hz", "noise", "bursts"}
-        Which of them.
+        The signal.
     peak : float
         Largest pressure, in Pa.
     duration : float
-        Duration of its full strength, in s.
+        Duration at full strength, in s.
     rate : float
-        Frames per second, in Hz.
+        In Hz.
     rest : float
-        Before it and after it, in s.
+        Rest before and after it, in s.
     channel : int
-        The channel that it acts on.
+        Number of the cell.
     seed : int
         Seed of the noise.
     sensor : SensorGrid, optional
-        The cells; 4 x 4 at 11 mm by default.
+        4 x 4 at 11 mm by default.
 
     Returns
     -------
@@ -123,7 +118,7 @@ def probe_signal(
     Raises
     ------
     InputError
-        If there is no such kind.
+        If `kind` is unknown.
     """
     sensor = sensor or SensorGrid()
     time = (

@@ -1,16 +1,16 @@
-"""Seeded strokes of three objects over the sensor (paper, 5.3).
+"""Synthetic strokes of three objects over the sensor (paper, 5.3).
 
-A stroke is a round contact that slides down one column of the sensor. Under it act
+A stroke is a round contact that slides down one column of the sensor. The pressure under it has three parts:
 
-- a load, which the object's weight makes;
-- a texture: a random profile that is fixed to the object, so that the cells of a column feel the same profile one after
+- a constant load, from the weight of the object;
+- a texture: a random profile fixed to the object, so that the cells of a column measure the same profile one after
   another, stretched in time by the speed. Its amplitude spectrum over the spatial frequency k (cycles/m) is
   (k / k0) / (1 + (k / k0)^2)^((1 + fall) / 2);
-- slips: the contact as a whole sticks, lets go at random places and rings.
+- slips: the whole contact sticks, releases at random places and rings.
 
-The numbers of the three objects are chosen, not measured: they are the simplest that differ as the paper's Fig. 9 says,
-above 300 Hz towel over sponge over brush on both surfaces. Grooves on the sensor multiply texture and slips by 2 at low
-frequencies and by 1.2 at high ones, half way at 4500 cycles/m, which is 225 Hz at 5 cm/s.
+The parameters of the three objects are chosen, not measured: they are the simplest that reproduce the order in the
+paper's Fig. 9, above 300 Hz towel over sponge over brush on both surfaces. Grooves on the sensor multiply texture and
+slips by 2 at low frequencies and by 1.2 at high ones, with the midpoint at 4500 cycles/m, or 225 Hz at 5 cm/s.
 """
 
 from dataclasses import dataclass
@@ -30,46 +30,28 @@ Object = Literal["brush", "sponge", "towel"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Texture:
-    """What an object does to a cell while it slides.
-
-    Attributes
-    ----------
-    load : float
-        Even pressure under the contact, in Pa.
-    roughness : float
-        rms of the texture on a surface without grooves, in Pa.
-    grain : float
-        k0, where the texture's spectrum is highest, in cycles/m.
-    fall : float
-        Exponent with which the amplitude falls above k0.
-    slips : float
-        Mean number of slips for one metre of travel.
-    slip : float
-        Mean first peak of a slip on a surface without grooves, in Pa.
-    ring : float
-        Frequency of a slip's ring, in Hz.
-    decay : float
-        Time constant of a slip's ring, in s.
-    """
+    """Model of an object's surface."""
 
     load: float
+    """Constant pressure under the contact, in Pa."""
     roughness: float
+    """Rms of the texture on a surface without grooves, in Pa."""
     grain: float
+    """k0, the spatial frequency of the texture's spectral peak, in cycles/m."""
     fall: float
+    """Exponent of the decrease of amplitude above k0."""
     slips: float
+    """Mean number of slips per metre of travel."""
     slip: float
+    """Mean first peak of a slip on a surface without grooves, in Pa."""
     ring: float
+    """Frequency of a slip's ringing, in Hz."""
     decay: float = 4e-3
+    """Time constant of a slip's ringing, in s."""
 
     @classmethod
     def of(cls, name: Object) -> "Texture":
-        """The texture of one of the three objects.
-
-        Raises
-        ------
-        InputError
-            If it is none of them.
-        """
+        """The texture of one of the three objects; raises InputError for an unknown name."""
         if name == "brush":  # bristles 1 mm apart, smooth tips
             return cls(load=24.0, roughness=4.0, grain=1000.0, fall=2.5, slips=200.0, slip=4.0, ring=60.0)
         if name == "sponge":  # pores of .6 mm
@@ -81,43 +63,34 @@ class Texture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """A round contact with a soft edge that slides down a column, in the direction of growing y.
-
-    Attributes
-    ----------
-    speed : float
-        In m/s.
-    contact : float
-        Diameter at half of the pressure, in m.
-    column : int
-        Along whose middle it slides.
-    edge : float
-        Width of the raised-cosine edge of the contact as a cell feels it, in m.
-    lead : float
-        Free way before the first cell feels it and after the last one has, in m.
-    """
+    """A round contact with a soft edge that slides down a column, in the direction of increasing y."""
 
     speed: float = 0.05
+    """In m/s."""
     contact: float = 0.02
+    """Diameter at half of the pressure, in m."""
     column: int = 2
+    """Column along whose centre it slides."""
     edge: float = 8e-3
+    """Width of the raised-cosine edge of the contact, in m."""
     lead: float = 1e-3
+    """Distance without contact before the first and after the last cell, in m."""
 
     def __post_init__(self) -> None:
         positive(self.speed, "speed of a stroke", "m/s")
         positive(self.contact, "contact of a stroke", "m")
 
     def passage(self, sensor: SensorGrid) -> Array:
-        """When the middle of the contact passes the middle of each row, shape (row,), in s."""
+        """Time at which the centre of the contact passes the centre of each row, shape (row,), in s."""
         first = (self.contact + self.edge) / 2 + self.lead
         return (first + sensor.y - sensor.y[0]) / self.speed
 
     def duration(self, sensor: SensorGrid) -> float:
-        """Time from the start to the end of the free way behind the last cell, in s."""
+        """Time from the start until the contact has left the last cell and its lead, in s."""
         return float(self.passage(sensor)[[0, -1]].sum())
 
     def cover(self, sensor: SensorGrid, time: Array) -> Array:
-        """How much of each cell's full pressure acts, 0 to 1, shape (time, row, column)."""
+        """Share of each cell's full pressure that acts, 0 to 1, shape (time, row, column)."""
         along = (time[:, None] - self.passage(sensor)) * self.speed
         across = sensor.x - sensor.x[self.column]
         outside = np.hypot(along[:, :, None], across) - self.contact / 2
@@ -137,47 +110,47 @@ def stroke(
     sensor: SensorGrid | None = None,
     peak: float | None = None,
 ) -> PressureFrames:
-    """True pressure on the cells while an object slides down one column, before any sensor.
+    """Pressure on the cells while an object slides down one column, without any sensor model.
 
-    It is made at 8 kHz and brought to `rate` with what is above half of it removed: the same seed gives the same
-    stroke at every rate. The same object on the two surfaces differs by the grooves alone.
+    It is generated at 8 kHz and resampled to `rate`: the same seed gives the same stroke at every rate. The strokes of
+    an object on the two surfaces differ only by the grooves.
 
     Parameters
     ----------
     object : {"brush", "sponge", "towel"}
-        What slides.
+        The sliding object.
     groove : bool
-        Whether the sensor's surface has the grooves.
+        Whether the surface of the sensor has grooves.
     seed : int
         Seed of the texture and the slips.
     rate : float
-        Frames per second, up to 8000 Hz; take 8000 to drive a simulation in time.
+        Up to 8000 Hz; use 8000 as input of a simulation in time.
     speed : float
         In m/s.
     contact : float
         Diameter of the contact, in m.
     duration : float, optional
-        In s: cuts the stroke, or adds silence. By default until the object has left, 1.26 s at the other defaults.
+        In s: cuts the stroke, or appends silence. By default until the object has left, 1.26 s at the other defaults.
     column : int
-        Column of the sensor; 2 lets the object pass channels 2, 6, 10 and 14.
+        Column of the sensor; on column 2 the object passes channels 2, 6, 10 and 14.
     sensor : SensorGrid, optional
-        The cells; 4 x 4 at 11 mm by default.
+        4 x 4 at 11 mm by default.
     peak : float, optional
-        Scale the whole stroke to this largest pressure, in Pa. By default it is as strong as the object makes it:
-        33 to 50 Pa without, 41 to 71 Pa with grooves.
+        Largest pressure of the stroke after scaling, in Pa. By default the object's own: 33 to 50 Pa without, 41 to 71
+        Pa with grooves.
 
     Returns
     -------
     PressureFrames
-        Simulated, in Pa; 0 where nothing touches. Where a contact goes slack for an instant, the limit to half the rate
-        rings below 0, by 2 Pa at most.
+        Simulated, in Pa; 0 without contact. Where the contact releases for an instant, the band limit causes ringing
+        down to -2 Pa at most.
 
     Raises
     ------
     RateError
         If the rate is above 8000 Hz.
     InputError
-        If the object, the column or a quantity makes no sense.
+        If the object is unknown, or the column or a quantity is out of range.
     """
     sensor = sensor or SensorGrid()
     fine = 8000.0
@@ -213,19 +186,19 @@ def _slide(
     length = next_fast_len(frames, real=True)
     frequency = fft_frequencies(length, rate)
     profile = _profile(texture, frequency / motion.speed, length, sensor.columns, rng)
-    # The same profile reaches one row after another: a delay is a phase, exact between frames, too.
+    # The same profile reaches one row after another: phase factors give exact delays, also between frames.
     late = np.exp(-2j * np.pi * frequency[:, None] * motion.passage(sensor))
     slips = rfft(_slips(texture, motion.speed, np.arange(length) / rate, rng))
     spectrum = profile[:, None, :] * late[:, :, None] + slips[:, None, None]
     if groove:
         spectrum *= groove_gain(frequency / motion.speed)[:, None, None]
     vibration = irfft(spectrum, length, axis=0)[:frames]
-    # What touches can let go, but not pull.
+    # A contact cannot pull: pressure is never negative.
     return motion.cover(sensor, np.arange(frames) / rate) * np.maximum(texture.load + vibration, 0)
 
 
 def groove_gain(k: Array) -> Array:
-    """What grooves do to the vibration at spatial frequency `k` (cycles/m): 2 far below 4500, 1.2 far above."""
+    """Gain of the grooves for vibration at spatial frequency `k` (cycles/m): 2 far below 4500, 1.2 far above."""
     return 1.2 + 0.8 / (1 + (k / 4500) ** 4)
 
 
@@ -237,7 +210,7 @@ def _profile(texture: Texture, k: Array, length: int, columns: int, rng: np.rand
 
 
 def _slips(texture: Texture, speed: float, time: Array, rng: np.random.Generator) -> Array:
-    """Rings that start at random, their times even in travel and their sizes exponential, shape (time,), in Pa."""
+    """Ringing of slips at random times, uniform in travel, with exponential sizes, shape (time,), in Pa."""
     count = rng.poisson(texture.slips * speed * time[-1])
     starts, sizes = rng.uniform(0, time[-1], count), rng.exponential(texture.slip, count)
     after = np.maximum(time[:, None] - starts, 0)
@@ -246,7 +219,7 @@ def _slips(texture: Texture, speed: float, time: Array, rng: np.random.Generator
 
 
 def _cut(pressure: Array, frames: int | None) -> Array:
-    """The first `frames` of it, with silence behind where there are more; all of it for None."""
+    """The first `frames` frames, padded with silence if there are fewer; all of them for None."""
     if frames is None:
         return pressure
     silence = np.zeros((max(0, frames - len(pressure)), *pressure.shape[1:]))

@@ -1,4 +1,4 @@
-"""Taps on each cell in turn, as pressure on the sensor: what tells which channel is which cell."""
+"""Taps on each cell in turn, as pressure on the sensor, to identify the cell of each channel."""
 
 import numpy as np
 
@@ -16,24 +16,24 @@ def taps(
     seed: int = 0,
     sensor: SensorGrid | None = None,
 ) -> PressureFrames:
-    """A half sine of 20 ms on each cell, row by row, each of another strength; its neighbours feel a part of it.
+    """A half sine of 20 ms on each cell, row by row, with random strengths; the neighbouring cells get a part of it.
 
     Parameters
     ----------
     every : float
-        Time between two taps, in s; each comes after .2 to .4 of it.
+        Time between two taps, in s, with a random delay of 0.2 to 0.4 of it.
     quiet : float
-        Before the first, in s.
+        Time before the first tap, in s.
     peak : float
-        Peak of the pressure of the strongest tap, in Pa; the weakest has a third of it.
+        Upper limit of the peak pressure of a tap, in Pa; the lower limit is a third of it.
     spread : float
-        Part that the cells beside a tapped one feel; its square falls on those across the corner.
+        Share of the pressure on the cells beside a tapped one; its square on the diagonal ones.
     rate : float
-        Frames per second, in Hz.
+        In Hz.
     seed : int
         Seed of strengths and times.
     sensor : SensorGrid, optional
-        The cells; 4 x 4 at 11 mm by default.
+        4 x 4 at 11 mm by default.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Recordings: edit them, spread one channel over a patch of contact, mend gaps, judge their channels."""
+"""Edit recordings, fill gaps, check channels, and turn one channel into a pressure field on the sensor."""
 
 from midair.recordings.edit import Fill, cut, gain, join, mask, resample, trim
 from midair.recordings.footprint import Footprint, Path, Shape, Turn, footprint_field

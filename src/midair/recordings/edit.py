@@ -1,4 +1,4 @@
-"""Cut, join, resample, trim, scale and mask recordings; each leaves a step in the provenance."""
+"""Cut, join, resample, trim, scale and mask recordings; each function adds a step to the provenance."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -17,26 +17,24 @@ from midair.validation import frozen_array, positive
 Array = NDArray[np.float64]
 
 Fill = Literal["zero", "neighbours"]
-"""What takes the place of a masked channel: nothing, or the mean of the cells beside, above and below it."""
+"""Replacement of a masked channel: 0, or the mean of the cells beside, above and below it."""
 
 
 def cut(recording: Recording, start: float = 0.0, end: float | None = None) -> Recording:
-    """The frames from `start` to `end`; time begins again at 0.
+    """The frames from `start` to `end`; time starts again at 0.
 
     Both ends are rounded to whole frames and the frame at `end` is not included, so that ``cut(r, 0, t)`` and
     ``cut(r, t)`` share no frame and lose none.
 
     Parameters
     ----------
-    recording : Recording
-        The recording to cut.
     start, end : float
         Times from the first frame, in s; `end` None means the end of the recording.
 
     Raises
     ------
     InputError
-        If no frame is left, or the part reaches beyond the recording by more than half a frame.
+        If no frame is left, or the part extends beyond the recording by more than half a frame.
     """
     stop = recording.duration if end is None else end
     first, last = (round(time * recording.rate) if np.isfinite(time) else -1 for time in (start, stop))
@@ -47,22 +45,17 @@ def cut(recording: Recording, start: float = 0.0, end: float | None = None) -> R
 
 
 def join(recordings: Sequence[Recording]) -> Recording:
-    """One recording after another, without a gap or a fade between them.
+    """Concatenate recordings without a gap or a fade between them.
 
-    Steps that all parts share from the first on stay steps; what differs is kept in the setting ``parts`` of the step
-    "join": each part's source, its frames and its own steps. Notes stay where they agree.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        At least one recording; all of the same sensor, rate and unit.
+    Leading steps that all provenances share are kept as steps. The setting ``parts`` of the step "join" holds the rest:
+    the source, the number of frames and the own steps of each part. Notes are kept where they agree.
 
     Raises
     ------
     InputError
-        If there is none.
+        If the sequence is empty.
     MismatchError
-        If two differ in sensor, rate or unit.
+        If two recordings differ in sensor, rate or unit.
     """
     if not recordings:
         raise InputError("join: expected at least one recording, got none")
@@ -80,17 +73,10 @@ def join(recordings: Sequence[Recording]) -> Recording:
 
 
 def resample(recording: Recording, rate: float) -> Recording:
-    """The same band-limited signal at another rate (`midair.dsp.resample`); frame 0 stays at time 0.
+    """The same band-limited signal at another rate in Hz (`midair.dsp.resample`); frame 0 stays at time 0.
 
-    Flat to 0.1 % up to 94 % of half the lower rate. The ratio of the rates is taken as the nearest fraction with a
-    denominator up to 1000; where that is off by more than a millionth, the rate of the result is the fraction's.
-
-    Parameters
-    ----------
-    recording : Recording
-        The recording to resample.
-    rate : float
-        New frames per second, in Hz.
+    Flat to 0.1 % up to 94 % of half the lower rate. The ratio of the rates is rounded to the nearest fraction with a
+    denominator up to 1000; where that error exceeds 1e-6, the result has the rate of the fraction.
 
     Raises
     ------
@@ -105,7 +91,7 @@ def resample(recording: Recording, rate: float) -> Recording:
 
 
 def _rate_of(rate: float, wanted: float) -> float:
-    """The rate that `midair.dsp.resample` gives, in Hz: `wanted` where it is within a millionth of it."""
+    """Rate of the result of `midair.dsp.resample`, in Hz: `wanted` where it agrees to 1e-6."""
     from fractions import Fraction
 
     slow, fast = sorted((rate, wanted))
@@ -116,31 +102,29 @@ def _rate_of(rate: float, wanted: float) -> float:
 
 
 def trim(recording: Recording, *, share: float = 0.05, level: float | None = None, margin: float = 0.05) -> Recording:
-    """The recording without the silence at both ends.
+    """Remove the silence at both ends; silence in between stays.
 
-    A frame is silent while no channel is further from its median than `level`. Silence inside stays.
+    A frame is silent if no channel is further from its median than `level`.
 
     Parameters
     ----------
-    recording : Recording
-        The recording to trim.
     share : float
-        The level as a part of the largest distance of any channel from its median, 0 to 1.
+        The level relative to the largest distance of any channel from its median, 0 to 1.
     level : float, optional
-        The level itself, in the unit of the samples, instead of a share.
+        Absolute level in the unit of the samples, instead of `share`.
     margin : float
-        Time that is kept before the first and after the last frame that is not silent, in s.
+        Time to keep before the first and after the last frame that is not silent, in s.
 
     Raises
     ------
     InputError
-        If all of it is silent, or a setting makes no sense.
+        If the whole recording is silent, or a setting is out of range.
     """
     if not 0 <= share < 1:
         raise InputError(f"trim: expected a share of 0 to below 1, got {share:g}")
     if not 0 <= margin < np.inf:
         raise InputError(f"trim: expected a margin of 0 s or more, got {margin:g} s")
-    # The median is what a channel says at rest, which need not be 0; a mean would follow the touch.
+    # The median estimates the output at rest, which need not be 0; the touch would shift a mean.
     rest, found = medians(recording.samples), moments(recording.samples)
     most = float(np.maximum(found.greatest - rest, rest - found.least).max())
     limit = share * most if level is None else float(level)
@@ -155,21 +139,14 @@ def trim(recording: Recording, *, share: float = 0.05, level: float | None = Non
 
 
 def gain(recording: Recording, factor: ArrayLike) -> Recording:
-    """The samples times a factor.
+    """Multiply the samples by one factor, or by a factor for each channel, shape (row, column).
 
-    A calibration of the sensor stays what it is: the pressure that it gives grows by the same factor.
-
-    Parameters
-    ----------
-    recording : Recording
-        The recording to scale.
-    factor : float or array_like, shape (row, column)
-        One for all channels, or one each.
+    The sensor's calibration does not change: calibrated pressure grows by the same factor.
 
     Raises
     ------
     ShapeError, NonFiniteError
-        If the factors do not fit the sensor, or one is not finite.
+        If the factors do not match the sensor, or one is not finite.
     """
     shape = np.shape(factor)
     if shape not in ((), recording.sensor.shape):
@@ -182,21 +159,19 @@ def gain(recording: Recording, factor: ArrayLike) -> Recording:
 
 
 def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") -> Recording:
-    """The recording without some channels: they become 0, or the mean of their neighbours that are not masked.
+    """Replace channels by 0, or by the mean of their neighbours that are not masked.
 
     Parameters
     ----------
-    recording : Recording
-        The recording to mask.
     channels : iterable of int
-        Numbers of channels, row by row from 0.
+        Channel numbers, row by row from 0.
     fill : {"zero", "neighbours"}
-        What takes their place.
+        The replacement.
 
     Raises
     ------
     ShapeError
-        If a channel is not there.
+        If a channel does not exist.
     InputError
         If the fill is unknown, or a masked channel has no neighbour left.
     """
@@ -221,7 +196,7 @@ def mask(recording: Recording, channels: Iterable[int], *, fill: Fill = "zero") 
 
 
 def _loud(samples: "Array | LazyFrames", rest: Array, limit: float) -> tuple[int, int] | None:
-    """First and last frame in which a channel is further from its rest than a limit; None where none is."""
+    """First and last frame in which a channel is further than `limit` from its rest value, or None."""
     first, last, before = -1, -1, 0
     for block in blocks(samples):
         loud = np.flatnonzero(np.abs(block - rest).max(axis=(1, 2)) > limit)
@@ -245,7 +220,7 @@ def _neighbours(recording: Recording, channel: int, masked: list[int]) -> list[i
     left = [other for other in found if other not in masked]
     if not left:
         raise InputError(
-            f"mask: expected a neighbour of channel {channel} that is not masked, got none; fill with zero"
+            f'mask: expected a neighbour of channel {channel} that is not masked, got none; use fill="zero"'
         )
     return left
 

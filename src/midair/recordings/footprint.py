@@ -1,14 +1,14 @@
-"""A recording of one channel becomes a field: the waveform of a patch of contact that moves over the sensor.
+"""Turn a recording of one channel into a pressure field: a contact patch with that waveform moves over the sensor.
 
-Most libraries of touch hold one waveform a surface. What is missing, where the contact was and how large, is stated
-here, never guessed: a footprint of a stated shape and size moves over the cells at a stated speed along a stated path,
-and presses everywhere inside it with the waveform as it is. A cell feels the mean over its own square,
+Most libraries of touch signals hold one waveform per surface, without position and size of the contact. These are
+parameters here: a footprint of given shape and size moves over the cells at a given speed along a given path, and the
+pressure everywhere inside it follows the waveform. Each cell measures the mean over its own square,
 
     p_cell(t) = w(t) A(footprint at t, cell) / A(cell),
 
-with the overlap A exact (closed forms below), so that the force over all cells is w(t) times the part of the footprint
-that is on the sensor. Speed moves the footprint; it never stretches the waveform: a recording made at another speed has
-another spectrum, and only a new recording gives that.
+with the exact overlap area A (closed forms below), so that the total force is w(t) times the area of the footprint on
+the sensor. The speed moves the footprint but does not stretch the waveform: the spectrum at another speed differs, and
+needs a new recording.
 """
 
 from dataclasses import dataclass, replace
@@ -25,40 +25,27 @@ from midair.validation import positive
 Array = NDArray[np.float64]
 
 Shape = Literal["circle", "square", "line"]
-"""A disc of diameter `size`; a square of side `size`, parallel to the cells; a bar of width `size` across the path,
-longer than the sensor."""
+"""A disc of diameter `size`; a square of side `size`, parallel to the cells; a bar of width `size` across the path, longer than the sensor."""
 
 Path = Literal["x", "y", "diagonal"]
-"""Along the columns, along the rows, or along both at 45 degrees; through the middle of the sensor."""
+"""Along the columns, along the rows, or along both at 45 degrees; through the centre of the sensor."""
 
 Turn = Literal["stop", "back", "again"]
-"""When the footprint has left the sensor: it is gone; it comes back; it starts again from the first side."""
+"""After the footprint has left the sensor it stops, moves back, or starts again from the first side."""
 
 _DIRECTION = {"x": (1.0, 0.0), "y": (0.0, 1.0), "diagonal": (np.sqrt(0.5), np.sqrt(0.5))}
-_BLOCK = 1 << 16  # frames at once, to bound the memory of long recordings
+_BLOCK = 1 << 16  # frames per block, to bound the memory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Footprint:
-    """What touches the sensor, and how it moves.
-
-    Attributes
-    ----------
-    shape : {"circle", "square", "line"}
-        Shape of the patch.
-    size : float
-        Diameter, side or width, in m.
-    speed : float
-        In m/s; negative from the other side; 0 for a patch that stays over the middle of the sensor.
-    path : {"x", "y", "diagonal"}
-        Along which it moves.
-    turn : {"stop", "back", "again"}
-        What it does when it has left the sensor.
-    """
+    """Shape and motion of a contact patch."""
 
     shape: Shape = "circle"
     size: float = 20e-3
+    """Diameter, side or width, in m."""
     speed: float = 50e-3
+    """In m/s; negative to start from the other side; 0 for a patch that stays over the centre of the sensor."""
     path: Path = "x"
     turn: Turn = "stop"
 
@@ -73,7 +60,7 @@ class Footprint:
             raise InputError(f"speed of the footprint: expected a finite number in m/s, got {self.speed:g}")
 
     def reach(self, sensor: SensorGrid) -> float:
-        """Distance from the middle of the sensor at which the footprint no longer touches it, in m."""
+        """Distance from the centre of the sensor at which the footprint no longer touches it, in m."""
         across, along = sensor.columns * sensor.pitch / 2, sensor.rows * sensor.pitch / 2
         half = self.size / 2
         if self.path == "x":
@@ -87,11 +74,11 @@ class Footprint:
         return _circle_leaves(across, along, half)
 
     def crossing(self, sensor: SensorGrid) -> float:
-        """Time from the first touch to the last, in s; infinite at speed 0."""
+        """Time from the first contact to the last, in s; infinite at speed 0."""
         return 2 * self.reach(sensor) / abs(self.speed) if self.speed else np.inf
 
     def centre(self, time: Array, sensor: SensorGrid) -> Array:
-        """Where its middle is, shape (time, 2): x and y from the middle of the sensor, in m."""
+        """Centre of the footprint at each time, shape (time, 2): x and y from the centre of the sensor, in m."""
         reach, way = self.reach(sensor), abs(self.speed) * np.asarray(time, float)
         if self.turn == "again":
             way = way % (2 * reach)
@@ -102,19 +89,19 @@ class Footprint:
 
 
 def footprint_field(recording: Recording, footprint: Footprint, sensor: SensorGrid | None = None) -> Recording:
-    """The field that a footprint presses into a sensor with a waveform of one channel.
+    """The pressure field of a footprint that presses on a sensor with a waveform of one channel.
 
-    The result counts as simulated: its places were never measured. Its unit is the waveform's: a pressure (Pa), or what
-    a sensor of that shape would have put out.
+    The result is marked as simulated, because its positions were not measured. Its unit is that of the waveform: Pa, or
+    the output of a sensor of that shape.
 
     Parameters
     ----------
     recording : Recording
-        A recording of one channel; of a reel the field is one, too.
+        One channel; the field is lazy if the samples are.
     footprint : Footprint
-        What touches, and how it moves; at time 0 it is about to touch the first side.
+        At time 0 it is about to touch the first side.
     sensor : SensorGrid, optional
-        The cells; the paper's 4 x 4 at 11 mm if None.
+        The paper's 4 x 4 at 11 mm if None.
 
     Returns
     -------
@@ -160,12 +147,12 @@ def covered(footprint: Footprint, sensor: SensorGrid, time: Array) -> Array:
     for first in range(0, len(time), _BLOCK):
         part = slice(first, first + _BLOCK)
         share[part] = _area(footprint, sensor, footprint.centre(time[part], sensor)) / sensor.pitch**2
-    # Differences of areas leave some rounding on cells that are not touched.
+    # Differences of areas leave rounding errors on cells that are not covered.
     return np.clip(np.where(share < 1e-12, 0.0, share), 0.0, 1.0)
 
 
 def _area(footprint: Footprint, sensor: SensorGrid, centre: Array) -> Array:
-    """Area of each cell that is under the footprint, broadcasts to (time, row, column), in m2."""
+    """Area of each cell under the footprint in m2; broadcasts to (time, row, column)."""
     half = sensor.pitch / 2
     x = sensor.x[None, None, :] - centre[:, 0, None, None]
     y = sensor.y[None, :, None] - centre[:, 1, None, None]
@@ -178,7 +165,7 @@ def _area(footprint: Footprint, sensor: SensorGrid, centre: Array) -> Array:
 
 
 def disc_in_rectangle(left: Array, right: Array, low: Array, high: Array, radius: float) -> Array:
-    """Area of the disc of `radius` around 0 that lies in a rectangle, any shape that broadcasts, in m2.
+    """Area of the part of a disc of `radius` around 0 in a rectangle, in m2; the bounds broadcast.
 
     Inclusion and exclusion of the four corners, each with the area of the disc left of and below it.
     """
@@ -189,8 +176,8 @@ def disc_in_rectangle(left: Array, right: Array, low: Array, high: Array, radius
 def _disc_below(x: Array, y: Array) -> Array:
     """Area of the unit disc with X <= x and Y <= y.
 
-    The integral over t from -1 to x of the part of the chord from -s to s, s = sqrt(1 - t^2), below y: y + s where
-    |t| < c = sqrt(1 - y^2), and outside of that all of it (2 s) for y above 0 or nothing.
+    Integral over t from -1 to x of the part below y of the chord from -s to s, s = sqrt(1 - t^2): y + s where
+    |t| < c = sqrt(1 - y^2); elsewhere the whole chord (2 s) for y above 0, and nothing for y below 0.
     """
     x, y = np.broadcast_arrays(np.clip(x, -1, 1), np.clip(y, -1, 1))
     c = np.sqrt(1 - y * y)
@@ -205,15 +192,15 @@ def _half_chord(t: Array | float) -> Array:
 
 
 def _overlap(distance: Array, half: float, other: float) -> Array:
-    """Length that two intervals of half lengths `half` and `other` share, their middles `distance` apart."""
+    """Length of the overlap of two intervals of half lengths `half` and `other` whose centres are `distance` apart."""
     return np.clip(half + other - np.abs(distance), 0.0, 2 * min(half, other))
 
 
 def _strip_in_square(along: Array, pitch: float, half: float, *, diagonal: bool) -> Array:
-    """Area of a square of side `pitch` within `half` of a line, its middle `along` from that line.
+    """Area of a square of side `pitch` within `half` of a line; its centre is `along` from that line.
 
-    Parallel to a side: an interval's overlap times the side. At 45 degrees: the area of the square below a line is
-    quadratic within pitch / sqrt(2) of its middle.
+    Parallel to a side: the overlap of intervals times the side. At 45 degrees: the area of the square below a line is
+    quadratic within pitch / sqrt(2) of its centre.
     """
     if not diagonal:
         return _overlap(along, pitch / 2, half) * pitch
@@ -221,15 +208,15 @@ def _strip_in_square(along: Array, pitch: float, half: float, *, diagonal: bool)
 
 
 def _square_below(reach: Array, pitch: float) -> Array:
-    """Area of a square of side `pitch` around 0 below a line at 45 degrees, `reach` from its middle."""
+    """Area of a square of side `pitch` around 0 below a line at 45 degrees, `reach` from its centre."""
     corner = pitch * np.sqrt(0.5)
     d = np.clip(reach, -corner, corner)
     return np.where(d < 0, (corner + d) ** 2, pitch**2 - (corner - d) ** 2)
 
 
 def _circle_leaves(across: float, along: float, radius: float) -> float:
-    """Where a disc that moves at 45 degrees through the middle of a rectangle touches it last, from the middle."""
-    # The corner is the last that it touches when the rectangle is about square, else a side.
+    """Distance from the centre of a rectangle at which a disc that moves at 45 degrees last touches it."""
+    # It last touches the corner if the rectangle is nearly square, otherwise a side.
     root = np.sqrt(0.5)
     short, long = sorted((across, along))
     if (short + radius) <= long:

@@ -1,8 +1,8 @@
-"""Short gaps in recordings, numbers that are NaN or infinite, filled from what stands around them.
+"""Fill short gaps in recordings: values that are NaN or infinite, replaced by interpolation.
 
-Two ways: straight lines, which leave out whatever vibrates; and "spectrum", which goes on as the neighbourhood does
-(A. Janssen, R. Veldhuis & L. Vries, IEEE Trans. ASSP 34(2), 1986: the numbers that an autoregressive model of the
-neighbourhood predicts best, model and numbers in turn).
+Two methods: "line" interpolates linearly and loses any vibration; "spectrum" minimises the prediction error of an
+autoregressive model of the neighbourhood, with model and values estimated in turn (A. Janssen, R. Veldhuis & L. Vries,
+IEEE Trans. ASSP 34(2), 1986).
 """
 
 from dataclasses import dataclass
@@ -18,22 +18,15 @@ from midair.validation import positive
 Array = NDArray[np.float64]
 
 GapFill = Literal["spectrum", "line"]
-"""What a gap is filled with: what goes on as its neighbourhood does, or a straight line."""
+"""Autoregressive interpolation, or a straight line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mending:
-    """How gaps are filled.
-
-    Attributes
-    ----------
-    longest : float
-        Gap that may be filled, in s; a longer one is refused.
-    fill : {"spectrum", "line"}
-        With what.
-    """
+    """Settings for filling gaps."""
 
     longest: float = 20e-3
+    """Longest gap that may be filled, in s; longer ones raise an error."""
     fill: GapFill = "spectrum"
 
     def __post_init__(self) -> None:
@@ -44,42 +37,30 @@ class Mending:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mended:
-    """Samples without gaps, and where there were some.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (frame, channel)
-        Finite.
-    journal : tuple of Event
-        One of kind "mended" for each gap of each channel, by frame.
-    """
+    """Samples without gaps, and the positions of the gaps that were filled."""
 
     samples: Array
+    """Finite, shape (frame, channel)."""
     journal: tuple[Event, ...]
+    """One event of kind "mended" for each gap of each channel, sorted by frame."""
 
 
 def mend(samples: Array, rate: float, mending: Mending) -> Mended:
-    """The samples with their gaps filled.
+    """Fill the gaps of all channels; all other values stay equal.
+
+    A gap at either end of the recording takes the nearest value.
 
     Parameters
     ----------
     samples : ndarray, shape (frame, channel)
-        Of any unit; NaN and infinite where nothing is known.
+        Any unit; NaN or infinite where missing.
     rate : float
-        Frames per second, in Hz.
-    mending : Mending
-        How.
-
-    Returns
-    -------
-    Mended
-        Where nothing was missing the numbers are what they were. At either end of the recording a gap holds the
-        nearest number.
+        In Hz.
 
     Raises
     ------
     NonFiniteError
-        If a gap is longer than the mending allows.
+        If a gap is longer than `mending` allows.
     """
     filled = np.array(samples, np.float64)
     journal: list[Event] = []
@@ -93,14 +74,14 @@ def mend(samples: Array, rate: float, mending: Mending) -> Mended:
 
 
 def _gaps(wave: Array) -> list[tuple[int, int]]:
-    """First frame of each gap and the first after it."""
+    """First frame of each gap, and the first frame after it."""
     missing = np.concatenate([[False], ~np.isfinite(wave), [False]])
     ends = np.flatnonzero(missing[1:] != missing[:-1])
     return [(int(first), int(last)) for first, last in ends.reshape(-1, 2)]
 
 
 def _check(channel: int, first: int, frames: int, rate: float, mending: Mending) -> None:
-    # Half a frame of tolerance: 20 ms at 1 kHz are 20 frames, whatever the rounding.
+    # Half a frame of tolerance, so that rounding does not matter: 20 ms at 1 kHz are 20 frames.
     if frames > mending.longest * rate + 0.5:
         raise NonFiniteError(
             f"mend: expected gaps of {mending.longest * 1e3:g} ms at most, got {frames} frames "
@@ -124,8 +105,8 @@ def _fill(wave: Array, gaps: list[tuple[int, int]], fill: GapFill) -> None:
 
 
 def _predict(wave: Array, missing: NDArray[np.bool_], first: int, last: int) -> None:
-    """Put the numbers into one gap that a model of its neighbourhood predicts best; other gaps near it stay lines."""
-    # Janssen's rule for the order, and a neighbourhood of ten orders on either side, as far as there is one.
+    """Fill one gap in place by autoregressive interpolation; other gaps near it stay linear."""
+    # Janssen's rule for the order, and a neighbourhood of up to ten orders on either side.
     order = min(3 * (last - first) + 2, 64)
     begin, end = max(0, first - 10 * order), min(len(wave), last + 10 * order)
     if int((~missing[begin:end]).sum()) < 4 * order:
@@ -137,7 +118,7 @@ def _predict(wave: Array, missing: NDArray[np.bool_], first: int, last: int) -> 
     for _ in range(5):
         errors = _prediction_errors(x, order)
         rest = np.delete(errors, np.arange(inside.start, inside.stop), axis=1) @ np.delete(x, np.arange(*_span(inside)))
-        # The least ridge that keeps a silent neighbourhood solvable.
+        # A small ridge, so that a silent neighbourhood is solvable.
         gram = errors[:, inside].T @ errors[:, inside] + 1e-12 * np.eye(last - first)
         x[inside] = np.linalg.solve(gram, -errors[:, inside].T @ rest)
     wave[first:last] = x[inside] + mean
@@ -148,12 +129,12 @@ def _span(inside: slice) -> tuple[int, int]:
 
 
 def _prediction_errors(x: Array, order: int) -> Array:
-    """Matrix that gives the error of predicting each number from the `order` before it, by the model of `x` itself."""
+    """Matrix of the errors of predicting each value of `x` from the `order` values before it."""
     from scipy.linalg import convolution_matrix, solve_toeplitz
 
     n = len(x)
     correlation = np.correlate(x, x, "full")[n - 1 : n + order] / n
-    # A ten-millionth of white noise: pure tones leave the model undetermined.
+    # 1e-7 of white noise, because pure tones leave the model undetermined.
     correlation[0] = correlation[0] * (1 + 1e-7) + np.finfo(float).tiny
     model = np.concatenate([[1.0], -solve_toeplitz(correlation[:order], correlation[1:])])
     return np.asarray(convolution_matrix(model, n, mode="valid"), np.float64)

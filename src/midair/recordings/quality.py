@@ -1,4 +1,4 @@
-"""Channels that cannot be trusted: dead ones, clipped ones, folded ones, and ones that hold nothing but noise."""
+"""Detect unusable channels: constant, clipped, rectified, or only noise."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +8,13 @@ from midair.model import Recording
 
 
 def dead_channels(recording: Recording) -> NDArray[np.bool_]:
-    """Which channels never change, shape (row, column)."""
+    """True for channels that never change, shape (row, column)."""
     found = moments(recording.samples)
     return found.least == found.greatest
 
 
 def at_limit(samples: NDArray[np.float64], full_scale: float) -> NDArray[np.bool_]:
-    """Which samples stand at the limit of their converter, same shape: the one rule for clipping.
+    """True for samples at the limit of their converter, same shape; all checks for clipping use this rule.
 
     Parameters
     ----------
@@ -23,25 +23,25 @@ def at_limit(samples: NDArray[np.float64], full_scale: float) -> NDArray[np.bool
     full_scale : float
         Limit of the converter on either side.
     """
-    # The converter's largest code is one step below its limit; 1e-4 of it is more than a step of 14 bits.
+    # The largest code of a converter is one step below its limit; 1e-4 is more than a step of 14 bits.
     return np.abs(samples) >= full_scale * (1 - 1e-4)
 
 
 def suspicious(recording: Recording) -> tuple[str, ...]:
-    """A sentence for the channels that never change, for those that hold only a white floor, or clip, or are folded.
+    """One sentence for each kind of suspicious channel: constant, white noise only, clipped, or rectified.
 
-    A floor is a channel more than ten times quieter than the median channel whose successive differences are those of
-    independent numbers: von Neumann's ratio, their mean square over the variance, is within four standard errors of 2
-    (J. von Neumann, Ann. Math. Stat. 12, 1941: variance 4 (n - 2) / (n^2 - 1)).
+    White noise: a channel more than ten times quieter than the median channel whose von Neumann ratio (mean square of
+    successive differences over variance) is within four standard errors of 2 (J. von Neumann, Ann. Math. Stat. 12,
+    1941: variance 4 (n - 2) / (n^2 - 1)).
 
-    A channel clips whose greatest or least number comes in five places or more, 20 times or more in all, and more
-    than four times as often as what lies just below it, within half a percent of the range: a sine has 2.4 times as
-    much there at most. Where it lies at 0, it is no limit of a converter. Of less than 100 levels, as a tone has that
-    fits the rate, it has to stand there three frames in a row, for a tone has its greatest number twice, and nowhere
-    else; and the levels must be no steps of a coarse converter, all of one height.
+    Clipped: the maximum or minimum is not 0, occurs in at least five places and at least 20 times, and more than four
+    times as often as values within half a percent of the range below it (at most 2.4 times as many for a sine). A
+    channel with less than 100 levels, such as a tone whose period fits the rate, must also stay at the limit for three
+    frames in a row, because a tone repeats its maximum at most once, and must not stay elsewhere; and its levels must
+    not be equidistant, as those of a coarse converter are.
 
-    A recording may be a magnitude, of an acceleration or a force, if no number of it is below zero and it lies more
-    below the middle of its range than above.
+    Rectified, such as the magnitude of an acceleration or a force: no number is below zero, and the values lie mostly
+    in the lower part of their range.
     """
     found = moments(recording.samples)
     dead = (found.least == found.greatest).ravel()
@@ -69,14 +69,14 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
 
 
 def _folded(found: Moments) -> bool:
-    """Whether no channel is ever below zero, and most lie on average in the lower two fifths of their range."""
+    """True if no channel is ever below zero, and the mean of most is in the lower two fifths of their range."""
     lively = found.least < found.greatest
     low = found.mean - found.least < (found.greatest - found.mean) / 1.5
     return bool(lively.any() and (found.least >= 0).all() and low[lively].mean() > 0.5)
 
 
 def _flat_tops(samples: NDArray[np.float64] | LazyFrames, found: Moments) -> NDArray[np.bool_]:
-    """Which channels clip, shape (channel,): one pass along the frames."""
+    """True for channels that clip, shape (channel,), from one pass along the frames."""
     count = found.least.size
     least, greatest = found.least.ravel(), found.greatest.ravel()
     span = greatest - least
@@ -101,7 +101,7 @@ def _flat_tops(samples: NDArray[np.float64] | LazyFrames, found: Moments) -> NDA
     if held.any():
         some = next(blocks(samples)).reshape(-1, count)
         for channel in np.flatnonzero(held.any(axis=0)):
-            # A tone that was worked out comes by again a rounding beside where it was.
+            # The levels of a computed tone repeat only to rounding.
             x = np.rint((some[:, channel] - least[channel]) / span[channel] * 1e9)
             levels = np.unique(x)
             few = len(levels) < 100
@@ -110,9 +110,9 @@ def _flat_tops(samples: NDArray[np.float64] | LazyFrames, found: Moments) -> NDA
 
 
 def _flat_few(x: NDArray[np.float64], levels: NDArray[np.float64], sides: NDArray[np.bool_]) -> bool:
-    """Whether a channel of few levels stands still at its ends alone, of levels that are not of one height.
+    """True if a channel of few levels repeats values only at its limits and its levels are not equidistant.
 
-    Sides are those that count: its greatest, its least.
+    `sides`: whether the maximum and the minimum are candidates.
     """
     if len(levels) < 3:
         return False
@@ -121,7 +121,7 @@ def _flat_few(x: NDArray[np.float64], levels: NDArray[np.float64], sides: NDArra
     heights = np.diff(levels)
     multiples = heights / heights.min()
     coarse = np.abs(multiples - np.rint(multiples)).max() < 0.02
-    # A tone that is not clipped has its greatest number twice in a row at most.
+    # A tone that is not clipped has its maximum at most twice in a row.
     came = (~still & ends).sum()
     return bool(not coarse and (still & ends).sum() > 1.5 * came and (still & ~ends).sum() <= 0.1 * came)
 
