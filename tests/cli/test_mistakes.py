@@ -59,8 +59,8 @@ MISTAKES = (
     ("import song.wav x.drive.h5 --unit V", 1, "expected a recording; names that"),
     ("import song.wav --unit V --rate 44100Hz", 1, "got --rate 44100; leave rate out"),
     ("import song.wav --unit V --path z", 2, 'Invalid value "z" for --path.'),
-    ("import five.csv", 1, "five.csv: the file does not say"),
-    ("import five.csv --unit V", 1, "five.csv: the file does not say"),
+    ("import five.csv", 1, "five.csv: the file does not state"),
+    ("import five.csv --unit V", 1, "five.csv: the file does not state"),
     (
         "import five.csv --unit V --rate 1kHz",
         1,

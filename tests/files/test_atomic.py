@@ -97,7 +97,7 @@ def test_pipes_and_devices_are_not_opened(tmp_path):
         (
             MemoryError("Unable to allocate 8 TiB"),
             FileError,
-            "needs more memory than there is (Unable to allocate 8 TiB)",
+            "needs more memory than available (Unable to allocate 8 TiB)",
         ),
         (OSError(errno.ENOLCK, "No locks available"), BrokenFileError, "cannot be read: No locks available"),
         (OSError(errno.EIO, "Input/output error"), BrokenFileError, "cannot be read: Input/output error"),

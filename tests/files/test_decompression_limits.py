@@ -23,7 +23,7 @@ def test_a_stream_is_expanded_as_far_as_there_is_room(tmp_path):
     assert inflated(path, packed, 1000) == b"\0" * 1000
     with pytest.raises(BrokenFileError, match="100 times its 100 bytes"):
         inflated(path, packed, 999)
-    with pytest.raises(BrokenFileError, match="it was cut"):
+    with pytest.raises(BrokenFileError, match="got the first"):
         inflated(path, packed[:-5], 1000)
 
 

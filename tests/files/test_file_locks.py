@@ -136,7 +136,7 @@ def test_a_disk_without_locks_is_said_once_and_nothing_is_refused(tmp_path):
     assert done.returncode == 0, done.stderr
     told = [line for line in done.stderr.splitlines() if "lock" in line]
     assert told == [
-        "midair: this disk has no locks (No locks available): see to it that no two programs write to the same file"
+        "midair: this disk has no locks (No locks available): make sure that no two programs write to the same file"
     ]
     done = run("calibrate", "n.h5", "--sensitivity", "1V/Pa")
     assert done.returncode == 0, done.stderr

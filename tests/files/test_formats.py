@@ -166,7 +166,7 @@ def test_refuses_a_number_that_is_not_finite(ending, recording, tmp_path, alike)
 
 @each_writer
 def test_refuses_a_folder_that_is_not_there(ending, recording, tmp_path):
-    with pytest.raises(MissingFileError, match="make it first"):
+    with pytest.raises(MissingFileError, match="create it first"):
         save(recording, tmp_path / "away" / f"towel{ending}")
 
 
@@ -267,7 +267,7 @@ def test_reports_what_looks_wrong(recording, tmp_path):
 
 @pytest.mark.parametrize("ending", [ending for ending in IN if ending not in OUT])
 def test_refuses_to_write_what_is_only_open_take(ending, recording, tmp_path):
-    with pytest.raises(UnknownFormatError, match=r"is read, not written; what can be written is \.h5"):
+    with pytest.raises(UnknownFormatError, match=r"can be read, not written; writable formats are \.h5"):
         save(recording, tmp_path / f"a{ending}")
 
 
@@ -312,7 +312,7 @@ def test_a_streamed_file_that_is_no_longer_there_is_said_to_be_another(tmp_path)
     save(Recording(samples=np.zeros((30, 4, 4)), rate=1000), tmp_path / "a.h5")
     reel = open_take(tmp_path / "a.h5", streamed=True).recording.samples
     save(Recording(samples=np.ones((30, 4, 4)), rate=1000), tmp_path / "a.h5")
-    with pytest.raises(BrokenFileError, match="another of its name"):
+    with pytest.raises(BrokenFileError, match="a new one of that name"):
         reel.read(0, 10)
 
 
@@ -350,7 +350,7 @@ def test_what_is_read_as_a_whole_is_refused_where_memory_is_short(ending_of_whol
     path = tmp_path / f"big{ending_of_whole}"
     path.write_bytes(bytes(1000))
     monkeypatch.setattr("midair.ram.available", lambda: 1000)
-    with pytest.raises(InputError, match=r"GB of free memory, since all of it is held at once, got 1e-06 GB; cut it"):
+    with pytest.raises(InputError, match=r"GB of free memory, because all of it is read at once, got 1e-06 GB; cut it"):
         open_take(path)
 
 

@@ -77,7 +77,7 @@ def test_load_gives_the_solution_of_a_drive(solution, tmp_path):
     again = load(path)
     assert isinstance(again, Solution)
     np.testing.assert_array_equal(again.drive.phase, solution.drive.phase)
-    with pytest.raises(InputError, match="expected nothing to be said about a drive, got rate=1000"):
+    with pytest.raises(InputError, match="expected no options for a drive, got rate=1000"):
         load(path, rate=1000.0)
 
 

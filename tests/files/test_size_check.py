@@ -6,7 +6,7 @@ from midair.files import check_fits
 
 def test_what_does_not_fit_is_one_line(monkeypatch):
     monkeypatch.setattr("midair.ram.available", lambda: 2_000_000_000)
-    said = r"a\.csv: expected 3 GB of free memory, since all of it is held at once, got 2 GB; cut it"
+    said = r"a\.csv: expected 3 GB of free memory, because all of it is read at once, got 2 GB; cut it"
     with pytest.raises(InputError, match=said):
         check_fits(3e9, "a.csv", "cut it")
     check_fits(2e9, "a.csv", "cut it")

@@ -40,7 +40,7 @@ def test_whatever_is_in_it_one_line_says_what_is_wrong(reader, content, tmp_path
 
 @pytest.mark.parametrize("reader", READERS)
 def test_only_files_are_opened(reader, tmp_path):
-    with pytest.raises(MissingFileError, match="is not there"):
+    with pytest.raises(MissingFileError, match="found no file"):
         READERS[reader](tmp_path / "no.toml")
     with pytest.raises(BrokenFileError, match="folder"):
         READERS[reader](tmp_path)
@@ -50,7 +50,7 @@ def test_only_files_are_opened(reader, tmp_path):
             READERS[reader](tmp_path / "pipe")
     with (tmp_path / "large.toml").open("wb") as file:
         file.truncate(LARGEST + 1)
-    with pytest.raises(BrokenFileError, match=r"67\.11 MB; is this the right file"):
+    with pytest.raises(BrokenFileError, match=r"67\.11 MB; check the name"):
         READERS[reader](tmp_path / "large.toml")
 
 

@@ -51,7 +51,7 @@ def test_tells_of_rows_that_repeat_at_a_later_time():
 def test_uses_the_nominal_rate_when_it_fits():
     time = np.array([0, 28, 56, 85, 113]) / 1e3
     assert uniform(time, np.zeros((5, 1)), rate=35.5).rate == 35.5
-    with pytest.raises(RateError, match=r"expected about 35\.3982 Hz, as the time stamps say, got 40 Hz"):
+    with pytest.raises(RateError, match=r"expected about 35\.3982 Hz from the time stamps, got 40 Hz"):
         uniform(time, np.zeros((5, 1)), rate=40)
 
 
@@ -65,9 +65,9 @@ def test_refuses_stamps_that_say_no_rate(time, message):
 
 def test_one_late_stamp_does_not_fill_the_disk():
     """Three rows, the last one three years late: 3.2 GB of straight line, once."""
-    with pytest.raises(RateError, match=r"the longest 1e\+08 s after 0\.02 s; is that stamp right\?"):
+    with pytest.raises(RateError, match=r"the longest 1e\+08 s after 0\.02 s; check that stamp"):
         uniform(np.array([0, 0.01, 0.02, 1e8]), np.zeros((4, 1)))
-    with pytest.raises(RateError, match="is that stamp right"):
+    with pytest.raises(RateError, match="check that stamp"):
         uniform(np.array([0, 0.01, 0.02, 1e300]), np.zeros((4, 1)))
 
 

@@ -19,7 +19,7 @@ def test_plan_round_trip(tmp_path):
     folder = StudyFolder.create(tmp_path / "s", text, design)
     assert folder.plan().design == design
     assert (tmp_path / "s" / "plan.toml").read_text(encoding="utf-8") == text
-    with pytest.raises(FileError, match="holds something"):
+    with pytest.raises(FileError, match="not empty"):
         StudyFolder.create(tmp_path / "s", text, design)
 
 

@@ -172,5 +172,5 @@ def sample_path(name: str) -> Path:
         If the name is unknown, or the sample is synthetic.
     """
     if not _known(name).file:
-        raise InputError(f"sample: expected one that has a file, got {name!r}; call sample() to generate it")
+        raise InputError(f"sample: expected one that has a file, got {name!r}, which is made by sample()")
     return Path(str(files("midair.datasets").joinpath("samples", *SAMPLES[name].file.split("/"))))

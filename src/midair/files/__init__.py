@@ -1,4 +1,4 @@
-"""Files: recordings, calibrations and drives in HDF5, and recordings in the formats of other programs."""
+"""Read and write recordings, calibrations and drives in HDF5, and recordings in other formats."""
 
 from midair.files.atomic import files_noted, refusing, whole_file, whole_folder, writable_path
 from midair.files.file_locks import NoLocksWarning, check_unclaimed, hold_open

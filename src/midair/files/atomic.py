@@ -1,4 +1,4 @@
-"""Files that are whole or not there, and parsers whose complaints become one clear line."""
+"""Atomic writing of files and folders, and conversion of parser errors into one clear message."""
 
 import errno
 import os
@@ -33,7 +33,7 @@ PARSER_FAILURES = (
     zipfile.BadZipFile,
     zlib.error,
 )
-"""What the parsers of other libraries raise on damaged bytes; found by the mutation tests."""
+"""Exceptions that other libraries raise for damaged files; found by the mutation tests."""
 
 SYSTEM_FAILURES = frozenset(
     getattr(errno, name)
@@ -43,18 +43,18 @@ SYSTEM_FAILURES = frozenset(
     )
     if hasattr(errno, name)
 )
-"""What the system says when the fault is not in the file: of the disk, the network, the rights, the locks."""
+"""Error numbers of faults outside the file: disk, network, permissions, locks."""
 
 
 def existing_file(path: str | os.PathLike[str], *, empty: bool = False) -> Path:
-    """`path` as a Path after checking that a file is there, with something in it unless `empty`.
+    """Return `path` as a Path if it is a readable file, not empty unless `empty` is set.
 
     Raises
     ------
     MissingFileError
-        If nothing has that name.
+        If it does not exist.
     BrokenFileError
-        If it is a folder, or empty, or must not be read.
+        If it is not a regular file, is empty, or cannot be read.
     """
     file = Path(path)
     try:
@@ -62,11 +62,11 @@ def existing_file(path: str | os.PathLike[str], *, empty: bool = False) -> Path:
             raise MissingFileError(f"{file}: expected a file, found none; check the name")
         if file.is_dir():
             raise BrokenFileError(f"{file}: expected a file, got a folder; name a file in it")
-        # A pipe or a device may never say anything, and never end: it is not even opened.
+        # Reading a pipe or a device may block or never end.
         if not stat.S_ISREG(file.stat().st_mode):
-            raise BrokenFileError(f"{file}: expected a file, got a pipe or a device; write what it gives to a file")
+            raise BrokenFileError(f"{file}: expected a file, got a pipe or a device; write its output to a file")
         if file.stat().st_size == 0 and not empty:
-            raise BrokenFileError(f"{file}: expected something in it, got an empty file; copy it again")
+            raise BrokenFileError(f"{file}: expected a file with content, got an empty file; copy it again")
         with file.open("rb"):
             return file
     except MidairError:
@@ -80,7 +80,7 @@ _noting: ContextVar[list[Path] | None] = ContextVar("noting", default=None)
 
 @contextmanager
 def files_noted() -> Generator[list[Path]]:
-    """Every file that comes to be inside, as it was named, in their order."""
+    """Collect the path of every file that is written inside the block, in order."""
     noted: list[Path] = []
     before = _noting.set(noted)
     try:
@@ -90,7 +90,7 @@ def files_noted() -> Generator[list[Path]]:
 
 
 def note_file(path: str | os.PathLike[str]) -> None:
-    """Say that a file is there, whole, to whoever notes it."""
+    """Add a completed file to the list of `files_noted`."""
     noted = _noting.get()
     if noted is not None and Path(path) not in noted:
         noted.append(Path(path))
@@ -98,17 +98,17 @@ def note_file(path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Generator[Path]:
-    """A name beside `path` to write to; it becomes `path` when the block ends well and is removed when it does not.
+    """Write a file atomically: yields a temporary name beside `path`, which replaces `path` if the block succeeds.
 
-    The bytes are on the disk (fsync) before the name changes (os.replace): whoever looks sees the old file or the new
-    one, never half of either. A file that is being recorded is left alone.
+    The data are on the disk (fsync) before the file is renamed (os.replace): other programs see the old file or the new
+    one, never a part. A file that is being recorded is not replaced. On failure the temporary file is deleted.
 
     Raises
     ------
     MissingFileError
         If the folder does not exist.
     FileError
-        If the file cannot be written, or some program is recording into it.
+        If the file cannot be written, or a program is recording into it.
     """
     target = writable_path(path)
     check_unclaimed(target)
@@ -125,7 +125,7 @@ def whole_file(path: str | os.PathLike[str]) -> Generator[Path]:
     except (OSError, RuntimeError) as wrong:
         raise FileError(f"{target}: cannot be written: {reason(wrong)}") from wrong
     finally:
-        # On a disk that refuses, the reason is on its way already.
+        # If the disk fails, the reason has been raised already.
         with suppress(OSError):
             partial.unlink(missing_ok=True)
 
@@ -135,30 +135,27 @@ def check_room(folder: Path, needed: int, path: str | os.PathLike[str]) -> None:
     free = shutil.disk_usage(folder).free
     if free < needed:
         raise FileError(
-            f"{path}: expected {needed / 1e6:.4g} MB free on the disk, got {free / 1e6:.4g} MB; make room, or write "
+            f"{path}: expected {needed / 1e6:.4g} MB free on the disk, got {free / 1e6:.4g} MB; free some, or write "
             "to another disk"
         )
 
 
 @contextmanager
 def whole_folder(path: str | os.PathLike[str]) -> Generator[Path]:
-    """A folder beside `path` to fill; it becomes `path` when the block ends well and is removed when it does not.
+    """Write a folder atomically: yields a temporary folder, which is renamed to `path` if the block succeeds.
 
-    Parameters
-    ----------
-    path : str or PathLike
-        A name that nothing has, or of an empty folder; folders above it are made.
+    `path` must be new or an empty folder; parent folders are created.
 
     Raises
     ------
     FileError
-        If something has the name, or the disk refuses.
+        If `path` exists and is not an empty folder, or cannot be written.
     """
     target = Path(path).resolve()
     partial = target.with_name(f".midair-{secrets.token_hex(4)}.part")
     try:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
-            raise FileError(f"{target}: expected a new folder, got one that holds something; choose another name")
+            raise FileError(f"{target}: expected a new folder, got one that is not empty; choose another name")
         partial.mkdir(parents=True)
         yield partial
         for file in partial.rglob("*"):
@@ -177,19 +174,19 @@ def whole_folder(path: str | os.PathLike[str]) -> Generator[Path]:
 
 
 def writable_path(path: str | os.PathLike[str]) -> Path:
-    """`path`, links followed, after checking that a file can have that name.
+    """Return `path` with links resolved, if a file can have that name.
 
     Raises
     ------
     MissingFileError
         If the folder does not exist.
     BrokenFileError
-        If the name is that of a folder.
+        If it is the name of a folder.
     """
     try:
         target = Path(path).resolve()
         if not target.parent.is_dir():
-            raise MissingFileError(f"{path}: expected the folder {target.parent} to be there; make it first")
+            raise MissingFileError(f"{path}: expected the folder {target.parent}, found none; create it first")
         if target.is_dir():
             raise BrokenFileError(f"{path}: expected the name of a file, got that of a folder; name a file in it")
     except (OSError, ValueError) as wrong:
@@ -201,19 +198,19 @@ def writable_path(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def refusing(path: Path | str, expected: str) -> Generator[None]:
-    """Turn what a parser says about damaged bytes into one line that names the file.
+    """Convert errors of a parser into one message that names the file; `expected` completes "expected ...".
 
-    Errors of midair (a NaN, a wrong shape) keep their type, get the file's name if they lack it, and lose what cannot
-    be printed: names in damaged files.
+    Errors of midair (a NaN, a wrong shape) keep their type, get the file's name if they lack it, and lose unprintable
+    characters, which can come from names in damaged files.
 
     Raises
     ------
     BrokenFileError
-        If the block fails to read the file, or the system does not let it.
+        If the file cannot be parsed or read.
     FileError
-        If what is in it does not fit into memory.
+        If its content does not fit into memory.
     MidairError
-        The leaf that the block raised.
+        The error of midair that the block raised.
     """
     try:
         yield
@@ -224,7 +221,7 @@ def refusing(path: Path | str, expected: str) -> Generator[None]:
         raise type(wrong)(text if str(path) in text else f"{path}: {text}") from wrong
     except MemoryError as wrong:
         raise FileError(
-            f"{path}: needs more memory than there is ({reason(wrong)}); cut it, or use a computer with more"
+            f"{path}: needs more memory than available ({reason(wrong)}); cut it, or use a computer with more"
         ) from wrong
     except PARSER_FAILURES as wrong:
         if isinstance(wrong, OSError) and wrong.errno in SYSTEM_FAILURES:
@@ -235,7 +232,7 @@ def refusing(path: Path | str, expected: str) -> Generator[None]:
 
 
 def reason(wrong: BaseException) -> str:
-    """The first line of what an exception says, or its type when it says nothing."""
+    """First line of an exception's message, or its type if it has none."""
     if isinstance(wrong, OSError) and wrong.strerror:
         return wrong.strerror.splitlines()[0][:160]
     lines = str(wrong).strip().splitlines()

@@ -1,4 +1,4 @@
-"""Files and folders that one program at a time may write to."""
+"""Locks for files and folders that only one program at a time may write to."""
 
 import os
 import struct
@@ -12,39 +12,39 @@ from midair.errors import DeviceStateError, FileError
 
 try:
     import fcntl
-except ImportError:  # Windows, where a file that somebody writes to cannot be replaced anyway
+except ImportError:  # Windows, where an open file cannot be replaced anyway
     fcntl = None
 
 _HELD = (EAGAIN, EACCES)
 _NONE = (ENOLCK, ENOTSUP, EOPNOTSUPP, ENOSYS, EINVAL)
 _PLACE = 1 << 62
-"""Byte, far beyond the end of any file, that process 0 would lock: where a lock lies says whose it is."""
+"""Byte offset, far beyond the end of any file, that process 0 would lock: the offset of a lock encodes its process."""
 _FLOCK = "hhqqi"
-"""struct flock of a 64-bit system: kind, whence, start, length, process."""
+"""struct flock of a 64-bit system: type, whence, start, length, process."""
 
 
 class NoLocksWarning(UserWarning):
-    """A file system without locks, on which nobody can see that another program writes to the same file."""
+    """A file system without locks, on which two programs could write to the same file unnoticed."""
 
 
 def hold_open(handle: int, refusal: str) -> None:
-    """Lock an open file or folder; the lock goes with the process, however it dies.
+    """Lock an open file or folder until the handle is closed or the process ends.
 
-    Where there are no locks, a `NoLocksWarning` says so, and the program goes on.
+    On a file system without locks it issues a `NoLocksWarning` and continues.
 
     Parameters
     ----------
     handle : int
-        Of the open file or folder; closing it lets go.
+        Descriptor of the open file or folder.
     refusal : str
-        What to say when another program holds it.
+        Message of the error when another program holds the lock.
 
     Raises
     ------
     DeviceStateError
-        If another program does.
+        If another program holds the lock.
     FileError
-        If the lock fails for another reason than that the disk has none.
+        If the lock fails for a reason other than a file system without locks.
     """
     if fcntl is None:
         return
@@ -57,16 +57,9 @@ def hold_open(handle: int, refusal: str) -> None:
 
 
 def acquire_for_writing(handle: int, path: Path) -> None:
-    """Tell all who ask by `check_unclaimed` that this process writes to a file, as long as it lives and has it open.
+    """Mark a file as being written by this process, as long as it is open; `check_unclaimed` detects the mark.
 
-    Anybody may read the file meanwhile. Where there are no locks, a `NoLocksWarning` says so.
-
-    Parameters
-    ----------
-    handle : int
-        Of the file, opened for writing.
-    path : Path
-        What to call it in messages.
+    Other programs may still read it. Issues a `NoLocksWarning` on a file system without locks. `path` is for messages.
     """
     if fcntl is None:
         return
@@ -81,16 +74,10 @@ def acquire_for_writing(handle: int, path: Path) -> None:
 
 
 def check_unclaimed(path: Path) -> None:
-    """Refuse a file to whoever would replace or remove it while another handle claims it.
-
-    Raises
-    ------
-    FileError
-        If one does; its message names the process.
-    """
+    """Raise FileError, which names the process, if another handle is writing to a file to be replaced or removed."""
     if fcntl is None or not path.is_file():
         return
-    # Who may not read a file is told so by whatever comes next.
+    # Without read permission, the following operation raises the error.
     with suppress(PermissionError), path.open("rb") as file:
         try:
             process = _claimed_by(file.fileno())
@@ -102,7 +89,7 @@ def check_unclaimed(path: Path) -> None:
 
 
 def _claimed_by(handle: int) -> int | None:
-    """The process that claims an open file, 0 where the system does not tell which; None if nobody does."""
+    """Process that is writing to an open file, 0 if the system does not report which one, or None."""
     if fcntl is None:
         return None
     if hasattr(fcntl, "F_OFD_GETLK"):
@@ -119,7 +106,7 @@ def _claimed_by(handle: int) -> int | None:
 
 
 def _named(process: int) -> str:
-    """A process in words: its number, and what was typed to start it where the system tells."""
+    """Process number and, where the system reports it, its command line."""
     if process == os.getpid():
         return "this program"
     try:
@@ -133,10 +120,10 @@ def _named(process: int) -> str:
 def _warn(wrong: OSError, what: Path | str) -> None:
     if wrong.errno not in _NONE:
         raise FileError(f"{what}: cannot be locked: {wrong.strerror}") from wrong
-    _warn_once(f"this disk has no locks ({wrong.strerror}): see to it that no two programs write to the same file")
+    _warn_once(f"this disk has no locks ({wrong.strerror}): make sure that no two programs write to the same file")
 
 
 @cache
 def _warn_once(text: str) -> None:
-    # Python's own "once" begins anew whenever any library touches the filters.
+    # Python's own "once" starts again whenever a library changes the warning filters.
     warnings.warn(text, NoLocksWarning, stacklevel=1)

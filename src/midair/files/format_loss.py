@@ -1,4 +1,4 @@
-"""What a format cannot hold of a recording, said by whoever writes it."""
+"""Information that a file format cannot store."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,30 +8,23 @@ from midair.model import Calibration
 Lost = Literal[
     "calibration", "pressure", "provenance", "sensor", "scale", "rate", "channels", "waveform", "band", "sign", "length"
 ]
-"""What can be lost: a word that a program can look for."""
+"""Kinds of lost information, as keys for programs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FormatLoss:
-    """One thing that a file does not hold, or that only midair can read from it.
-
-    Attributes
-    ----------
-    what : str
-        A word of `Lost`.
-    text : str
-        A sentence.
-    """
+    """Information that a file does not contain, or that only midair can read from it."""
 
     what: Lost
     text: str
+    """Description in one sentence."""
 
     def __str__(self) -> str:
         return self.text
 
 
 def calibration_lost(calibration: Calibration | None, form: str) -> tuple[FormatLoss, ...]:
-    """What a format without a place for a calibration owes."""
+    """Loss report of a format that cannot store a calibration."""
     if calibration is None:
         return ()
     advice = "save_calibration() writes it to a file of its own"

@@ -1,4 +1,4 @@
-"""Which format a file name means, and the doors of the store: `open_take`, `load` and `save`."""
+"""Supported file formats by file name suffix, and the functions `open_take`, `load` and `save`."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -57,7 +57,7 @@ OTHERS: Mapping[str, str] = {
     ARRAY_SUFFIX: "an array's calibration: load_array_calibration() and save_array_calibration()",
     CALIBRATION_SUFFIX: "a calibration: load_calibration() and save_calibration()",
 }
-"""Names that end like a recording's and mean something else."""
+"""Suffixes of files other than recordings, and the functions for them."""
 
 
 def load(
@@ -72,46 +72,46 @@ def load(
     packed: int | None = None,
     mending: Mending | None = None,
 ) -> Recording | Solution:
-    """The recording in a file of any format that midair knows, or the solution in a ``.drive.h5``.
+    """Read a recording in any supported format, or the solution in a ``.drive.h5``.
 
-    The options state what a file of another program does not say; what contradicts the file is refused. `open_take`
-    also returns the calibration and the journal, what was assumed and what looks wrong.
+    The options supply facts that a file of another program does not contain; a contradiction raises an error.
+    `open_take` also returns the calibration, the journal and a report of assumptions.
 
     Parameters
     ----------
     path : str or PathLike
-        Its ending tells the format: .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .npy, .mat, .nc, .flac, .aiff, .ogg,
-        .mp3, .xdf, .tdms, .mcap; effects of .ahap and .hjif are rendered to waves.
+        Suffix .h5, .hdf5, .csv, .wav, .w64, .rf64, .npz, .npy, .mat, .nc, .flac, .aiff, .ogg, .mp3, .xdf, .tdms or
+        .mcap; .ahap and .hjif effects are rendered to waves.
     rate : float, optional
-        Frames per second, in Hz.
+        In Hz.
     unit : {"V", "count", "Pa"}, optional
-        Of the samples.
+        Unit of the samples.
     sensor : SensorGrid, optional
-        How the channels are laid out.
+        Layout of the channels.
     scale : float, optional
-        Pressure that 1 of the file's numbers means, in Pa: of full scale, of a volt, of 1 m/s2.
+        Pressure in Pa that corresponds to 1 in the file: to full scale, to 1 V, to 1 m/s2.
     channels : sequence of str, optional
-        The ones to take, in this order, by name or by number from 0.
+        Channels to read, in this order, by name or by number from 0.
     stream : str, optional
-        Which one to take of a file that holds several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of
-        NPZ or MAT.
+        Which one to read from a file with several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of NPZ
+        or MAT.
     packed : int, optional
-        How many channels stand one after another in a row of numbers, frame behind frame: the file's axes do not count,
-        and its rate, if it says one, is that of its rows.
+        Number of channels that are interleaved in a row of numbers. The axes of the file are ignored; its rate, if it
+        has one, is the rate of its rows.
     mending : Mending, optional
-        How to fill gaps, numbers that are NaN, infinite or (in text) missing; without it they are refused.
+        How to fill gaps (NaN, infinite or, in text, missing numbers); None raises an error for gaps.
 
     Returns
     -------
     Recording or Solution
-        With its provenance, or with the file's name as its source if the file has none; a Solution of a drive.
+        With the provenance from the file, or with the file's name as its source.
 
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
-        If the file is not there, is damaged or of another kind, or its format is unknown.
+        If the file does not exist, is damaged or of another type, or its format is unknown.
     InputError
-        Its leaf that says what is missing or cannot be used.
+        A subclass that names the missing or unusable fact.
     """
     given = {
         "rate": rate,
@@ -125,7 +125,7 @@ def load(
     }
     if os.fspath(path).lower().endswith(DRIVE_SUFFIX):
         if any(value is not None for value in given.values()):
-            raise InputError(f"{path}: expected nothing to be said about a drive, got {_said(given)}")
+            raise InputError(f"{path}: expected no options for a drive, got {_said(given)}")
         return load_solution(path)
     return open_take(
         path,
@@ -153,23 +153,23 @@ def open_take(
     mending: Mending | None = None,
     streamed: bool = False,
 ) -> OpenedTake:
-    """Recording, calibration and journal of a file together, and a sentence for each thing that was assumed.
+    """Read a recording with its calibration, its journal and a report of all assumptions.
 
-    The only way in: what a file holds is told by what is in it, and its ending counts in any case.
+    The content of a file decides what it is; the case of its suffix does not matter.
 
     Parameters
     ----------
     path, rate, unit, sensor, scale, channels, stream, packed, mending
         As in `load`.
     streamed : bool
-        Whether the samples are a reel where the format allows it (midair's own, WAV): read when somebody asks for them,
-        so that a recording of any length takes the memory of a block. What looks wrong is then left to
+        Whether to return lazy samples where the format supports it (HDF5 of midair, WAV), so that a recording of any
+        length needs the memory of one block. Checks for suspicious channels are then left to
         `midair.recordings.suspicious`.
 
     Returns
     -------
     OpenedTake
-        Its report has one sentence for each thing that was assumed, changed, left out or looks wrong.
+        Its report has a sentence for each assumption, change, omission or suspicious channel.
 
     Raises
     ------
@@ -179,9 +179,9 @@ def open_take(
     form = format_of(path)
     file = existing_file(path)
     if form.memory:
-        advice = "cut it, or bring it as .h5 or WAV, which are read in parts"
+        advice = "cut it, or convert it to .h5 or WAV, which are read in parts"
         check_fits(form.memory * file.stat().st_size, f"{path}, a {form.name} file", advice)
-    # Damaged numbers may overflow on the way; the recording refuses what is not finite.
+    # Damaged numbers may overflow here; Recording rejects numbers that are not finite.
     with refusing(file, f"a {form.name} file"), np.errstate(all="ignore"):
         chosen = None if channels is None else tuple(channels)
         given = ImportOptions(
@@ -196,7 +196,7 @@ def open_take(
             streamed=streamed and mending is None,
         )
         imported = form.read(file, given)
-    # To look at all of a reel would be to read all of it.
+    # The check would read all lazy frames.
     if isinstance(imported.recording.samples, LazyFrames):
         return imported
     return replace(imported, report=(*imported.report, *suspicious(imported.recording)))
@@ -210,37 +210,35 @@ def save(
     pressure: PressureFrames | None = None,
     journal: Sequence[Event] = (),
 ) -> tuple[FormatLoss, ...]:
-    """Write a recording in the format that the ending of `path` tells, whole or not at all.
+    """Write a recording atomically, in the format of the suffix of `path`.
 
     Parameters
     ----------
-    recording : Recording
-        To write.
     path : str or PathLike
-        Ends in .h5, .hdf5, .csv, .wav, .npz, .mat, .nc, .hjif or .ahap; replaced in one piece if it is there.
+        Suffix .h5, .hdf5, .csv, .wav, .npz, .mat, .nc, .hjif or .ahap; an existing file is replaced.
     calibration : Calibration, optional
-        Of its sensor, to keep in the same file.
+        Calibration of its sensor, stored in the same file.
     pressure : PressureFrames, optional
-        What was made of it, to keep in the same file.
+        Calibrated pressure, stored in the same file.
     journal : sequence of Event
-        What happened in it; only HDF5 of midair has a place for it.
+        Events during the recording; only HDF5 of midair stores them.
 
     Returns
     -------
-    tuple of Loss
-        One for each thing that the format cannot hold; empty when nothing is lost.
+    tuple of FormatLoss
+        One for each fact that the format cannot store.
 
     Raises
     ------
     UnknownFormatError
-        If the ending is unknown.
+        If the suffix is unknown.
     FileError
         If the file cannot be written.
     """
     form = format_of(path)
     if form.write is None:
         known = ", ".join(ending for ending, each in FORMATS.items() if each.write)
-        raise UnknownFormatError(f"{path}: {form.name} is read, not written; what can be written is {known}")
+        raise UnknownFormatError(f"{path}: {form.name} can be read, not written; writable formats are {known}")
     if journal and form is HDF5:
         return write_recording(recording, Path(path), calibration, pressure, journal=journal)
     if pressure is None:
@@ -255,12 +253,12 @@ def save(
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:
-    """The format that the ending of a file's name tells.
+    """Format by the suffix of a file name.
 
     Raises
     ------
     UnknownFormatError
-        If it tells none, or something else than a recording.
+        If the suffix is unknown, or is not that of a recording.
     """
     name = os.fspath(path).lower()
     for ending, other in OTHERS.items():

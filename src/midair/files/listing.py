@@ -1,4 +1,4 @@
-"""What a file of midair holds, without reading its numbers."""
+"""Summary of an HDF5 file of midair, without reading its samples."""
 
 import os
 from dataclasses import dataclass
@@ -11,39 +11,28 @@ from midair.files.native import Kind, check_kind, kind_of, open_file, plain_text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contents:
-    """What an HDF5 file of midair holds.
-
-    Attributes
-    ----------
-    kind : {"recording", "calibration", "drive", "array"}
-        Of the file.
-    created : str
-        ISO 8601, UTC.
-    created_by : str
-        Program and version.
-    frames : int or None
-        Number of frames; None for a calibration of a sensor or an array.
-    finished : bool
-        Whether it was closed in order.
-    parts : tuple of str
-        What a recording carries besides its samples: "calibration", "pressure"; what a drive carries: "target".
-    """
+    """Summary of an HDF5 file of midair."""
 
     kind: Kind
     created: str
+    """ISO 8601, UTC."""
     created_by: str
+    """Program and version."""
     frames: int | None
+    """None for a calibration of a sensor or an array."""
     finished: bool
+    """False if the program ended before it closed the file."""
     parts: tuple[str, ...]
+    """Other contents: "calibration" and "pressure" of a recording, "target" of a drive."""
 
 
 def contents(path: str | os.PathLike[str]) -> Contents:
-    """What an HDF5 file of midair holds.
+    """Summary of an HDF5 file of midair.
 
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
-        If the file is not there, is damaged or of another program, or is newer than this midair.
+        If the file does not exist, is damaged or of another program, or was written by a newer midair.
     """
     with open_file(path) as file:
         kind = _kind(kind_of(file), path)

@@ -1,4 +1,4 @@
-"""What comes out of a file, what was noticed on the way, and what the reader was told beforehand."""
+"""Result of reading a recording file, and the options that complete files of other programs."""
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
@@ -16,32 +16,22 @@ from midair.model import Calibration, Event, Provenance, Recording, SensorGrid, 
 from midair.recordings import Mended, Mending, mend
 
 ONE = SensorGrid(rows=1, columns=1)
-"""What a file of one channel is taken for."""
+"""Default sensor of a file with one channel."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenedTake:
-    """What a file gives of a recording, all of it together, so that no calibration is left behind.
-
-    Attributes
-    ----------
-    recording : Recording
-        What the file holds.
-    calibration : Calibration or None
-        Of its sensor, where the file carries one; formats of other programs have no place for it.
-    journal : tuple of Event
-        What happened while it was recorded: lost frames, clipping, drift.
-    report : tuple of str
-        One sentence for each thing that was assumed, changed, left out or looks wrong; empty when there is nothing.
-    stored : bool
-        Whether it is a file of midair's own, which may hold calibrated pressure too (`load_pressure`).
-    """
+    """A recording with its calibration, journal and import report."""
 
     recording: Recording
     calibration: Calibration | None = None
+    """Calibration of its sensor, if the file contains one; only formats of midair do."""
     journal: tuple[Event, ...] = ()
+    """Events during the recording: lost frames, clipping, drift."""
     report: tuple[str, ...] = ()
+    """One sentence for each assumption, change, omission or suspicious channel."""
     stored: bool = False
+    """True for an HDF5 or NetCDF file of midair, which may contain calibrated pressure too (`load_pressure`)."""
 
     def __repr__(self) -> str:
         known = "no calibration" if self.calibration is None else "with calibration"
@@ -50,30 +40,7 @@ class OpenedTake:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """What a person says about a file that does not say it itself; None where they say nothing.
-
-    Attributes
-    ----------
-    rate : float or None
-        Frames per second, in Hz.
-    unit : {"V", "count", "Pa"} or None
-        Of the samples.
-    sensor : SensorGrid or None
-        How the channels are laid out.
-    scale : float or None
-        Pressure that 1 of the file's numbers means, in Pa.
-    channels : tuple of str or None
-        The ones to take, in this order, by name or by number from 0.
-    stream : str or None
-        Which one to take of a file that holds several: a stream of XDF, a group of TDMS, a topic of MCAP, an array of
-        NPZ or MAT.
-    packed : int or None
-        Channels whose numbers stand one after another, frame behind frame, whatever axes the file has.
-    mending : Mending or None
-        How gaps are filled, numbers that are NaN, infinite or missing; None refuses them.
-    streamed : bool
-        Whether its samples may be a reel, read when somebody asks for them.
-    """
+    """Facts that a user supplies about a file, as in `load`; None if not given."""
 
     rate: float | None = None
     unit: Unit | None = None
@@ -82,8 +49,10 @@ class ImportOptions:
     channels: tuple[str, ...] | None = None
     stream: str | None = None
     packed: int | None = None
+    """Number of interleaved channels."""
     mending: Mending | None = None
     streamed: bool = False
+    """Whether the samples may be lazy."""
 
     def __post_init__(self) -> None:
         if self.packed is not None and self.packed < 1:
@@ -91,16 +60,10 @@ class ImportOptions:
         if self.scale is not None and not (np.isfinite(self.scale) and self.scale != 0):
             raise InputError(f"scale: expected a number other than 0 Pa, got {self.scale:g}")
         if self.scale is not None and self.unit not in (None, "Pa"):
-            raise MismatchError(f"scale: it makes pressure of the numbers, got unit={self.unit!r}; leave unit out")
+            raise MismatchError(f"scale: it converts numbers to Pa, got unit={self.unit!r}; leave unit out")
 
     def check(self, recording: Recording, path: Path) -> None:
-        """Raise if anything given contradicts a file that says everything itself.
-
-        Raises
-        ------
-        MismatchError
-            If it does.
-        """
+        """Raise MismatchError if an option contradicts a file of midair, which needs no options."""
         pairs = (
             ("rate", self.rate, recording.rate),
             ("unit", self.unit, recording.unit),
@@ -108,58 +71,45 @@ class ImportOptions:
         )
         for name in ("scale", "channels", "stream", "packed"):
             if getattr(self, name) is not None:
-                raise MismatchError(f"{path}: the file is midair's own and says everything; leave {name} out")
+                raise MismatchError(f"{path}: a file of midair needs no options; leave {name} out")
         if self.mending is not None:
-            raise MismatchError(f"{path}: the file is midair's own, in which nothing is missing; leave mend out")
+            raise MismatchError(f"{path}: a file of midair has no gaps; leave mend out")
         for name, given, stated in pairs:
             if given is not None and given != stated:
-                raise MismatchError(f"{path}: the file says {name} {stated}, got {name} {given}; leave {name} out")
+                raise MismatchError(f"{path}: the file states {name} {stated}, got {name} {given}; leave {name} out")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImportedData:
-    """What a file of another program says.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (frame, channel) or (frame, row, column)
-        As in the file.
-    form : str
-        What to call the format in messages and in the provenance.
-    rate, unit, sensor
-        None where the file does not say.
-    names : tuple of str
-        Of the channels; () where they have none.
-    units : tuple of {"V", "count", "Pa", None}
-        Of each channel, where the file says that instead of `unit`.
-    notes : mapping of str to str
-        What the file or its name says about the experiment.
-    settings : mapping
-        What was done while reading, for the provenance.
-    report : tuple of str
-        What was noticed so far.
-    """
+    """Data that an importer read from a file of another program; facts that the file lacks are None or empty."""
 
     samples: NDArray[np.float64]
+    """Shape (frame, channel) or (frame, row, column)."""
     form: str
+    """Name of the format for messages and the provenance."""
     rate: float | None = None
     unit: Unit | None = None
     sensor: SensorGrid | None = None
     names: tuple[str, ...] = ()
+    """Channel names."""
     units: tuple[Unit | None, ...] = ()
+    """Unit of each channel, where the file has these instead of `unit`."""
     notes: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Notes on the experiment, from the file or its name."""
     settings: Mapping[str, Setting] = field(default_factory=dict[str, Setting])
+    """Settings of the import, for the provenance."""
     report: tuple[str, ...] = ()
+    """Sentences for the user so far."""
 
     def settle(self, given: ImportOptions, path: Path) -> OpenedTake:
-        """The recording, once every gap of the file is filled by what was given or by a stated assumption.
+        """Build the recording; facts that the file lacks come from the options or from a stated assumption.
 
         Raises
         ------
         RateError, UnitError, ShapeError
-            If the file does not say something, nobody gave it, and there is no sound assumption.
+            If a fact is missing in file and options, and cannot be assumed.
         MismatchError
-            If what was given contradicts the file.
+            If an option contradicts the file.
         """
         if given.packed is not None:
             return self._unpacked(given.packed, path).settle(replace(given, packed=None), path)
@@ -184,23 +134,23 @@ class ImportedData:
         return OpenedTake(recording=recording, report=report, journal=mended.journal)
 
     def _mended(self, mending: Mending | None, rate: float) -> Mended:
-        """The samples with their gaps filled; as they are if nobody asked for that, to be refused if there are any."""
+        """Fill the gaps if requested; otherwise any gap raises an error later."""
         if mending is None:
             return Mended(samples=self.samples, journal=())
         whole = np.asarray(self.samples, np.float64)
         return mend(whole.reshape(len(whole), -1), rate, mending)
 
     def _unpacked(self, channels: int, path: Path) -> "ImportedData":
-        """Frames of so many channels, of numbers that stand one after another: c0 c1 c2 ... c0 c1 c2 ..."""
+        """Deinterleave numbers into frames of `channels` channels: c0 c1 c2 ... c0 c1 c2 ..."""
         whole = np.asarray(self.samples, np.float64)
         wide = int(np.prod(whole.shape[1:]))
         if whole.size % channels:
             raise ShapeError(
-                f"{path}: expected a multiple of {channels} packed numbers, got {whole.size}; was it cut, or is it "
-                "another number of channels?"
+                f"{path}: expected a multiple of {channels} packed numbers, got {whole.size}; check that the file is "
+                "complete and the number of channels right"
             )
         if "interpolation" in self.settings and wide % channels:
-            # Between the stamps of two channels there is no line.
+            # Interpolation between the time stamps of two channels would be wrong.
             raise ShapeError(
                 f"{path}: expected whole frames of {channels} channels in each row with a time, got {wide} numbers; "
                 "leave the time out and state the rate"
@@ -220,9 +170,9 @@ class ImportedData:
     def _rate(self, given: ImportOptions, path: Path) -> float:
         rate = given.rate if self.rate is None else self.rate
         if rate is None:
-            raise RateError(f"{path}: the file does not say its frame rate; give it, such as rate=1000 (Hz)")
+            raise RateError(f"{path}: the file does not state its frame rate; give it, such as rate=1000 (Hz)")
         if given.rate not in (None, rate):
-            raise MismatchError(f"{path}: the file says {rate:g} Hz, got rate={given.rate:g}; leave rate out")
+            raise MismatchError(f"{path}: the file states {rate:g} Hz, got rate={given.rate:g}; leave rate out")
         return rate
 
     def _unit(self, given: ImportOptions, path: Path) -> Unit:
@@ -231,16 +181,16 @@ class ImportedData:
             stated = self.units[0]
         if given.scale is not None:
             if stated == "Pa":
-                raise MismatchError(f"{path}: the file says Pa, got scale={given.scale:g}; leave scale out")
+                raise MismatchError(f"{path}: the file states Pa, got scale={given.scale:g}; leave scale out")
             return "Pa"
         unit = stated or given.unit
         if unit is None:
             raise UnitError(
-                f'{path}: the file does not say the unit of its samples; give unit="V", "count" or "Pa", or for '
-                "another quantity the pressure that 1 of its unit means, such as scale=2 (Pa)"
+                f'{path}: the file does not state the unit of its samples; give unit="V", "count" or "Pa", or for '
+                "another quantity the pressure that 1 corresponds to, such as scale=2 (Pa)"
             )
         if given.unit not in (None, unit):
-            raise MismatchError(f"{path}: the file says {unit}, got unit={given.unit!r}; leave unit out")
+            raise MismatchError(f"{path}: the file states {unit}, got unit={given.unit!r}; leave unit out")
         return unit
 
     def _sensor(self, given: ImportOptions, path: Path) -> tuple[SensorGrid, str]:
@@ -260,23 +210,23 @@ class ImportedData:
         pitch = SensorGrid().pitch
         if self.samples.ndim == 3:
             sensor = SensorGrid(rows=self.samples.shape[1], columns=self.samples.shape[2])
-            return sensor, f"The file does not say the pitch of the sensor: {pitch * 1e3:g} mm was assumed."
+            return sensor, f"The file does not state the pitch of the sensor: {pitch * 1e3:g} mm was assumed."
         if channels == 1:
             return ONE, ""
         if channels == SensorGrid().count:
-            lie = f"4 x 4, row by row, {pitch * 1e3:g} mm apart"
-            return SensorGrid(), f"The file does not say how its 16 channels lie: {lie} was assumed."
+            layout = f"4 x 4, row by row, {pitch * 1e3:g} mm apart"
+            return SensorGrid(), f"The file does not state the layout of its 16 channels: {layout} was assumed."
         named = f" ({', '.join(self.names[:20])})" if self.names else ""
         raise ShapeError(
-            f"{path}: the file has {channels} channels{named} and does not say how they lie; "
+            f"{path}: the file has {channels} channels{named} and does not state their layout; "
             "give sensor=SensorGrid(rows=..., columns=..., pitch=...), or choose some with channels=(...)"
         )
 
     def _chosen(self, channels: tuple[str, ...], path: Path) -> "ImportedData":
-        """Only these channels, of which nobody says any more how they lie."""
+        """Keep only these channels; their layout becomes unknown."""
         places = [self._place(channel, int(np.prod(self.samples.shape[1:])), path) for channel in channels]
         if not places or len(set(places)) != len(places):
-            raise ShapeError(f"{path}: expected channels that are there once each, got {', '.join(channels) or 'none'}")
+            raise ShapeError(f"{path}: expected different channels, got {', '.join(channels) or 'none'}")
         names = tuple(self.names[i] for i in places) if self.names else tuple(str(i) for i in places)
         samples = each_frame(self.samples, lambda block: block.reshape(len(block), -1)[:, places], exact=True)
         some = next(blocks(samples))
@@ -302,19 +252,19 @@ class ImportedData:
 
 
 def _patches(mended: Mended, rate: float) -> tuple[str, ...]:
-    """A sentence for the gaps that were filled."""
+    """Report of the gaps that were filled."""
     if not mended.journal:
         return ()
     missing = sum(event.frames for event in mended.journal)
     longest = max(mended.journal, key=lambda event: event.frames)
     return (
-        f"{missing} numbers were missing in {len(mended.journal)} gaps and are made up, the longest "
+        f"{missing} numbers were missing in {len(mended.journal)} gaps and were interpolated, the longest "
         f"{longest.frames / rate * 1e3:.4g} ms from {longest.frame / rate:.4g} s on in channel {longest.channel}.",
     )
 
 
 def _mend_settings(mended: Mended, mending: Mending) -> dict[str, Setting]:
-    """How gaps were filled and where the first thousand of them are, for the provenance."""
+    """Settings for the provenance: method and the positions of the first thousand gaps."""
     places = tuple((event.channel, event.frame, event.frames) for event in mended.journal)
     return {
         "longest_s": mending.longest,
@@ -326,7 +276,7 @@ def _mend_settings(mended: Mended, mending: Mending) -> dict[str, Setting]:
 
 
 def of_two(scale: float) -> bool:
-    """Whether a factor is a power of two, which leaves every digit of a number as it is."""
+    """True if a factor is a power of two, which keeps every digit of a number."""
     return abs(np.frexp(scale)[0]) == 0.5
 
 

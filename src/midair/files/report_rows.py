@@ -1,4 +1,4 @@
-"""Rows of a report for programs: CSV text, and values that JSON can hold."""
+"""Tables as CSV text, and values that JSON can represent."""
 
 import csv
 import io
@@ -10,12 +10,12 @@ from midair.files.sanitise_text import no_formula
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows that share their names as comma-separated values, numbers to six digits, and no text is a formula.
+    """Rows with equal keys as CSV, numbers with six digits; text that a spreadsheet would run as a formula is escaped.
 
     Parameters
     ----------
     rows : sequence of mapping
-        At least one; the first one's names head the columns.
+        At least one; the keys of the first are the column names.
     """
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
@@ -26,7 +26,7 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def for_json(value: Any) -> Any:
-    """The same with None for NaN and infinity, which JSON lacks, at every depth."""
+    """Replace NaN and infinity by None, at every depth, because JSON does not support them."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):

@@ -1,13 +1,13 @@
-"""Text of strangers where it must do nothing: on a terminal, and in a cell of a spreadsheet."""
+"""Make untrusted text safe for a terminal and for a spreadsheet cell."""
 
 import re
 
 
 def printable(text: str) -> str:
-    """The same with what steers a terminal, or hides from the eye, spelled out, ESC as its number; line ends stay.
+    """Escape control and invisible characters, except line ends and tabs.
 
-    File names, notes, names of channels and of devices come from anywhere: an escape sequence in one could wipe the
-    screen, write to the clipboard, or turn a warning around.
+    File names, notes and names of channels or devices are untrusted: an escape sequence could clear the screen, write
+    to the clipboard, or reverse the text of a warning.
     """
     if text.isprintable():
         return text
@@ -18,20 +18,17 @@ def printable(text: str) -> str:
 
 
 def no_formula(value: object) -> object:
-    """A value for a cell of CSV: text that a spreadsheet would take for a formula gets an apostrophe in front.
-
-    Numbers stay as they are, a minus and all, also where they are spelled as text.
-    """
+    """Put an apostrophe before text that a spreadsheet would run as a formula; numbers are unchanged, also as text."""
     if not isinstance(value, str) or not value.startswith(_FORMULA) or _is_number(value):
         return value
     return f"'{value}"
 
 
 def without_formulas(json_text: str) -> str:
-    """JSON in which no comma, semicolon or tab is followed by what begins a formula.
+    """JSON in which no comma, semicolon or tab is directly followed by the first character of a formula.
 
-    Where a line of JSON heads a CSV, spreadsheets cut it at those. In JSON they stand next to each other inside text
-    only, where an escape means the same.
+    Spreadsheets split a line of JSON at the head of a CSV at these characters. In JSON such pairs occur only inside
+    strings, where an escape sequence means the same.
     """
     return _BEFORE_FORMULA.sub(lambda found: f"{found[1]}\\u{ord(found[2]):04x}", json_text)
 

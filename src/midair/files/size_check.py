@@ -1,27 +1,14 @@
-"""What has to be in memory as a whole is refused before it is read, where the memory is not there."""
+"""Check for sufficient memory before a file is read as a whole."""
 
 from midair import ram
 from midair.errors import InputError
 
 
 def check_fits(needed: float, what: str, advice: str) -> None:
-    """Refuse what takes more memory than is free, before it takes any of it.
-
-    Parameters
-    ----------
-    needed : float
-        Bytes, at least.
-    what, advice : str
-        For the message.
-
-    Raises
-    ------
-    InputError
-        If the system says that it has less.
-    """
+    """Raise InputError if fewer than `needed` bytes of memory are free; `what` and `advice` are for the message."""
     free = ram.available()
     if free is not None and needed > free:
         raise InputError(
-            f"{what}: expected {needed / 1e9:.3g} GB of free memory, since all of it is held at once, got "
+            f"{what}: expected {needed / 1e9:.3g} GB of free memory, because all of it is read at once, got "
             f"{free / 1e9:.3g} GB; {advice}"
         )

@@ -1,4 +1,4 @@
-"""Text that people and programs wrote, JSON and TOML: whatever it holds, one line says what is wrong with it."""
+"""Read text, JSON and TOML files, with an error in one line for any invalid content."""
 
 import json
 import os
@@ -10,53 +10,53 @@ from midair.errors import BrokenFileError, MissingFileError
 from midair.files.atomic import existing_file, reason
 
 LARGEST = 2**26
-"""Bytes of the largest text file that is read whole."""
+"""Largest text file that is read, in bytes."""
 
 LARGEST_TOML = 2**20
-"""Bytes of the largest file that is taken for something that a person wrote by hand."""
+"""Largest TOML file that is read, in bytes; they are written by hand."""
 
-# Keys of keys, a.b.c: the time that tomllib takes, and its memory, grow with the square of their number.
+# Dotted keys, a.b.c: the time and memory of tomllib grow with the square of their depth.
 _DEEP_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){32}""")
 
 
 def read_text(path: str | os.PathLike[str], expected: str, *, largest: int = LARGEST) -> str:
-    """A text file in UTF-8.
+    """Read a text file in UTF-8.
 
     Parameters
     ----------
     path : str or PathLike
         The file.
     expected : str
-        What to call it in a message, such as "a TOML file that describes a sensor".
+        Description for messages, such as "a TOML file that describes a sensor".
     largest : int
-        Bytes from which it is refused.
+        Maximum size in bytes.
 
     Raises
     ------
     MissingFileError, BrokenFileError
-        If it is not there, or is no text, or is larger than anybody writes.
+        If it does not exist, is not text, or is too large.
     """
     try:
         file = existing_file(path, empty=True)
     except MissingFileError:
-        raise MissingFileError(f"{path}: expected {expected}; it is not there") from None
+        raise MissingFileError(f"{path}: expected {expected}, found no file") from None
     size = file.stat().st_size
     if size > largest:
-        raise BrokenFileError(f"{path}: expected {expected}, got {size / 1e6:.4g} MB; is this the right file?")
+        raise BrokenFileError(f"{path}: expected {expected}, got a file of {size / 1e6:.4g} MB; check the name")
     try:
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as wrong:
-        said = "bytes that are no UTF-8" if isinstance(wrong, UnicodeDecodeError) else reason(wrong)
+        said = "bytes that are not UTF-8" if isinstance(wrong, UnicodeDecodeError) else reason(wrong)
         raise BrokenFileError(f"{path}: expected {expected}, got {said}") from wrong
 
 
 def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
-    """A file of TOML.
+    """Read a TOML file.
 
     Raises
     ------
     MissingFileError, BrokenFileError
-        As `read_text`, and if it is no TOML.
+        As `read_text`, and if it is not valid TOML.
     """
     text = read_text(path, expected, largest=LARGEST_TOML)
     try:
@@ -66,9 +66,9 @@ def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
 
 
 def toml_of(text: str) -> dict[str, Any]:
-    """What TOML says; ValueError if it is none, or brackets in brackets go deeper than anybody writes."""
+    """Parse TOML; raises ValueError if it is invalid or nested too deeply."""
     if _DEEP_KEY.search(text):
-        raise ValueError("keys in keys, too deep to follow")
+        raise ValueError("dotted keys that are nested too deeply")
     try:
         return tomllib.loads(text)
     except RecursionError:
@@ -76,7 +76,7 @@ def toml_of(text: str) -> dict[str, Any]:
 
 
 def json_of(text: str | bytes) -> Any:
-    """What JSON says; ValueError if it is none, or brackets in brackets go deeper than anybody writes."""
+    """Parse JSON; raises ValueError if it is invalid or nested too deeply."""
     try:
         return json.loads(text)
     except RecursionError:

@@ -1,4 +1,4 @@
-"""From the times at which rows were taken to frames at multiples of 1/rate."""
+"""Convert rows with time stamps to frames at a fixed rate."""
 
 from dataclasses import dataclass
 
@@ -11,63 +11,40 @@ from midair.lazy_frames import blocks
 Array = NDArray[np.float64]
 
 FILLED = 10
-"""Frames that straight lines may fill in gaps, for each that was recorded."""
+"""Maximum number of interpolated frames in gaps per recorded row."""
 
 FILLED_ANYWAY = 10_000
-"""Frames that they may fill in any recording: a pause of ten seconds between two strokes at 1 kHz."""
+"""Number of interpolated frames that is always allowed: a pause of ten seconds at 1 kHz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Uniform:
-    """Frames at multiples of 1/rate, and what it took to get them.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (frame, channel)
-        At the times i / rate after the first stamp.
-    rate : float
-        In Hz.
-    report : tuple of str
-        Repeated stamps, gaps, interpolation.
-    """
+    """Frames at a fixed rate, and a report of the conversion."""
 
     samples: Array
+    """Shape (frame, channel), at the times i / rate after the first stamp."""
     rate: float
     report: tuple[str, ...]
+    """Sentences on repeated stamps, gaps and interpolation."""
 
 
 def uniform(time: Array, samples: Array, *, rate: float | None = None) -> Uniform:
-    """Samples at stamped times as frames at a fixed rate, by straight lines between neighbours.
+    """Interpolate samples, shape (row, channel), linearly from stamped times (s) to frames at a fixed rate.
 
-    The rate is that of the rows outside of gaps, a gap being more than 1.5 times the median distance of two stamps.
-    Rows whose stamps lie on the grid already, to a thousandth of a frame, are kept as they are.
-
-    Parameters
-    ----------
-    time : ndarray, shape (row,)
-        Not decreasing, in s.
-    samples : ndarray, shape (row, channel)
-        Any unit.
-    rate : float, optional
-        Nominal frames per second, in Hz, to use instead of the measured rate; within 2 % of it.
-
-    Returns
-    -------
-    Uniform
-        From the first stamp to the last.
+    The rate is the mean over rows outside of gaps; a gap is more than 1.5 times the median distance of two stamps.
+    `rate` replaces it if within 2 %. Rows whose stamps are on the grid already, to a thousandth of a frame, are kept.
 
     Raises
     ------
     RateError
-        If there are fewer than two stamps, or one is missing, or they go back, or do not fit `rate`, or gaps are longer
-        than all else.
+        If there are fewer than two stamps, one is missing, they decrease or contradict `rate`, or gaps are too long.
     """
     if not np.isfinite(time).all():
         row = int(np.argmin(np.isfinite(time)))
         raise RateError(f"time stamps: expected one in every row, got none in row {row + 1}; leave that row out")
     if (np.diff(time) < 0).any():
         row = int(np.argmax(np.diff(time) < 0))
-        raise RateError(f"time stamps: expected them to grow, got {time[row + 1]:g} s after {time[row]:g} s")
+        raise RateError(f"time stamps: expected increasing values, got {time[row + 1]:g} s after {time[row]:g} s")
     keep = np.concatenate([[True], np.diff(time) > 0])
     report = (*_repeats(keep), *held(samples[keep]))
     time, samples = time[keep] - time[0], samples[keep]
@@ -86,18 +63,15 @@ def uniform(time: Array, samples: Array, *, rate: float | None = None) -> Unifor
 
 
 def _check_gaps(time: Array, usual: NDArray[np.bool_], rate: float) -> None:
-    """Raise if straight lines would have to fill far more frames than were recorded.
-
-    One stamp that is wrong would else fill the memory and the disk.
-    """
+    """Raise RateError if far more frames would be interpolated than recorded, as a single wrong stamp can cause."""
     distance = np.where(usual, 0, np.diff(time))
     made_up = float(distance.sum()) * rate
     most = max(FILLED * len(time), FILLED_ANYWAY)
     if not made_up <= most:
         longest = int(np.argmax(distance))
         raise RateError(
-            f"time stamps: expected gaps that {most} frames fill, got {made_up:.4g} at {rate:.6g} Hz, the "
-            f"longest {distance[longest]:.4g} s after {time[longest]:.4g} s; is that stamp right? cut the rows there"
+            f"time stamps: expected gaps of {most} frames at most, got {made_up:.4g} at {rate:.6g} Hz, the "
+            f"longest {distance[longest]:.4g} s after {time[longest]:.4g} s; check that stamp, or cut the rows there"
         )
 
 
@@ -106,7 +80,7 @@ def _rate(measured: float, nominal: float | None) -> float:
         return float(f"{measured:.9g}")
     if not abs(measured / nominal - 1) < 0.02:
         raise RateError(
-            f"rate: expected about {measured:.6g} Hz, as the time stamps say, got {nominal:g} Hz; leave it out"
+            f"rate: expected about {measured:.6g} Hz from the time stamps, got {nominal:g} Hz; leave it out"
         )
     return nominal
 
@@ -119,7 +93,7 @@ def _repeats(keep: NDArray[np.bool_]) -> tuple[str, ...]:
 
 
 def held(samples: Array) -> tuple[str, ...]:
-    """A sentence when rows, shape (row, channel), repeat the one before although time went on and some do not."""
+    """Report of rows, shape (row, channel), that repeat the previous one at a later time, if not all do."""
     repeats, before = 0, samples[:0]
     for block in blocks(samples):
         rows = np.concatenate([before, block])

@@ -25,7 +25,7 @@ from midair.validation import positive
 Array = NDArray[np.float64]
 
 Shape = Literal["circle", "square", "line"]
-"""A disc of diameter `size`; a square of side `size`, parallel to the cells; a bar of width `size` across the path, longer than the sensor."""
+"""Disc of diameter `size`, square of side `size` parallel to the cells, or long bar of width `size` across the path."""
 
 Path = Literal["x", "y", "diagonal"]
 """Along the columns, along the rows, or along both at 45 degrees; through the centre of the sensor."""

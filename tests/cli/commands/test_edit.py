@@ -95,7 +95,7 @@ WRONG = {
     "a file that is there": (["cut", "take.h5", "take.h5"], 1, "--force"),
     "no file": (["trim", "gone.h5", "x.h5"], 1, "gone.h5"),
     "no format": (["trim", "take.h5", "x.xyz"], 1, ".csv"),
-    "only read": (["trim", "take.h5", "x.xdf"], 1, "is read, not written"),
+    "only read": (["trim", "take.h5", "x.xdf"], 1, "can be read, not written"),
 }
 
 

@@ -206,7 +206,7 @@ def test_a_sensor_file_puts_the_channels_in_order():
     [
         (["replay:source.h5", "source.h5"], 1, "is there already"),
         (["replay:source.h5", "take.wav"], 1, "expected NAME.h5"),
-        (["replay:source.h5", "away/take.h5"], 1, "make it first"),
+        (["replay:source.h5", "away/take.h5"], 1, "create it first"),
         (["replay:source.h5", "--repeats", "0"], 1, "--repeats: expected 1 or more"),
         (["replay:source.h5", "--trigger", "3Pa"], 1, "gives V"),
         (["replay:source.h5", "--trigger", "0.5"], 1, "add the unit"),
@@ -214,7 +214,7 @@ def test_a_sensor_file_puts_the_channels_in_order():
         (["replay:source.h5", "--trigger", "100V"], 1, "nothing was recorded"),
         (["replay:source.h5", "--pre-roll", "90s", "--trigger", "1V"], 1, "0 to 60 s"),
         (["replay:source.h5", "--duration", "soon"], 2, "quantity"),
-        (["replay:source.h5", "--sensor", "away.toml"], 1, "it is not there"),
+        (["replay:source.h5", "--sensor", "away.toml"], 1, "found no file"),
     ],
 )
 def test_what_cannot_be_is_one_clear_line(arguments, status, words, capsys):

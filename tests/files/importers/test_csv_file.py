@@ -29,7 +29,7 @@ def test_refuses_a_cut_inside_the_last_number(recording, tmp_path):
     save(recording, tmp_path / "a.csv")
     data = (tmp_path / "a.csv").read_bytes()
     (tmp_path / "a.csv").write_bytes(data[:-4])
-    with pytest.raises(BrokenFileError, match="line that was cut"):
+    with pytest.raises(BrokenFileError, match="truncated line"):
         load(tmp_path / "a.csv")
 
 
@@ -57,7 +57,7 @@ def test_reads_the_rate_from_stamps(name, stamps, rate, guessed, write):
     seen = open_take(write(f"{name}, a, b\n{rows}"), unit="V", sensor=PAIR)
     assert seen.recording.rate == pytest.approx(rate)
     np.testing.assert_allclose(seen.recording.samples[:, 0, 1], [0, 1, 2])
-    assert any("does not say its unit" in sentence for sentence in seen.report) == guessed
+    assert any("does not state its unit" in sentence for sentence in seen.report) == guessed
 
 
 def test_a_comma_at_the_end_shifts_nothing(write):
@@ -67,7 +67,7 @@ def test_a_comma_at_the_end_shifts_nothing(write):
 
 def test_takes_the_unit_that_all_names_carry(write):
     assert load(write("time [s],a [Pa],b [Pa]\n0,1,2\n1,2,3\n"), sensor=PAIR).unit == "Pa"
-    with pytest.raises(UnitError, match="does not say the unit"):
+    with pytest.raises(UnitError, match="does not state the unit"):
         load(write("time [s],a [Pa],b [V]\n0,1,2\n1,2,3\n"), sensor=PAIR)
 
 
@@ -90,12 +90,12 @@ def test_keeps_where_it_came_from(write):
 @pytest.mark.parametrize(
     ("text", "said", "error", "message"),
     [
-        ("1,2\n3,4\n", {"unit": "V", "sensor": PAIR}, RateError, "does not say its frame rate"),
-        ("1,2\n3,4\n", {"rate": 10, "sensor": PAIR}, UnitError, "does not say the unit"),
-        ("1,2\n3,4\n", {"rate": 10, "unit": "V"}, ShapeError, "2 channels and does not say how they lie"),
+        ("1,2\n3,4\n", {"unit": "V", "sensor": PAIR}, RateError, "does not state its frame rate"),
+        ("1,2\n3,4\n", {"rate": 10, "sensor": PAIR}, UnitError, "does not state the unit"),
+        ("1,2\n3,4\n", {"rate": 10, "unit": "V"}, ShapeError, "2 channels and does not state their layout"),
         ("1,2\n3,4\n", {"rate": 10, "unit": "V", "sensor": SensorGrid()}, MismatchError, "got a sensor of 4 x 4"),
         ("t,a\n0,1\n1,2\n", {"rate": 10, "unit": "V"}, RateError, "expected about 1 Hz"),
-        ("a [V]\n1\n2\n", {"rate": 10, "unit": "Pa"}, MismatchError, "the file says V"),
+        ("a [V]\n1\n2\n", {"rate": 10, "unit": "Pa"}, MismatchError, "the file states V"),
         ("a\xff\x00", {}, BrokenFileError, "got none"),
     ],
 )

@@ -51,7 +51,7 @@ def test_takes_a_layout_that_is_given():
 
 
 def test_refuses_what_contradicts_the_file():
-    with pytest.raises(MismatchError, match="the file says count"):
+    with pytest.raises(MismatchError, match="the file states count"):
         open_take(sample_path("denim"), unit="V")
     with pytest.raises(RateError, match="expected about"):
         open_take(sample_path("denim"), rate=1000)

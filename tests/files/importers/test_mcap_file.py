@@ -77,11 +77,11 @@ def test_several_topics_need_a_name(mcap, samples, file):
 def test_a_recorder_that_was_killed_leaves_what_it_wrote(mcap, samples, file):
     data = mcap({"/skin": [frame.tolist() for frame in samples]}, chunk_size=2000)
     assert open_take(file(data), unit="V").report == (
-        "The file does not say the pitch of the sensor: 11 mm was assumed.",
+        "The file does not state the pitch of the sensor: 11 mm was assumed.",
     )
     for kept in (len(data) // 2, len(data) - 20):
         seen = open_take(file(data[:kept]), unit="V")
-        assert seen.report[0] == "The file was not closed: what was written whole was read."
+        assert seen.report[0] == "The file was not closed: complete records were read."
         np.testing.assert_array_equal(seen.recording.samples, samples[: seen.recording.frames])
         assert 5 < seen.recording.frames <= 50
     assert seen.recording.frames == 50

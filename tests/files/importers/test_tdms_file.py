@@ -82,7 +82,7 @@ def test_a_file_that_was_not_closed_gives_what_was_written_whole(tdms, columns, 
     unfinished = data[:12] + b"\xff" * 8 + data[20:-5]
     seen = open_take(file(unfinished), sensor=PAIR)
     assert seen.recording.frames == 50
-    assert seen.report == ("The file was not closed: what was written whole was read.",)
+    assert seen.report == ("The file was not closed: complete records were read.",)
 
 
 def test_refuses_what_it_would_misopen_take(tdms, columns, file):

@@ -27,7 +27,7 @@ def test_other_programs_read_midairs_own_below_full_scale(recording, tmp_path):
     scale = 2.0 ** np.ceil(np.log2(np.abs(recording.samples).max()))
     np.testing.assert_array_equal(samples * scale, recording.samples.reshape(40, 15))
     assert 0.5 <= np.abs(samples).max() < 1
-    assert "others than midair read 333 Hz for 333.333333 Hz" in str(lost[0])
+    assert "other programs read 333 Hz for 333.333333 Hz" in str(lost[0])
     assert f"Full scale is 2^{int(np.log2(scale))} Pa" in str(lost[1])
 
 
@@ -70,12 +70,12 @@ def test_reads_mu_law_by_its_table(foreign):
 
 def test_takes_the_exact_rate_behind_a_whole_one(foreign):
     assert load(foreign("FLOAT"), unit="V", rate=7999.7).rate == 7999.7
-    with pytest.raises(MismatchError, match="the file says 8000 Hz, got rate=1000"):
+    with pytest.raises(MismatchError, match="the file states 8000 Hz, got rate=1000"):
         load(foreign("FLOAT"), unit="V", rate=1000)
 
 
 def test_asks_for_the_unit(foreign):
-    with pytest.raises(UnitError, match="does not say the unit"):
+    with pytest.raises(UnitError, match="does not state the unit"):
         load(foreign("PCM_16"))
 
 

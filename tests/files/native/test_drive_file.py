@@ -120,7 +120,7 @@ def test_a_drive_of_before_is_one_in_the_papers_air(path):
 def test_half_an_air_is_a_damaged_file(path):
     with h5py.File(path, "r+") as file:
         del file.attrs["air_density_kg_m3"]
-    with pytest.raises(BrokenFileError, match="expected air_density_kg_m3 beside the rest of the air"):
+    with pytest.raises(BrokenFileError, match="expected air_density_kg_m3 with the rest of the air"):
         load_solution(path)
 
 

@@ -105,7 +105,7 @@ def test_stops_before_the_disk_is_full(recording, options, tmp_path, alike):
 def test_refuses_wrong_options_before_it_makes_a_file(options, tmp_path):
     with pytest.raises(UnitError):
         RecordingWriter(tmp_path / "live.h5", **{**options, "unit": "N"})
-    with pytest.raises(FileError, match="make it first"):
+    with pytest.raises(FileError, match="create it first"):
         RecordingWriter(tmp_path / "away" / "live.h5", **options)
     assert list(tmp_path.iterdir()) == []
 

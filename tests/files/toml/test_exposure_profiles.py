@@ -24,7 +24,7 @@ def test_profiles_by_name_and_from_files(tmp_path):
     with pytest.raises(MissingFileError, match=r"mine\.toml"):
         load_profiles(tmp_path / "mine.toml")
     (tmp_path / "mine.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(BrokenFileError, match="no UTF-8"):
+    with pytest.raises(BrokenFileError, match="not UTF-8"):
         load_profiles(tmp_path / "mine.toml")
 
 

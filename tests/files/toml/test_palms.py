@@ -54,7 +54,7 @@ def test_wrong_files_are_refused(tmp_path, text, word):
 
 def test_pictures_that_are_none_are_refused(tmp_path):
     path = written(tmp_path, 'picture = "hand.png"\nwidth_mm = 100')
-    with pytest.raises(MissingFileError, match="it is not there"):
+    with pytest.raises(MissingFileError, match="found no file"):
         load_palm(path)
     (tmp_path / "hand.png").write_bytes(b"GIF89a" + bytes(40))
     with pytest.raises(BrokenFileError, match="expected a PNG"):

@@ -96,7 +96,7 @@ def test_files_that_make_no_sense_are_one_clear_line(text, complaint, tmp_path):
 
 
 def test_files_that_are_not_there_or_no_text(tmp_path):
-    with pytest.raises(MissingFileError, match="it is not there"):
+    with pytest.raises(MissingFileError, match="found no file"):
         load_sensor(tmp_path / "none.toml")
     (tmp_path / "noise.toml").write_bytes(bytes(range(128, 256)))
     with pytest.raises(BrokenFileError, match="expected a TOML file"):

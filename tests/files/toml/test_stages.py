@@ -48,5 +48,5 @@ def test_what_does_not_fit_is_named(tmp_path, old, new, words):
 
 
 def test_a_file_that_is_not_there_says_what_it_would_be(tmp_path):
-    with pytest.raises(MissingFileError, match="where the stage goes"):
+    with pytest.raises(MissingFileError, match="describes a motion stage"):
         load_stage(tmp_path / "stage.toml")

@@ -1,9 +1,9 @@
-"""AHAP, Apple's haptic patterns: one actuator, so one intensity and one sharpness over time.
+"""Write AHAP, Apple's haptic patterns: one actuator, with one intensity and one sharpness over time.
 
-Format: "Representing haptic patterns in AHAP files" (Apple, Core Haptics). A continuous event of up to 30 s runs at
-full intensity and medium sharpness; curves of intensity (a factor, 0 to 1) and of sharpness (added, -1 to 1) shape it.
-Two things are midair's choice, as Apple states neither: curves are cut at 16 points, the most that Core Haptics is said
-to play of one; and sharpness is the centre of the spectrum on a straight line from 80 Hz (0) to 230 Hz (1).
+Format: "Representing haptic patterns in AHAP files" (Apple, Core Haptics). A continuous event of up to 30 s has full
+intensity and medium sharpness; curves of intensity (a factor, 0 to 1) and of sharpness (added, -1 to 1) shape it. Apple
+does not specify two things, which are chosen here: curves have at most 16 points, reportedly the most that Core Haptics
+plays; and sharpness maps the spectral centroid linearly from 80 Hz (0) to 230 Hz (1).
 """
 
 import json
@@ -23,33 +23,27 @@ from midair.model import Calibration, Recording
 Array = NDArray[np.float64]
 
 STEP = 0.025
-"""Between two points of a curve, in s."""
+"""Time between two points of a curve, in s."""
 
 LONGEST = 30.0
-"""Of one continuous event, in s."""
+"""Maximum duration of a continuous event, in s."""
 
 POINTS = 16
-"""Of one curve."""
+"""Maximum number of points of a curve."""
 
 SHARPNESS = (80.0, 230.0)
 """Frequencies of sharpness 0 and 1, in Hz."""
 
 
 def write_ahap(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write intensity and sharpness of the cells together.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    """
+    """Write the combined intensity and sharpness of all cells."""
     time, intensity, frequency = envelope(recording)
     low, high = SHARPNESS
     sharpness = np.clip((frequency - low) / (high - low), 0, 1)
     pattern = [
         *(_event(start, min(LONGEST, recording.duration - start)) for start in _starts(recording.duration)),
         *_curves("HapticIntensityControl", time, intensity),
-        # This curve is added to the .5 of the events.
+        # This curve is added to the 0.5 of the events.
         *_curves("HapticSharpnessControl", time, sharpness - 0.5),
     ]
     with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
@@ -58,17 +52,10 @@ def write_ahap(recording: Recording, path: Path, calibration: Calibration | None
 
 
 def envelope(recording: Recording) -> tuple[Array, Array, Array]:
-    """What one actuator can be told of a field, every `STEP`.
+    """Time (s), intensity (0 to 1) and frequency (Hz) of a recording every `STEP`, each of shape (point,).
 
-    Returns
-    -------
-    time : ndarray, shape (point,)
-        In s, from 0 to the end.
-    intensity : ndarray, shape (point,)
-        Root mean square over all cells of the change from their medians, in a Hann window of two steps, over the
-        largest; 0 to 1.
-    frequency : ndarray, shape (point,)
-        Centre of the power spectrum of the same windows over all cells, in Hz; 0 where there is nothing.
+    Intensity is the rms over all cells of the deviation from their medians in a Hann window of two steps, relative to
+    its maximum; frequency is the spectral centroid of the same windows, 0 for silence.
     """
     still = medians(recording.samples).ravel()
     count = max(2, int(np.ceil(recording.duration / STEP)) + 1)
@@ -80,7 +67,7 @@ def envelope(recording: Recording) -> tuple[Array, Array, Array]:
     power, frequency = np.zeros(count), np.zeros(count)
     for i, centre in enumerate(np.round(time * recording.rate).astype(int)):
         first, last = max(0, centre - half), min(recording.frames, centre + half + 1)
-        # Silence on both sides, so that windows fit around the first and the last point.
+        # Zero padding on both sides for the windows of the first and the last point.
         change = np.zeros((2 * half + 1, len(still)))
         if first < last:
             there = slice(first - centre + half, last - centre + half)
@@ -111,7 +98,7 @@ def _event(start: float, duration: float) -> dict[str, Any]:
 
 
 def _curves(name: str, time: Array, values: Array) -> list[dict[str, Any]]:
-    """Curves of up to `POINTS` points; each begins with the last point of the one before."""
+    """Curves of up to `POINTS` points; each starts with the last point of the previous one."""
     edges = [*range(0, len(time) - 1, POINTS - 1), len(time) - 1]
     curves: list[dict[str, Any]] = []
     for first, last in pairwise(edges):
@@ -129,17 +116,17 @@ def _losses(recording: Recording) -> tuple[FormatLoss, ...]:
     rows, columns = recording.sensor.shape
     found = [
         FormatLoss(
-            what="channels", text=f"{rows} x {columns} cells became one actuator: where something pressed is lost."
+            what="channels", text=f"{rows} x {columns} cells became one actuator: the position of the pressure is lost."
         ),
         FormatLoss(what="waveform", text=f"The waveform became an intensity and a sharpness every {STEP * 1e3:g} ms."),
         FormatLoss(
-            what="band", text=f"Sharpness stands for {low:g} to {high:g} Hz; what is outside is moved to its ends."
+            what="band", text=f"Sharpness maps {low:g} to {high:g} Hz; frequencies outside are moved to these limits."
         ),
-        FormatLoss(what="scale", text="Intensity is a part of the recording's largest: how strong it was is lost."),
+        FormatLoss(what="scale", text="Intensity is relative to the recording's maximum: the absolute level is lost."),
         FormatLoss(what="provenance", text="Sensor and provenance were left out."),
     ]
     if recording.provenance.simulated:
-        found.append(FormatLoss(what="provenance", text="The file cannot say that this recording is SIMULATED."))
+        found.append(FormatLoss(what="provenance", text="The file cannot state that this recording is SIMULATED."))
     if recording.duration > LONGEST:
         parts = len(_starts(recording.duration))
         found.append(

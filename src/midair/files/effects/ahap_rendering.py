@@ -1,11 +1,11 @@
-"""AHAP, Apple's haptic patterns, as a wave: what one actuator would do.
+"""Render AHAP, Apple's haptic patterns, to the wave of one actuator.
 
 Format: "Representing haptic patterns in AHAP files" and the class references of CHHapticEvent and
-CHHapticEventParameter (Apple, Core Haptics). Rendered are the events HapticContinuous and HapticTransient with their
+CHHapticEventParameter (Apple, Core Haptics). It renders the events HapticContinuous and HapticTransient with their
 HapticIntensity, HapticSharpness, AttackTime, DecayTime, ReleaseTime and Sustained, and dynamic parameters and curves of
-HapticIntensityControl (a factor) and HapticSharpnessControl (added). Apple states no frequencies and no shapes:
-sharpness 0 to 1 is 80 to 230 Hz here, as when midair writes AHAP; a transient is a decaying click; attack, decay and
-release are straight lines. Events of sound are left out, and said.
+HapticIntensityControl (a factor) and HapticSharpnessControl (added). Apple specifies no frequencies and no shapes: here
+sharpness 0 to 1 is 80 to 230 Hz, as in `ahap_file`; a transient is a decaying click; attack, decay and release are
+linear. Audio events are left out and reported.
 """
 
 import json
@@ -23,26 +23,26 @@ from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
 Array = NDArray[np.float64]
 
 RATE = 8000.0
-"""Of a rendered effect if nobody says another, in Hz."""
+"""Default rate of a rendered effect, in Hz."""
 
 CLICK = 8e-3
 """Time constant of a transient, in s."""
 
 LONGEST = 600.0
-"""Of an effect that is rendered, in s."""
+"""Maximum duration of a rendered effect, in s."""
 
 _CONTROLS = {"HapticIntensityControl": 1.0, "HapticSharpnessControl": 0.0}
 
 
 def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
-    """The wave of an AHAP file as a recording of one channel, 1 being full intensity.
+    """Render an AHAP file to a recording of one channel, 1 being full intensity.
 
     Raises
     ------
     BrokenFileError
-        If it is no AHAP, or longer than `LONGEST`.
+        If it is not AHAP, or longer than `LONGEST`.
     InputError
-        Its leaf, if nobody says what 1 means (unit or scale).
+        If neither unit nor scale is given.
     """
     pattern = _pattern(path)
     events = [entry["Event"] for entry in pattern if "Event" in entry]
@@ -78,8 +78,8 @@ def _pattern(path: Path) -> Sequence[Mapping[str, Any]]:
     return [entry for entry in pattern if isinstance(entry, dict)]
 
 
-def _told(event: Mapping[str, Any], name: str, otherwise: float) -> float:
-    """A parameter of an event."""
+def _parameter(event: Mapping[str, Any], name: str, otherwise: float) -> float:
+    """Value of an event parameter."""
     for each in event.get("EventParameters", ()):
         if each["ParameterID"] == name:
             return float(each["ParameterValue"])
@@ -87,35 +87,35 @@ def _told(event: Mapping[str, Any], name: str, otherwise: float) -> float:
 
 
 def _length(event: Mapping[str, Any]) -> float:
-    """How long an event is felt, in s: a transient until it is a thousandth."""
+    """Duration of an event in s; a transient ends at a thousandth of its peak."""
     if event["EventType"] == "HapticTransient":
         return 7 * CLICK
-    return float(event["EventDuration"]) + _told(event, "ReleaseTime", 0.0)
+    return float(event["EventDuration"]) + _parameter(event, "ReleaseTime", 0.0)
 
 
 def _add(wave: Array, time: Array, event: Mapping[str, Any], intensity: Array, sharpness: Array) -> None:
-    """What one event adds."""
+    """Add one event to the wave."""
     begin = float(event["Time"])
     part = slice(int(np.searchsorted(time, begin - 1e-9)), int(np.searchsorted(time, begin + _length(event) - 1e-9)))
     since = time[part] - begin
     low, high = SHARPNESS
-    sharp = np.clip(_told(event, "HapticSharpness", 0.5) + sharpness[part], 0, 1)
+    sharp = np.clip(_parameter(event, "HapticSharpness", 0.5) + sharpness[part], 0, 1)
     step = time[1] - time[0] if len(time) > 1 else 1.0
     turns = np.cumsum(low + (high - low) * sharp) * step
-    strength = _told(event, "HapticIntensity", 1.0) * intensity[part]
+    strength = _parameter(event, "HapticIntensity", 1.0) * intensity[part]
     wave[part] += np.clip(strength, 0, 1) * _shape(event, since) * np.sin(2 * np.pi * turns)
 
 
 def _shape(event: Mapping[str, Any], since: Array) -> Array:
-    """Rise and fall of an event, 0 to 1."""
+    """Envelope of an event, 0 to 1."""
     if event["EventType"] == "HapticTransient":
         return np.exp(-since / CLICK)
     held = float(event["EventDuration"])
-    attack, decay, release = (_told(event, name, 0.0) for name in ("AttackTime", "DecayTime", "ReleaseTime"))
+    attack, decay, release = (_parameter(event, name, 0.0) for name in ("AttackTime", "DecayTime", "ReleaseTime"))
     shape = np.ones(len(since))
     if attack > 0:
         shape *= np.clip(since / attack, 0, 1)
-    if decay > 0 and _told(event, "Sustained", 1.0) < 0.5:
+    if decay > 0 and _parameter(event, "Sustained", 1.0) < 0.5:
         shape *= np.clip(1 - (since - attack) / decay, 0, 1)
     if release > 0:
         shape *= np.clip(1 - (since - held) / release, 0, 1)
@@ -123,7 +123,7 @@ def _shape(event: Mapping[str, Any], since: Array) -> Array:
 
 
 def _control(pattern: Sequence[Mapping[str, Any]], name: str, time: Array) -> Array:
-    """A dynamic parameter over time: steps, and curves on straight lines; each holds until the next."""
+    """A dynamic parameter over time: steps and linear curves; each value holds until the next."""
     values = np.full(len(time), _CONTROLS[name])
     stretches: list[tuple[float, list[tuple[float, float]]]] = []
     for entry in pattern:

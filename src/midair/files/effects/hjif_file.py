@@ -1,9 +1,8 @@
-"""MPEG haptics, the JSON interchange form `.hjif` (ISO/IEC 23090-31): one channel a cell, its samples as a curve.
+"""Write MPEG haptics as `.hjif` (ISO/IEC 23090-31, JSON): one channel per cell, with its samples as a curve.
 
-The standard describes effects for actuators, in parts of full scale, at whole ticks. Its modality "Pressure" and a
-curve of one keyframe a frame, joined by straight lines, keep the waveform of every cell; runs of one value need but
-their ends. What the standard has no place for is told.
-The names follow the files that MPEG's public reference software writes (HapticReferenceSoftware, BSD).
+The standard describes effects for actuators, relative to full scale, at integer ticks. Its modality "Pressure" and a
+linear curve with one keyframe per frame keep the waveform of every cell; runs of equal values need only their ends.
+Losses are reported. The names follow the files of MPEG's public reference software (HapticReferenceSoftware, BSD).
 """
 
 import json
@@ -23,20 +22,14 @@ from midair.model import Calibration, Recording
 from midair.version import __version__
 
 VERSION = "2023"
-"""Edition of the standard that the file names."""
+"""Edition of the standard, as written in the file."""
 
-_STEPS = 32767  # of the amplitude, each way
+_STEPS = 32767  # amplitude steps of each sign
 _LATER = "written later"
 
 
 def write_hjif(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write the change of every cell from its median as a curve of -1 to 1, 1 being the largest change of any cell.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    """
+    """Write the deviation of every cell from its median as a curve from -1 to 1, relative to the largest deviation."""
     still, found = medians(recording.samples), moments(recording.samples)
     peak = float(np.maximum(found.greatest - still, still - found.least).max())
     timescale = _timescale(recording.rate)
@@ -74,24 +67,24 @@ def write_hjif(recording: Recording, path: Path, calibration: Calibration | None
 
 
 def _halves(plain: dict[str, Any]) -> tuple[str, str]:
-    """JSON before and after a list whose members are written meanwhile, since there may be more than memory holds."""
+    """JSON before and after a list whose members are streamed, because they may exceed the memory."""
     before, _, after = json.dumps(plain, allow_nan=False, separators=(",", ":")).partition(json.dumps(_LATER))
     return before, after
 
 
 def _channel(recording: Recording, number: int, still: float, peak: float, timescale: int) -> Iterator[str]:
-    """A channel as JSON, piece by piece."""
+    """JSON of a channel, in pieces."""
     before, after = _halves(_frame(recording, number))
     yield before
     comma = ""
     for first, last in block_ranges(recording.samples.shape):
-        # With the frames beside, which tell whether the first and the last are inside a run.
+        # One more frame on both sides, to detect whether the first and the last are inside a run.
         begin, end = max(0, first - 1), min(recording.frames, last + 1)
         cell = read_frames(recording.samples, begin, end).reshape(end - begin, -1)[:, number]
         steps = np.round((cell - still) / peak * _STEPS) / _STEPS
         turns = np.arange(begin, end)[_turning(steps)]
         turns = turns[(turns >= first) & (turns < last)]
-        # Six digits tell the 32767 steps apart.
+        # Six digits resolve the 32767 steps.
         values = steps[turns - begin].round(6).tolist()
         ticks = np.round(turns / recording.rate * timescale).astype(np.int64).tolist()
         frames = [
@@ -131,14 +124,14 @@ def _frame(recording: Recording, number: int) -> dict[str, Any]:
 
 
 def _turning(cell: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Frames of a cell that are not inside a run of the same value, which a straight line gives back."""
+    """True for frames that are not inside a run of equal values, which linear interpolation restores."""
     steady = np.zeros(len(cell), bool)
     steady[1:-1] = (cell[1:-1] == cell[:-2]) & (cell[1:-1] == cell[2:])
     return ~steady
 
 
 def _timescale(rate: float) -> int:
-    """Ticks per second, so that frames fall on ticks where they can."""
+    """Ticks per second, chosen so that frames fall on ticks if possible."""
     whole = round(rate)
     return whole if whole == rate else 1_000_000
 
@@ -154,15 +147,16 @@ def _losses(recording: Recording, peak: float, shifted: bool, timescale: int) ->
     found = [
         FormatLoss(
             what="scale",
-            text=f"Samples are parts of the largest change, {peak:.6g} {recording.unit}, in steps of {steps}.",
+            text=f"Samples are relative to the largest change, {peak:.6g} {recording.unit}, in steps of {steps}.",
         ),
         FormatLoss(
-            what="sensor", text="Places of the cells are text: an actuator a channel is assumed, no field between them."
+            what="sensor",
+            text="Positions of the cells are only text: the format has one actuator per channel.",
         ),
         FormatLoss(what="provenance", text="The steps and notes of the provenance were left out."),
     ]
     if shifted:
-        found.append(FormatLoss(what="band", text="The median of each channel was taken away: only changes are kept."))
+        found.append(FormatLoss(what="band", text="The median of each channel was subtracted: only changes are kept."))
     if timescale != recording.rate:
         found.append(FormatLoss(what="rate", text=f"Frames were moved to the nearest of {timescale} ticks a second."))
     return tuple(found)

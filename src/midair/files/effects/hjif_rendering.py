@@ -1,10 +1,9 @@
-"""MPEG haptics (.hjif, ISO/IEC 23090-31) as waves: a channel of the file is a channel of the recording.
+"""Render MPEG haptics (.hjif, ISO/IEC 23090-31) to waves, one channel of the recording per channel of the file.
 
-By the names and the structure that MPEG's public reference software writes (HapticReferenceSoftware, BSD): perceptions
-hold channels, these bands, these effects, these keyframes at ticks. Rendered are bands of the kinds Curve,
-VectorialWave and Transient; what they add up to is multiplied by gain and mixing weight. Curves run on straight lines
-whatever their curve_type; a transient is a decaying click. Wavelet bands and effects of a library are left out, and
-said.
+Names and structure follow MPEG's public reference software (HapticReferenceSoftware, BSD): perceptions contain
+channels, bands, effects, and keyframes at ticks. It renders bands of the types Curve, VectorialWave and Transient;
+their sum is multiplied by gain and mixing weight. Curves are linear whatever their curve_type; a transient is a
+decaying click. Wavelet bands and effects of a library are left out and reported.
 """
 
 import json
@@ -24,7 +23,7 @@ Plain = Mapping[str, Any]
 
 
 def _base(signal: str, turns: Array) -> Array:
-    """A base signal of so many turns since the effect began; a sine where its name is not known."""
+    """A base signal after `turns` periods of the effect; a sine if the name is unknown."""
     if signal == "Square":
         return np.where(turns % 1 < 0.5, 1.0, -1.0)
     if signal == "Triangle":
@@ -35,14 +34,14 @@ def _base(signal: str, turns: Array) -> Array:
 
 
 def read_hjif(path: Path, given: ImportOptions) -> OpenedTake:
-    """The waves of an MPEG haptics file as a recording, 1 being full scale.
+    """Render an MPEG haptics file to a recording, 1 being full scale.
 
     Raises
     ------
     BrokenFileError
-        If it is no .hjif, holds nothing that is rendered, or is longer than ten minutes.
+        If it is not .hjif, contains nothing that can be rendered, or is longer than ten minutes.
     InputError
-        Its leaf, if nobody says what 1 means (unit or scale).
+        If neither unit nor scale is given.
     """
     content = json.loads(path.read_text(encoding="utf-8-sig"))
     if not isinstance(content, dict) or not isinstance(content.get("perceptions"), list):
@@ -68,7 +67,7 @@ def read_hjif(path: Path, given: ImportOptions) -> OpenedTake:
 
 
 def _effects(channel: Plain) -> Iterator[tuple[Plain, Plain]]:
-    """Each band that is rendered, with each of its effects that has keyframes."""
+    """Each band that can be rendered, with each of its effects that has keyframes."""
     for band in channel.get("bands", ()):
         if band["band_type"] in ("Curve", "VectorialWave", "Transient"):
             for effect in band.get("effects", ()):
@@ -85,14 +84,14 @@ def _left_out(channel: Plain) -> Iterator[str]:
 
 
 def _ends(channel: Plain, ticks: float) -> Iterator[float]:
-    """When each effect ends, in s."""
+    """End of each effect, in s."""
     for band, effect in _effects(channel):
         last = max(float(key.get("relative_position", 0)) for key in effect["keyframes"])
         yield (float(effect.get("position", 0)) + last) / ticks + (7 * CLICK if band["band_type"] == "Transient" else 0)
 
 
 def _rendered(channel: Plain, time: Array, ticks: float) -> Array:
-    """A channel's wave."""
+    """Wave of a channel."""
     wave = np.zeros(len(time))
     for band, effect in _effects(channel):
         if band["band_type"] == "Transient":
@@ -103,13 +102,13 @@ def _rendered(channel: Plain, time: Array, ticks: float) -> Array:
 
 
 def _line(effect: Plain, name: str, ticks: float) -> tuple[Array, Array]:
-    """Times and values of the keyframes that tell it."""
+    """Times and values of the keyframes that have the key `name`."""
     told = [(float(key["relative_position"]) / ticks, float(key[name])) for key in effect["keyframes"] if name in key]
     return np.array([at for at, _ in told]), np.array([value for _, value in told])
 
 
 def _add_wave(wave: Array, time: Array, band: Plain, effect: Plain, ticks: float) -> None:
-    """A curve is its keyframes; a vectorial wave is a base signal of their amplitude and frequency."""
+    """Add a curve (its keyframes) or a vectorial wave (a base signal with their amplitude and frequency)."""
     begin = float(effect.get("position", 0)) / ticks
     at, amplitude = _line(effect, "amplitude_modulation", ticks)
     if not len(at):
@@ -129,7 +128,7 @@ def _add_wave(wave: Array, time: Array, band: Plain, effect: Plain, ticks: float
 
 
 def _add_clicks(wave: Array, time: Array, effect: Plain, ticks: float) -> None:
-    """A decaying click at each keyframe, of its amplitude and frequency."""
+    """Add a decaying click at each keyframe, with its amplitude and frequency."""
     for key in effect["keyframes"]:
         at = (float(effect.get("position", 0)) + float(key["relative_position"])) / ticks
         part = (time >= at - 1e-9) & (time < at + 7 * CLICK)

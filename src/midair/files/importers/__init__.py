@@ -1,4 +1,4 @@
-"""Formats of other programs, one file each."""
+"""Readers and writers for file formats of other programs, one module each."""
 
 from midair.files.importers.pat_file import load_board
 

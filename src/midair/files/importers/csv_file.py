@@ -1,4 +1,4 @@
-"""Comma-separated values: midair's own, with a header that makes them exact, and those of others, with their traps."""
+"""Comma-separated values: midair's own with a header that makes them exact, and those of other programs."""
 
 import re
 from pathlib import Path
@@ -19,11 +19,11 @@ from midair.lazy_frames import blocks
 from midair.model import Calibration, Recording, Unit
 
 MARK = "# midair "
-"""What midair's own files begin with."""
+"""First characters of midair's own files."""
 
 
 def write_csv(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write a comment with everything but the samples, a row of names, and a row a frame; every digit that matters."""
+    """Write the header as a comment, a row of names, and a row per frame, all numbers without loss."""
     sensor = recording.sensor
     cells = [
         f"row{row}_column{column} [{recording.unit}]" for row in range(sensor.rows) for column in range(sensor.columns)
@@ -31,7 +31,7 @@ def write_csv(recording: Recording, path: Path, calibration: Calibration | None)
     with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
         file.write(f"{MARK}{without_formulas(header_of(recording))}\n")
         file.write(",".join(["time [s]", *cells]) + "\n")
-        # repr gives the fewest digits that are read back as the same number.
+        # repr gives the shortest text that is read back as the same number.
         first = 0
         for block in blocks(recording.samples, 4096):
             time = np.arange(first, first + len(block)) / recording.rate
@@ -42,31 +42,31 @@ def write_csv(recording: Recording, path: Path, calibration: Calibration | None)
 
 
 def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
-    """The recording in a CSV of midair, of FabricSlide, or of any program that writes one channel a column.
+    """Read a CSV of midair, of FabricSlide, or of any program that writes one channel per column.
 
-    A column called time, timestamp or t gives the rate; a unit in brackets in every other name gives the unit.
+    A column named time, timestamp or t gives the rate; a unit in brackets in every other name gives the unit.
 
     Raises
     ------
     BrokenFileError
-        If a row has too few or too many fields, or a field is no number.
+        If a row has too few or too many fields, or a field is not a number.
     InputError
-        Its leaf, if a number is missing or the file does not say enough.
+        A subclass, if a number is missing or the file lacks a fact.
     """
-    # Some programs begin with a byte-order mark, which would become a part of the first name.
+    # utf-8-sig, because a byte-order mark would become a part of the first name.
     text = path.read_bytes().decode("utf-8-sig")
     if text.startswith(MARK):
         return _own(text, path, given)
     table = read_table(text, path, gaps=given.mending is not None)
-    if fabricslide.wrote(table.names):
-        return fabricslide.foreign(table, path, given).settle(given, path)
+    if fabricslide.is_fabricslide(table.names):
+        return fabricslide.imported(table, path, given).settle(given, path)
     return _foreign(table, given).settle(given, path)
 
 
 def _own(text: str, path: Path, given: ImportOptions) -> OpenedTake:
     first, _, rest = text.partition("\n")
     if not text.endswith("\n"):
-        raise BrokenFileError(f"{path}: expected a line end at the end, got a line that was cut; copy the file again")
+        raise BrokenFileError(f"{path}: expected a line end at the end, got a truncated line; copy the file again")
     table = read_table(rest, path)
     recording = recording_from(parse_header(first.removeprefix(MARK), path), table.values[:, 1:], path)
     given.check(recording, path)
@@ -96,7 +96,7 @@ _SECONDS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs":
 
 
 def _seconds(table: TextTable, clock: int) -> tuple[np.ndarray, tuple[str, ...]]:
-    """The stamps in s, and a sentence when their unit had to be guessed: whole numbers two or more apart are ms."""
+    """Time stamps in s, and a report if their unit was assumed: ms for integers at least 2 apart, otherwise s."""
     stamps = table.values[:, clock]
     name = table.names[clock]
     found = _TIME.fullmatch(name)
@@ -105,11 +105,11 @@ def _seconds(table: TextTable, clock: int) -> tuple[np.ndarray, tuple[str, ...]]
         return stamps * _SECONDS[unit.lower()], ()
     whole = len(stamps) > 1 and (stamps == np.round(stamps)).all() and np.median(np.diff(stamps)) >= 2
     guessed = "ms" if whole else "s"
-    return stamps * _SECONDS[guessed], (f"Column {name!r} does not say its unit: {guessed} was assumed.",)
+    return stamps * _SECONDS[guessed], (f"Column {name!r} does not state its unit: {guessed} was assumed.",)
 
 
 def _units(names: tuple[str, ...]) -> tuple[Unit | None, ...]:
-    """The unit that stands in brackets behind each name."""
+    """The unit in brackets after each name."""
     units: tuple[Unit, ...] = get_args(Unit)
     return tuple(next((unit for unit in units if name.endswith(f"[{unit}]")), None) for name in names)
 

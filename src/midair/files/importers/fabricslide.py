@@ -1,7 +1,7 @@
-"""Recordings of FabricSlide: a capacitive finger of 16 taxels slid over fabrics and gratings by a robot's arm.
+"""Recordings of FabricSlide: a robot arm slides a capacitive finger with 16 taxels over fabrics and gratings.
 
 Wang et al. 2022, doi 10.3389/fnbot.2022.808222. Columns: timestamp in ms, two proximity readings, channel1 to channel16
-in raw counts, at about 35.6 Hz. A name says material_F<force set-point>_V<velocity>mmps_<repeat>.
+in raw counts, at about 35.6 Hz. File names are material_F<force set-point>_V<velocity>mmps_<repeat>.
 """
 
 import re
@@ -13,28 +13,22 @@ from midair.files.timestamps import uniform
 from midair.model import SensorGrid
 
 COLUMNS = ("timestamp", "proximity1", "proximity2", *(f"channel{i}" for i in range(1, 17)))
-"""By which its files are known."""
+"""Column names that identify its files."""
 
 _NAME = re.compile(r"(?P<material>[^_]+)_F(?P<force>\d+)_V(?P<velocity>-?\d+)mmps_(?P<repeat>\d+)")
 _LAYOUT = (
-    "Neither the layout nor the pitch of the 16 taxels is stated anywhere we found: 4 x 4 in the order of the "
+    "Neither the layout nor the pitch of the 16 taxels is documented: 4 x 4 in the order of the "
     "channels, 11 mm apart as in the paper's sensor, was assumed."
 )
 
 
-def wrote(names: tuple[str, ...]) -> bool:
-    """Whether a table with these columns is one of FabricSlide."""
+def is_fabricslide(names: tuple[str, ...]) -> bool:
+    """True if these are the columns of a FabricSlide table."""
     return names == COLUMNS
 
 
-def foreign(table: TextTable, path: Path, given: ImportOptions) -> ImportedData:
-    """The 16 taxels at a fixed rate; the proximity readings are left out.
-
-    Raises
-    ------
-    RateError
-        If the stamps go back, or do not fit the rate that was given.
-    """
+def imported(table: TextTable, path: Path, given: ImportOptions) -> ImportedData:
+    """The 16 taxels at a fixed rate, without the proximity readings."""
     even = uniform(table.values[:, 0] / 1e3, table.values[:, 3:], rate=given.rate)
     layout = {} if given.sensor else {"layout": _LAYOUT}
     return ImportedData(
@@ -46,7 +40,11 @@ def foreign(table: TextTable, path: Path, given: ImportOptions) -> ImportedData:
         sensor=SensorGrid(name="CPM-finger of FabricSlide"),
         notes={**_notes(path), **layout},
         settings={"left_out": COLUMNS[1:3], "rate_hz": even.rate, "interpolation": "linear"},
-        report=(*even.report, "Columns proximity1 and proximity2 were left out: they are no taxels.", *layout.values()),
+        report=(
+            *even.report,
+            "Columns proximity1 and proximity2 were left out: not taxels.",
+            *layout.values(),
+        ),
     )
 
 

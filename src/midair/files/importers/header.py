@@ -1,4 +1,4 @@
-"""The one line of JSON that midair puts into formats that have no place for rate, unit, sensor and provenance."""
+"""JSON header in one line, for formats that cannot store rate, unit, sensor and provenance."""
 
 import json
 from collections.abc import Mapping
@@ -18,15 +18,7 @@ from midair.version import __version__
 
 
 def header_of(recording: Recording, *, scale_exponent: int | None = None) -> str:
-    """Everything but the samples of a recording, one line of ASCII.
-
-    Parameters
-    ----------
-    recording : Recording
-        The recording to describe.
-    scale_exponent : int, optional
-        Exponent of the power of two that stands for full scale, where a format has one.
-    """
+    """All data of a recording except its samples, as one line of ASCII; full scale is 2^scale_exponent."""
     sensor = recording.sensor
     plain: dict[str, Any] = {
         "kind": "midair recording",
@@ -45,15 +37,7 @@ def header_of(recording: Recording, *, scale_exponent: int | None = None) -> str
 
 
 def parse_header(text: str, path: Path) -> Mapping[str, Any]:
-    """The header as a mapping.
-
-    Raises
-    ------
-    BrokenFileError
-        If it is not one.
-    UnknownFormatError
-        If a newer midair wrote it.
-    """
+    """Parse a header; raises BrokenFileError if it is invalid, UnknownFormatError if it is of a newer midair."""
     header = json_of(text)
     if not isinstance(header, dict) or header.get("kind") != "midair recording":
         raise BrokenFileError(f"{path}: expected the header of a midair recording, got {text[:60]!r}")
@@ -66,13 +50,7 @@ def parse_header(text: str, path: Path) -> Mapping[str, Any]:
 
 
 def recording_from(header: Mapping[str, Any], samples: NDArray[np.float64], path: Path) -> Recording:
-    """The recording that `header` and `samples`, shape (frame, ...), make.
-
-    Raises
-    ------
-    BrokenFileError
-        If there are fewer or more samples than the header says: the file was cut or edited.
-    """
+    """Recording of a header and samples of shape (frame, ...); raises BrokenFileError if their number is wrong."""
     part = header["sensor"]
     if not isinstance(part["name"], str):
         raise BrokenFileError(f"{path}: expected text as the sensor's name, got {part['name']!r}")
@@ -81,7 +59,7 @@ def recording_from(header: Mapping[str, Any], samples: NDArray[np.float64], path
     if samples.size != expected or not samples.size:
         raise BrokenFileError(
             f"{path}: expected {header['frames']} frames of {sensor.count} channels, got {samples.size} samples "
-            f"instead of {expected}; the file was cut or edited, copy it again"
+            f"instead of {expected}; the file was truncated or edited, copy it again"
         )
     return Recording(
         samples=each_frame(samples, lambda block: block.reshape(len(block), *sensor.shape), exact=True),

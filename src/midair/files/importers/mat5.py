@@ -1,6 +1,6 @@
-"""The arrays of a MATLAB file of version 5 (up to v7): numbers and text; structures and cells are left alone.
+"""Numbers and text in MATLAB files of version 5 (up to v7); structures and cells are not read.
 
-SciPy's reader is compiled and ends the program on some damaged files, so the bytes are checked here.
+SciPy's compiled reader crashes on some damaged files, so the bytes are checked here.
 Layout: "MAT-File Format" (MathWorks), Level 5: a header of 128 bytes, then elements, each a tag (type, length) and data
 padded to 8 bytes; short ones keep their data in the tag. Compressed elements are zlib streams with a checksum.
 """
@@ -35,18 +35,12 @@ class _Element:
 
 
 def is_mat5(start: bytes) -> bool:
-    """Whether a file that begins with these 128 bytes is one."""
+    """True if the first 128 bytes are those of such a file."""
     return len(start) >= 128 and start[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
 
 
 def read_mat5(path: Path) -> dict[str, Any]:
-    """The arrays by name; structures, cells and the like as empty objects.
-
-    Raises
-    ------
-    BrokenFileError
-        If a part is shorter or longer than its tag says.
-    """
+    """Read the arrays by name; structures, cells and other classes become empty objects."""
     data = path.read_bytes()
     order = "<" if data[126:128] == b"IM" else ">"
     arrays: dict[str, Any] = {}
@@ -69,24 +63,26 @@ def _elements(data: bytes, order: str, path: Path) -> Iterator[_Element]:
     place = 0
     while place + 8 <= len(data):
         kind, length = struct.unpack_from(order + "II", data, place)
-        # A short element: the length is in the upper half of the type, the data in the rest of the tag.
+        # Short element: the upper half of the type is the length, the rest of the tag is the data.
         if kind >> 16:
             kind, length, place = kind & 0xFFFF, kind >> 16, place + 4
             end = place + 4
         else:
             place += 8
-            # Compressed elements follow each other without padding.
+            # Compressed elements are not padded.
             end = place + (length if kind == _COMPRESSED else length + -length % 8)
         if place + length > len(data) or place + length > end:
-            raise BrokenFileError(f"{path}: expected {length} bytes at {place}, got {len(data) - place}; it was cut")
+            raise BrokenFileError(
+                f"{path}: expected {length} bytes at {place}, got {len(data) - place}; it is truncated"
+            )
         yield _Element(kind=kind, data=data[place : place + length])
         place = end
     if place < len(data):
-        raise BrokenFileError(f"{path}: expected whole elements, got {len(data) - place} bytes at the end; it was cut")
+        raise BrokenFileError(f"{path}: expected whole elements, got {len(data) - place} bytes at the end")
 
 
 def _matrix(data: bytes, order: str, path: Path) -> tuple[str, Any]:
-    # Flags, dimensions, name, real and imaginary part; what comes after belongs to structures, and may have no end.
+    # Flags, dimensions, name, real and imaginary part; further elements belong to structures.
     parts = list(islice(_elements(data, order, path), 5))
     if len(parts) < 3 or len(parts[0].data) != 8:
         raise BrokenFileError(f"{path}: expected flags, dimensions and a name of an array, got {len(parts)} parts")
@@ -99,7 +95,7 @@ def _matrix(data: bytes, order: str, path: Path) -> tuple[str, Any]:
     if kind not in _CLASSES or len(parts) < 4:
         return name, np.empty(0, object)
     real = _numbers(parts[3], shape, _CLASSES[kind], order, path)
-    # The imaginary part is not read: by its type nobody takes the real part for the whole.
+    # The imaginary part is not read; the complex type prevents use of the real part alone.
     return name, real.astype(complex) if complex_numbers else real
 
 
@@ -114,14 +110,14 @@ def _numbers(part: _Element, shape: tuple[int, ...], dtype: str, order: str, pat
         raise BrokenFileError(f"{path}: expected numbers of shape {shape}, got type {part.kind}")
     numbers = np.frombuffer(part.data, order + _NUMBERS[part.kind])
     if numbers.size != math.prod(shape):
-        raise BrokenFileError(f"{path}: expected {math.prod(shape)} numbers, got {numbers.size}; it was cut or edited")
+        raise BrokenFileError(f"{path}: expected {math.prod(shape)} numbers, got {numbers.size}; it is damaged")
     return numbers.reshape(shape, order="F").astype(dtype)
 
 
 def write_frames(file: BinaryIO, name: str, samples: "NDArray[Any] | LazyFrames") -> None:
-    """An array of float64, shape (frame, ...), as a compressed element; it is read once for each channel.
+    """Write float64 of shape (frame, ...) as a compressed element; lazy frames are read once for each channel.
 
-    MATLAB's arrays lie with the first axis in a row: channel after channel, those of a column together.
+    MATLAB's arrays are column-major: channel after channel, those of a column together.
     """
     length, shape = samples.size * 8, samples.shape
     letters = name.encode("ascii")

@@ -22,7 +22,7 @@ def write_mat(recording: Recording, path: Path, calibration: Calibration | None)
     Raises
     ------
     FileError
-        If there are more samples than the format can count: 4 GB.
+        If the samples exceed the limit of the format, 4 GiB.
     """
     from scipy.io import savemat
 
@@ -40,14 +40,14 @@ def write_mat(recording: Recording, path: Path, calibration: Calibration | None)
 
 
 def read_mat(path: Path, given: ImportOptions) -> OpenedTake:
-    """The recording in a MATLAB file of midair, or in the one array of frames of another program.
+    """Read a MATLAB file of midair, or the only array of frames of another program.
 
     Raises
     ------
     BrokenFileError
-        If the file is damaged or does not hold exactly one array that can be frames.
+        If the file is damaged or does not contain exactly one array of frames.
     InputError
-        Its leaf, if the file does not say enough or a number cannot be used.
+        A subclass, if the file lacks a fact or a number cannot be used.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
@@ -58,7 +58,7 @@ def read_mat(path: Path, given: ImportOptions) -> OpenedTake:
         return from_arrays(read_mat5(path), "MAT", path, given)
     if start.startswith(b"MATLAB 7.3"):
         return from_arrays(_version_73(path), "MAT v7.3", path, given)
-    if 0 not in start[:4]:  # as every file of version 4 has; SciPy's compiled reader of others does not survive damage
+    if 0 not in start[:4]:  # present in every version 4 file; SciPy's compiled reader crashes on other damaged files
         raise BrokenFileError(f"{path}: expected a MATLAB file, got one that begins with {start[:12]!r}")
     try:
         arrays: dict[str, Any] = loadmat(str(path), appendmat=False)
@@ -68,7 +68,7 @@ def read_mat(path: Path, given: ImportOptions) -> OpenedTake:
 
 
 def _version_73(path: Path) -> dict[str, Any]:
-    """The arrays of numbers in an HDF5 file of MATLAB, which writes their axes in reverse."""
+    """Numeric arrays in an HDF5 file of MATLAB, which reverses their axes."""
     import h5py
 
     with open_plain(path) as file:

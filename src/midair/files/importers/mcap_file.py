@@ -1,7 +1,7 @@
-"""MCAP, what robots record: the messages of one topic become frames.
+"""MCAP, a log format of robotics: the messages of one topic become frames.
 
-Read are messages in JSON that hold one list of numbers (or numbers by name), and the MultiArrays of ROS 2
-(std_msgs/msg/Float32MultiArray and its like, in CDR). A frame's time is its publish time.
+Supported are JSON messages that contain one list of numbers (or numbers by name), and the MultiArrays of ROS 2
+(std_msgs/msg/Float32MultiArray and similar, in CDR). The time of a frame is its publish time.
 """
 
 import contextlib
@@ -38,36 +38,36 @@ _ROS = {
 }
 
 _CHUNK = 6
-_EXPANDED_ANYWAY = 2**24  # bytes: text of numbers takes its time
+_EXPANDED_ANYWAY = 2**24  # bytes; low, because parsing numbers from text is slow
 
 Decoder = Callable[[bytes], dict[str, Any] | list[Any] | NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Topic:
-    """How to read its messages, None when nobody knows; and (publish time in ns, bytes) of each."""
+    """Decoder of a topic (None if unsupported), and (publish time in ns, bytes) of each message."""
 
     decode: Decoder | None
     messages: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
 
 
 def read_mcap(path: Path, given: ImportOptions) -> OpenedTake:
-    """The one topic of numbers in an MCAP, or the one that `stream` names; also of a file that was not closed.
+    """Read the only numeric topic of an MCAP, or the topic `stream`; files that were not closed are read too.
 
     Raises
     ------
     MissingExtraError
         If mcap is not installed.
     BrokenFileError
-        If the file is damaged, or holds no topic that can be a recording, or several, or messages of different lengths.
+        If the file is damaged, contains no or several numeric topics, or messages of different lengths.
     InputError
-        Its leaf, if the file does not say enough or a number cannot be used.
+        A subclass, if the file lacks a fact or a number cannot be used.
     """
     topics, cut = _messages(path)
     topic, name = _chosen(topics, path, given)
     decode = topic.decode or _from_json
     rows, names = _rows([decode(data) for _, data in topic.messages], name, path)
-    # Differences of whole ns first: as float64 today's time is rounded to 256 ns.
+    # Subtract as integers first, because float64 rounds absolute times to 256 ns.
     stamps = np.array([time - topic.messages[0][0] for time, _ in topic.messages], np.float64) * 1e-9
     even = uniform(stamps, rows.reshape(len(rows), -1), rate=given.rate)
     return ImportedData(
@@ -77,7 +77,7 @@ def read_mcap(path: Path, given: ImportOptions) -> OpenedTake:
         names=names,
         notes={"topic": name},
         settings={"topic": name, "rate_hz": even.rate},
-        report=(*(("The file was not closed: what was written whole was read.",) if cut else ()), *even.report),
+        report=(*(("The file was not closed: complete records were read.",) if cut else ()), *even.report),
     ).settle(given, path)
 
 
@@ -89,12 +89,12 @@ def _chosen(topics: dict[str, _Topic], path: Path, given: ImportOptions) -> tupl
             raise MismatchError(f"{path}: expected a topic {given.stream!r} of numbers, got {found}")
         return topics[given.stream], given.stream
     if len(usable) != 1:
-        raise BrokenFileError(f"{path}: expected one topic of numbers, or to be told which (stream), got {found}")
+        raise BrokenFileError(f"{path}: expected one topic of numbers, or its name as stream, got {found}")
     return topics[usable[0]], usable[0]
 
 
 def _messages(path: Path) -> tuple[dict[str, _Topic], bool]:
-    """Every topic, and whether the file ends before its end."""
+    """All topics by name, and whether the file is truncated."""
     try:
         from mcap.records import Channel, Footer, Message, Schema
     except ImportError as wrong:
@@ -102,7 +102,7 @@ def _messages(path: Path) -> tuple[dict[str, _Topic], bool]:
     schemas: dict[int, str] = {}
     channels: dict[int, _Topic] = {}
     topics: dict[str, _Topic] = {}
-    # Until the footer comes, which only a closed file has.
+    # Only a closed file has a footer.
     cut = True
     for record in _records(path):
         if isinstance(record, Schema):
@@ -118,10 +118,10 @@ def _messages(path: Path) -> tuple[dict[str, _Topic], bool]:
 
 
 def _check_chunks(path: Path) -> None:
-    """Raise if what the chunks announce, or their zstd frames, is more than a file of this size may hold.
+    """Raise BrokenFileError if the chunks, or their zstd frames, expand to more than the limit for this file.
 
-    A record is an opcode, a length of 8 bytes, and content; that of a chunk begins with two times, its size when it is
-    expanded, a checksum, and the name of the compression (MCAP Format Specification, Chunk).
+    A record is an opcode, a length of 8 bytes, and content. The content of a chunk starts with two times, its expanded
+    size, a checksum, and the name of the compression (MCAP Format Specification, Chunk).
     """
     from zstandard import ZstdError, get_frame_parameters
 
@@ -138,13 +138,13 @@ def _check_chunks(path: Path) -> None:
             start = 40 + struct.unpack_from("<I", head, 28)[0]
             with contextlib.suppress(ZstdError):
                 stated = get_frame_parameters(head[start:]).content_size if head[32:36] == b"zstd" else 0
-                # All bits of one are "not stated".
+                # 2**64 - 1 means "unknown".
                 expanded += stated if stated < 2**64 - 1 else 0
             check_expansion(path, expanded // 2 if head[32:36] == b"zstd" else expanded, anyway=_EXPANDED_ANYWAY)
 
 
 def _records(path: Path) -> Iterator[Any]:
-    """The records of a file, to its end or to where it was cut."""
+    """The records of a file, up to its end or to its truncation."""
     from mcap.exceptions import EndOfFile, McapError
     from mcap.stream_reader import StreamReader
     from zstandard import ZstdError
@@ -154,7 +154,7 @@ def _records(path: Path) -> Iterator[Any]:
         try:
             yield from StreamReader(file, validate_crcs=True, record_size_limit=1 << 30).records
         except (EndOfFile, struct.error) as wrong:
-            # At the end of the bytes the file was cut; before it, a length in it is wrong.
+            # At the end of the bytes the file is truncated; before it, a length in it is wrong.
             if file.read(1):
                 raise BrokenFileError(f"{path}: expected an MCAP file, got a damaged one ({reason(wrong)})") from wrong
         except (McapError, ZstdError) as wrong:
@@ -171,7 +171,7 @@ def _decoder(encoding: str, schema: str) -> Decoder | None:
 
 
 def _from_json(data: bytes) -> dict[str, Any] | list[Any]:
-    """The one list in a message, or its numbers by name."""
+    """The only list in a message, or its numbers by name."""
     value = json_of(data)
     if isinstance(value, list):
         return value
@@ -189,15 +189,15 @@ def _from_json(data: bytes) -> dict[str, Any] | list[Any]:
 
 
 def _from_cdr(data: bytes, dtype: str) -> NDArray[Any]:
-    """The data of a MultiArray: its layout (labels, sizes and strides of the axes, an offset), then the numbers.
+    """Data of a MultiArray: its layout (labels, sizes and strides of the axes, an offset), then the numbers.
 
-    XCDR1 (OMG DDSI-RTPS 2.5, 10.2): 4 bytes name the byte order, then each value lies at a multiple of its own size.
+    XCDR1 (OMG DDSI-RTPS 2.5, 10.2): 4 bytes give the byte order, then each value is aligned to its own size.
     """
     order = "<" if data[1] & 1 else ">"
     words = struct.Struct(order + "I")
 
     def word(place: int) -> tuple[int, int]:
-        """The number at the next multiple of 4, and the place after it."""
+        """The number at the next multiple of 4, and the position after it."""
         place += -place % 4
         return words.unpack_from(data, place)[0], place + 4
 

@@ -1,4 +1,4 @@
-"""A recording in named arrays: what NPZ and MAT files have in common."""
+"""Recordings in named arrays, the common part of NPZ and MAT files."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,13 +13,7 @@ from midair.files.opened_take import ImportedData, ImportOptions, OpenedTake
 
 
 def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportOptions) -> OpenedTake:
-    """The recording that named arrays hold: midair's own, or the one array that can be frames.
-
-    Raises
-    ------
-    BrokenFileError
-        If midair's arrays contradict each other, or none or several of another program's can be frames.
-    """
+    """The recording in named arrays of midair, or in the only array of frames of another program."""
     if "midair" in arrays:
         return _own(arrays, path, given)
     name = _chosen(arrays, path, given)
@@ -32,7 +26,7 @@ def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportO
 
 
 def _chosen(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> str:
-    """The name of the array that can be frames: the one that was asked for, or "samples", or the only one."""
+    """Name of the array of frames: the chosen one, or "samples", or the only one."""
     names = [name for name, array in arrays.items() if _frames(array)]
     found = ", ".join(f"{name} {np.shape(array)}" for name, array in arrays.items()) or "nothing"
     if given.stream is not None:
@@ -44,7 +38,7 @@ def _chosen(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> str:
             return only[0]
     raise BrokenFileError(
         f"{path}: expected one array of numbers with axes (frame, channel) or (frame, row, column), or one called "
-        f"samples, or to be told which (stream), got {found}"
+        f"samples, or the name of one as stream, got {found}"
     )
 
 
@@ -54,14 +48,14 @@ def _own(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> OpenedT
     for name, stated in (("rate", header["rate_hz"]), ("unit", header["unit"])):
         have = _text(arrays[name]) if name == "unit" else np.asarray(arrays[name]).item()
         if have != stated:
-            raise BrokenFileError(f"{path}: {name} was edited: expected {stated}, as its header says, got {have}")
+            raise BrokenFileError(f"{path}: {name} was edited: expected {stated} as in the header, got {have}")
     recording = recording_from(header, samples, path)
     given.check(recording, path)
     return OpenedTake(recording=recording)
 
 
 def _frames(array: Any) -> bool:
-    """Whether an array can be frames: numbers, real, with one to three axes, and more than one number."""
+    """True for more than one real number with one to three axes."""
     return isinstance(array, np.ndarray) and array.dtype.kind in "fiu" and array.ndim in (1, 2, 3) and array.size > 1
 
 

@@ -1,4 +1,4 @@
-"""One NumPy array in a file of its own, as `numpy.save` writes it."""
+"""One NumPy array in a file, as written by `numpy.save`."""
 
 import math
 from pathlib import Path
@@ -11,16 +11,14 @@ from midair.files.opened_take import Format, ImportOptions, OpenedTake
 
 
 def read_npy(path: Path, given: ImportOptions) -> OpenedTake:
-    """The recording in an array of frames; the file says nothing else of it.
-
-    Objects are not loaded: they could run programs.
+    """Read an array of frames; the file has no other information. Objects are not loaded, because they could run code.
 
     Raises
     ------
     BrokenFileError
-        If the file is damaged, was cut, or does not hold numbers that can be frames.
+        If the file is damaged or truncated, or does not contain numbers with the axes of frames.
     InputError
-        Its leaf, if the file does not say enough or a number cannot be used.
+        A subclass, if the file lacks a fact or a number cannot be used.
     """
     with path.open("rb") as file:
         version = np.lib.format.read_magic(file)
@@ -28,9 +26,9 @@ def read_npy(path: Path, given: ImportOptions) -> OpenedTake:
         shape, _, kind = read(file)
         announced, there = math.prod(shape) * kind.itemsize, path.stat().st_size - file.tell()
         if announced != there and not kind.hasobject:
-            # NumPy would take the memory first and look at the file later.
+            # NumPy would allocate the memory before it reads the file.
             raise BrokenFileError(
-                f"{path}: expected {announced} bytes, as its header says, got {there}; copy the file again"
+                f"{path}: expected {announced} bytes according to its header, got {there}; copy the file again"
             )
         file.seek(0)
         array = np.load(file, allow_pickle=False)

@@ -34,20 +34,20 @@ def write_npz(recording: Recording, path: Path, calibration: Calibration | None)
 
 
 def read_npz(path: Path, given: ImportOptions) -> OpenedTake:
-    """The recording in an archive of midair, or in the one array of frames of another program.
+    """Read an archive of midair, or the only array of frames of another program.
 
-    Objects are not loaded: they could run programs.
+    Objects are not loaded, because they could run code.
 
     Raises
     ------
     BrokenFileError
-        If the archive is damaged or does not hold exactly one array that can be frames.
+        If the archive is damaged or does not contain exactly one array of frames.
     InputError
-        Its leaf, if the file does not say enough or a number cannot be used.
+        A subclass, if the file lacks a fact or a number cannot be used.
     """
     arrays: dict[str, Any] = {}
     with zipfile.ZipFile(path) as packed:
-        # What a member announces is also all that is read of it.
+        # At most the stated size of a member is read.
         check_expansion(path, sum(member.file_size for member in packed.infolist()))
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         for name in archive.files:

@@ -1,9 +1,9 @@
-"""A board file of OpenMPD, ``board_N.pat``: seven lines of what its makers measured.
+"""Board files of OpenMPD, ``board_N.pat``: seven lines of measurements by its makers.
 
-Serial number; number of transducers; steps of a turn; places (x, y, z), in m; pins; phase offsets, in whole degrees;
-factors of the amplitudes. All lists run by transducer, not by pin: so the makers' driver and their solver use them
-(OpenMPD_Driver, AsierInhoImpl_V2.cpp; OpenMPD_Solvers, hologramSolver_V2.cl), though their page on the format says by
-pin.
+Serial number; number of transducers; phase steps per turn; positions (x, y, z), in m; pins; phase offsets, in integer
+degrees; amplitude factors. All lists are in the order of transducers, not of pins, as in the makers' driver and solver
+(OpenMPD_Driver, AsierInhoImpl_V2.cpp; OpenMPD_Solvers, hologramSolver_V2.cl), although their page on the format states
+the order of pins.
 """
 
 import os
@@ -17,18 +17,18 @@ from midair.errors import BrokenFileError, InputError, MissingFileError
 from midair.model import Board
 
 LARGEST = 65_536
-"""Bytes; the makers' own files have 12,500."""
+"""Maximum size in bytes; the makers' own files have 12,500."""
 
 
 def load_board(path: str | os.PathLike[str]) -> Board:
-    """The board that a file describes.
+    """Read a board file of OpenMPD.
 
     Raises
     ------
     MissingFileError
-        If the file is not there.
+        If the file does not exist.
     BrokenFileError
-        If it is not such a file, or its numbers cannot be.
+        If it is not a board file, or a number is out of range.
     """
     serial, *lines = _lines(Path(path))
     count, steps = (_numbers(line, path, 1)[0] for line in lines[:2])
@@ -53,14 +53,14 @@ def _lines(path: Path) -> list[str]:
         with path.open("rb") as file:
             content = file.read(LARGEST + 1)
     except FileNotFoundError:
-        raise MissingFileError(f"{path}: expected a board file of OpenMPD (board_N.pat); it is not there") from None
+        raise MissingFileError(f"{path}: expected a board file of OpenMPD (board_N.pat), found no file") from None
     except OSError as wrong:
         raise BrokenFileError(f"{path}: {wrong.strerror}") from wrong
     lines = [line.strip() for line in content.decode("ascii", errors="replace").splitlines() if line.strip()]
     if len(lines) != 7 or len(content) > LARGEST:
         raise BrokenFileError(
             f"{path}: expected the seven lines of an OpenMPD board file, got {len(lines)}; "
-            "take the board_N.pat that belongs to the board"
+            "use the board_N.pat of this board"
         )
     return lines
 

@@ -1,9 +1,9 @@
-"""The chunks of WAV files: RIFF, RF64 and Wave64; midair keeps its header in one of its own, which others skip.
+"""Chunks of WAV files (RIFF, RF64, Wave64); midair stores its header in a chunk that other programs skip.
 
 RIFF: Multimedia Programming Interface and Data Specifications 1.0 (IBM and Microsoft, 1991): a chunk is four letters,
 the length of its content as a little-endian uint32, and the content, padded to an even length. RF64 (ITU-R BS.2088): as
-RIFF, but lengths of 2^32 - 1 stand for 64-bit lengths in the first chunk, ds64. Wave64 (Sony, 2003): letters are GUIDs
-that begin with the four letters, lengths are uint64 and count the 24 bytes before the content, padding is to 8 bytes.
+RIFF, but lengths of 2^32 - 1 refer to 64-bit lengths in the first chunk, ds64. Wave64 (Sony, 2003): letters are GUIDs
+that begin with the four letters, lengths are uint64 and include the 24 bytes before the content, padding is to 8 bytes.
 """
 
 import struct
@@ -23,7 +23,7 @@ _WAVE64 = b"riff\x2e\x91\xcf\x11\xa5\xd6\x28\xdb\x04\xc1\x00\x00"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RiffChunk:
-    """Where one lies in a file: its letters, and start and length of its content in bytes."""
+    """Letters of a chunk, and start and length of its content in bytes."""
 
     letters: bytes
     start: int
@@ -31,13 +31,7 @@ class RiffChunk:
 
 
 def chunks(path: Path) -> tuple[RiffChunk, ...]:
-    """The chunks of a WAV, RF64 or Wave64 file, in order.
-
-    Raises
-    ------
-    BrokenFileError
-        If the file is none of them, or shorter than its chunks say.
-    """
+    """The chunks of a WAV, RF64 or Wave64 file, in order; raises BrokenFileError if it is another file or truncated."""
     size = path.stat().st_size
     with path.open("rb") as file:
         start = file.read(40)
@@ -52,17 +46,17 @@ def chunks(path: Path) -> tuple[RiffChunk, ...]:
             if chunk.length < 0 or chunk.start + chunk.length > size:
                 raise BrokenFileError(
                     f"{path}: expected {chunk.length} bytes in chunk {chunk.letters.decode('latin-1')!r}, got "
-                    f"{size - chunk.start}; the file was cut or its header is wrong"
+                    f"{size - chunk.start}; the file is truncated or its header is wrong"
                 )
             found.append(chunk)
     return tuple(found)
 
 
 def append_chunk(path: Path, content: bytes) -> None:
-    """Put midair's chunk behind the others of a RIFF file, and its length into that of the whole."""
+    """Append midair's chunk to a RIFF file and update the length of the file."""
     with path.open("rb+") as file:
         end = file.seek(0, 2)
-        # A chunk begins at an even place.
+        # Chunks start at even positions.
         file.write(b"\0" * (end % 2) + CHUNK + struct.pack("<I", len(content)) + content + b"\0" * (len(content) % 2))
         length = file.tell() - 8
         file.seek(4)
@@ -70,7 +64,7 @@ def append_chunk(path: Path, content: bytes) -> None:
 
 
 def content(path: Path, chunk: RiffChunk) -> bytes:
-    """What a chunk holds."""
+    """Content of a chunk."""
     with path.open("rb") as file:
         file.seek(chunk.start)
         return file.read(chunk.length)

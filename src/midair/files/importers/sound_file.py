@@ -1,4 +1,4 @@
-"""Sound files that libsndfile reads besides WAV: FLAC, AIFF, Ogg and MP3; one audio channel a cell, full scale 1."""
+"""Audio formats of libsndfile other than WAV: FLAC, AIFF, Ogg and MP3; one audio channel per cell, full scale 1."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,16 +13,16 @@ _LOSSY = {"VORBIS", "OPUS", "MPEG_LAYER_I", "MPEG_LAYER_II", "MPEG_LAYER_III"}
 
 
 def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
-    """The recording in a FLAC, AIFF, Ogg (Vorbis, Opus) or MP3 file.
+    """Read a FLAC, AIFF, Ogg (Vorbis, Opus) or MP3 file.
 
-    Full scale is 1 of the given unit; with unit "count", PCM samples are its whole numbers.
+    Full scale is 1 of the given unit; with unit "count", PCM samples are integers.
 
     Raises
     ------
     BrokenFileError
-        If it is another format, or was cut.
+        If it is another format, or truncated.
     InputError
-        Its leaf, if the file does not say enough or a number cannot be used.
+        A subclass, if the file lacks a fact or a number cannot be used.
     """
     import soundfile
 
@@ -31,12 +31,12 @@ def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
         if form not in _FORMATS:
             raise BrokenFileError(f"{path}: expected one of {', '.join(_FORMATS)}, got {form}")
         samples: Any = file.read(dtype="float64", always_2d=True)
-    # How long an MP3 is, its decoder only guesses.
+    # The decoder only estimates the length of an MP3.
     if form != "MP3" and len(samples) < promised:
-        raise BrokenFileError(f"{path}: expected {promised} frames, got {len(samples)}; the file was cut")
+        raise BrokenFileError(f"{path}: expected {promised} frames, got {len(samples)}; the file is truncated")
     found = sound_of(samples, subtype, rate, given, path, form=form)
     if subtype in _LOSSY:
-        lossy = f"{form} is lossy: it leaves out what ears miss, which skin may not."
+        lossy = f"{form} is lossy: it removes signals that people cannot hear but may feel."
         found = replace(found, report=(*found.report, lossy))
     return found.settle(given, path)
 

@@ -1,9 +1,10 @@
-"""TDMS, what LabVIEW and NI-DAQmx write: the channels of one group become a recording.
+"""TDMS, the format of LabVIEW and NI-DAQmx: the channels of one group become a recording.
 
-Layout: "TDMS File Format Internal Structure" (National Instruments). A file is a row of segments; each has a lead-in of
-28 bytes, optional metadata (objects with a path, an index of their raw data, and properties) and raw data in chunks,
-channel after channel or interleaved. Read here: integers and floats, contiguous and interleaved, either byte order,
-many segments. Refused by name: DAQmx raw data and scaled channels, whose numbers are not what the sensor said.
+Layout: "TDMS File Format Internal Structure" (National Instruments). A file is a sequence of segments; each has a
+lead-in of 28 bytes, optional metadata (objects with a path, an index of their raw data, and properties) and raw data in
+chunks, channel after channel or interleaved. Supported: integers and floats, contiguous and interleaved, either byte
+order, many segments. Not supported: DAQmx raw data and scaled channels, whose numbers are not in the unit of the
+sensor.
 """
 
 import math
@@ -41,7 +42,7 @@ _UNFINISHED = 0xFFFFFFFFFFFFFFFF
 
 @dataclass(slots=True, kw_only=True)
 class _Object:
-    """A group or channel as far as the file was read."""
+    """A group or channel, as read so far."""
 
     properties: dict[str, Any] = field(default_factory=dict[str, Any])
     dtype: np.dtype[Any] | None = None
@@ -50,16 +51,16 @@ class _Object:
 
 
 def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
-    """The channels of the one group that has any, or of the group that `stream` names.
+    """Read the channels of the only group that has any, or of the group `stream`.
 
     Raises
     ------
     BrokenFileError
-        If the file is damaged, holds no channels of numbers, or channels of different lengths or rates.
+        If the file is damaged, contains no numeric channels, or channels of different lengths or rates.
     UnknownFormatError
-        If it holds DAQmx raw data or scaled channels.
+        If it contains DAQmx raw data or scaled channels.
     InputError
-        Its leaf, if the file does not say enough or a number cannot be used.
+        A subclass, if the file lacks a fact or a number cannot be used.
     """
     objects, cut = _objects(_Cursor(data=path.read_bytes(), path=path))
     group, channels = _group(objects, path, given)
@@ -79,7 +80,7 @@ def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
         units=tuple(unit for unit, _ in units),
         notes={"group": group},
         settings={"group": group},
-        report=("The file was not closed: what was written whole was read.",) if cut else (),
+        report=("The file was not closed: complete records were read.",) if cut else (),
     ).settle(given, path)
 
 
@@ -94,7 +95,7 @@ def _group(objects: dict[str, _Object], path: Path, given: ImportOptions) -> tup
     if given.stream is not None and not wanted:
         raise MismatchError(f"{path}: expected a group {given.stream!r} with numbers in it, got {found}")
     if len(wanted) != 1:
-        raise BrokenFileError(f"{path}: expected one group with numbers, or to be told which (stream), got {found}")
+        raise BrokenFileError(f"{path}: expected one group with numbers, or its name as stream, got {found}")
     name = next(iter(wanted))
     return name, groups[name]
 
@@ -106,18 +107,18 @@ def _rate(channels: dict[str, _Object], path: Path) -> float | None:
     step = next(iter(steps))
     if not isinstance(step, float) or not math.isfinite(step) or step <= 0:
         return None
-    # The rounding of a step in binary must not become a rate of 1000.0000000001 Hz.
+    # Rounded, because the binary rounding of a step would give a rate of 1000.0000000001 Hz.
     return float(f"{1 / step:.12g}")
 
 
 def _parts(path: str) -> list[str]:
-    """Names in an object's path, ``/'group'/'channel'``, where a quote in a name is doubled."""
+    """Names in the path of an object, ``/'group'/'channel'``, where a quote in a name is doubled."""
     return [part.replace("''", "'") for part in path[2:-1].split("'/'")] if len(path) > 2 else []
 
 
 @dataclass(slots=True, kw_only=True)
 class _Cursor:
-    """Where one reads in the bytes of a file."""
+    """Read position in the bytes of a file."""
 
     data: bytes
     path: Path
@@ -126,7 +127,9 @@ class _Cursor:
 
     def take(self, count: int) -> bytes:
         if count < 0 or self.place + count > len(self.data):
-            raise BrokenFileError(f"{self.path}: expected {count} bytes at {self.place}, got the end; the file was cut")
+            raise BrokenFileError(
+                f"{self.path}: expected {count} bytes at {self.place}, got the end; the file is truncated"
+            )
         self.place += count
         return self.data[self.place - count : self.place]
 
@@ -138,7 +141,7 @@ class _Cursor:
 
 
 def _objects(cursor: _Cursor) -> tuple[dict[str, _Object], bool]:
-    """Everything in the file by path, and whether its last segment was not closed."""
+    """All objects by path, and whether the last segment is truncated."""
     objects: dict[str, _Object] = {}
     active: list[str] = []
     cut = False
@@ -147,7 +150,7 @@ def _objects(cursor: _Cursor) -> tuple[dict[str, _Object], bool]:
         cursor.order = "<"
         if cursor.take(4) != b"TDSm":
             raise BrokenFileError(f"{cursor.path}: expected a TDMS segment at byte {start}, got other bytes")
-        # The flags, which tell the byte order of the rest, are little-endian themselves.
+        # The flags, which give the byte order of the rest, are always little-endian.
         flags = cursor.number("I")
         cursor.order = ">" if flags & _BIG else "<"
         cursor.number("I")
@@ -206,7 +209,7 @@ def _value(cursor: _Cursor, code: int) -> Any:
 
 
 def _raw(cursor: _Cursor, objects: dict[str, _Object], active: list[str], end: int, *, interleaved: bool) -> None:
-    """Whole chunks up to `end`; the rest of a chunk that was not written whole is left."""
+    """Read complete chunks up to `end`; an incomplete last chunk is ignored."""
     held = [objects[name] for name in active if objects[name].dtype is not None and objects[name].count]
     sizes = [item.count * item.dtype.itemsize for item in held if item.dtype is not None]
     if not held or not 0 < sum(sizes) <= end - cursor.place:

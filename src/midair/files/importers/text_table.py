@@ -1,4 +1,4 @@
-"""A table of numbers in text: names, rows, and every way in which they do not fit each other."""
+"""Read a table of numbers from text, with errors that name line and column."""
 
 import csv
 from collections.abc import Iterator
@@ -14,18 +14,12 @@ from midair.progress import passing
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TextTable:
-    """Columns of numbers with names.
-
-    Attributes
-    ----------
-    names : tuple of str
-        One a column, without spaces around; () when the text has none.
-    values : ndarray, shape (row, column)
-        Finite.
-    """
+    """Columns of numbers."""
 
     names: tuple[str, ...]
+    """Column names without surrounding spaces; () if the text has none."""
     values: NDArray[np.float64]
+    """Shape (row, column), finite."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,17 +29,11 @@ class _Row:
 
 
 def read_table(text: str, path: Path, *, gaps: bool = False) -> TextTable:
-    """The numbers in a text with commas, semicolons or tabs between them, with or without a row of names.
+    """Read numbers separated by commas, semicolons or tabs, with or without a row of names.
 
-    Spaces around fields, empty lines and lines that begin with # are skipped. A comma at the end of a row is no field:
-    columns never shift. With `gaps` an empty field, and one that is NaN or infinite, is a number that is missing: NaN.
-
-    Raises
-    ------
-    BrokenFileError
-        If rows differ in length, a field is no number, or there are no numbers at all.
-    NonFiniteError
-        If a field is empty, NaN or infinite, and there are to be no gaps.
+    Spaces around fields, empty lines and lines that start with # are skipped. A comma at the end of a row adds no
+    field, so columns never shift. With `gaps`, fields that are empty, NaN or infinite become NaN; otherwise they raise
+    NonFiniteError.
     """
     rows = list(_rows(text, path))
     names = () if not rows or _is_data(rows[0], gaps=gaps) else tuple(_stripped(rows.pop(0).fields))
@@ -60,7 +48,7 @@ def read_table(text: str, path: Path, *, gaps: bool = False) -> TextTable:
 def _rows(text: str, path: Path) -> Iterator[_Row]:
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
-    # What is there most often; where nothing is, the comma, as it comes first.
+    # The most frequent separator; a comma if there is none.
     reader = csv.reader(passing(lines, len(lines)), delimiter=max(",;\t", key=first.count), skipinitialspace=True)
     try:
         for fields in reader:
@@ -73,13 +61,13 @@ def _rows(text: str, path: Path) -> Iterator[_Row]:
 
 
 def _is_data(row: _Row, *, gaps: bool) -> bool:
-    """Whether a row is numbers, not names: its first field is one, or, with gaps, the first that is there."""
+    """True if a row is numeric: its first field is a number, or with gaps its first non-empty field."""
     fields = [field for field in row.fields if field.strip()] if gaps else row.fields
     return _is_number(fields[0])
 
 
 def _stripped(fields: list[str]) -> list[str]:
-    """Fields without the spaces around them, and without the one that a comma at the end leaves."""
+    """Fields without surrounding spaces, and without the empty field after a final comma."""
     fields = [field.strip() for field in fields]
     return fields[:-1] if len(fields) > 1 and not fields[-1] else fields
 
@@ -90,12 +78,12 @@ def _fit(row: _Row, width: int, path: Path) -> None:
     if len(row.fields) != width:
         raise BrokenFileError(
             f"{path}: expected {width} fields in line {row.line}, got {len(row.fields)}; "
-            "the file is cut or its rows differ"
+            "the file is truncated or its rows differ"
         )
 
 
 _SOME = 4096
-"""Rows whose numbers are read at once."""
+"""Number of rows that are parsed at once."""
 
 
 def _numbers(rows: list[_Row], names: tuple[str, ...], path: Path, *, gaps: bool) -> NDArray[np.float64]:
@@ -107,7 +95,7 @@ def _numbers(rows: list[_Row], names: tuple[str, ...], path: Path, *, gaps: bool
         parts = [np.array([row.fields for row in part], np.float64) for part in passing(some, len(rows), weight=len)]
         values = np.concatenate(parts)
     except ValueError:
-        # One by one, to say where the field is that is no number.
+        # One by one, to locate the field that is not a number.
         values = np.array([[_number(row, i, names, path) for i in range(len(row.fields))] for row in rows])
     if gaps:
         values[~np.isfinite(values)] = np.nan

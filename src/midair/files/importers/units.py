@@ -1,4 +1,4 @@
-"""Units as other programs spell them."""
+"""Spellings of units in files of other programs."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -18,5 +18,5 @@ _SPELLED: Mapping[str, tuple[Unit, float]] = MappingProxyType(
 
 
 def known_unit(text: str) -> tuple[Unit | None, float]:
-    """The unit of a recording that a spelling means, and the factor into it; None and 1 for any other."""
+    """Unit of a recording for a spelling, and the factor into it; None and 1 for unknown spellings."""
     return _SPELLED.get(text.strip().lower(), (None, 1.0))

@@ -1,6 +1,6 @@
-"""WAV, and its 64-bit forms RF64 and Wave64: one audio channel a cell, full scale 1.
+"""WAV, and its 64-bit variants RF64 and Wave64: one audio channel per cell, full scale 1.
 
-midair keeps its header in a chunk that other programs skip.
+midair stores its header in a chunk that other programs skip.
 """
 
 from pathlib import Path
@@ -27,22 +27,22 @@ _READABLE = (*_BITS, "FLOAT", "DOUBLE", "ULAW")
 
 
 def write_wav(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write float64 below full scale: the samples over the power of two above their peak, so that none is rounded.
+    """Write float64 divided by the power of two above the peak: below full scale and without rounding.
 
     Raises
     ------
     FileError
-        If the sensor has more cells than a WAV has channels (1024), or there are more than 4 GB of samples.
+        If the sensor has more than 1024 cells, the limit of WAV, or the samples exceed 4 GB.
     """
     import soundfile
 
     cells = recording.sensor.count
     if cells > 1024:
         raise FileError(f"{path}: a WAV holds up to 1024 channels, got a sensor of {cells}; save to .h5")
-    # Lengths have 32 bits; a megabyte is left for the header and midair's chunk.
+    # Lengths have 32 bits; 1 MB is reserved for the header and midair's chunk.
     if recording.samples.nbytes > 2**32 - 2**20:
         raise FileError(f"{path}: a WAV holds less than 4 GB, got {recording.samples.nbytes} bytes; save to .h5")
-    # A WAV has whole rates; midair's header keeps the exact one.
+    # Rates in WAV are integers; midair's header stores the exact rate.
     rate = max(1, round(recording.rate))
     exponent = int(np.frexp(moments(recording.samples).largest)[1])
     with whole_file(path) as partial:
@@ -55,18 +55,16 @@ def write_wav(recording: Recording, path: Path, calibration: Calibration | None)
 
 
 def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
-    """The recording in a WAV of midair, or of another program, also as RF64 or Wave64.
+    """Read a WAV, RF64 or Wave64 file of midair or of another program: PCM of 8 to 32 bits, float32, float64 or µ-law.
 
-    PCM of 8, 16, 24 or 32 bits, float32, float64 and µ-law are read.
-
-    Full scale of another program's file is 1 of the given unit; with unit "count", PCM samples are its whole numbers.
+    Full scale of another program's file is 1 of the given unit; with unit "count", PCM samples are integers.
 
     Raises
     ------
     BrokenFileError
         If the header is wrong or samples are missing.
     InputError
-        Its leaf, if the file does not say enough or a number cannot be used.
+        A subclass, if the file lacks a fact or a number cannot be used.
     """
     import soundfile
 
@@ -76,7 +74,7 @@ def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
         subtype, rate = file.subtype, file.samplerate
         if file.format not in _FORMATS or subtype not in _READABLE:
             raise BrokenFileError(f"{path}: expected PCM, float or µ-law in a WAV, got {file.format} with {subtype}")
-        samples: Any = _reel(path, file) if given.streamed else file.read(dtype="float64", always_2d=True)
+        samples: Any = _lazy_samples(path, file) if given.streamed else file.read(dtype="float64", always_2d=True)
     if header is None:
         return sound_of(samples, subtype, float(rate), given, path).settle(given, path)
     parsed = parse_header(header.decode("ascii"), path)
@@ -86,8 +84,8 @@ def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
     return OpenedTake(recording=recording)
 
 
-def _reel(path: Path, file: "soundfile.SoundFile") -> LazyFrames:
-    """The samples of an open file, read from it when somebody asks for them."""
+def _lazy_samples(path: Path, file: "soundfile.SoundFile") -> LazyFrames:
+    """Lazy samples of a file, which is opened again for each read."""
     import soundfile
 
     def read(first: int, last: int) -> np.ndarray:
@@ -95,11 +93,11 @@ def _reel(path: Path, file: "soundfile.SoundFile") -> LazyFrames:
             again.seek(first)
             block = again.read(last - first, dtype="float64", always_2d=True)
         if len(block) < last - first:
-            raise BrokenFileError(f"{path}: expected frames {first} to {last}, got {len(block)}; the file was cut")
+            raise BrokenFileError(f"{path}: expected frames {first} to {last}, got {len(block)}; the file is truncated")
         check_finite(block, "samples", frame=first)
         return block
 
-    # A float32 has 24 bits of digits; µ-law has 14.
+    # float32 has 24 significant bits; µ-law has 14.
     fits = file.subtype in ("FLOAT", "PCM_U8", "PCM_16", "PCM_24", "ULAW")
     return LazyFrames(read, (file.frames, file.channels), stored="f4" if fits else "f8")
 
@@ -107,22 +105,9 @@ def _reel(path: Path, file: "soundfile.SoundFile") -> LazyFrames:
 def sound_of(
     samples: Any, subtype: str, rate: float, given: ImportOptions, path: Path, *, form: str = "WAV"
 ) -> ImportedData:
-    """What a sound file says: samples below full scale, and its rate, of which it holds the nearest whole number.
+    """Data of a sound file: samples relative to full scale, shape (frame, channel), and its integer rate in Hz.
 
-    Parameters
-    ----------
-    samples : ndarray or Reel, shape (frame, channel)
-        As a part of full scale.
-    subtype : str
-        As libsndfile calls it.
-    rate : float
-        That the file says, in Hz; the one given may be the exact one.
-    given : Given
-        What a person stated.
-    path : Path
-        For messages.
-    form : str
-        What to call the format.
+    A rate in `given` that rounds to `rate` replaces it; `subtype` is that of libsndfile; `form` names the format.
     """
     exact = given.rate if given.rate is not None and round(given.rate) == rate else rate
     full = f"1 {given.unit}" if given.scale is None else f"{given.scale:g} Pa"
@@ -140,21 +125,19 @@ def sound_of(
 
 def _counts(subtype: str, path: Path) -> tuple[float, str]:
     if subtype in _BITS:
-        return 2.0 ** (_BITS[subtype] - 1), f"Samples are the whole numbers of {subtype}."
+        return 2.0 ** (_BITS[subtype] - 1), f"Samples are the integers of {subtype}."
     if subtype == "ULAW":
         unit: Unit = "V"
-        raise UnitError(
-            f'{path}: µ-law holds no counts; give the unit that full scale stands for, such as unit="{unit}"'
-        )
-    return 1.0, f"Samples are taken from {subtype} as they are."
+        raise UnitError(f'{path}: µ-law holds no counts; give the unit of full scale, such as unit="{unit}"')
+    return 1.0, f"Samples of {subtype} were not scaled."
 
 
 def _losses(recording: Recording, rate: int, exponent: int) -> tuple[FormatLoss, ...]:
-    text = f"Full scale is 2^{exponent} {recording.unit}: only midair reads that, and the sensor and the provenance."
+    text = f"Full scale is 2^{exponent} {recording.unit}: only midair reads this factor, the sensor and the provenance."
     scale = FormatLoss(what="scale", text=text)
     if rate == recording.rate:
         return (scale,)
-    text = f"WAV holds whole rates: others than midair read {rate} Hz for {recording.rate:.9g} Hz."
+    text = f"WAV holds integer rates: other programs read {rate} Hz for {recording.rate:.9g} Hz."
     return (FormatLoss(what="rate", text=text), scale)
 
 

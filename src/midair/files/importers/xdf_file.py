@@ -1,6 +1,6 @@
-"""XDF, what LabRecorder writes of Lab Streaming Layer: one stream of numbers becomes a recording.
+"""XDF, the format of LabRecorder for Lab Streaming Layer: one stream of numbers becomes a recording.
 
-Clocks are put right and jitter is taken away by pyxdf; what it says about damage goes into the report.
+pyxdf synchronises clocks and removes jitter; its warnings become a part of the report.
 """
 
 import logging
@@ -19,22 +19,22 @@ from midair.model import Unit
 
 
 def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
-    """The one stream of numbers in an XDF, or the one that `stream` names.
+    """Read the only numeric stream of an XDF, or the one named `stream`.
 
     Raises
     ------
     MissingExtraError
         If pyxdf is not installed.
     BrokenFileError
-        If the file is damaged, or holds no stream that can be a recording, or several.
+        If the file is damaged, or contains no or several numeric streams.
     InputError
-        Its leaf, if the file does not say enough or a number cannot be used.
+        A subclass, if the file lacks a fact or a number cannot be used.
     """
     try:
         from pyxdf import load_xdf
     except ImportError as wrong:
         raise MissingExtraError(f"{path}: XDF needs pyxdf; pip install 'midair[xdf]'") from wrong
-    with _heard("pyxdf") as said, path.open("rb") as file:
+    with _captured_log("pyxdf") as said, path.open("rb") as file:
         streams, _ = load_xdf(file, synchronize_clocks=True, dejitter_timestamps=True)
     stream = _chosen(streams, path, given)
     info = stream["info"]
@@ -65,12 +65,12 @@ def _chosen(streams: list[dict[str, Any]], path: Path, given: ImportOptions) -> 
         if len(usable) != 1:
             raise MismatchError(f"{path}: expected one stream of numbers called {given.stream!r}, got {found}")
     if len(usable) != 1:
-        raise BrokenFileError(f"{path}: expected one stream of numbers, or to be told which (stream), got {found}")
+        raise BrokenFileError(f"{path}: expected one stream of numbers, or its name as stream, got {found}")
     return usable[0]
 
 
 def _channels(info: Mapping[str, Any]) -> list[tuple[str, Unit | None, float]]:
-    """Name, unit and factor of each channel that the description lists; none when it does not list all."""
+    """Name, unit and factor of each channel; empty if the description does not list all."""
     listed: list[tuple[str, Unit | None, float]] = []
     for described in info.get("desc") or []:
         for part in (described or {}).get("channels") or []:
@@ -81,28 +81,28 @@ def _channels(info: Mapping[str, Any]) -> list[tuple[str, Unit | None, float]]:
 
 
 def _first(info: Mapping[str, Any], name: str) -> str:
-    """What pyxdf keeps as a list, as it does every element of XML."""
+    """First item of an XML element, which pyxdf returns as a list."""
     value = info.get(name)
     value = value[0] if isinstance(value, list) and value else value
     return value if isinstance(value, str) else ""
 
 
 @contextmanager
-def _heard(name: str) -> Generator[list[str]]:
-    """What a logger says at level WARNING or above, instead of printing it."""
+def _captured_log(name: str) -> Generator[list[str]]:
+    """Collect the warnings and errors of a logger instead of printing them."""
     said: list[str] = []
 
-    class Ear(logging.Handler):
+    class Collector(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             said.append(record.getMessage().splitlines()[0][:160])
 
-    logger, ear = logging.getLogger(name), Ear(logging.WARNING)
+    logger, collector = logging.getLogger(name), Collector(logging.WARNING)
     spreads, logger.propagate = logger.propagate, False
-    logger.addHandler(ear)
+    logger.addHandler(collector)
     try:
         yield said
     finally:
-        logger.removeHandler(ear)
+        logger.removeHandler(collector)
         logger.propagate = spreads
 
 

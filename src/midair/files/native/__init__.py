@@ -1,4 +1,4 @@
-"""midair's own files: HDF5 by one table of names, and NetCDF."""
+"""midair's own file formats: HDF5 with a documented schema, and NetCDF."""
 
 from midair.files.native.array_file import ARRAY_SUFFIX, load_array_calibration, save_array_calibration
 from midair.files.native.calibration_file import CALIBRATION_SUFFIX, load_calibration, save_calibration

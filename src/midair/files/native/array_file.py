@@ -1,4 +1,4 @@
-"""What was measured of an array's transducers: a file of its own, `name.array.h5`."""
+"""Calibrations of arrays, `name.array.h5`: measured properties of the transducers."""
 
 import os
 from pathlib import Path
@@ -11,25 +11,17 @@ from midair.files.native.provenance_json import from_json
 from midair.model import ArrayCalibration, TransducerArray
 
 ARRAY_SUFFIX = ".array.h5"
-"""Of the file of an array's calibration."""
 
 _ERRORS = ("strength_uncertainty", "phase_uncertainty", "resonance_uncertainty", "quality_uncertainty")
 
 
 def save_array_calibration(calibration: ArrayCalibration, path: str | os.PathLike[str]) -> None:
-    """Write what was measured of an array, whole or not at all.
-
-    Parameters
-    ----------
-    calibration : ArrayCalibration
-        What was measured.
-    path : str or PathLike
-        Ends in ``.array.h5``; replaced in one piece if it is there.
+    """Write an array calibration atomically to a ``.array.h5`` file.
 
     Raises
     ------
     UnknownFormatError
-        If the name ends differently.
+        If the name has another suffix.
     FileError
         If the file cannot be written.
     """
@@ -60,12 +52,12 @@ def save_array_calibration(calibration: ArrayCalibration, path: str | os.PathLik
 
 
 def load_array_calibration(path: str | os.PathLike[str]) -> ArrayCalibration:
-    """What was measured of an array.
+    """Read an array calibration.
 
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
-        If the file is not there, is damaged or of another kind, or is newer than this midair.
+        If the file does not exist, is damaged or of another type, or was written by a newer midair.
     """
     with open_file(path) as file:
         check_kind(file, "array", Path(path))

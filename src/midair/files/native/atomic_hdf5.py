@@ -1,9 +1,9 @@
-"""What HDF5 takes for a file while a recording grows: it never meets a disk that refuses.
+"""In-memory buffer between HDF5 and the disk while a recording grows, so that HDF5 never meets a disk error.
 
-HDF5 does not survive a write that fails: it loses rows in silence, or takes the program with it. So what it writes is
-kept here, in memory, until `commit` brings it to the disk. A commit writes the numbers first, then what points to them,
-then what says how many there are; so a file whose program is killed at any moment, or whose disk refuses at any
-moment, holds what the last whole commit left, and a reader beside the writer (SWMR) sees nothing unfinished.
+HDF5 does not handle failed writes: it loses rows without an error, or crashes. Its writes are therefore kept in memory
+until `commit` writes them to the disk: first the data, then the metadata that point to them, then the metadata with
+their number. If the program is killed or the disk fails at any time, the file contains the last complete commit, and a
+concurrent reader (SWMR) never sees an unfinished one.
 """
 
 import os
@@ -16,16 +16,13 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer, WriteableBuffer
 
 _ORDER = (b"EADB", b"EASB", b"EAIB", b"EAHD", b"OCHK", b"OHDR")
-"""First bytes of what points to numbers, in the order of writing (HDF5 File Format Specification 3.0, III.C, IV.A)."""
+"""Signatures of metadata blocks in the order of writing (HDF5 File Format Specification 3.0, III.C, IV.A)."""
 
 
 class AtomicHdf5File:
-    """A file for h5py whose changes wait in memory until they are committed. Never raises while HDF5 writes.
+    """A file object for h5py that buffers changes until `commit`; it never raises an error while HDF5 writes.
 
-    Parameters
-    ----------
-    handle : int
-        Of the open file, to read and write; it stays the caller's.
+    `handle` is the descriptor of the open file, which the caller closes.
     """
 
     def __init__(self, handle: int) -> None:
@@ -35,16 +32,16 @@ class AtomicHdf5File:
         self._pending: dict[int, bytes] = {}
 
     def tell(self) -> int:
-        """Where the next bytes are read or written."""
+        """Current position."""
         return self._at
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Go there."""
+        """Set the position."""
         self._at = offset + {os.SEEK_SET: 0, os.SEEK_CUR: self._at, os.SEEK_END: self._size}[whence]
         return self._at
 
     def readinto(self, buffer: "WriteableBuffer") -> int:
-        """Read what the disk has, and over it what waits; zeros where neither has anything."""
+        """Read from the disk, overlaid with buffered data; zeros beyond both."""
         view = memoryview(buffer).cast("B")
         os.lseek(self._handle, self._at, os.SEEK_SET)
         stored = os.read(self._handle, len(view))
@@ -57,15 +54,15 @@ class AtomicHdf5File:
         return len(view)
 
     def read(self, count: int) -> bytes:
-        """The next bytes."""
+        """Read the next `count` bytes."""
         data = bytearray(count)
         self.readinto(data)
         return bytes(data)
 
     def write(self, data: "ReadableBuffer") -> int:
-        """Keep bytes until the next commit."""
+        """Buffer data until the next commit."""
         new = bytes(data)
-        # Of two writes at one place the later one counts, also in the order among others.
+        # A second write at the same place replaces the first and takes its later position in the order.
         old = self._pending.pop(self._at, b"")
         self._pending[self._at] = new + old[len(new) :]
         self._at += len(new)
@@ -73,25 +70,22 @@ class AtomicHdf5File:
         return len(new)
 
     def truncate(self, size: int) -> int:
-        """Its length, from the next commit on."""
+        """Set the length, effective at the next commit."""
         self._size = size
         return size
 
     def flush(self) -> None:
-        """NoArguments: `commit` is what counts."""
+        """Do nothing; only `commit` writes."""
 
     def commit(self, *, closed: bool = False) -> None:
-        """Bring everything to the disk; on an error the file there is what it was before, and all of this waits on.
+        """Write all buffered data; after an error the file is unchanged for readers, and the data stay in the buffer.
 
-        Parameters
-        ----------
-        closed : bool
-            Whether nobody writes any more: then the file says so, and the bytes are on the disk itself (fsync).
+        With `closed`, mark the file as closed and flush it to the device (fsync).
 
         Raises
         ------
         OSError
-            If the disk refuses.
+            If the disk fails.
         """
         for place, data in self._sorted(closed=closed):
             _write_all(self._handle, data, place)
@@ -101,8 +95,8 @@ class AtomicHdf5File:
         self._pending.clear()
 
     def _sorted(self, *, closed: bool) -> Iterator[tuple[int, bytes]]:
-        """What waits, in the order in which a reader beside the writer may meet it; the superblock last."""
-        # What lies behind the end was given up by HDF5.
+        """Buffered data in an order that is safe for a concurrent reader; the superblock last."""
+        # HDF5 has discarded data beyond the end.
         inside = [(place, data) for place, data in self._pending.items() if 0 < place < self._size]
         yield from sorted(inside, key=lambda item: _rank(item[1]))
         if closed or 0 in self._pending:

@@ -1,4 +1,4 @@
-"""The axes of what is stored, time and sensor, as the table names them, and the precision of what lies along them."""
+"""Time and sensor axes in the names of the schema, and the precision of samples."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,12 +12,12 @@ from midair.model import SensorGrid
 
 
 def time_values(frames: int, rate: float) -> dict[str, Any]:
-    """What is stored of `frames` frames at `rate` (Hz)."""
+    """Stored values of the time axis for `frames` frames at `rate` (Hz)."""
     return {"rate_hz": rate, "time": LazyFrames(lambda first, last: np.arange(first, last) / rate, (frames,))}
 
 
 def sensor_values(sensor: SensorGrid) -> dict[str, Any]:
-    """What is stored of a sensor."""
+    """Stored values of a sensor."""
     return {
         "sensor_name": sensor.name,
         "sensor_pitch_m": sensor.pitch,
@@ -29,7 +29,7 @@ def sensor_values(sensor: SensorGrid) -> dict[str, Any]:
 
 
 def sensor_from(values: Mapping[str, Any]) -> SensorGrid:
-    """The sensor that was stored."""
+    """Sensor from its stored values."""
     return SensorGrid(
         rows=len(values["row"]),
         columns=len(values["column"]),
@@ -39,13 +39,7 @@ def sensor_from(values: Mapping[str, Any]) -> SensorGrid:
 
 
 def check_time(values: Mapping[str, Any], path: Path) -> None:
-    """Raise if the stored times are not the frames' numbers over the rate.
-
-    Raises
-    ------
-    BrokenFileError
-        If a time is off by more than a thousandth of a frame.
-    """
+    """Raise BrokenFileError if a stored time differs from frame / rate by more than a thousandth of a frame."""
     first, rate = 0, values["rate_hz"]
     for block in blocks(values["time"]):
         right = np.abs(block * rate - np.arange(first, first + len(block))) < 1e-3
@@ -59,7 +53,7 @@ def check_time(values: Mapping[str, Any], path: Path) -> None:
 
 
 def single(samples: "np.ndarray | LazyFrames") -> "np.ndarray | LazyFrames":
-    """Samples as float32 where that holds every one of them; as they are otherwise, and reels always."""
+    """Samples as float32 if that is lossless; otherwise, and for lazy frames, unchanged."""
     if isinstance(samples, LazyFrames):
         return samples
     with np.errstate(over="ignore"):

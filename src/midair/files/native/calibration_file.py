@@ -1,4 +1,4 @@
-"""Calibrations: a file of their own, `name.calibration.h5`, or a group of the recording that they belong to."""
+"""Sensor calibrations, in a file `name.calibration.h5` or in a group of a recording."""
 
 import os
 from collections.abc import Mapping
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import h5py
 
 CALIBRATION_SUFFIX = ".calibration.h5"
-"""Of a calibration's file."""
 
 MEASUREMENT: Mapping[str, str] = {field.name: field.name for field in fields(Measurement)}
 CROSSTALK: Mapping[str, str] = {"crosstalk": "matrix", "crosstalk_uncertainty": "uncertainty"}
@@ -26,25 +25,18 @@ LINEARITY: Mapping[str, str] = {
     {"pressure": "level_pressure", "output": "level_output"}.get(field.name, field.name): field.name
     for field in fields(Linearity)
 }
-"""Names in the file: attributes of the parts."""
+"""Mappings of names in the file to attributes."""
 
 Part = TypeVar("Part", Measurement, Crosstalk, Linearity)
 
 
 def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> None:
-    """Write a calibration to a file of its own.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        The calibration to write.
-    path : str or PathLike
-        Ends in ``.calibration.h5``; replaced in one piece if it is there.
+    """Write a calibration atomically to a ``.calibration.h5`` file.
 
     Raises
     ------
     UnknownFormatError
-        If the name ends differently.
+        If the name has another suffix.
     FileError
         If the file cannot be written.
     """
@@ -55,22 +47,12 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
 
 
 def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
-    """The calibration of a file of its own, or the one that a recording carries.
-
-    Parameters
-    ----------
-    path : str or PathLike
-        A calibration's or a recording's HDF5 file.
-
-    Returns
-    -------
-    Calibration or None
-        None when a recording carries none.
+    """Read a calibration from its own file or from a recording; None if the recording has none.
 
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
-        If the file is not there, is damaged or of another kind, or is newer than this midair.
+        If the file does not exist, is damaged or of another type, or was written by a newer midair.
     """
     with open_file(path) as file:
         if kind_of(file) == "midair calibration":
@@ -87,7 +69,7 @@ def write_calibration(group: "h5py.Group", calibration: Calibration) -> None:
 
 
 def read_calibration(group: "h5py.Group", path: Path) -> Calibration:
-    """The calibration in a group of the file `path`."""
+    """Read the calibration in a group of the file `path`."""
     values = read_group(group, "calibration", path)
     return Calibration(
         sensor=sensor_from(values),
@@ -105,7 +87,7 @@ def read_calibration(group: "h5py.Group", path: Path) -> Calibration:
 
 
 def _part(part: type[Part], names: Mapping[str, str], values: Mapping[str, Any], path: Path) -> Part | None:
-    """A part of a calibration if the file has it; all of it or nothing."""
+    """An optional part of a calibration; raises BrokenFileError if it is incomplete."""
     present = [name for name in names if name in values]
     if not present:
         return None
@@ -135,7 +117,7 @@ def _values(calibration: Calibration) -> dict[str, Any]:
 
 
 def _stored(part: object, names: Mapping[str, str]) -> dict[str, Any]:
-    """What is stored of a part of a calibration; nothing if there is none."""
+    """Stored values of an optional part of a calibration."""
     return {} if part is None else {name: getattr(part, attribute) for name, attribute in names.items()}
 
 

@@ -1,7 +1,6 @@
-"""Drives, `name.drive.h5`: what the array is told, how well it was solved for, and what was wanted.
+"""Drives, `name.drive.h5`: transducer phases and levels, errors of the solution, and the target.
 
-Phases are kept as float64, exactly as they were solved: 5000 frames of 996 transducers take 40 MB, and no reader has to
-wonder what was rounded.
+Phases are stored as float64 without rounding: 5000 frames of 996 transducers take 40 MB.
 """
 
 import os
@@ -43,27 +42,24 @@ from midair.model import (
 from midair.temp_frames import TempFrames
 
 DRIVE_SUFFIX = ".drive.h5"
-"""Of a drive's file."""
 
 
 def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: AmplitudeFrames | None = None) -> None:
-    """Write a drive with its errors and, if given, the target that it was solved for.
+    """Write a drive with its errors, the geometry of its array and, if given, its target, atomically.
 
     Parameters
     ----------
-    solution : Solution
-        The solution to write, with the whole geometry of its array.
     path : str or PathLike
-        Ends in ``.drive.h5``; replaced in one piece if it is there.
+        Must end in ``.drive.h5``; an existing file is replaced.
     target : AmplitudeFrames, optional
-        What was wanted, frame by frame.
+        The target that was solved.
 
     Raises
     ------
     UnknownFormatError
-        If the name ends differently.
+        If the name has another suffix.
     MismatchError
-        If the target has other frames or another rate than the drive.
+        If target and drive differ in frames or rate.
     FileError
         If the file cannot be written.
     """
@@ -82,20 +78,20 @@ def save_solutions(
     frames: int,
     target: AmplitudeFrames | None = None,
 ) -> None:
-    """Write a drive that comes in parts, each as soon as it is there; the file gets its name with the last one.
+    """Write a drive block by block as it is solved; the file gets its name after the last block.
 
-    Of parts that are written their level a frame, error, iterations and status stay in memory: 25 bytes a frame.
+    Level, error, iterations and status of each frame stay in memory until then: 25 bytes per frame.
 
     Parameters
     ----------
     parts : iterable of Solution
-        One after another, alike in all but their frames.
+        Blocks in order, which differ only in their frames.
     path : str or PathLike
         As in `save_solution`.
     frames : int
-        How many there are in all parts together.
+        Total number of frames.
     target : AmplitudeFrames, optional
-        What was wanted, of all parts together.
+        The target of all blocks.
 
     Raises
     ------
@@ -107,26 +103,26 @@ def save_solutions(
     first = next(coming)
     if target is not None:
         _check_target(target, replace(first.drive, phase=first.drive.phase[:1], level=first.drive.level[:1]), frames)
-    told = _Told()
+    others = _FrameValues()
     with TempFrames(first.drive.array.count) as spool:
-        phases = from_iterator(told.listen(chain([first], coming), spool), (frames, first.drive.array.count))
+        phases = from_iterator(others.collect(chain([first], coming), spool), (frames, first.drive.array.count))
         values = {**_drive_values(first.drive), **_solution_values(first), **time_values(frames, first.drive.rate)}
-        # Phases stand first in the table: once they are written, all that is beside them is known.
-        values |= {"phase": phases, **told.later(frames, spool, own_level=first.drive.level.ndim == 2)}
+        # Phases come first in the schema: after they are written, the other values are known.
+        values |= {"phase": phases, **others.lazy(frames, spool, own_level=first.drive.level.ndim == 2)}
         if target is not None:
             values |= _target_values(target)
         points = 0 if target is None else target.grid.count
         _write(values, path, room=8 * frames * (first.drive.array.count + points + 4))
 
 
-class _Told:
-    """What parts of a solution say beside their phases, frame by frame."""
+class _FrameValues:
+    """Values per frame of the blocks of a solution other than phases."""
 
     def __init__(self) -> None:
         self.parts: dict[str, list[np.ndarray]] = {name: [] for name in ("level", "error", "iterations", "status")}
 
-    def listen(self, parts: Iterable[Solution], spool: TempFrames) -> Iterator[np.ndarray]:
-        """The phases of each part; the rest is kept, levels of single transducers on the disk."""
+    def collect(self, parts: Iterable[Solution], spool: TempFrames) -> Iterator[np.ndarray]:
+        """Yield the phases of each block and keep the other values, levels of single transducers on disk."""
         for part in parts:
             values = _solution_values(part)
             for name in ("error", "iterations", "status"):
@@ -137,8 +133,8 @@ class _Told:
                 self.parts["level"].append(part.drive.level)
             yield part.drive.phase
 
-    def later(self, frames: int, spool: TempFrames, *, own_level: bool) -> dict[str, LazyFrames]:
-        """What was kept, read once it is all there."""
+    def lazy(self, frames: int, spool: TempFrames, *, own_level: bool) -> dict[str, LazyFrames]:
+        """Lazy frames of the values, to be read after the last block."""
 
         def of(name: str) -> LazyFrames:
             return LazyFrames(lambda first, last: np.concatenate(self.parts[name])[first:last], (frames,))
@@ -150,32 +146,25 @@ class _Told:
 def _write(values: Mapping[str, Any], path: str | os.PathLike[str], *, room: int = 0) -> None:
     with new_file(path, room=room) as file:
         write_group(file, "drive", values)
-        # What the numbers mean, in the way of the CF conventions.
+        # Meaning of the numbers as in the CF conventions.
         file["status"].attrs["flag_values"] = np.arange(len(get_args(Status)), dtype="i1")
         file["status"].attrs["flag_meanings"] = fixed_text(" ".join(get_args(Status)))
 
 
 def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> Solution:
-    """The drive of a file, with its errors.
+    """Read a drive with its errors, exactly as it was saved.
 
     Parameters
     ----------
-    path : str or PathLike
-        A ``.drive.h5`` of midair.
     streamed : bool
-        Whether its phases, and levels of single transducers, are reels: read when somebody asks for them.
-
-    Returns
-    -------
-    Solution
-        As it was saved, to the last bit.
+        Whether phases, and levels of single transducers, are lazy.
 
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
-        If the file is not there, is damaged or of another kind, or is newer than this midair.
+        If the file does not exist, is damaged or of another type, or was written by a newer midair.
     InputError
-        Its leaf that says what of the numbers cannot be used.
+        A subclass that names the invalid values.
     """
     with open_file(path) as file:
         values = read_group(file, "drive", Path(path), streamed=streamed)
@@ -189,12 +178,12 @@ def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> So
 
 
 def load_target(path: str | os.PathLike[str], *, streamed: bool = False) -> AmplitudeFrames | None:
-    """The target that a drive was solved for, as a reel if `streamed`; None when its file has none.
+    """Read the target of a drive, lazily if `streamed`; None if the file has none.
 
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
-        If the file is not there, is damaged or of another kind, or is newer than this midair.
+        If the file does not exist, is damaged or of another type, or was written by a newer midair.
     """
     with open_file(path) as file:
         values = read_group(file, "drive", Path(path), streamed=streamed)
@@ -323,7 +312,7 @@ def _drive_from(values: Mapping[str, Any], path: Path) -> Drive:
 
 
 def _levels(level: "np.ndarray | LazyFrames", path: Path) -> NDArray[np.float64]:
-    """Levels that are checked when they are read, which the drive itself does of those in memory."""
+    """Lazy levels that are checked when read; Drive itself checks levels in memory."""
 
     def checked(block: np.ndarray) -> np.ndarray:
         if not (block.min() >= 0 and block.max() <= 1):
@@ -339,14 +328,14 @@ _AIR = ("directivity", "air_density_kg_m3", "air_speed_m_s", "air_attenuation_np
 
 
 def _acoustics_from(values: Mapping[str, Any], provenance: Provenance, path: Path) -> Acoustics:
-    """The air and directivity of a drive; for one of before drives carried them, the paper's air, then the only one."""
+    """Air and directivity of a drive; files of early versions lack them and take the paper's air."""
     missing = [name for name in _AIR if name not in values]
     if len(missing) == len(_AIR):
-        told = {step.settings.get("directivity") for step in provenance.steps if step.stage == "solve"}
+        stated = {step.settings.get("directivity") for step in provenance.steps if step.stage == "solve"}
         known: tuple[Directivity, ...] = get_args(Directivity)
-        return next((Acoustics(directivity=kind) for kind in known if kind in told), Acoustics())
+        return next((Acoustics(directivity=kind) for kind in known if kind in stated), Acoustics())
     if missing:
-        raise BrokenFileError(f"{path}: expected {', '.join(missing)} beside the rest of the air; the file is damaged")
+        raise BrokenFileError(f"{path}: expected {', '.join(missing)} with the rest of the air; the file is damaged")
     acoustics = Acoustics(
         medium=Medium(
             density=values["air_density_kg_m3"],

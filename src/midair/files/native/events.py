@@ -1,8 +1,8 @@
-"""What happened while a recording was made: frames that were lost, channels that clipped or stood still, clocks.
+"""Events during a recording: lost frames, clipped or constant channels, clock drift.
 
-A recording that runs keeps a journal of them, a row each along an axis of its own, since attributes cannot change while
-others read. Whoever reads the file gets the journal as the step "events" of the recording's provenance, so that every
-copy, export and later stage keeps it.
+A running recording stores them as rows along an axis of their own, because attributes cannot change while other
+programs read. Readers return the journal as the step "events" of the provenance, so that copies and later stages keep
+it.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,15 +14,15 @@ from midair.errors import BrokenFileError
 from midair.model import Event, EventKind, Provenance, Setting
 
 LISTED = 1000
-"""At most this many places of one kind are listed in the provenance; the totals count all."""
+"""Maximum number of events per kind that are listed in the provenance; the totals count all."""
 
 
 KINDS: tuple[EventKind, ...] = get_args(EventKind)
-"""Number in the file = place in this tuple."""
+"""The number in the file is the index in this tuple."""
 
 
 def event_values(events: Iterable[Event]) -> dict[str, Any]:
-    """What is stored of events."""
+    """Stored values of events."""
     rows = tuple(events)
     return {
         "event": np.arange(len(rows)),
@@ -35,13 +35,7 @@ def event_values(events: Iterable[Event]) -> dict[str, Any]:
 
 
 def events_from(values: Mapping[str, Any]) -> tuple[Event, ...]:
-    """The events that were stored; none of a file without a journal.
-
-    Raises
-    ------
-    BrokenFileError
-        If a number names no kind, or a frame is below 0.
-    """
+    """Events from their stored values, () for a file without a journal; raises BrokenFileError for invalid numbers."""
     if any(f"event_{name}" not in values for name in ("kind", "frame", "frames", "channel", "ppm")):
         return ()
     kind, first, frames = values["event_kind"], values["event_frame"], values["event_frames"]
@@ -55,8 +49,8 @@ def events_from(values: Mapping[str, Any]) -> tuple[Event, ...]:
 
 
 def with_events(provenance: Provenance, events: Iterable[Event], frames: int) -> Provenance:
-    """The life of a recording of so many frames with what happened in them as its step "events"; as it is without."""
-    # The journal is flushed before the samples: a writer that was killed may tell of frames that are not there.
+    """Add the events within `frames` frames to the provenance as step "events", if there are any."""
+    # The journal is flushed before the samples, so that events of an interrupted recording may lie beyond its end.
     inside = tuple(event for event in events if event.frame < frames)
     return provenance.then("events", _settings(inside, frames)) if inside else provenance
 

@@ -1,8 +1,8 @@
-"""Groups of an HDF5 file, written and checked by the table of names.
+"""Read and write groups of HDF5 files according to the schema.
 
-Dimensions are netCDF's: each axis is a dataset of its own name that the others refer to, so that xarray, ncdump and
-MATLAB find axes and units. The files use the layout of HDF5 1.10, whose metadata carry checksums and which allows a
-reader beside a writer (SWMR); numbers of finished files carry a checksum of their own (Fletcher-32).
+Dimensions are those of netCDF: each axis is a dataset that others refer to, so that xarray, ncdump and MATLAB find axes
+and units. Files use the layout of HDF5 1.10, which has checksums of metadata and supports a reader beside a writer
+(SWMR); data of finished files have a checksum too (Fletcher-32).
 """
 
 from collections.abc import Generator, Mapping
@@ -33,68 +33,47 @@ if TYPE_CHECKING:
     from midair.model import Provenance
 
 LAYOUT = ("v110", "v110")
-"""Oldest and newest version of HDF5 whose layout is used."""
+"""Oldest and newest version of the HDF5 file format in use."""
 
 GROWING = ("time", "event", "stage")
-"""Axes along which a recording grows while it runs."""
+"""Axes that grow during a recording."""
 
 
 @contextmanager
 def new_file(path: "str | os.PathLike[str]", *, room: int = 0) -> "Generator[h5py.File]":
-    """An HDF5 file that gets its name when the block ends well.
+    """Create an HDF5 file atomically: it gets its name when the block succeeds.
 
-    Parameters
-    ----------
-    path : str or PathLike
-        Its name.
-    room : int
-        Bytes that it will take, about: refused before anything is written where the disk has less.
-
-    Raises
-    ------
-    FileError
-        If the disk has no room for it, or refuses.
+    Raises FileError if the disk has less than `room` bytes free, or fails.
     """
     import h5py
 
     with whole_file(path) as partial:
         check_room(partial.parent, room, path)
-        with RetryingFile(partial) as patient:
+        with RetryingFile(partial) as output:
             try:
-                with h5py.File(patient, "w", libver=LAYOUT) as file:
+                with h5py.File(output, "w", libver=LAYOUT) as file:
                     yield file
             finally:
-                # What HDF5 says of bytes that the disk refused is not the reason.
-                patient.check()
+                # Raises the original disk error instead of the one from HDF5.
+                output.check()
 
 
 @contextmanager
 def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
-    """An HDF5 file to read, also while it is being recorded or after its writer was killed.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError
-        If there is none, or it cannot be read.
-    """
+    """Open an HDF5 file to read, also while it is being recorded or after its writer was killed."""
     file = existing_file(path)
     with refusing(file, "an HDF5 file of midair"):
         if not begins_as_hdf5(file):
-            raise BrokenFileError(f"{file}: expected an HDF5 file of midair, got other bytes; was it copied whole?")
+            raise BrokenFileError(f"{file}: expected an HDF5 file of midair, got other bytes; copy it again")
         with open_plain(file) as opened:
             yield opened
 
 
 @contextmanager
 def open_plain(path: Path) -> "Generator[h5py.File]":
-    """An HDF5 file of anybody to read, once it is known that reading it does no harm (`inspector`).
+    """Open an HDF5 file of any program, after the inspector has found it safe to read; otherwise raise BrokenFileError.
 
-    No lock is taken: whoever writes makes a new file or lets others read, and some network disks have none.
-
-    Raises
-    ------
-    BrokenFileError
-        If it is not plain: it links elsewhere, announces more than it holds, or HDF5 does not survive it.
+    No lock is taken: writers create a new file or permit readers, and some network disks have no locks.
     """
     get_ready(path)
     import h5py
@@ -105,7 +84,7 @@ def open_plain(path: Path) -> "Generator[h5py.File]":
 
 
 def begins_as_hdf5(path: Path) -> bool:
-    """Whether a file has the signature of HDF5 where it may be: at 0, 512, 1024 and so on."""
+    """True if a file has the signature of HDF5 at an allowed offset: 0, 512, 1024, 2048 ..."""
     size, place = path.stat().st_size, 0
     with path.open("rb") as file:
         while place < size:
@@ -117,7 +96,7 @@ def begins_as_hdf5(path: Path) -> bool:
 
 
 def signature(kind: Kind, provenance: "Provenance") -> dict[str, Any]:
-    """The attributes that every file and group has."""
+    """Attributes that every file and group has."""
     return {
         "kind": f"midair {kind}",
         "format": FORMAT,
@@ -128,10 +107,10 @@ def signature(kind: Kind, provenance: "Provenance") -> dict[str, Any]:
 
 
 def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, live: bool = False) -> None:
-    """Write what the table lists for `kind`; coordinates first, since the others refer to them.
+    """Write the values that the schema lists for `kind`; coordinates first, because other datasets refer to them.
 
-    With `live`, the axes time, event and stage can grow, unwritten numbers are NaN, and there are no checksums of
-    numbers: a writer that is killed in the middle of a block would leave one that refuses the whole block.
+    With `live`, the axes time, event and stage can grow, unwritten numbers are NaN, and there are no checksums of data,
+    because a writer that is killed within a chunk would leave a chunk with a wrong checksum.
     """
     entries = [entry for entry in TABLE[kind] if entry.name in values]
     unit = str(values.get("unit", ""))
@@ -146,17 +125,17 @@ def write_group(group: "h5py.Group", kind: Kind, values: Mapping[str, Any], *, l
 def read_group(
     group: "h5py.Group", kind: Kind, path: Path, *, live: bool = False, streamed: bool = False
 ) -> dict[str, Any]:
-    """What the table lists for `kind`, each checked for type, axes, unit and lengths that agree.
+    """Read the values that the schema lists for `kind`, and check types, axes, units and lengths.
 
-    With `live`, what lies along time, event or stage is cut to the shortest: a writer may be between two datasets.
-    With `streamed`, times and all that is more than a number a frame are reels: read when somebody asks for them.
+    With `live`, values along time, event or stage are cut to the shortest, because a writer may be between two
+    datasets. With `streamed`, times and datasets with several numbers per frame are lazy.
 
     Raises
     ------
     BrokenFileError
-        If the group is of another kind or differs from the table.
+        If the group is of another kind or contradicts the schema.
     UnknownFormatError
-        If a newer midair wrote it.
+        If it was written by a newer midair.
     """
     check_kind(group, kind, path)
     present = _present(group, kind, path)
@@ -175,7 +154,7 @@ def read_group(
 
 
 def check_kind(group: "h5py.Group", kind: Kind, path: Path) -> None:
-    """Raise if `group` holds something else than `kind`, or is newer than this midair."""
+    """Raise if `group` is of another kind than `kind`, or was written by a newer midair."""
     have = kind_of(group)
     if have != f"midair {kind}":
         raise BrokenFileError(f"{path}: expected a midair {kind}, got {have or 'an HDF5 file of another program'}")
@@ -187,13 +166,7 @@ def check_kind(group: "h5py.Group", kind: Kind, path: Path) -> None:
 
 
 def stored_dataset(group: "h5py.Group", name: str) -> "h5py.Dataset":
-    """The dataset `name` of a group.
-
-    Raises
-    ------
-    BrokenFileError
-        If there is none.
-    """
+    """The dataset `name` of a group; raises BrokenFileError if there is none."""
     import h5py
 
     item = group.get(name)
@@ -203,13 +176,7 @@ def stored_dataset(group: "h5py.Group", name: str) -> "h5py.Dataset":
 
 
 def stored_group(group: "h5py.Group", name: str) -> "h5py.Group":
-    """The group `name` in a group.
-
-    Raises
-    ------
-    BrokenFileError
-        If there is none.
-    """
+    """The group `name` in a group; raises BrokenFileError if there is none."""
     import h5py
 
     item = group.get(name)
@@ -226,12 +193,12 @@ def plain_text(value: object) -> str:
 
 
 def kind_of(group: "h5py.Group") -> str:
-    """What a group says it holds, such as "midair recording"; empty when it says nothing."""
+    """The kind of a group, such as "midair recording"; empty if not stated."""
     return plain_text(group.attrs.get("kind"))
 
 
 def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: bool) -> None:
-    # What is single is stored as such where the table allows it; everything else as the table says.
+    # float32 data are stored as such where the schema allows it; all others in the type of the schema.
     data = value if isinstance(value, LazyFrames) else np.asarray(value)
     single = entry.single and (data.stored if isinstance(data, LazyFrames) else data.dtype) == "f4"
     kind = np.dtype("f4" if single else entry.dtype)
@@ -263,18 +230,18 @@ def _create(group: "h5py.Group", entry: Entry, value: Any, unit: str, *, live: b
         dataset.dims[index].attach_scale(group[axis])
 
 
-def _fill(dataset: "h5py.Dataset", reel: LazyFrames, chunk: int) -> None:
-    """Write a reel block by block, each of whole chunks: a chunk that is written twice is read in between."""
-    size = next(last for _, last in block_ranges(reel.shape))
+def _fill(dataset: "h5py.Dataset", frames: LazyFrames, chunk: int) -> None:
+    """Write lazy frames in whole chunks, because HDF5 reads back a chunk that is written twice."""
+    size = next(last for _, last in block_ranges(frames.shape))
     size = max(chunk, size // chunk * chunk)
     first = 0
-    for block in reel.blocks(size):
+    for block in frames.blocks(size):
         dataset[first : first + len(block)] = block
         first += len(block)
 
 
 def _chunk(shape: tuple[int, ...], itemsize: int, *, grows: bool) -> tuple[int, ...] | None:
-    """Blocks of about 64 kB along the first axis; of 256 frames when that axis grows."""
+    """Chunks of about 64 kB along the first axis; of 256 frames when that axis grows."""
     if not shape:
         return None
     row = int(np.prod(shape[1:], dtype=int)) * itemsize
@@ -288,12 +255,9 @@ def _packed(entry: Entry, value: Any) -> Any:
 
 
 def fixed_text(value: str) -> Any:
-    """`value` as text of fixed length, which lies where HDF5 keeps checksums; text of free length does not.
+    """`value` as text of fixed length, which the checksums of metadata cover, unlike text of variable length.
 
-    Raises
-    ------
-    InputError
-        If UTF-8 cannot hold it, or it has a null character.
+    Raises InputError if it cannot be encoded in UTF-8 or contains a null character.
     """
     import h5py
 
@@ -339,38 +303,38 @@ def _dataset(group: "h5py.Group", entry: Entry, unit: str, path: Path, *, stream
     if have != unit:
         raise BrokenFileError(f"{path}: {spelled}, got {have!r} as unit")
     if streamed and axes[:1] == ("time",) and (len(axes) > 1 or entry.coordinate):
-        return _reel(dataset, path)
+        return _lazy_dataset(dataset, path)
     return dataset[()].astype(np.float64) if single else dataset[()]
 
 
-def _reel(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
-    """What a dataset of an open file holds, read from the file when somebody asks for it."""
+def _lazy_dataset(dataset: "h5py.Dataset", path: Path) -> LazyFrames:
+    """Lazy frames of a dataset, whose file is opened for each read."""
     import h5py
 
     name, number = str(dataset.name), path.stat().st_ino
 
     def read(first: int, last: int) -> np.ndarray:
-        # The same name may be that of a new file by now; what it was is known to be plain.
-        with refusing(path, "the file as it was"), h5py.File(openable(path), "r", locking=False) as opened:
+        # The path may be that of a new file by now, which has not been inspected.
+        with refusing(path, "the original file"), h5py.File(openable(path), "r", locking=False) as opened:
             if path.stat().st_ino != number:
-                raise BrokenFileError(f"{path}: expected the file as it was, got another of its name; begin again")
+                raise BrokenFileError(f"{path}: expected the original file, got a new one of that name; open it again")
             return stored_dataset(opened, name)[first:last].astype(np.float64)
 
     return LazyFrames(read, dataset.shape, stored="f4" if dataset.dtype == np.dtype("f4") else "f8")
 
 
-def finite(reel: "np.ndarray | LazyFrames", name: str) -> "NDArray[np.float64]":
-    """A reel whose numbers are checked as they are read: NonFiniteError; an array as it is."""
-    if not isinstance(reel, LazyFrames):
-        return reel
+def finite(x: "np.ndarray | LazyFrames", name: str) -> "NDArray[np.float64]":
+    """Lazy frames that raise NonFiniteError for non-finite numbers when read; an array unchanged."""
+    if not isinstance(x, LazyFrames):
+        return x
 
     def read(first: int, last: int) -> np.ndarray:
-        block = reel.read(first, last)
+        block = x.read(first, last)
         check_finite(block, name, frame=first)
         return block
 
-    # To a type checker a reel is the array that it stands for.
-    return cast("NDArray[np.float64]", LazyFrames(read, reel.shape, stored=reel.stored))
+    # Type checkers treat lazy frames as an array.
+    return cast("NDArray[np.float64]", LazyFrames(read, x.shape, stored=x.stored))
 
 
 def _check_lengths(entries: list[Entry], values: Mapping[str, Any], path: Path) -> None:

@@ -1,8 +1,7 @@
-"""HDF5 files whose writer was killed or still runs, as if they had been closed.
+"""Open HDF5 files whose writer was killed or is still running, as if they had been closed.
 
-Such a file carries a flag for which HDF5 refuses it to anyone but a reader beside a writer (SWMR), and that reader
-tries damaged metadata again and again without end. So the file is read as it stands, and the flag is cleared in what is
-handed to HDF5.
+Such a file has a flag that makes HDF5 reject any reader but an SWMR reader, and that one retries endlessly on damaged
+metadata. The file is therefore read with the flag cleared in memory.
 Layout of the superblock, version 3: HDF5 File Format Specification 3.0, section II.A.
 """
 
@@ -15,31 +14,31 @@ if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
 LARGE = 64_000_000
-"""Bytes from which a file is not copied into memory."""
+"""Size in bytes from which a file is not copied into memory."""
 
 LENGTH = 48
-"""Bytes of the superblock; the last 4 are the checksum of the others."""
+"""Size of the superblock in bytes; the last 4 are the checksum of the others."""
 
-_WRITTEN = 5  # the flags of who has it open: somebody writes to it (1), and others may read meanwhile (4, SWMR)
+_WRITTEN = 5  # consistency flags: open for writing (1), concurrent readers allowed (4, SWMR)
 _WORD = 0xFFFFFFFF
 
 
 def is_unclosed(path: Path) -> bool:
-    """Whether a file says that a writer has it open."""
+    """True if the flag of a file states that a writer has it open."""
     with path.open("rb") as file:
         block = file.read(LENGTH)
     return _sound(block) and block[11] != 0
 
 
 def openable(path: Path) -> "Path | BinaryIO":
-    """What h5py can open: the file itself, or what it would be if it were closed."""
+    """Argument for h5py: the path itself, or the file as if it had been closed."""
     return closed_file(path) if is_unclosed(path) else path
 
 
 def closed_file(path: Path, *, large: int = LARGE) -> BinaryIO:
-    """An unclosed file as if it had been closed: a copy in memory, or from `large` bytes on the file itself.
+    """An unclosed file as if it had been closed: a copy in memory, or from `large` bytes on a view of the file.
 
-    The copy is what a file that still grows needs: it does not change while it is read.
+    A file that still grows needs the copy, which does not change while it is read.
     """
     if path.stat().st_size < large:
         return BytesIO(closed_image(path))
@@ -47,13 +46,13 @@ def closed_file(path: Path, *, large: int = LARGE) -> BinaryIO:
 
 
 def closed_image(path: Path) -> bytes:
-    """The bytes of an unclosed file with the flag cleared and the end where the bytes end."""
+    """Bytes of an unclosed file with the flag cleared and the end of file corrected."""
     data = path.read_bytes()
     return _closed_block(data[:LENGTH], len(data)) + data[LENGTH:]
 
 
 class _ClosedView(FileIO):
-    """A file whose first block says that it is closed and as long as it was when it was opened."""
+    """A file whose superblock appears closed, with the length at the time of opening."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "r")
@@ -61,7 +60,7 @@ class _ClosedView(FileIO):
         self.seek(0)
 
     def readinto(self, buffer: "WriteableBuffer", /) -> int:
-        """Read where the file stands."""
+        """Read at the current position."""
         at = self.tell()
         count = super().readinto(buffer) or 0
         if at < LENGTH:
@@ -71,24 +70,24 @@ class _ClosedView(FileIO):
 
 
 def flagged_block(block: bytes, *, written: bool) -> bytes:
-    """A superblock, and whatever follows it, of a file that somebody writes to, or nobody."""
+    """A superblock, and any data after it, with the flag for an open or a closed file."""
     return _flagged(block, _WRITTEN if written else 0) + block[LENGTH:]
 
 
 def _closed_block(block: bytes, size: int) -> bytes:
-    """The superblock of a file with the flag cleared and its end at `size`."""
+    """The superblock with the flag cleared and the end of file at `size`."""
     # Bytes 28 to 35 hold the end of the file.
     return _flagged(block[:28] + struct.pack("<Q", size) + block[36:], 0)
 
 
 def _flagged(block: bytes, flags: int) -> bytes:
-    """A superblock with other flags of who has the file open: byte 11."""
+    """The superblock with other consistency flags (byte 11)."""
     changed = block[:11] + bytes([flags]) + block[12 : LENGTH - 4]
     return changed + struct.pack("<I", checksum(changed))
 
 
 def checksum(data: bytes) -> int:
-    """Checksum of HDF5's metadata: B. Jenkins, lookup3, hashlittle with start 0 (2006), of one byte or more."""
+    """Checksum of HDF5 metadata: B. Jenkins, lookup3, hashlittle with initial value 0 (2006); at least one byte."""
     a = b = c = (0xDEADBEEF + len(data)) & _WORD
     words = struct.unpack(f"<{-(-len(data) // 12) * 3}I", data.ljust(-(-len(data) // 12) * 12, b"\0"))
     for i in range(0, len(words), 3):

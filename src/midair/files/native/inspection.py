@@ -1,4 +1,4 @@
-"""Asks the inspector, a process of its own, whether an HDF5 file can be read by this one."""
+"""Client of the inspector, a separate process that checks whether an HDF5 file is safe to read."""
 
 import atexit
 import json
@@ -15,28 +15,22 @@ from midair.errors import BrokenFileError
 from midair.files.native.hdf5_recovery import openable
 
 PATIENCE = 120.0
-"""Seconds until an answer; the inspector's own limit is of processor time."""
+"""Time limit for an answer in s; the inspector's own limit is in CPU time."""
 
 REMEMBERED = 256
-"""Files that were found plain and are not looked at again."""
+"""Number of checked files that are remembered and not checked again."""
 
 SETTLED = 100_000_000
-"""Nanoseconds after which a change of a file shows in its time stamp."""
+"""Resolution of file time stamps, in ns, within which a change may be invisible."""
 
-FATAL = "one that HDF5 does not survive or does not end with; it is damaged, or made to do harm"
-"""What is said of a file of which the inspector died; it is not shown to another one."""
+FATAL = "one on which HDF5 crashes or hangs; it is damaged or malicious"
+"""Reason for a file that crashed the inspector; it is not inspected again."""
 
 Look = tuple[int, int, int, int, int]
 
 
 def inspect(path: Path) -> None:
-    """Return if an HDF5 file is one that can be read.
-
-    Raises
-    ------
-    BrokenFileError
-        If it is not, or HDF5 does not survive the look at it.
-    """
+    """Return if an HDF5 file is safe to read; otherwise raise BrokenFileError."""
     look = _look_of(path)
     if look in _PLAIN:
         return
@@ -56,7 +50,7 @@ def _remember(looks: "OrderedDict[Look, None]", look: Look) -> None:
 
 
 def get_ready(path: Path) -> None:
-    """Let the inspector begin, if it has to look at a file, while this process loads what it needs itself."""
+    """Start the inspector if it will have to check this file, while this process loads its own libraries."""
     if (look := _look_of(path)) not in _PLAIN and look not in _FATAL:
         _INSPECTOR.get_ready()
 
@@ -67,7 +61,7 @@ def _look_of(path: Path) -> Look:
 
 
 class _Inspector:
-    """The process, which is begun when it is needed, and again when a file was its end."""
+    """The inspector process, which is started on demand, and again after a crash."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[str] | None = None
@@ -79,11 +73,11 @@ class _Inspector:
             self._running()
 
     def ask(self, path: Path) -> str | None:
-        """What is refused of a file; None if nothing is."""
+        """The reason to reject a file, or None."""
         with self._lock:
             process = self._running()
             if process is None or process.stdin is None or process.stdout is None:
-                # The same look, without the safety of a process of its own.
+                # The same check in this process, without protection from crashes.
                 from midair.files.native.inspector import refusal
 
                 return refusal(path, openable)
@@ -102,8 +96,8 @@ class _Inspector:
             return json.loads(line)
 
     def _running(self) -> "subprocess.Popen[str] | None":
-        """The process, begun if it is not there; None on a system that has none to give."""
-        # A copy of this process (fork) must not talk through the pipes of the first.
+        """The process, started if necessary; None where the system cannot start one."""
+        # A forked copy of this process must not use the pipes of the original.
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
             self._process, self._owner = _begun(), os.getpid()
         return self._process
@@ -120,13 +114,13 @@ class _Inspector:
         process.wait()
 
     def close(self) -> None:
-        """End the process; it would end by itself with this one."""
+        """End the process; it would also end with this one."""
         with self._lock:
             self._end()
 
 
 def _begun() -> "subprocess.Popen[str] | None":
-    # -P: what lies beside the inspector is no library. One thread: it computes nothing.
+    # -P: files beside the inspector are not importable. One thread, because it computes nothing.
     words = [sys.executable, "-P", str(Path(__file__).with_name("inspector.py"))]
     quiet = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "PYTHONWARNINGS": "ignore"}
     try:
@@ -138,7 +132,7 @@ def _begun() -> "subprocess.Popen[str] | None":
             text=True,
             encoding="utf-8",
             env=quiet,
-            # Ctrl-C is for this process; the other ends when nobody asks any more.
+            # Ctrl-C is for this process only; the inspector ends when its input is closed.
             start_new_session=True,
         )
     except OSError:

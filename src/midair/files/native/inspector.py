@@ -1,11 +1,11 @@
-"""What an HDF5 file makes HDF5 do, looked at before anybody reads its numbers; runs as a process of its own.
+"""Check whether an HDF5 file is safe to read; runs as a separate process.
 
-HDF5 is a library in C, and a file can make it fail in ways that end the program; so the first one to open a file of
-strangers is this process, which may die of it. It refuses what is not plain: links to other names and files, numbers
-that lie elsewhere or nowhere, filters of plugins, types with a name, and sizes that the bytes on the disk cannot hold.
+Some damaged or malicious files crash HDF5, a C library, and with it the program; therefore this process opens an
+untrusted file first. It rejects links to other names and files, external or missing data, filters from plugins, named
+types, and sizes that exceed the data on the disk.
 
-Run as a script it imports nothing of midair, so that it is there in a tenth of a second: a name a line comes in, a line
-of JSON goes out, null when there is nothing to refuse.
+As a script it imports nothing of midair, so that it starts within 0.1 s. Its input has one JSON path per line, its
+output one line of JSON per file, null if the file is safe.
 """
 
 import importlib.util
@@ -23,57 +23,49 @@ import h5py
 from h5py import h5a, h5d, h5g, h5l, h5o, h5t  # pyright: ignore[reportAttributeAccessIssue]  # compiled
 
 MEMORY = 2**31
-"""Bytes that the process may take."""
+"""Memory limit of the process in bytes."""
 
 SECONDS = 1.0
-"""Of processor time that one file may take, and again for every 4 GB: a sound one of 1 GB takes 0.06."""
+"""CPU time limit per file and per 4 GB, in s; a sound file of 1 GB takes 0.06 s."""
 
 EMPTY = 2**24
-"""Bytes that a dataset may have beyond what is stored of it: a recorder that was killed leaves the last ones out."""
+"""Bytes of a dataset that may be missing in the file: an interrupted recorder does not write the last ones."""
 
 EXPANDED = 100
-"""Times its size that a file may expand to, as deflate makes 1000 of 1 of what is always the same."""
+"""Maximum ratio of expanded to compressed size; deflate reaches 1000 for constant data."""
 
 EXPANDED_ANYWAY = 2**27
-"""Bytes that any file may expand to."""
+"""Expanded size that is always allowed, in bytes."""
 
 TEXT = 2**26
-"""Bytes that the attributes of an object may take."""
+"""Maximum size of the attributes of an object in bytes."""
 
 OBJECTS = 10_000
-"""Most groups and datasets."""
+"""Maximum number of groups and datasets."""
 
 DEFLATE, SHUFFLE, FLETCHER32 = 1, 2, 3
-"""Numbers of the filters that HDF5 brings along and that are read (HDF5 File Format Specification 3.0, IV.A.2.l)."""
+"""Numbers of the built-in filters that are accepted (HDF5 File Format Specification 3.0, IV.A.2.l)."""
 
 
 class NotPlainError(Exception):
-    """What of a file is refused, in words that stand after "got"."""
+    """Reason to reject a file, worded to follow "got"."""
 
 
 def refusal(path: Path, opened: Callable[[Path], Any]) -> str | None:
-    """What makes a file one that must not be read; None if nothing does.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    opened : callable
-        Makes of the path what h5py opens: itself, or its bytes if it was not closed.
-    """
+    """The reason to reject a file, or None; `opened` converts the path to an argument for h5py."""
     try:
         with h5py.File(opened(path), "r", locking=False) as file:
             _walk(file, path.stat().st_size)
     except NotPlainError as wrong:
         return str(wrong)
-    except (Exception, RecursionError) as wrong:  # noqa: BLE001  # h5py raises whatever HDF5 stumbles over
+    except (Exception, RecursionError) as wrong:  # noqa: BLE001  # h5py raises many types
         lines = str(wrong).strip().splitlines()
         return f"a damaged or foreign file ({_plainly(lines[0])[:160] if lines else type(wrong).__name__})"
     return None
 
 
 def _plainly(words: str) -> str:
-    """What HDF5 says of a file, without the names of its own variables."""
+    """Error message of HDF5 without the names of its internal variables."""
     if cut := re.search(r"truncated file: eof = (\d+), .*stored_eof = (\d+)", words):
         return f"truncated: {cut[1]} bytes of {cut[2]}"
     inner = re.fullmatch(r"Unable to [a-z ]+\((.*)\)", words)
@@ -81,7 +73,7 @@ def _plainly(words: str) -> str:
 
 
 def _walk(file: h5py.File, size: int) -> None:
-    """Look at everything in the file once, however it is linked."""
+    """Check each object of the file once, whatever the links."""
     seen: set[Any] = set()
     waiting: list[tuple[str, Any]] = [("/", file["/"].id)]
     expanded = 0
@@ -118,8 +110,8 @@ def _linked(name: str, group: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _look_at_attributes(name: str, item: Any) -> None:
-    """Read what is text or numbers; lists of references, as of netCDF's axes, are left alone by everybody."""
-    # Names are looked up in a tree of their own, which may end HDF5 where a list of them is short and sound.
+    """Read text and numeric attributes; lists of references, as for netCDF axes, are never read by midair."""
+    # Looking up a name uses a separate tree, which can crash HDF5 even if the list of names is sound.
     h5a.exists(item, b"kind")
     room = TEXT
     for number in range(h5a.get_num_attrs(item)):
@@ -134,7 +126,7 @@ def _look_at_attributes(name: str, item: Any) -> None:
 
 
 def _look_at_numbers(name: str, item: Any, size: int) -> int:
-    """Bytes that a dataset takes in memory, once it is plain and the file holds what it announces."""
+    """Size of a dataset in memory in bytes, after checking that it is plain and that the file contains its data."""
     made, kind = item.get_create_plist(), item.get_type()
     announced = math.prod(item.shape or ()) * kind.get_size()
     layout = made.get_layout()
@@ -175,7 +167,7 @@ def _look_at_chunks(name: str, item: Any, made: Any, announced: int, size: int) 
 
 
 def _check_deflated(name: str, item: Any, chunk: Any, filters: list[int], whole: int) -> None:
-    """Raise unless the piece expands to what is expected: HDF5 itself reads on beyond one that is short."""
+    """Raise unless a chunk expands to the expected size: HDF5 reads beyond the buffer of one that is too short."""
     _, data = item.read_direct_chunk(chunk.chunk_offset)
     # Filters are undone from the last to the first.
     for number in reversed(filters[filters.index(DEFLATE) + 1 :]):
@@ -192,18 +184,18 @@ def _fitting(name: str, announced: int, stored: int) -> int:
 
 
 def _limited(size: int) -> None:
-    """Take no more memory and time than a sound file of so many bytes needs, where the system can limit it."""
+    """Limit memory and CPU time of the process for a file of this size, where the system supports it."""
     try:
         import resource
     except ImportError:
         return
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
-    # Its signal ends the process, also inside of HDF5.
+    # The signal of the timer ends the process, also within HDF5.
     signal.setitimer(signal.ITIMER_PROF, SECONDS * (1 + size / 2**32))
 
 
 def main() -> None:
-    """Answer for one file after the other until nobody asks any more."""
+    """Answer for one file after the other until the input is closed."""
     found = importlib.util.spec_from_file_location("hdf5_recovery", Path(__file__).with_name("hdf5_recovery.py"))
     if found is None or found.loader is None:
         return

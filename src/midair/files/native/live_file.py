@@ -1,4 +1,4 @@
-"""The file of a recording that runs: it has its name once it can be opened, and is claimed until it is closed."""
+"""File of a running recording, which has its name only when it can be opened, and is locked until it is closed."""
 
 import os
 import secrets
@@ -18,19 +18,9 @@ _BINARY = getattr(os, "O_BINARY", 0)
 
 
 class LiveFile:
-    """An HDF5 file in which rows can grow, and in which nothing is on the disk that is not whole.
+    """An HDF5 file with growing datasets, of which only complete commits are on the disk.
 
-    Parameters
-    ----------
-    path : Path
-        The file to make.
-    image : bytes
-        What it holds at first.
-
-    Raises
-    ------
-    FileError
-        If the name is taken, or the disk refuses.
+    `image` is its initial content. Raises FileError if the name exists or the disk fails.
     """
 
     def __init__(self, path: Path, image: bytes) -> None:
@@ -48,25 +38,19 @@ class LiveFile:
         self.file = h5py.File(self._bytes, "r+", libver=LAYOUT)
 
     def commit(self) -> None:
-        """Bring what was written to the disk; on an error it holds what it held before.
-
-        Raises
-        ------
-        OSError
-            If the disk refuses.
-        """
+        """Write all changes to the disk; after an OSError the file still has its previous content."""
         self.file.flush()
         self._bytes.commit()
 
     def close(self) -> None:
-        """Close the file in order, on the disk itself.
+        """Close the file and flush it to the device.
 
         Raises
         ------
         OSError
-            If the disk refuses; then it holds what it held before, like the file of a program that was killed.
+            If the disk fails; the file then has its previous content, as after a killed program.
         FileError
-            If somebody gave the name to another file, or removed it.
+            If another program renamed, replaced or removed the file.
         """
         try:
             self.file.close()
@@ -76,26 +60,26 @@ class LiveFile:
             os.close(self._handle)
 
     def _check_name(self) -> None:
-        """That the name still leads here; what lost its last name gets a new one."""
+        """Check that the path still refers to this file; an unlinked file is saved under a new name."""
         mine = os.fstat(self._handle)
         if self.path.exists() and os.path.samestat(mine, self.path.stat()):
             return
         if mine.st_nlink:
-            raise FileError(f"{self.path}: somebody renamed the file while it was recorded; all of it is there")
+            raise FileError(f"{self.path}: the file was renamed during the recording; it is complete")
         rescued = self.path.with_name(f"{self.path.stem}-rescued-{secrets.token_hex(2)}{self.path.suffix}")
         os.lseek(self._handle, 0, os.SEEK_SET)
         with os.fdopen(os.dup(self._handle), "rb") as source, rescued.open("xb") as target:
             shutil.copyfileobj(source, target)
         raise FileError(
-            f"{self.path}: somebody replaced or removed the file while it was recorded; the recording is in {rescued}"
+            f"{self.path}: the file was replaced or removed during the recording; the recording is in {rescued}"
         )
 
 
 @contextmanager
 def _new_name(path: Path) -> Generator[Path]:
-    """A name beside `path` to write to, which becomes `path` when the block ends well, unless somebody has that name.
+    """Yield a temporary name beside `path`, which becomes `path` if the block succeeds and that name does not exist.
 
-    So a file with the recording's name is one that opens, however early the program is killed.
+    A file with the recording's name can therefore always be opened, however early the program is killed.
     """
     partial = path.with_name(f".midair-{secrets.token_hex(4)}.part")
     try:
@@ -104,7 +88,7 @@ def _new_name(path: Path) -> Generator[Path]:
         yield partial
         _take_name(partial, path)
     except FileExistsError as wrong:
-        raise FileError(f"{path}: a file is there already; record under another name") from wrong
+        raise FileError(f"{path}: the file exists already; record under another name") from wrong
     except OSError as wrong:
         raise FileError(f"{path}: cannot be written: {reason(wrong)}") from wrong
     finally:
@@ -113,11 +97,11 @@ def _new_name(path: Path) -> Generator[Path]:
 
 
 def _take_name(partial: Path, path: Path) -> None:
-    """Give a file its name; a link fails where the name is taken, which a change of name does not."""
+    """Rename a file without replacing another: creating a hard link fails if the name exists, renaming does not."""
     try:
         os.link(partial, path)
     except FileExistsError:
         raise
-    except OSError:  # a disk without links: claim the name, then replace what claims it
+    except OSError:  # a disk without links: create an empty file of that name, then replace it
         path.touch(exist_ok=False)
         os.replace(partial, path)

@@ -1,4 +1,4 @@
-"""NetCDF-4 by the CF conventions: midair's own file under the attributes that programs for NetCDF look for."""
+"""NetCDF-4 by the CF conventions: midair's HDF5 file with the attributes that NetCDF programs expect."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ CONVENTIONS = "CF-1.11"
 
 
 def write_netcdf(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write a recording, whole or not at all; nothing of it is lost, and the calibration is a group."""
+    """Write a recording atomically and without loss; the calibration is a group."""
     life = recording.provenance
     said: dict[str, str] = {
         "Conventions": CONVENTIONS,

@@ -1,4 +1,4 @@
-"""What was played of touch while it was felt: a group of a recording's file, frame by frame beside its samples."""
+"""Live touch during a recording: a group of its file with the played frames, one for each frame of samples."""
 
 import os
 from pathlib import Path
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     import h5py
 
 PLAYED = ("time", "phase_steps", "intensity", "instant", "state")
-"""What grows with the frames."""
+"""Datasets that grow with the frames."""
 
 
 def played_values(array: TransducerArray, rate: float, provenance: Provenance) -> dict[str, Any]:
-    """What the group holds before the first frame."""
+    """Stored values before the first frame."""
     return {
         **signature("played", provenance),
         "rate_hz": rate,
@@ -48,24 +48,21 @@ def played_values(array: TransducerArray, rate: float, provenance: Provenance) -
 
 
 def write_played(group: "h5py.Group", played: PlayedTouch) -> None:
-    """Write all of it into a group of a file that is being made."""
+    """Write the whole group into a new file."""
     known = {name: getattr(played, name) for name in PLAYED[1:]}
     values = played_values(played.array, played.rate, played.provenance)
     write_group(group, "played", {**values, "time": np.arange(played.frames) / played.rate, **known})
 
 
 def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
-    """What was played while a recording was made; None when nothing was.
+    """Read the live touch that was played during a recording; None if there was none.
 
-    Parameters
-    ----------
-    path : str or PathLike
-        The recording's HDF5 file, which may still be written, or have lost its writer.
+    The file may still be open for writing, or its writer may have been killed.
 
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
-        If the file is not there, is damaged or of another kind, or is newer than this midair.
+        If the file does not exist, is damaged or of another type, or was written by a newer midair.
     """
     with open_file(path) as file:
         check_kind(file, "recording", Path(path))
@@ -74,7 +71,7 @@ def load_played(path: str | os.PathLike[str]) -> PlayedTouch | None:
         live = not stored_dataset(file, "finished")[()]
         values = read_group(stored_group(file, "played"), "played", Path(path), live=live)
         if live:
-            # Of a writer that was killed, as many as there are samples of.
+            # After a writer was killed, frames without a time were not written.
             frames = int(np.isfinite(values["time"]).sum())
             values |= {name: values[name][:frames] for name in PLAYED}
         check_time(values, Path(path))

@@ -1,4 +1,4 @@
-"""Provenance as JSON and back, without losing a type."""
+"""Convert provenance to JSON and back without loss of types."""
 
 import json
 import math
@@ -13,26 +13,20 @@ from midair.model import Provenance, Setting, Step
 
 
 def to_json(provenance: Provenance) -> str:
-    """One line of ASCII that `from_json` turns into the same provenance.
+    """One line of ASCII for `from_json`.
 
-    Tuples become lists, which nothing else does; infinity and NaN, which JSON lacks, become {"float": "inf"}.
+    Tuples become lists, which are not used otherwise; infinity and NaN, which JSON lacks, become {"float": "inf"}.
 
     Raises
     ------
     InputError
-        If a setting is of a type that `Setting` does not name.
+        If a setting has a type that is not in `Setting`.
     """
     return json.dumps(to_plain(provenance), allow_nan=False)
 
 
 def from_json(text: str) -> Provenance:
-    """The provenance that `to_json` wrote.
-
-    Raises
-    ------
-    BrokenFileError
-        If the text is something else.
-    """
+    """The provenance written by `to_json`; raises BrokenFileError for other text."""
     try:
         return from_plain(json_of(text))
     except ValueError as wrong:
@@ -40,7 +34,7 @@ def from_json(text: str) -> Provenance:
 
 
 def to_plain(provenance: Provenance) -> dict[str, Any]:
-    """What JSON can hold of a provenance: all of it."""
+    """Provenance as nested dicts and lists for JSON."""
     return {
         "source": provenance.source,
         "simulated": provenance.simulated,
@@ -53,13 +47,7 @@ def to_plain(provenance: Provenance) -> dict[str, Any]:
 
 
 def from_plain(plain: object) -> Provenance:
-    """The provenance that `to_plain` took apart.
-
-    Raises
-    ------
-    BrokenFileError
-        If a part is missing or of another type.
-    """
+    """Provenance from the output of `to_plain`; raises BrokenFileError if a part is missing or has the wrong type."""
     parts = _mapping(plain, "provenance")
     notes = _mapping(parts.get("notes"), "notes")
     steps = parts.get("steps")

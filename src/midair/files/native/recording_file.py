@@ -1,4 +1,4 @@
-"""Recordings in midair's own file, `name.h5`: samples, sensor, calibration, provenance, and what was made of it."""
+"""Recordings, `name.h5`: samples, sensor, calibration, provenance, and calibrated pressure."""
 
 import os
 from collections.abc import Sequence
@@ -45,19 +45,15 @@ def write_recording(
     journal: Sequence[Event] = (),
     played: PlayedTouch | None = None,
 ) -> tuple[FormatLoss, ...]:
-    """Write a recording and what was made of it, whole or not at all; nothing of it is lost.
+    """Write a recording with its calibration, pressure and live touch, atomically and without loss.
 
-    Samples that float32 holds, every one of them, are stored in it.
-
-    Raises
-    ------
-    MismatchError
-        If the pressure is of a sensor of another shape.
+    Samples are stored as float32 if that holds all of them. Raises MismatchError if the pressure has another sensor
+    shape.
     """
     if pressure is not None and pressure.sensor.shape != recording.sensor.shape:
         raise MismatchError(
             f"{path}: expected pressure of {recording.sensor.shape} cells, got {pressure.sensor.shape}; "
-            "save what was made of this recording"
+            "save the pressure of this recording"
         )
     values = recording_values(recording)
     if journal:
@@ -75,15 +71,9 @@ def write_recording(
 
 
 def read_recording(path: Path, given: ImportOptions) -> OpenedTake:
-    """The recording of a file, also of one that is being written or whose writer was killed.
+    """Read a recording, also while it is being written or after its writer was killed; lazily if `given.streamed`.
 
-    A file that is being written may be caught between two of its blocks: it is read again, up to twice. With
-    `given.streamed` its samples are a reel.
-
-    Raises
-    ------
-    MissingFileError, BrokenFileError, UnknownFormatError
-        If the file is not there, is damaged or of another kind, or is newer than this midair.
+    A file that is being written is read up to three times, because reads can fall between two of its commits.
     """
     for _ in range(2):
         try:
@@ -118,19 +108,12 @@ def _read_once(path: Path, given: ImportOptions) -> OpenedTake:
 
 
 def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> None:
-    """Add what was made of a recording to its file, in place of an earlier one.
-
-    Parameters
-    ----------
-    pressure : PressureFrames
-        Calibrated pressure, of the same sensor.
-    path : str or PathLike
-        The recording's HDF5 file; it is written anew and replaced in one piece.
+    """Store calibrated pressure in the file of its recording, in place of an earlier one; the file is replaced.
 
     Raises
     ------
     MismatchError
-        If the pressure is of a sensor of another shape.
+        If the pressure has another sensor shape.
     MissingFileError, BrokenFileError, FileError
         If the file cannot be read or written.
     """
@@ -139,12 +122,12 @@ def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> Non
 
 
 def load_pressure(path: str | os.PathLike[str], *, streamed: bool = False) -> PressureFrames | None:
-    """The calibrated pressure in a recording's file, as a reel if `streamed`; None when it has none.
+    """Read the calibrated pressure in a recording's file, lazily if `streamed`; None if it has none.
 
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
-        If the file is not there, is damaged or of another kind, or is newer than this midair.
+        If the file does not exist, is damaged or of another type, or was written by a newer midair.
     """
     with open_file(path) as file:
         check_kind(file, "recording", Path(path))
@@ -163,22 +146,17 @@ def load_pressure(path: str | os.PathLike[str], *, streamed: bool = False) -> Pr
 
 
 def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Close a recording whose writer was killed, so that any program can open it; one that still runs is refused.
-
-    Parameters
-    ----------
-    path : str or PathLike
-        The recording's HDF5 file; it is written anew and replaced in one piece.
+    """Close a recording whose writer was killed, so that any program can open it; the file is replaced atomically.
 
     Returns
     -------
     tuple of str
-        What could be read of it; empty when it was closed in order.
+        Sentence on the readable frames; empty if the file was closed correctly.
 
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError, FileError
-        If not even its first frame can be read, or it cannot be written, or a program is recording into it.
+        If no frame can be read, the file cannot be written, or a program is still recording into it.
     """
     check_unclaimed(Path(path))
     take = read_recording(Path(path), ImportOptions(streamed=True))
@@ -188,7 +166,7 @@ def repair(path: str | os.PathLike[str]) -> tuple[str, ...]:
 
 
 def recording_values(recording: Recording) -> dict[str, Any]:
-    """What is stored of a recording."""
+    """Stored values of a recording."""
     return {
         **signature("recording", recording.provenance),
         **time_values(recording.frames, recording.rate),
@@ -216,7 +194,7 @@ def _write_pressure(group: "h5py.Group", pressure: PressureFrames) -> None:
 
 
 def _whole_frames(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """The frames of a recording without its end that were written whole, and a sentence that says so."""
+    """Complete frames of an unfinished recording, and a report of their number."""
     samples = values["samples"]
     frames = _written(samples)
     if frames == 0:
@@ -227,7 +205,7 @@ def _whole_frames(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], t
 
 
 def _written(samples: "np.ndarray | LazyFrames") -> int:
-    """How many frames there are up to the last that is not NaN: what was never written is."""
+    """Number of frames up to the last that is not NaN; unwritten frames are NaN."""
     for first, last in reversed(list(block_ranges(samples.shape))):
         block = samples.read(first, last) if isinstance(samples, LazyFrames) else samples[first:last]
         there = np.asarray(~np.isnan(block).all(axis=(1, 2)))

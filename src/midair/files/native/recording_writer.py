@@ -1,4 +1,4 @@
-"""Recordings while they are made: what was said a quarter of a second ago survives the death of the program."""
+"""Write recordings while they run; at most the last quarter of a second is lost if the program is killed."""
 
 import importlib
 import os
@@ -32,39 +32,39 @@ if TYPE_CHECKING:
 
 
 class RecordingWriter:
-    """A recording's file that grows while the sensor speaks, and that others may read meanwhile (SWMR).
+    """Write a growing recording file, which other programs may read meanwhile (SWMR).
 
-    Leaving the context closes the file in order, also on an error. Killing the program loses at most what came in the
-    last `interval`, and so does a disk that refuses: the message says how many frames are safe. It stands up to the
-    death of the program, not of the computer: until the file is closed, the operating system may hold bytes back. No
-    other program of midair replaces or removes it meanwhile.
+    Leaving the context closes the file, also after an error. If the program is killed or the disk fails, at most the
+    frames of the last `interval` are lost; the error states how many frames are safe. This does not hold for a crash of
+    the computer, because the operating system may hold data back until the file is closed. No other program of midair
+    can replace or remove the file meanwhile.
 
     Parameters
     ----------
     path : str or PathLike
-        The file to make; one that is there is left alone.
+        A new file.
     rate : float
-        Frames per second, in Hz.
+        In Hz.
     sensor : SensorGrid
-        The cells.
+        Layout of the channels.
     unit : {"V", "count", "Pa"}
         Unit of the samples.
     provenance : Provenance
-        Where the samples come from.
+        Origin of the samples.
     calibration : Calibration, optional
-        Calibration of the sensor, kept in the same file.
+        Calibration of the sensor, stored in the same file.
     interval : float
-        Longest time that a frame waits in memory, in s, and how many frames of it may wait there.
+        Longest time in s, and the equivalent number of frames, that may be buffered in memory.
     reserve : int
-        Bytes that stay free on the disk: a recording ends in order before the disk is full.
+        Bytes to leave free on the disk; the recording stops before the disk is full.
     expected : int
-        Frames that will come, where that is known: without room for them no file is made.
+        Number of frames if known; an error is raised at the start if the disk has less space.
     staged : bool
-        Whether a stage moves meanwhile, whose places are kept too.
+        Whether positions of a motion stage are stored too.
     stored : {"f4", "f8"}
-        Precision of the samples in the file; a block that float32 does not hold is refused where it is "f4".
+        Precision of the samples; with "f4" a block that float32 cannot hold raises an error.
     array : TransducerArray, optional
-        That plays meanwhile, so that every frame comes with what was played of it.
+        Array that plays meanwhile; every frame then needs `played` values.
 
     Examples
     --------
@@ -99,16 +99,16 @@ class RecordingWriter:
         self.stored: Stored = stored
         self.array = array
         self._frames = self._safe = 0
-        # Rows of what happened and of where the stage was, now and as they were flushed.
+        # Rows of events and of stage positions: all, and those flushed.
         self._rows = {"event": 0, "stage": 0}
-        self._told = dict(self._rows)
+        self._safe_rows = dict(self._rows)
         self._live: LiveFile | None = None
         self._lock = threading.RLock()
         self._timer: threading.Timer | None = None
         self._flushed = 0.0
         self._failure: Exception | None = None
-        self._said = False
-        # A recording of one silent frame meets the unit and the sensor as every later block will.
+        self._raised = False
+        # Raises an error for a wrong unit or sensor before the file is created.
         Recording(samples=np.zeros((1, *sensor.shape)), rate=self.rate, sensor=sensor, unit=unit)
 
     @property
@@ -130,26 +130,26 @@ class RecordingWriter:
 
     @staticmethod
     def warm_up() -> None:
-        """Load what writing needs, so that the first frame does not wait for it."""
+        """Load the libraries for writing, so that the first frame is not delayed."""
         importlib.import_module("h5py")
 
     def append(self, block: ArrayLike, played: Mapping[str, np.ndarray] | None = None) -> None:
-        """Add frames at the end.
+        """Append frames.
 
         Parameters
         ----------
         block : array_like, shape (frame, row, column)
             In the unit of the recording.
         played : mapping, optional
-            What was played of them, where an array plays: ``phase_steps``, ``intensity``, ``instant`` and ``state``, as
-            in `PlayedTouch`.
+            With `array`: ``phase_steps``, ``intensity``, ``instant`` and ``state`` of these frames, as in
+            `PlayedTouch`.
 
         Raises
         ------
         ShapeError, NonFiniteError, InputError
-            If the block does not fit; nothing of it is written.
+            If the block is invalid; nothing is written.
         FileError
-            If the file is closed, or the disk is full or refuses.
+            If the file is closed, or the disk is full or fails.
         """
         samples = frozen_array(block, "block", ("frame", *self.sensor.shape))
         if self.stored == "f4" and single(samples) is samples:
@@ -158,7 +158,7 @@ class RecordingWriter:
             )
         if (self.array is None) != (played is None):
             which = "without" if self.array is None else "with"
-            raise FileError(f"{self.path}: expected frames {which} what was played of them")
+            raise FileError(f"{self.path}: expected frames {which} the values played")
         with self._lock:
             file = self._opened()
             self._check_room()
@@ -173,12 +173,7 @@ class RecordingWriter:
                 self._flush_in_time()
 
     def note(self, events: Iterable[Event]) -> None:
-        """Write down what happened; it is flushed with the next frames, before them.
-
-        Parameters
-        ----------
-        events : iterable of Event
-            Their frames may be ones that are still to come.
+        """Store events; they are flushed with the next frames, before these. Frames of events may be in the future.
 
         Raises
         ------
@@ -188,19 +183,19 @@ class RecordingWriter:
         self._add("event", event_values(tuple(events)))
 
     def stamp(self, stamps: Iterable[StageStamp]) -> None:
-        """Write down where the stage was, its times from frame 0 on; flushed as `note` is.
+        """Store stage positions with times from frame 0 on; flushed as in `note`.
 
         Raises
         ------
         FileError
-            If the file is closed or cannot be written, or is of a recording without a stage.
+            If the file is closed or cannot be written, or the recording has no stage.
         """
         if not self.staged:
-            raise FileError(f"{self.path}: the recording is one without a stage; make it with staged=True")
+            raise FileError(f"{self.path}: expected a recording with a stage; create it with staged=True")
         self._add("stage", stage_values(tuple(stamps)))
 
     def _add(self, axis: str, values: dict[str, Any]) -> None:
-        """Rows along an axis of their own, after those that are there."""
+        """Append rows along an axis."""
         with self._lock:
             file = self._opened()
             first, rows = self._rows[axis], len(values[axis])
@@ -210,12 +205,12 @@ class RecordingWriter:
                 self._rows[axis] += rows
 
     def close(self) -> None:
-        """Write what is left, mark the recording as finished, and close it; once is enough, twice does no harm.
+        """Write buffered frames, mark the recording as finished, and close it; further calls do nothing.
 
         Raises
         ------
         FileError
-            If the disk refuses; the message says how many frames are safe, and `frames` does, too.
+            If the disk fails; the message and `frames` state how many frames are safe.
         """
         with self._lock:
             if self._timer is not None:
@@ -230,10 +225,10 @@ class RecordingWriter:
                 if self._frames:
                     note_file(self.path)
             except (OSError, RuntimeError) as wrong:
-                # After a failure the disk has what it had; trying to close in order was worth it all the same.
+                # After an earlier failure the file has its last commit; closing was only an attempt.
                 if self._failure is None:
                     self._give_up(wrong)
-            if self._failure is not None and not self._said:
+            if self._failure is not None and not self._raised:
                 raise self._refusal() from self._failure
 
     def _start(self) -> dict[str, Any]:
@@ -250,7 +245,7 @@ class RecordingWriter:
         }
 
     def _image(self) -> bytes:
-        """The file without a frame. In memory, since HDF5 does not survive a disk that refuses."""
+        """The file without frames, in memory, because HDF5 crashes on disk errors."""
         import h5py
 
         image = BytesIO()
@@ -267,7 +262,7 @@ class RecordingWriter:
 
     def _opened(self) -> "h5py.File":
         if self._failure is not None:
-            self._said = True
+            self._raised = True
             raise self._refusal() from self._failure
         if self._live is None:
             raise FileError(f"{self.path}: the recording is not open; use it in a with block")
@@ -276,8 +271,8 @@ class RecordingWriter:
     def _check_room(self, more: int = 0) -> None:
         free = shutil.disk_usage(self.path.parent).free
         if free < self.reserve + more:
-            far = f"the {self._frames} frames so far are safe, make room and record on under another name"
-            near = "make room, record for a shorter time, or on another disk"
+            far = f"the {self._frames} frames so far are safe, free some space and continue under another name"
+            near = "free some space, record for a shorter time, or use another disk"
             raise FileError(
                 f"{self.path}: expected {(self.reserve + more) / 1e6:.4g} MB free on the disk, got {free / 1e6:.4g} "
                 f"MB; {near if self._live is None else far}"
@@ -285,16 +280,16 @@ class RecordingWriter:
 
     @contextmanager
     def _failing(self) -> Generator[None]:
-        """Turn what a disk refuses into the end of the recording: what is on it stays as it is."""
+        """End the recording after a disk error; the file keeps its last commit."""
         try:
             yield
         except (OSError, RuntimeError) as wrong:
             self._give_up(wrong)
-            self._said = True
+            self._raised = True
             raise self._refusal() from wrong
 
     def _give_up(self, wrong: Exception) -> None:
-        self._failure, self._frames, self._rows = wrong, self._safe, dict(self._told)
+        self._failure, self._frames, self._rows = wrong, self._safe, dict(self._safe_rows)
 
     def _refusal(self) -> FileError:
         why = "" if self._failure is None else reason(self._failure)
@@ -305,7 +300,7 @@ class RecordingWriter:
         dataset[start:] = values
 
     def _cut(self, file: "h5py.File") -> None:
-        """Drop what an interrupted append or note left behind, so that all that lies along an axis is equally long."""
+        """Remove rows of an interrupted append or note, so that all datasets along an axis have equal length."""
         lengths = dict.fromkeys(("time", "samples"), self._frames)
         lengths |= dict.fromkeys((f"played/{name}" for name in PLAYED) if self.array is not None else (), self._frames)
         lengths |= dict.fromkeys(event_values(()), self._rows["event"])
@@ -315,9 +310,9 @@ class RecordingWriter:
                 stored_dataset(file, name).resize(length, axis=0)
 
     def _flush_in_time(self) -> None:
-        """Flush now if the last time is long ago, else leave it to a timer: the next block may be late.
+        """Flush if the interval has passed, otherwise start a timer, because the next block may be late.
 
-        Frames count, too, as a source that was held up gives many at once.
+        The number of frames counts too, because a delayed source may deliver many at once.
         """
         waited = time.monotonic() - self._flushed
         if waited >= self.interval or self._frames - self._safe >= self.interval * self.rate:
@@ -332,7 +327,7 @@ class RecordingWriter:
             try:
                 self._flush()
             except (OSError, RuntimeError) as wrong:
-                self._give_up(wrong)  # the next append says it
+                self._give_up(wrong)  # the next append raises it
 
     def _flush(self) -> None:
         if self._timer is not None:
@@ -341,4 +336,4 @@ class RecordingWriter:
         self._flushed = time.monotonic()
         if self._live is not None and self._failure is None:
             self._live.commit()
-            self._safe, self._told = self._frames, dict(self._rows)
+            self._safe, self._safe_rows = self._frames, dict(self._rows)

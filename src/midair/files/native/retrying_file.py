@@ -1,4 +1,4 @@
-"""The bytes of a file that HDF5 writes, on a disk that may fill up: HDF5 does not survive that, Python does."""
+"""Output file for HDF5 that postpones disk errors, because HDF5 crashes on them."""
 
 from io import FileIO
 from pathlib import Path
@@ -9,10 +9,10 @@ if TYPE_CHECKING:
 
 
 class RetryingFile(FileIO):
-    """A new file that takes every byte without a word, and says at the end what the disk said.
+    """A new file that accepts all data, and raises the first disk error only in `check`.
 
-    HDF5 that cannot write what it holds cannot close its file either, and may end the program. So nothing is refused
-    while it writes; after the first refusal of the disk nothing more is written, and `check` raises it.
+    If HDF5 cannot write its buffers, it cannot close its file either, and may crash. After the first error nothing more
+    is written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -20,19 +20,19 @@ class RetryingFile(FileIO):
         self._refused: OSError | None = None
 
     def write(self, data: "Buffer", /) -> int:
-        """Write all of it, or remember why not."""
+        """Write all data, or store the error."""
         view = memoryview(data).cast("B")
         left = view if self._refused is None else view[:0]
         try:
             while len(left):
-                # The system may take a part of a large piece.
+                # The system may write only a part of a large block.
                 left = left[super().write(left) or 0 :]
         except OSError as wrong:
             self._refused = wrong
         return len(view)
 
     def truncate(self, size: int | None = None, /) -> int:
-        """Set the length, or remember why not."""
+        """Set the length, or store the error."""
         try:
             return super().truncate(size)
         except OSError as wrong:
@@ -40,6 +40,6 @@ class RetryingFile(FileIO):
             return size or 0
 
     def check(self) -> None:
-        """Raise what the disk refused, if it did."""
+        """Raise the first disk error, if any."""
         if self._refused is not None:
             raise self._refused

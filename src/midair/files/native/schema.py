@@ -1,60 +1,48 @@
-"""Every name that midair stores: its dimensions, type and unit, in one table for writers, readers and the docs."""
+"""Schema of midair's files: dimensions, type and unit of every stored name, for writers, readers and the docs."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 Kind = Literal["recording", "calibration", "pressure", "drive", "array", "played"]
-"""What a file, or a group of one, holds."""
+"""Content of a file or group."""
 
 FORMAT = 1
-"""Version of the table; it grows when a reader of the old one would misread a file."""
+"""Version of the schema; it increases when an older reader would misread a file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """One stored name, with its type, axes and unit.
-
-    Attributes
-    ----------
-    name : str
-        Name of the dataset or attribute.
-    what : str
-        What it means, in a few words.
-    dtype : {"f8", "i8", "i1", "u1", "text"}
-        Little-endian; text is UTF-8 of fixed length, so that the checksum of HDF5's metadata covers it.
-    dimensions : tuple of str or None
-        Names of the axes of a dataset, () for a single number; None for an attribute.
-    unit : str
-        Attribute `units` of a dataset, "1" for a pure number; ``{unit}`` stands for the unit of the sensor's output.
-        Empty for attributes, whose names carry it.
-    required : bool
-        Whether every file of its kind has it.
-    single : bool
-        Whether it is stored as f4 where that holds every number of it.
-    """
+    """A stored attribute or dataset."""
 
     name: str
     what: str
+    """Meaning in a few words; ``long_name`` of a dataset."""
     dtype: Literal["f8", "i8", "i1", "u1", "text"] = "f8"
+    """Little-endian; text is UTF-8 of fixed length, so that the checksum of HDF5 metadata covers it."""
     dimensions: tuple[str, ...] | None = None
+    """Axes of a dataset, () for a single number; None for an attribute."""
     unit: str = ""
+    """Attribute `units` of a dataset, "1" for a pure number, ``{unit}`` for the unit of the sensor's output; empty for
+    attributes, whose names contain it.
+    """
     required: bool = True
     single: bool = False
+    """Whether it is stored as f4 if that holds every number."""
 
     @property
     def coordinate(self) -> bool:
-        """Whether it holds the places along the axis of its own name."""
+        """True if it holds the coordinates of the axis of the same name."""
         return self.dimensions == (self.name,)
 
 
 def attribute(name: str, dtype: Literal["f8", "i8", "text"], what: str, *, required: bool = True) -> Entry:
-    """An entry that is an attribute."""
+    """Entry of an attribute."""
     return Entry(name=name, what=what, dtype=dtype, required=required)
 
 
 def numbers(name: str, dimensions: str, unit: str, what: str, *, required: bool = True, single: bool = False) -> Entry:
-    """An entry that is a dataset of float64, its dimensions in words."""
+    """Entry of a float64 dataset; `dimensions` are separated by spaces."""
     axes = tuple(dimensions.split())
     return Entry(name=name, what=what, dimensions=axes, unit=unit, required=required, single=single)
 
@@ -62,7 +50,7 @@ def numbers(name: str, dimensions: str, unit: str, what: str, *, required: bool 
 def indices(
     name: str, dimensions: str, what: str, *, required: bool = True, dtype: Literal["i8", "i1", "u1"] = "i8"
 ) -> Entry:
-    """An entry that is a dataset of whole numbers, its dimensions in words."""
+    """Entry of an integer dataset; `dimensions` are separated by spaces."""
     axes = tuple(dimensions.split())
     return Entry(name=name, what=what, dtype=dtype, dimensions=axes, unit="1", required=required)
 
@@ -241,7 +229,7 @@ TABLE: Mapping[Kind, tuple[Entry, ...]] = {
         indices("state", "time", "1 it sounded, 2 late: the one before stood on, 4 never felt; sums", dtype="i1"),
     ),
 }
-"""What each kind holds."""
+"""Entries of each kind."""
 
 
 HEADER: tuple[Entry, ...] = (
@@ -252,7 +240,7 @@ HEADER: tuple[Entry, ...] = (
     attribute("sensor", "text", "rows, columns, pitch_m and name"),
     attribute("scale_exponent", "i8", "of the power of two that full scale stands for, in a WAV", required=False),
 )
-"""What the line of JSON holds that goes with the samples into CSV, WAV, NPZ and MAT."""
+"""Entries of the JSON header of CSV, WAV, NPZ and MAT files."""
 
 NETCDF: tuple[Entry, ...] = (
     attribute("Conventions", "text", "the edition of the CF conventions that the names follow"),
@@ -261,11 +249,11 @@ NETCDF: tuple[Entry, ...] = (
     attribute("history", "text", "the steps of its provenance by name"),
     attribute("comment", "text", "who wrote the file, and where its provenance is"),
 )
-"""What a recording exported as NetCDF has besides: the attributes that programs for NetCDF look for."""
+"""Additional attributes of NetCDF exports, which NetCDF programs expect."""
 
 
 def as_markdown(entries: Iterable[Entry]) -> str:
-    """The table of one kind, or of the header, as the docs print it."""
+    """Table of entries in Markdown, for the docs."""
     lines = ["| name | stored as | dimensions | type | unit | what |", "| --- | --- | --- | --- | --- | --- |"]
     for entry in entries:
         stored = "attribute" if entry.dimensions is None else "dataset"

@@ -1,7 +1,7 @@
-"""Where the stage was while a recording was made: rows of their own in the file, and a step of its provenance.
+"""Positions of a motion stage during a recording: rows in the file, and a step of its provenance.
 
-As with the journal (`events`), rows can be added while others read, and whoever reads the file gets them as the step
-"stage", so that every copy, export and later step keeps them.
+As with the journal (`events`), rows can be added while other programs read. Readers return them as the step "stage" of
+the provenance, so that copies and later steps keep them.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,25 +13,19 @@ from midair.errors import BrokenFileError
 from midair.model import Event, Provenance, Setting, StageStamp, speed_of
 
 LISTED_STAMPS = 2000
-"""At most this many places are listed in the provenance: 200 s of strokes at ten a second."""
+"""Maximum number of positions in the provenance: 200 s of strokes at ten per second."""
 
 COLUMNS = ("stage_time", "stage_x", "stage_y", "stage_z", "stage_feed")
 
 
 def stage_values(stamps: Iterable[StageStamp]) -> dict[str, Any]:
-    """What is stored of places."""
+    """Stored values of stage positions."""
     table = np.array([(stamp.time, *stamp.position, stamp.feed) for stamp in stamps], np.float64).reshape(-1, 5)
     return {"stage": np.arange(len(table)), **dict(zip(COLUMNS, table.T, strict=True))}
 
 
 def stamps_from(values: Mapping[str, Any]) -> tuple[StageStamp, ...]:
-    """The places that were stored; none of a file without a stage.
-
-    Raises
-    ------
-    BrokenFileError
-        If a number is none.
-    """
+    """Stage positions from their stored values, () for a file without a stage; raises BrokenFileError if not finite."""
     if any(name not in values for name in COLUMNS):
         return ()
     table = np.column_stack([values[name] for name in COLUMNS])
@@ -43,7 +37,7 @@ def stamps_from(values: Mapping[str, Any]) -> tuple[StageStamp, ...]:
 def with_stage(
     provenance: Provenance, stamps: Sequence[StageStamp], events: Iterable[Event], rate: float
 ) -> Provenance:
-    """The life of a recording at `rate` (Hz) with where the stage was as its step "stage"; as it is without."""
+    """Add the stage positions of a recording at `rate` (Hz) to the provenance as step "stage", if there are any."""
     if not stamps:
         return provenance
     strokes = [event for event in events if event.kind == "stroke"]

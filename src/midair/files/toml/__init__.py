@@ -1,4 +1,4 @@
-"""What people write by hand in TOML."""
+"""TOML files that users write by hand."""
 
 from midair.files.toml.exposure_profiles import DEFAULT_PROFILE, load_profiles, profile_named
 from midair.files.toml.palms import load_palm

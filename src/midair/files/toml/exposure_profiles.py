@@ -1,4 +1,4 @@
-"""Exposure profiles in TOML: those that come with midair, and those that a person wrote."""
+"""Exposure profiles in TOML: those of midair and those of users."""
 
 import os
 from collections.abc import Mapping
@@ -15,14 +15,14 @@ DEFAULT_PROFILE = "occupational-110"
 
 
 def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, ExposureProfile]:
-    """The profiles of a TOML file, by name; those that come with midair if None.
+    """Exposure profiles of a TOML file, by name; those of midair if None.
 
     Raises
     ------
     MissingFileError, BrokenFileError
-        If the file is not there, or is no text.
+        If the file does not exist, or is not text.
     InputError
-        If it holds no profiles.
+        If it contains no valid profiles.
     """
     if path is None:
         return profiles_of(resources.files("midair.files.toml").joinpath("exposure.toml").read_text(encoding="utf-8"))
@@ -34,12 +34,12 @@ def load_profiles(path: str | os.PathLike[str] | None = None) -> dict[str, Expos
 
 
 def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> ExposureProfile:
-    """One profile.
+    """One exposure profile.
 
     Raises
     ------
     InputError
-        If there is none of that name.
+        If no profile has that name.
     """
     profiles = load_profiles(path)
     if name not in profiles:
@@ -48,13 +48,7 @@ def profile_named(name: str, path: str | os.PathLike[str] | None = None) -> Expo
 
 
 def profiles_of(text: str) -> dict[str, ExposureProfile]:
-    """The profiles of a TOML text, by name, in its order.
-
-    Raises
-    ------
-    InputError
-        If it is no TOML, or its keys or numbers are not those of the profiles that come with midair.
-    """
+    """Exposure profiles of a TOML text, by name, in its order; raises InputError if invalid."""
     try:
         content = toml_of(text)
     except ValueError as wrong:
@@ -63,10 +57,10 @@ def profiles_of(text: str) -> dict[str, ExposureProfile]:
         profiles = [_profile(each) for each in content["profile"]]
     except KeyError as wrong:
         raise InputError(
-            f"exposure profiles: expected the key {wrong}; copy a profile that comes with midair"
+            f"exposure profiles: expected the key {wrong}; copy a profile of midair and change it"
         ) from wrong
     except (TypeError, ValueError, AttributeError) as wrong:
-        raise InputError(f"exposure profiles: {wrong}; copy a profile that comes with midair") from wrong
+        raise InputError(f"exposure profiles: {wrong}; copy a profile of midair and change it") from wrong
     return {profile.name: profile for profile in profiles}
 
 

@@ -1,13 +1,13 @@
-"""The outline of a palm under the array, in a few lines of TOML: a disc, corners, or a picture beside the file.
+"""Outline of a palm above the array in TOML: a disc, a polygon, or a PNG picture beside the file.
 
 ::
 
     name = "left hand"
     disc_mm = 85                                   # one of these three
-    outline_mm = [[-40, -45], [40, -45], [0, 50]]  # x and y from the middle of the array
+    outline_mm = [[-40, -45], [40, -45], [0, 50]]  # x and y from the centre of the array
     picture = "hand.png"                           # dark is skin
-    width_mm = 180                                 # of the picture, whose middle lies over that of the array
-    pitch_mm = 2.5                                 # between the points that are looked at; may be left out
+    width_mm = 180                                 # width of the picture, which is centred on the array
+    pitch_mm = 2.5                                 # distance between evaluated points; optional
 """
 
 import os
@@ -27,7 +27,7 @@ from midair.validation import positive
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PalmSheet:
-    """What such a file says, by its own names."""
+    """Keys of such a file."""
 
     name: str = ""
     disc_mm: float | None = None
@@ -38,14 +38,14 @@ class PalmSheet:
 
 
 def load_palm(path: str | os.PathLike[str]) -> Palm:
-    """The palm that a TOML file describes.
+    """Read a palm from a TOML file.
 
     Raises
     ------
     MissingFileError
-        If the file, or its picture, is not there.
+        If the file or its picture does not exist.
     BrokenFileError
-        If it is no TOML of a palm, or the picture no PNG.
+        If the file or the picture is invalid.
     """
     content = read_toml(path, "a TOML file with the outline of a palm")
     try:
@@ -70,21 +70,21 @@ def _palm(sheet: PalmSheet, path: Path) -> Palm:
 
 
 _MOST = 4096
-"""Pixels along an edge of a picture."""
+"""Maximum width and height of a picture in pixels."""
 
 
 def _dark(picture: Path) -> NDArray[np.bool_]:
-    """Which pixels are dark and not transparent, shape (row, column)."""
+    """True for pixels that are dark and not transparent, shape (row, column)."""
     from matplotlib.image import imread
 
     try:
         with picture.open("rb") as file:
             head = file.read(24)
     except OSError:
-        raise MissingFileError(f"{picture}: expected the picture of a palm; it is not there") from None
+        raise MissingFileError(f"{picture}: expected the picture of a palm, found no file") from None
     if len(head) < 24 or head[:8] != b"\x89PNG\r\n\x1a\n":
         raise BrokenFileError(f"{picture}: expected a PNG, got something else")
-    # Told before any of it is unpacked: a small file can hold a picture that fills the memory.
+    # Checked before decompression, because a small file can contain a picture that fills the memory.
     columns, rows = struct.unpack(">II", head[16:24])
     if not 0 < columns <= _MOST or not 0 < rows <= _MOST:
         raise BrokenFileError(f"{picture}: expected at most {_MOST} x {_MOST} pixels, got {columns} x {rows}")
@@ -99,7 +99,7 @@ def _dark(picture: Path) -> NDArray[np.bool_]:
 
 
 def _sampled(dark: NDArray[np.bool_], width: float, pitch: float, name: str) -> Palm:
-    """A palm of the pixels that the points of its grid fall on."""
+    """A palm whose grid points take the nearest pixel."""
     side = width / dark.shape[1]
     counts = [2 * int(each * side / 2 / pitch) + 1 for each in dark.shape]
     rows, columns = (

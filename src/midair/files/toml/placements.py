@@ -1,15 +1,15 @@
-"""The placement of an array's units in a few lines of TOML.
+"""Placement of an array's units in TOML.
 
 ::
 
     name = "my array"
 
     [[unit]]
-    position_mm = [0, 0, 0]        # of the unit's first transducer
-    rotation_deg = [0, 0, 0]       # about the fixed x, then y, then z axis; may be left out
+    position_mm = [0, 0, 0]        # position of the unit's first transducer
+    rotation_deg = [0, 0, 0]       # about the fixed x, then y, then z axis; optional
 
-Units come in the order in which they are wired. The whole is shifted so that its centre, the mean of all transducers,
-is the origin.
+Units are in the order of their wiring. The array is shifted so that its centre, the mean of all transducers, is the
+origin.
 """
 
 import os
@@ -25,14 +25,14 @@ from midair.model import Placement
 
 
 def load_placement(path: str | os.PathLike[str]) -> Placement:
-    """The placement that a TOML file describes.
+    """Read a placement from a TOML file.
 
     Raises
     ------
     MissingFileError
-        If the file is not there.
+        If the file does not exist.
     BrokenFileError
-        If it is no TOML, or its keys or numbers are not the ones above.
+        If it is not TOML, or a key or value is invalid.
     """
     content = read_toml(path, "a TOML file with the placement of the units")
     name, units = content.pop("name", Path(path).stem), content.pop("unit", None)
@@ -54,11 +54,11 @@ def _unit(unit: Mapping[str, Any], number: int, path: Path) -> tuple[list[float]
     unknown = set(unit) - {"position_mm", "rotation_deg"}
     if unknown or not _three(place) or not _three(turn):
         raise BrokenFileError(
-            f"{path}: unit {number}: expected position_mm and perhaps rotation_deg, three numbers each, got {unit}"
+            f"{path}: unit {number}: expected position_mm and optional rotation_deg, three numbers each, got {unit}"
         )
-    return place, turn  # pyright: ignore[reportReturnType]  # _three has looked
+    return place, turn  # pyright: ignore[reportReturnType]  # checked by _three
 
 
 def _three(value: object) -> bool:
-    # By type, since true and false are ints to isinstance.
+    # By type, because bool is a subclass of int.
     return isinstance(value, list) and len(value) == 3 and all(type(each) in (int, float) for each in value)

@@ -1,4 +1,4 @@
-"""Frozen dataclasses as nested dicts of numbers and texts, and back, with a clear line for what does not fit."""
+"""Convert frozen dataclasses to nested dicts and back, with clear errors for invalid values."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -11,9 +11,9 @@ from midair.errors import InputError
 
 
 def to_plain(value: Any) -> Any:
-    """A frozen dataclass as a dict, at every depth; tuples become lists, and what is None is left out.
+    """A frozen dataclass as a nested dict; tuples become lists, and None is omitted.
 
-    TOML has no null: None has to be the default of whatever may be None.
+    TOML has no null, so None has to be the default of any field that may be None.
     """
     if is_dataclass(value) and not isinstance(value, type):
         return {one.name: to_plain(got) for one in fields(value) if (got := getattr(value, one.name)) is not None}
@@ -21,21 +21,21 @@ def to_plain(value: Any) -> Any:
 
 
 def from_plain(kind: type[Any], values: Mapping[str, Any], *, where: str = "") -> Any:
-    """The dataclass that `to_plain` gave; what is left out has its default.
+    """Create a dataclass from the output of `to_plain`; missing fields take their defaults.
 
     Parameters
     ----------
     kind : type
-        Of dataclass.
+        The dataclass.
     values : mapping
-        By the names of its fields; nested dataclasses as mappings.
+        Values by field name; nested dataclasses as mappings.
     where : str
-        What comes before the names in a message, such as ``solver.``.
+        Prefix of names in messages, such as ``solver.``.
 
     Raises
     ------
     InputError
-        If a name is unknown, or a value of another type or out of range.
+        If a name is unknown, or a value has the wrong type or is out of range.
     """
     hints, known = get_type_hints(kind), {one.name for one in fields(kind)}
     if unknown := sorted(set(values) - known):
@@ -48,14 +48,14 @@ def from_plain(kind: type[Any], values: Mapping[str, Any], *, where: str = "") -
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:
-    """One value as its annotation wants it."""
+    """Validate one value against its annotation."""
     if isinstance(value, Mapping):
         kinds = [each for each in _alternatives(hint) if is_dataclass(each) and isinstance(each, type)]
         if kinds:
             return from_plain(kinds[0], value, where=f"{where}.")
     from pydantic import TypeAdapter, ValidationError
 
-    # Only what text can hold is left to choose from: pydantic knows no dataclass with arrays in it.
+    # Dataclasses are excluded, because pydantic does not support those with arrays.
     plain = tuple(each for each in _alternatives(hint) if not is_dataclass(each))
     if not plain:
         raise InputError(f"{where}: expected a table, got {value!r}")
@@ -66,7 +66,7 @@ def _value(hint: Any, value: Any, where: str) -> Any:
 
 
 def _alternatives(hint: Any) -> tuple[Any, ...]:
-    """The members of a union, at every depth; the annotation itself if it is none."""
+    """Members of a union at every depth, or the annotation itself."""
     if get_origin(hint) in (Union, UnionType):
         return tuple(each for part in get_args(hint) for each in _alternatives(part))
     return (hint,)

@@ -1,4 +1,4 @@
-"""A sensor in a few lines of TOML that people write and `midair identify` corrects.
+"""Description of a sensor in TOML, written by users and corrected by `midair identify`.
 
 ::
 
@@ -6,10 +6,10 @@
     rows = 4
     columns = 4
     pitch_mm = 11.0
-    unit = "V"                    # of the samples: V, count or Pa
-    full_scale = 1.25             # where the source clips, in that unit; may be left out
-    sensitivity = 0.02            # unit per Pa, nominal; may be left out
-    order = [                     # channel of the source for each cell, row by row; 0, 1, 2, ... if left out
+    unit = "V"                    # unit of the samples: V, count or Pa
+    full_scale = 1.25             # level at which the source clips, in that unit; optional
+    sensitivity = 0.02            # unit per Pa, nominal; optional
+    order = [                     # channel of the source for each cell, row by row; default 0, 1, 2, ...
       0, 1, 2, 3,
       4, 5, 6, 7,
       8, 9, 10, 11,
@@ -32,14 +32,14 @@ _KEYS = {"name", "unit", "order", *_NUMBERS}
 
 
 def load_sensor(path: str | os.PathLike[str]) -> SensorWiring:
-    """The sensor that a TOML file describes; what it leaves out is 4 x 4 cells 11 mm apart, in counts.
+    """Read a sensor from a TOML file; the defaults are 4 x 4 cells at 11 mm, in counts.
 
     Raises
     ------
     MissingFileError
-        If the file is not there.
+        If the file does not exist.
     BrokenFileError
-        If it is no TOML, or its keys or values are not the ones above.
+        If it is not TOML, or a key or value is invalid.
     """
     content = read_toml(path, "a TOML file that describes a sensor")
     _check_keys(content, path)
@@ -50,7 +50,7 @@ def load_sensor(path: str | os.PathLike[str]) -> SensorWiring:
 
 
 def save_sensor(sensor: SensorWiring, path: str | os.PathLike[str]) -> None:
-    """Write a sensor file, in one piece; one that is there is replaced.
+    """Write a sensor file atomically.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def save_sensor(sensor: SensorWiring, path: str | os.PathLike[str]) -> None:
 
 
 def sensor_text(sensor: SensorWiring) -> str:
-    """The sensor file's text."""
+    """Text of a sensor file."""
     columns = sensor.grid.columns
     rows = [sensor.order[first : first + columns] for first in range(0, len(sensor.order), columns)]
     lines = [
@@ -82,7 +82,7 @@ def sensor_text(sensor: SensorWiring) -> str:
 
 
 def _quoted(text: str) -> str:
-    """As a TOML basic string: JSON's escapes are TOML's, but for DEL."""
+    """A TOML basic string: the escapes of JSON are those of TOML, except DEL."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -1,21 +1,21 @@
-"""How a stage brings an object to the sensor and takes it back, in a few lines of TOML.
+"""Set-up of a motion stage that moves an object to the sensor, in TOML.
 
 ::
 
-    heading = "+x"                # of strokes: +x, -x, +y or -y
-    start_mm = [20.0, 50.0]       # x, y where they begin
-    contact_mm = -32.5            # z at which the object touches as it should
-    clear_mm = -20.0              # z at which it touches nothing; z grows away from the sensor
-    approach_mm_s = 5.0           # down to the contact
-    return_mm_s = 50.0            # up, back, and all other ways
-    homing = "switches"           # or "by hand": somebody sees to where it is switched on; may be left out
+    heading = "+x"                # direction of strokes: +x, -x, +y or -y
+    start_mm = [20.0, 50.0]       # x, y of the start of strokes
+    contact_mm = -32.5            # z at which the object is in contact
+    clear_mm = -20.0              # z without contact; z increases away from the sensor
+    approach_mm_s = 5.0           # speed of the approach to the contact
+    return_mm_s = 50.0            # speed of all other moves
+    homing = "switches"           # default, or "by hand": the user moves the stage home before switching it on
 
-    [travel]                      # where it may be; whatever lies beyond is refused before anything moves
+    [travel]                      # limits of travel; a stroke beyond them is refused before any move
     x_mm = [0.0, 200.0]
     y_mm = [0.0, 120.0]
     z_mm = [-60.0, 0.0]
 
-All places are in the machine's coordinates, those that follow ``MPos:`` in a status report of Grbl.
+All positions are machine coordinates, as after ``MPos:`` in a status report of Grbl.
 """
 
 import math
@@ -33,16 +33,16 @@ AXES = ("x_mm", "y_mm", "z_mm")
 
 
 def load_stage(path: str | os.PathLike[str]) -> StageSetup:
-    """What the TOML file of a stage says.
+    """Read the set-up of a motion stage from a TOML file.
 
     Raises
     ------
     MissingFileError
-        If the file is not there.
+        If the file does not exist.
     BrokenFileError
-        If it is no TOML, or its keys or values are not the ones above.
+        If it is not TOML, or a key or value is invalid.
     """
-    content = {"homing": "switches"} | read_toml(path, "a TOML file that says where the stage goes")
+    content = {"homing": "switches"} | read_toml(path, "a TOML file that describes a motion stage")
     try:
         _check_keys(content, KEYS, "")
         _check_keys(travel := _table(content["travel"]), AXES, "travel.")
@@ -71,14 +71,14 @@ def _check_keys(content: Mapping[str, Any], known: tuple[str, ...], where: str) 
 def _table(value: object) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise InputError(f"travel: expected a table [travel] with {', '.join(AXES)}, got {value!r}")
-    return value  # pyright: ignore[reportUnknownVariableType]  # of TOML: its keys are texts
+    return value  # pyright: ignore[reportUnknownVariableType]  # TOML keys are strings
 
 
 def _number(value: object, name: str) -> float:
-    # By type, since true and false are ints to isinstance.
+    # By type, because bool is a subclass of int.
     if type(value) not in (int, float) or not math.isfinite(float(value)):  # pyright: ignore[reportArgumentType]
         raise InputError(f"{name}: expected a number, got {value!r}")
-    return float(value)  # pyright: ignore[reportArgumentType]  # just looked
+    return float(value)  # pyright: ignore[reportArgumentType]  # checked above
 
 
 def _pair(value: object, name: str) -> tuple[float, float]:
