@@ -26,10 +26,7 @@ def misses_wide_kernel(cpuinfo: str) -> bool:
 
 
 def take_wide_kernel(environ: MutableMapping[str, str] = os.environ, cpuinfo: Path = Path("/proc/cpuinfo")) -> bool:
-    """Set OPENBLAS_CORETYPE where OpenBLAS would choose the narrow kernel; True if it was set.
-
-    Call it before NumPy is loaded. Child processes inherit the value; a value that the user has set stays.
-    """
+    """Set OPENBLAS_CORETYPE, unless set, before NumPy loads OpenBLAS with the narrow kernel; True if it was set."""
     if VARIABLE in environ or not cpuinfo.is_file() or not misses_wide_kernel(cpuinfo.read_text(encoding="utf-8")):
         return False
     environ[VARIABLE] = WIDE

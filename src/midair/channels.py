@@ -12,10 +12,7 @@ Array = NDArray[np.float64]
 
 
 def channels(x: "NDArray[Any] | LazyFrames") -> Iterator[Array]:
-    """Yield each channel, shape (frame,), in the order of the other axes.
-
-    Lazy frames are read once for each channel: cache frames that are slow to compute in a `TempFrames`.
-    """
+    """Yield each channel, shape (frame,), in the order of the other axes; lazy frames are read once per channel."""
     for number in range(int(np.prod(x.shape[1:], dtype=np.int64))):
         whole, first = np.empty(len(x)), 0
         for block in blocks(x):

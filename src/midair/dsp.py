@@ -88,17 +88,10 @@ def filter_response(x: Array, rate: float, response: Callable[[Array], Complex |
     ----------
     x : ndarray, shape (frame, ...)
         Any unit.
-    rate : float
-        In Hz.
     response : callable
         Takes frequencies, shape (bin,), from 0 to half the rate in Hz; returns factors, shape (bin, ...).
     reach : float
         Duration of the response in time, in s; the signal is extended by it on both sides.
-
-    Returns
-    -------
-    ndarray, shape (frame, ...)
-        Real.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
@@ -151,10 +144,6 @@ def filter_fir(x: Array, fir: Array) -> Array:
         Any unit; held beyond its ends, as in `filter_response`.
     fir : ndarray, shape (taps, ...)
         As many further axes as `x`.
-
-    Returns
-    -------
-    ndarray, shape (frame, ...)
     """
     from scipy.signal import oaconvolve
 
@@ -173,8 +162,6 @@ def welch(x: Array | LazyFrames, rate: float, *, resolution: float = 4.0) -> tup
     ----------
     x : ndarray, shape (frame, ...)
         Any unit.
-    rate : float
-        In Hz.
     resolution : float
         Bin spacing in Hz; coarser only where the signal is shorter than 1 / resolution.
 
@@ -204,7 +191,7 @@ def welch(x: Array | LazyFrames, rate: float, *, resolution: float = 4.0) -> tup
 
 
 def band_energy(x: Array, rate: float, band: Band, *, resolution: float = 2.0) -> Array:
-    """Mean square of the part of a signal within a band.
+    """Mean square of the part of a signal within a band, both ends included (Hz), in unit^2, shape (...).
 
     Welch's method with Blackman-Harris segments that overlap by three quarters. Their side lobes are 92 dB down: a
     drift or a strong tone more than four bins away does not leak into the band. Samples in the first or last tenth of a
@@ -214,17 +201,8 @@ def band_energy(x: Array, rate: float, band: Band, *, resolution: float = 2.0) -
     ----------
     x : ndarray, shape (frame, ...)
         Any unit.
-    rate : float
-        In Hz.
-    band : tuple of float
-        (low, high), both included, in Hz.
     resolution : float
         Bin spacing in Hz; coarser only where the signal is shorter than 1 / resolution.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        In unit^2.
     """
     from scipy.signal import welch as scipy_welch
 

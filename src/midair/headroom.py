@@ -40,11 +40,7 @@ class Headroom:
 
     @property
     def swing(self) -> float:
-        """Largest vibration amplitude on all cells at once, in Pa.
-
-        Half of `even`, because radiation pressure cannot be negative: the other half is the mean. The same holds for
-        half-wave rectification, which keeps half of the wave.
-        """
+        """Largest vibration amplitude on all cells at once, in Pa: half of `even`, as pressure is never negative."""
         return self.even / 2
 
     def __str__(self) -> str:
@@ -124,10 +120,7 @@ def headroom(
     *,
     sensor: SensorGrid | None = None,
 ) -> Headroom:
-    """Largest pressures of `array` at the height of `grid`, cached for equal inputs.
-
-    `sensor` has the cells that are pressed all at once; None for the paper's 4 x 4.
-    """
+    """Largest pressures of `array` at the height of `grid`, cached; `sensor` (4 x 4 if None) has the cells."""
     key = array.position.tobytes() + array.normal.tobytes()
     return _headroom(_Keyed(array=array, key=(key, array.pressure, array.frequency)), grid, acoustics, sensor)
 
@@ -144,17 +137,17 @@ def level_of(
     pressure = radiation_pressure(wave, medium)
     vibration = in_band(pressure[:, None], target.rate, (band[0], min(band[1], target.rate / 2)))
     pattern = read_frames(target.amplitude, loudest, loudest + 1)[0]
-    room = headroom(drive.array, target.grid, drive.acoustics)
+    limits = headroom(drive.array, target.grid, drive.acoustics)
     asked = float(radiation_pressure(np.array(sums.max()), medium))
     linear, _ = linear_range(drive.array, target.grid, pattern**2, drive.acoustics)
     return PressureLevel(
-        strength=float(np.sqrt(asked / room.focus)),
+        strength=float(np.sqrt(asked / limits.focus)),
         asked=asked,
         steady=float(pressure.mean()),
         vibration=float(np.sqrt((vibration**2).mean())),
-        comes=_comes(drive, target, _loud_frames(target, piece)),
+        comes=_pressure_ratio(drive, target, _loud_frames(target, piece)),
         linear=linear,
-        headroom=room,
+        headroom=limits,
     )
 
 
@@ -231,7 +224,7 @@ def _headroom(keyed: _Keyed, grid: ControlGrid, acoustics: Acoustics | None, sen
 def _loudest(target: AmplitudeFrames, piece: slice) -> tuple[int, int, Array]:
     """Frame with the highest power, point with the highest amplitude, and the maximum amplitude of each point."""
     most, frame, top = -1.0, piece.start, np.zeros(target.grid.count)
-    for first, block in _stretches(target, piece):
+    for first, block in _blocks(target, piece):
         power = (block**2).sum(axis=1)
         if power.max() > most:
             most, frame = float(power.max()), first + int(power.argmax())
@@ -241,23 +234,23 @@ def _loudest(target: AmplitudeFrames, piece: slice) -> tuple[int, int, Array]:
 
 def _loud_frames(target: AmplitudeFrames, piece: slice, *, count: int = 16) -> list[int]:
     """The `count` frames with the highest power."""
-    power = np.concatenate([(block**2).sum(axis=1) for _, block in _stretches(target, piece)])
+    power = np.concatenate([(block**2).sum(axis=1) for _, block in _blocks(target, piece)])
     return [piece.start + int(frame) for frame in np.argsort(power)[::-1][:count]]
 
 
 def _at_point(target: AmplitudeFrames, piece: slice, point: int) -> Array:
     # Copies: a view would keep its whole block in memory.
-    return np.concatenate([block[:, point].copy() for _, block in _stretches(target, piece)])
+    return np.concatenate([block[:, point].copy() for _, block in _blocks(target, piece)])
 
 
-def _stretches(target: AmplitudeFrames, piece: slice) -> Iterator[tuple[int, Array]]:
+def _blocks(target: AmplitudeFrames, piece: slice) -> Iterator[tuple[int, Array]]:
     first = piece.start
     for block in blocks(target.amplitude[piece.start : piece.stop]):
         yield first, block
         first += len(block)
 
 
-def _comes(drive: Drive, target: AmplitudeFrames, frames: list[int]) -> float:
+def _pressure_ratio(drive: Drive, target: AmplitudeFrames, frames: list[int]) -> float:
     """Least-squares ratio of produced to requested pressure over some frames in steady state."""
     medium = drive.acoustics.medium
     phase, level, wanted = (

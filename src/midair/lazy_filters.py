@@ -76,10 +76,9 @@ def filter_lazily(
 ) -> LazyFrames:
     """`midair.dsp.filter_response` of lazy frames: each segment has its own spectrum.
 
-    The context is two reaches of the signal on either side, at least `LEAST` frames, of which the outer half fades in
-    or out, so that a segment ends without a step. The impulse response beyond it is cut off. The inverse of an envelope
-    whose phase at half the rate is not 0 never ends: it contains a tone at half the rate that falls as 1 / t, and there
-    the two results differ.
+    The context on either side is twice the reach and at least `LEAST` frames, of which the outer half fades. The
+    impulse response beyond it is cut off, which matters for the inverse of an envelope with a phase other than 0 at
+    half the rate: it contains a tone at half the rate that falls as 1 / t.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
@@ -88,12 +87,12 @@ def filter_lazily(
     mean, known = x.moments.mean, dict[int, Complex | Array]()
 
     def make(first: int, last: int) -> Array:
-        around = _around(x, first - margin, last + margin, pad, mean, fade=margin // 2)
+        around = _with_margins(x, first - margin, last + margin, pad, mean, fade=margin // 2)
         length = next_fast_len(len(around), real=True)
         if length not in known:
             # All segments except the last one have the same length.
             known.clear()
-            known[length] = _answer(response, np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
+            known[length] = _response_at(response, np.asarray(np.fft.rfftfreq(length, 1 / rate), np.float64))
         wanted = known[length]
         inside = slice(margin, margin + last - first)
         changing = np.empty((last - first, *x.shape[1:]))
@@ -105,21 +104,20 @@ def filter_lazily(
         changing += mean * wanted[0].real
         return changing
 
-    return cached_blocks(make, x.shape, size=max(_usual(x), 2 * margin), kept=2)
+    return cached_blocks(make, x.shape, size=max(_block_frames(x), 2 * margin), kept=2)
 
 
 def shift_earlier(x: LazyFrames, by: float) -> LazyFrames:
     """Shift lazy frames earlier by a number of frames, not necessarily whole, with silence on both sides.
 
-    The shift is a linear phase on the spectrum. The context is the shift plus `LEAST` frames, the outer ones of which
-    fade. Compared with the spectrum of the whole, the error is 1e-6 for frequencies up to 0.48 of the rate.
+    It multiplies a linear phase. Compared with the spectrum of the whole, the error is 1e-6 up to 0.48 of the rate.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
     margin, rest = LEAST + int(np.ceil(abs(by))), int(np.prod(x.shape[1:], dtype=np.int64))
 
     def make(first: int, last: int) -> Array:
-        around = _around(x, first - margin, last + margin, 0, np.zeros(x.shape[1:]), fade=LEAST // 2)
+        around = _with_margins(x, first - margin, last + margin, 0, np.zeros(x.shape[1:]), fade=LEAST // 2)
         length = next_fast_len(len(around), real=True)
         turn = np.exp(2j * np.pi * np.fft.rfftfreq(length) * by)
         moved = np.empty((last - first, rest))
@@ -128,7 +126,7 @@ def shift_earlier(x: LazyFrames, by: float) -> LazyFrames:
             moved[:, channel] = irfft(spectrum * turn, length, overwrite_x=True)[margin : margin + last - first]
         return moved.reshape(-1, *x.shape[1:])
 
-    return cached_blocks(make, x.shape, size=max(_usual(x), 2 * margin), kept=2)
+    return cached_blocks(make, x.shape, size=max(_block_frames(x), 2 * margin), kept=2)
 
 
 def convolve_lazily(x: LazyFrames, fir: Array) -> LazyFrames:
@@ -138,10 +136,10 @@ def convolve_lazily(x: LazyFrames, fir: Array) -> LazyFrames:
     pad = len(fir) - 1
 
     def make(first: int, last: int) -> Array:
-        around = _around(x, first - pad // 2, last + pad // 2, pad, np.zeros(x.shape[1:]))
+        around = _with_margins(x, first - pad // 2, last + pad // 2, pad, np.zeros(x.shape[1:]))
         return np.asarray(oaconvolve(around, fir, mode="valid", axes=0), np.float64)
 
-    return cached_blocks(make, x.shape, size=max(_usual(x), 2 * pad), kept=2)
+    return cached_blocks(make, x.shape, size=max(_block_frames(x), 2 * pad), kept=2)
 
 
 def resample_lazily(x: LazyFrames, up: int, down: int, fir: Array) -> LazyFrames:
@@ -151,7 +149,7 @@ def resample_lazily(x: LazyFrames, up: int, down: int, fir: Array) -> LazyFrames
     # Input frames covered by half of the filter, and whole periods of the fraction, so that the phases agree.
     half = -(-len(fir) // (2 * up)) + 1
     frames = -(-len(x) * up // down)
-    periods = max(1, _usual(x) // down)
+    periods = max(1, _block_frames(x) // down)
 
     def make(first: int, last: int) -> Array:
         begin = max(0, (first * down // up - half) // down * down)
@@ -171,10 +169,7 @@ def resample_lazily(x: LazyFrames, up: int, down: int, fir: Array) -> LazyFrames
 
 
 def with_context(x: LazyFrames, reach: int, function: Callable[[Array], Array]) -> LazyFrames:
-    """Apply `function` to segments with `reach` frames more on either side, held beyond the ends.
-
-    `function` returns the inner frames; the shape of a frame stays.
-    """
+    """Apply `function` to segments with `reach` frames more per side, held beyond the ends, and keep the inner ones."""
 
     def make(first: int, last: int) -> Array:
         begin, end = max(0, first - reach), min(len(x), last + reach)
@@ -183,22 +178,22 @@ def with_context(x: LazyFrames, reach: int, function: Callable[[Array], Array]) 
         ends = [np.repeat(inside[:1], before, axis=0), np.repeat(inside[-1:], after, axis=0)]
         return function(np.concatenate([ends[0], inside, ends[1]]))
 
-    return cached_blocks(make, x.shape, size=max(_usual(x), 2 * reach), kept=2)
+    return cached_blocks(make, x.shape, size=max(_block_frames(x), 2 * reach), kept=2)
 
 
-def _answer(response: Callable[[Array], Complex | Array], frequency: Array) -> Complex | Array:
+def _response_at(response: Callable[[Array], Complex | Array], frequency: Array) -> Complex | Array:
     """A response at many frequencies, computed in parts because intermediate results are several times as large."""
     step = 4096
     parts = [response(frequency[first : first + step]) for first in range(0, len(frequency), step)]
     return cast("Complex", np.concatenate(parts))
 
 
-def _usual(x: LazyFrames) -> int:
+def _block_frames(x: LazyFrames) -> int:
     """Number of frames in a block."""
     return max(1, BYTES // max(1, 8 * int(np.prod(x.shape[1:], dtype=np.int64))))
 
 
-def _around(x: LazyFrames, first: int, last: int, pad: int, mean: Array, *, fade: int = 0) -> Array:
+def _with_margins(x: LazyFrames, first: int, last: int, pad: int, mean: Array, *, fade: int = 0) -> Array:
     """Frames minus a mean, extended as by `extend` beyond the ends; elsewhere the outer `fade` frames fade."""
     begin, end = max(0, first), min(len(x), last)
     whole = np.zeros((last - first, *x.shape[1:]))

@@ -87,10 +87,10 @@ class LazyFrames:
             frame = range(len(self))[int(key)]
             return self._read(frame, frame + 1)[0]
         if isinstance(key, np.ndarray) and key.ndim == 1:
-            return self._some(np.arange(len(self))[key])
+            return self._read_chosen(np.arange(len(self))[key])
         return np.asarray(self)[key]
 
-    def _some(self, frames: NDArray[np.intp]) -> Array:
+    def _read_chosen(self, frames: NDArray[np.intp]) -> Array:
         """Read chosen frames; consecutive ones are read together, because each read may open a file."""
         some, most = np.empty((len(frames), *self.shape[1:])), next(block_ranges(self.shape), (0, 1))[1]
         ends = [*(np.flatnonzero(np.diff(frames) != 1) + 1).tolist(), len(frames)]
@@ -173,14 +173,18 @@ class Moments:
         least, greatest = block.min(axis=0), block.max(axis=0)
         # Scaled by a power of two, because squares of very large or small numbers overflow or underflow.
         unit = 2.0 ** min(int(np.frexp(np.maximum(greatest, -least).max())[1]), 1023)
-        mean, apart, steps = (block / unit).mean(axis=0), _apart(block / unit), _steps(block / unit)
+        mean, apart, steps = (
+            (block / unit).mean(axis=0),
+            _squared_deviations(block / unit),
+            _squared_steps(block / unit),
+        )
         for block in parts:
             least, greatest = np.minimum(least, block.min(axis=0)), np.maximum(greatest, block.max(axis=0))
             part, total = block / unit, count + len(block)
-            steps = steps + np.square(part[0] - last / unit) + _steps(part)
+            steps = steps + np.square(part[0] - last / unit) + _squared_steps(part)
             # Update of mean and sum of squares: Chan, Golub & LeVeque, Am. Stat. 37 (1983).
             change = part.mean(axis=0) - mean
-            apart = apart + _apart(part) + change**2 * (count * len(block) / total)
+            apart = apart + _squared_deviations(part) + change**2 * (count * len(block) / total)
             mean, count, last = mean + change * (len(block) / total), total, block[-1]
         return cls(
             least=least,
@@ -198,12 +202,12 @@ def moments(x: "Array | LazyFrames") -> Moments:
     return x.moments if isinstance(x, LazyFrames) else Moments.of(x)
 
 
-def _apart(block: Array) -> Array:
+def _squared_deviations(block: Array) -> Array:
     """Sum of squared deviations from the mean."""
     return np.asarray(block.var(axis=0) * len(block), np.float64)
 
 
-def _steps(block: Array) -> Array:
+def _squared_steps(block: Array) -> Array:
     """Sum of squared differences between successive frames."""
     return np.asarray(np.square(np.diff(block, axis=0)).sum(axis=0), np.float64)
 
@@ -233,10 +237,9 @@ def as_lazy(x: "NDArray[Any] | LazyFrames") -> Any:
 
 
 def each_frame(x: Any, function: Callable[[Array], Any], *, exact: bool = False) -> Any:
-    """Apply `function` to all frames: to an array at once, to lazy frames when they are read.
+    """Apply a function of single frames: to an array at once, to lazy frames when they are read.
 
-    `function` takes and returns as many frames, each of which depends only on that frame of `x`. Set `exact` if its
-    results still fit into float32 where the input does.
+    Set `exact` if its results still fit into float32 where the input does.
     """
     return x.mapped(function, stored=x.stored if exact else "f8") if isinstance(x, LazyFrames) else function(x)
 
@@ -279,11 +282,7 @@ def from_iterator(parts: Iterable[Array], shape: tuple[int, ...]) -> LazyFrames:
 def cached_blocks(
     make: Callable[[int, int], Array], shape: tuple[int, ...], *, size: int, kept: int = 3, stored: Stored = "f8"
 ) -> LazyFrames:
-    """Lazy frames computed in segments of `size` frames, the last `kept` of which stay in memory.
-
-    Segment boundaries are fixed: a frame has the same value whichever range is read. `make` takes (first, last) of a
-    segment and returns its frames.
-    """
+    """Lazy frames from `make(first, last)` in fixed segments of `size` frames, of which `kept` stay in memory."""
     held: OrderedDict[int, Array] = OrderedDict()
     lock = Lock()
 

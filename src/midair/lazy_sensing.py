@@ -15,10 +15,9 @@ def sense_lazily(
     rng: np.random.Generator | None = None,
     oversample: int = 1,
 ) -> LazyFrames:
-    """`midair.physics.sense` for lazy frames of pressure in Pa, shape (step, row, column), which are read once.
+    """`midair.physics.sense` for pressure in Pa, shape (step, row, column), read once; the result in V is on disk.
 
-    Before quantisation it equals `sense` to rounding. The result, in V, shape (ceil(step / oversample), row, column),
-    is stored on disk.
+    Before quantisation it equals `sense` to rounding.
     """
     steps, frames = len(pressure), -(-len(pressure) // oversample)
     felt = TempChannels(steps, model.grid.count).fill(each_frame(pressure, lambda block: cell_pressure(model, block)))

@@ -17,14 +17,13 @@ _FEW = 2**16
 def medians(x: "NDArray[Any] | LazyFrames") -> Array:
     """Median of each channel along the frames, shape (...), bit-identical to `numpy.median`.
 
-    Lazy frames are read three or four times: for the range of each channel, for the counts in 16384 bins of that range,
-    and for the values in the bin of the median; once more where these are many.
+    Lazy frames are read three or four times: for the range, for counts in bins, and for the values in the median's bin.
     """
     if not isinstance(x, LazyFrames):
         return np.asarray(np.median(x, axis=0), np.float64)
     found = moments(x)
     ends = zip(found.least.ravel(), found.greatest.ravel(), strict=True)
-    middles = [_Middle(len(x), float(low), float(high)) for low, high in ends]
+    middles = [_MedianSearch(len(x), float(low), float(high)) for low, high in ends]
     while waiting := [(channel, each) for channel, each in enumerate(middles) if each.value is None]:
         for block in x.blocks():
             values = block.reshape(len(block), -1)
@@ -35,7 +34,7 @@ def medians(x: "NDArray[Any] | LazyFrames") -> Array:
     return np.array([each.value for each in middles], np.float64).reshape(x.shape[1:])
 
 
-class _Middle:
+class _MedianSearch:
     """Median of values that are read several times: it lies between `low` and `high`; `below` values are smaller."""
 
     def __init__(self, count: int, low: float, high: float) -> None:

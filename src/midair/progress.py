@@ -38,10 +38,7 @@ def watched(report: Progress) -> Generator[None]:
 
 
 def passing(items: Iterable[T], total: int, *, weight: Callable[[T], int] = lambda _: 1) -> Iterator[T]:
-    """Yield the items and report progress to the callback of `watched`, if there is one.
-
-    `total` is the sum of the weights of all items; each item weighs 1 by default.
-    """
+    """Yield the items and report progress to the callback of `watched`, if any; `total` is the sum of the weights."""
     watcher = _watcher.get()
     if watcher is None or watcher.busy:
         yield from items

@@ -7,14 +7,11 @@ from pathlib import Path
 
 
 def available(meminfo: Path = Path("/proc/meminfo"), group: Path = Path("/sys/fs/cgroup")) -> int | None:
-    """Bytes that a process can allocate without swapping; None where the system does not report it.
-
-    Linux reports it; within a container the limit of its cgroup counts too.
-    """
+    """Bytes that a process can allocate without swapping, also within a cgroup; None where this is unknown."""
     if not meminfo.is_file():
         return None
-    said = re.search(r"^MemAvailable:\s+(\d+) kB", meminfo.read_text(encoding="ascii"), re.MULTILINE)
-    free = None if said is None else 1024 * int(said[1])
+    found = re.search(r"^MemAvailable:\s+(\d+) kB", meminfo.read_text(encoding="ascii"), re.MULTILINE)
+    free = None if found is None else 1024 * int(found[1])
     limit, used = (_number(group / name) for name in ("memory.max", "memory.current"))
     if limit is None or used is None:
         return free
@@ -27,9 +24,8 @@ def available(meminfo: Path = Path("/proc/meminfo"), group: Path = Path("/sys/fs
 def give_back_large(least: int = 2**22) -> bool:
     """Return arrays of `least` bytes or more to the system as soon as they are freed; True if that could be set.
 
-    The default threshold of the GNU C library rises with freed sizes up to 32 MB. Smaller arrays come from one heap,
-    where small live objects keep freed memory from being returned, so that streaming large blocks grows the process by
-    half.
+    The default threshold of the GNU C library rises with freed sizes up to 32 MB; smaller arrays come from a heap that
+    small live objects keep from shrinking, so that streaming large blocks grows the process by half.
     """
     if sys.platform != "linux":
         return False
@@ -39,5 +35,5 @@ def give_back_large(least: int = 2**22) -> bool:
 
 
 def _number(path: Path, pattern: str = r"^(\d+)$") -> int | None:
-    said = re.search(pattern, path.read_text(encoding="ascii"), re.MULTILINE) if path.is_file() else None
-    return None if said is None else int(said[1])
+    found = re.search(pattern, path.read_text(encoding="ascii"), re.MULTILINE) if path.is_file() else None
+    return None if found is None else int(found[1])

@@ -18,17 +18,10 @@ def frozen_array(
     *,
     finite: bool = True,
 ) -> NDArray[Any]:
-    """A read-only copy of `value` whose axes and numbers have been checked.
+    """A read-only copy of `value` whose axes and numbers have been checked; lazy frames are checked when read.
 
-    For lazy frames only the shape is checked here, and the numbers when they are read. Each entry of `axes` is an axis:
-    a word names an axis of any length from 1 on, a number fixes the length. `name` is used in messages.
-
-    Raises
-    ------
-    ShapeError
-        If the number of axes or the length of one differs.
-    NonFiniteError
-        If a number is NaN or infinite and `finite` is set.
+    Each entry of `axes` is an axis: a word for any length from 1 on, a number for a fixed length. Raises ShapeError or
+    NonFiniteError.
     """
     if isinstance(value, LazyFrames):
         _check_shape(value.shape, name, axes)

@@ -27,8 +27,6 @@ def am_stimulus(
 
     Parameters
     ----------
-    kind : {"i", "ii", "iii"}
-        The stimulus.
     peak : float
         Peak pressure, in Pa; "iii" reaches it to within 3 %.
     duration : float
@@ -93,20 +91,12 @@ def probe_signal(
 
     Parameters
     ----------
-    kind : {"25+250 Hz", "noise", "bursts"}
-        The signal.
     peak : float
         Largest pressure, in Pa.
-    duration : float
-        Duration at full strength, in s.
+    duration, rest : float
+        Time at full strength, and rest before and after it, in s.
     rate : float
         In Hz.
-    rest : float
-        Rest before and after it, in s.
-    channel : int
-        Number of the cell.
-    seed : int
-        Seed of the noise.
     sensor : SensorGrid, optional
         4 x 4 at 11 mm by default.
 

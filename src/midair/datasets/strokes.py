@@ -117,12 +117,8 @@ def stroke(
 
     Parameters
     ----------
-    object : {"brush", "sponge", "towel"}
-        The sliding object.
     groove : bool
         Whether the surface of the sensor has grooves.
-    seed : int
-        Seed of the texture and the slips.
     rate : float
         Up to 8000 Hz; use 8000 as input of a simulation in time.
     speed : float

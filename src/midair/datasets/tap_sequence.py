@@ -30,15 +30,8 @@ def taps(
         Share of the pressure on the cells beside a tapped one; its square on the diagonal ones.
     rate : float
         In Hz.
-    seed : int
-        Seed of strengths and times.
     sensor : SensorGrid, optional
         4 x 4 at 11 mm by default.
-
-    Returns
-    -------
-    PressureFrames
-        Simulated, in Pa, 0 or more.
     """
     sensor, rng = sensor or SensorGrid(), np.random.default_rng(seed)
     every, rate = positive(every, "time between taps", "s"), positive(rate, "rate", "Hz")

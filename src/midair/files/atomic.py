@@ -47,15 +47,7 @@ SYSTEM_FAILURES = frozenset(
 
 
 def existing_file(path: str | os.PathLike[str], *, empty: bool = False) -> Path:
-    """Return `path` as a Path if it is a readable file, not empty unless `empty` is set.
-
-    Raises
-    ------
-    MissingFileError
-        If it does not exist.
-    BrokenFileError
-        If it is not a regular file, is empty, or cannot be read.
-    """
+    """Return `path` as a Path if it is a readable regular file, not empty unless `empty`; otherwise raise FileError."""
     file = Path(path)
     try:
         if not file.exists():

@@ -57,10 +57,7 @@ def hold_open(handle: int, refusal: str) -> None:
 
 
 def acquire_for_writing(handle: int, path: Path) -> None:
-    """Mark a file as being written by this process, as long as it is open; `check_unclaimed` detects the mark.
-
-    Other programs may still read it. Issues a `NoLocksWarning` on a file system without locks. `path` is for messages.
-    """
+    """Mark an open file as being written by this process; `check_unclaimed` detects the mark."""
     if fcntl is None:
         return
     try:

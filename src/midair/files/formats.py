@@ -125,7 +125,7 @@ def load(
     }
     if os.fspath(path).lower().endswith(DRIVE_SUFFIX):
         if any(value is not None for value in given.values()):
-            raise InputError(f"{path}: expected no options for a drive, got {_said(given)}")
+            raise InputError(f"{path}: expected no options for a drive, got {_listed(given)}")
         return load_solution(path)
     return open_take(
         path,
@@ -272,5 +272,5 @@ def format_of(path: str | os.PathLike[str]) -> Format:
     return FORMATS[Path(name).suffix]
 
 
-def _said(given: Mapping[str, object]) -> str:
+def _listed(given: Mapping[str, object]) -> str:
     return ", ".join(f"{name}={value!r}" for name, value in given.items() if value is not None)

@@ -104,22 +104,17 @@ class ImportedData:
     def settle(self, given: ImportOptions, path: Path) -> OpenedTake:
         """Build the recording; facts that the file lacks come from the options or from a stated assumption.
 
-        Raises
-        ------
-        RateError, UnitError, ShapeError
-            If a fact is missing in file and options, and cannot be assumed.
-        MismatchError
-            If an option contradicts the file.
+        Raises a subclass of InputError if a fact is missing and cannot be assumed, or an option contradicts the file.
         """
         if given.packed is not None:
-            return self._unpacked(given.packed, path).settle(replace(given, packed=None), path)
+            return self._deinterleaved(given.packed, path).settle(replace(given, packed=None), path)
         if given.channels is not None:
-            return self._chosen(given.channels, path).settle(replace(given, channels=None), path)
+            return self._select(given.channels, path).settle(replace(given, channels=None), path)
         rate = self._rate(given, path)
         unit = self._unit(given, path)
         sensor, assumed = self._sensor(given, path)
-        mended = self._mended(given.mending, rate)
-        report = (*self.report, *([assumed] if assumed else []), *_patches(mended, rate))
+        mended = self._gaps_filled(given.mending, rate)
+        report = (*self.report, *([assumed] if assumed else []), *_gap_report(mended, rate))
         settings = {"format": self.form, "sha256": _sha256(path), **self.settings}
         if given.scale is not None:
             settings["scale_pa"] = given.scale
@@ -133,14 +128,14 @@ class ImportedData:
         recording = Recording(samples=samples, rate=rate, sensor=sensor, unit=unit, provenance=provenance)
         return OpenedTake(recording=recording, report=report, journal=mended.journal)
 
-    def _mended(self, mending: Mending | None, rate: float) -> Mended:
+    def _gaps_filled(self, mending: Mending | None, rate: float) -> Mended:
         """Fill the gaps if requested; otherwise any gap raises an error later."""
         if mending is None:
             return Mended(samples=self.samples, journal=())
         whole = np.asarray(self.samples, np.float64)
         return mend(whole.reshape(len(whole), -1), rate, mending)
 
-    def _unpacked(self, channels: int, path: Path) -> "ImportedData":
+    def _deinterleaved(self, channels: int, path: Path) -> "ImportedData":
         """Deinterleave numbers into frames of `channels` channels: c0 c1 c2 ... c0 c1 c2 ..."""
         whole = np.asarray(self.samples, np.float64)
         wide = int(np.prod(whole.shape[1:]))
@@ -222,9 +217,9 @@ class ImportedData:
             "give sensor=SensorGrid(rows=..., columns=..., pitch=...), or choose some with channels=(...)"
         )
 
-    def _chosen(self, channels: tuple[str, ...], path: Path) -> "ImportedData":
+    def _select(self, channels: tuple[str, ...], path: Path) -> "ImportedData":
         """Keep only these channels; their layout becomes unknown."""
-        places = [self._place(channel, int(np.prod(self.samples.shape[1:])), path) for channel in channels]
+        places = [self._index_of(channel, int(np.prod(self.samples.shape[1:])), path) for channel in channels]
         if not places or len(set(places)) != len(places):
             raise ShapeError(f"{path}: expected different channels, got {', '.join(channels) or 'none'}")
         names = tuple(self.names[i] for i in places) if self.names else tuple(str(i) for i in places)
@@ -242,7 +237,7 @@ class ImportedData:
             settings={**self.settings, "channels": names},
         )
 
-    def _place(self, channel: str, count: int, path: Path) -> int:
+    def _index_of(self, channel: str, count: int, path: Path) -> int:
         if channel in self.names:
             return self.names.index(channel)
         if channel.isdecimal() and int(channel) < count:
@@ -251,7 +246,7 @@ class ImportedData:
         raise ShapeError(f"{path}: expected a channel by name ({known}) or number 0 to {count - 1}, got {channel!r}")
 
 
-def _patches(mended: Mended, rate: float) -> tuple[str, ...]:
+def _gap_report(mended: Mended, rate: float) -> tuple[str, ...]:
     """Report of the gaps that were filled."""
     if not mended.journal:
         return ()

@@ -4,11 +4,7 @@ import re
 
 
 def printable(text: str) -> str:
-    """Escape control and invisible characters, except line ends and tabs.
-
-    File names, notes and names of channels or devices are untrusted: an escape sequence could clear the screen, write
-    to the clipboard, or reverse the text of a warning.
-    """
+    """Escape control and invisible characters except line ends and tabs; untrusted text could control a terminal."""
     if text.isprintable():
         return text
     return "".join(
@@ -25,11 +21,7 @@ def no_formula(value: object) -> object:
 
 
 def without_formulas(json_text: str) -> str:
-    """JSON in which no comma, semicolon or tab is directly followed by the first character of a formula.
-
-    Spreadsheets split a line of JSON at the head of a CSV at these characters. In JSON such pairs occur only inside
-    strings, where an escape sequence means the same.
-    """
+    """JSON in which no comma, semicolon or tab, where a spreadsheet may split a line, is followed by a formula."""
     return _BEFORE_FORMULA.sub(lambda found: f"{found[1]}\\u{ord(found[2]):04x}", json_text)
 
 

@@ -46,8 +46,8 @@ def read_text(path: str | os.PathLike[str], expected: str, *, largest: int = LAR
     try:
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as wrong:
-        said = "bytes that are not UTF-8" if isinstance(wrong, UnicodeDecodeError) else reason(wrong)
-        raise BrokenFileError(f"{path}: expected {expected}, got {said}") from wrong
+        found = "bytes that are not UTF-8" if isinstance(wrong, UnicodeDecodeError) else reason(wrong)
+        raise BrokenFileError(f"{path}: expected {expected}, got {found}") from wrong
 
 
 def read_toml(path: str | os.PathLike[str], expected: str) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def toml_of(text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except RecursionError:
-        raise ValueError("values in values, too deep to follow") from None
+        raise ValueError("values that are nested too deeply") from None
 
 
 def json_of(text: str | bytes) -> Any:
@@ -80,4 +80,4 @@ def json_of(text: str | bytes) -> Any:
     try:
         return json.loads(text)
     except RecursionError:
-        raise ValueError("values in values, too deep to follow") from None
+        raise ValueError("values that are nested too deeply") from None

@@ -31,13 +31,8 @@ class Uniform:
 def uniform(time: Array, samples: Array, *, rate: float | None = None) -> Uniform:
     """Interpolate samples, shape (row, channel), linearly from stamped times (s) to frames at a fixed rate.
 
-    The rate is the mean over rows outside of gaps; a gap is more than 1.5 times the median distance of two stamps.
-    `rate` replaces it if within 2 %. Rows whose stamps are on the grid already, to a thousandth of a frame, are kept.
-
-    Raises
-    ------
-    RateError
-        If there are fewer than two stamps, one is missing, they decrease or contradict `rate`, or gaps are too long.
+    The rate is the mean over rows outside of gaps, which exceed 1.5 times the median distance of stamps; `rate`
+    replaces it if within 2 %. Rows whose stamps are on the grid already, to a thousandth of a frame, are kept.
     """
     if not np.isfinite(time).all():
         row = int(np.argmin(np.isfinite(time)))
@@ -100,8 +95,8 @@ def held(samples: Array) -> tuple[str, ...]:
         repeats, before = repeats + int((np.diff(rows, axis=0) == 0).all(axis=1).sum()), block[-1:]
     if not repeats or repeats == len(samples) - 1:
         return ()
-    told = f"{repeats} of {len(samples)} rows"
-    return (f"{told} repeat every channel of the row before, at a later time: they were kept.",)
+    share = f"{repeats} of {len(samples)} rows"
+    return (f"{share} repeat every channel of the row before, at a later time: they were kept.",)
 
 
 def _gaps(time: Array, usual: NDArray[np.bool_]) -> tuple[str, ...]:

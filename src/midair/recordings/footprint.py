@@ -165,10 +165,7 @@ def _area(footprint: Footprint, sensor: SensorGrid, centre: Array) -> Array:
 
 
 def disc_in_rectangle(left: Array, right: Array, low: Array, high: Array, radius: float) -> Array:
-    """Area of the part of a disc of `radius` around 0 in a rectangle, in m2; the bounds broadcast.
-
-    Inclusion and exclusion of the four corners, each with the area of the disc left of and below it.
-    """
+    """Area of a disc of `radius` around 0 in a rectangle, in m2, by inclusion and exclusion of the corners."""
     corner = [_disc_below(x / radius, y / radius) for x in (left, right) for y in (low, high)]
     return radius**2 * (corner[3] - corner[2] - corner[1] + corner[0])
 

@@ -97,7 +97,7 @@ def _flat_tops(samples: NDArray[np.float64] | LazyFrames, found: Moments) -> NDA
         before = rows[-1:]
     held = (at >= 20) & (visits >= 5) & (np.stack([greatest, least]) != 0)
     tops = held & (at > 4 * below) & (span >= 100 * step)
-    told = np.zeros(count, bool)
+    clipped = np.zeros(count, bool)
     if held.any():
         some = next(blocks(samples)).reshape(-1, count)
         for channel in np.flatnonzero(held.any(axis=0)):
@@ -105,15 +105,12 @@ def _flat_tops(samples: NDArray[np.float64] | LazyFrames, found: Moments) -> NDA
             x = np.rint((some[:, channel] - least[channel]) / span[channel] * 1e9)
             levels = np.unique(x)
             few = len(levels) < 100
-            told[channel] = _flat_few(x, levels, held[:, channel]) if few else tops[:, channel].any()
-    return told
+            clipped[channel] = _flat_few(x, levels, held[:, channel]) if few else tops[:, channel].any()
+    return clipped
 
 
 def _flat_few(x: NDArray[np.float64], levels: NDArray[np.float64], sides: NDArray[np.bool_]) -> bool:
-    """True if a channel of few levels repeats values only at its limits and its levels are not equidistant.
-
-    `sides`: whether the maximum and the minimum are candidates.
-    """
+    """True if a channel of few levels repeats values only at its limits (`sides`), and not on a regular grid."""
     if len(levels) < 3:
         return False
     ends = (sides[0] & (x[1:] == levels[-1])) | (sides[1] & (x[1:] == levels[0]))

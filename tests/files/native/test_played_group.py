@@ -73,10 +73,10 @@ def test_a_recording_without_an_array_has_none_and_frames_come_with_what_was_pla
     known = {"rate": 1000.0, "sensor": SENSOR, "unit": "V", "provenance": Provenance()}
     with RecordingWriter(tmp_path / "plain.h5", **known) as file:
         file.append(np.ones((4, 2, 3)))
-        with pytest.raises(FileError, match="without what was played"):
+        with pytest.raises(FileError, match="without the values played"):
             file.append(np.ones((4, 2, 3)), beside(4, 1))
     assert load_played(tmp_path / "plain.h5") is None
-    with writer(tmp_path / "take.h5") as file, pytest.raises(FileError, match="with what was played"):
+    with writer(tmp_path / "take.h5") as file, pytest.raises(FileError, match="with the values played"):
         file.append(np.ones((4, 2, 3)))
 
 

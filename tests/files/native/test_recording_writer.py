@@ -77,7 +77,7 @@ def test_closes_in_order_on_an_error(recording, options, tmp_path, alike):
 def test_leaves_an_earlier_recording_alone(options, tmp_path):
     path = tmp_path / "live.h5"
     path.write_bytes(b"precious")
-    with pytest.raises(FileError, match="there already"), RecordingWriter(path, **options):
+    with pytest.raises(FileError, match="exists already"), RecordingWriter(path, **options):
         pass
     assert path.read_bytes() == b"precious"
 

@@ -65,7 +65,7 @@ def test_copies_and_repaired_files_keep_them(tmp_path):
 def test_a_recording_without_a_stage_has_nothing_of_it(tmp_path):
     with writer(tmp_path / "a.h5") as file:
         file.append(np.zeros((10, 4, 4)))
-        with pytest.raises(FileError, match="without a stage"):
+        with pytest.raises(FileError, match="with a stage"):
             file.stamp(STAMPS)
     with h5py.File(tmp_path / "a.h5") as file:
         assert not [name for name in file if name.startswith("stage")]

@@ -47,7 +47,7 @@ def test_names_that_cannot_be_are_refused(tmp_path):
         take_path(tmp_path / "a.h5", Subject(), repeats=1)
     with pytest.raises(InputError, match=r"expected NAME\.h5"):
         take_path(tmp_path / "a.wav", Subject(), repeats=1)
-    with pytest.raises(MissingFileError, match="create it first"):
+    with pytest.raises(MissingFileError, match="make it first"):
         take_name(tmp_path / "away", "towel")
 
 

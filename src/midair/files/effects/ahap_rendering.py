@@ -35,15 +35,7 @@ _CONTROLS = {"HapticIntensityControl": 1.0, "HapticSharpnessControl": 0.0}
 
 
 def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
-    """Render an AHAP file to a recording of one channel, 1 being full intensity.
-
-    Raises
-    ------
-    BrokenFileError
-        If it is not AHAP, or longer than `LONGEST`.
-    InputError
-        If neither unit nor scale is given.
-    """
+    """Render an AHAP file of up to `LONGEST` to a recording of one channel, 1 being full intensity."""
     pattern = _pattern(path)
     events = [entry["Event"] for entry in pattern if "Event" in entry]
     haptic = [event for event in events if event.get("EventType") in ("HapticContinuous", "HapticTransient")]

@@ -57,7 +57,7 @@ def write_hjif(recording: Recording, path: Path, calibration: Calibration | None
         "syncs": [{"timestamp": 0, "timescale": timescale}],
     }
     with whole_file(path) as partial, partial.open("w", encoding="ascii", newline="\n") as file:
-        before, after = _halves(plain)
+        before, after = _split_json(plain)
         file.write(before)
         for number in range(recording.sensor.count):
             file.write("," if number else "")
@@ -66,7 +66,7 @@ def write_hjif(recording: Recording, path: Path, calibration: Calibration | None
     return (*_losses(recording, peak, bool(np.any(still)), timescale), *calibration_lost(calibration, "MPEG haptics"))
 
 
-def _halves(plain: dict[str, Any]) -> tuple[str, str]:
+def _split_json(plain: dict[str, Any]) -> tuple[str, str]:
     """JSON before and after a list whose members are streamed, because they may exceed the memory."""
     before, _, after = json.dumps(plain, allow_nan=False, separators=(",", ":")).partition(json.dumps(_LATER))
     return before, after
@@ -74,7 +74,7 @@ def _halves(plain: dict[str, Any]) -> tuple[str, str]:
 
 def _channel(recording: Recording, number: int, still: float, peak: float, timescale: int) -> Iterator[str]:
     """JSON of a channel, in pieces."""
-    before, after = _halves(_frame(recording, number))
+    before, after = _split_json(_frame(recording, number))
     yield before
     comma = ""
     for first, last in block_ranges(recording.samples.shape):
@@ -82,7 +82,7 @@ def _channel(recording: Recording, number: int, still: float, peak: float, times
         begin, end = max(0, first - 1), min(recording.frames, last + 1)
         cell = read_frames(recording.samples, begin, end).reshape(end - begin, -1)[:, number]
         steps = np.round((cell - still) / peak * _STEPS) / _STEPS
-        turns = np.arange(begin, end)[_turning(steps)]
+        turns = np.arange(begin, end)[_key_frames(steps)]
         turns = turns[(turns >= first) & (turns < last)]
         # Six digits resolve the 32767 steps.
         values = steps[turns - begin].round(6).tolist()
@@ -123,7 +123,7 @@ def _frame(recording: Recording, number: int) -> dict[str, Any]:
     }
 
 
-def _turning(cell: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _key_frames(cell: NDArray[np.float64]) -> NDArray[np.bool_]:
     """True for frames that are not inside a run of equal values, which linear interpolation restores."""
     steady = np.zeros(len(cell), bool)
     steady[1:-1] = (cell[1:-1] == cell[:-2]) & (cell[1:-1] == cell[2:])

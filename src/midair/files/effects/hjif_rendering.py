@@ -34,15 +34,7 @@ def _base(signal: str, turns: Array) -> Array:
 
 
 def read_hjif(path: Path, given: ImportOptions) -> OpenedTake:
-    """Render an MPEG haptics file to a recording, 1 being full scale.
-
-    Raises
-    ------
-    BrokenFileError
-        If it is not .hjif, contains nothing that can be rendered, or is longer than ten minutes.
-    InputError
-        If neither unit nor scale is given.
-    """
+    """Render an MPEG haptics file of up to ten minutes to a recording, 1 being full scale."""
     content = json.loads(path.read_text(encoding="utf-8-sig"))
     if not isinstance(content, dict) or not isinstance(content.get("perceptions"), list):
         raise BrokenFileError(f"{path}: expected MPEG haptics with perceptions, got none")
@@ -103,8 +95,8 @@ def _rendered(channel: Plain, time: Array, ticks: float) -> Array:
 
 def _line(effect: Plain, name: str, ticks: float) -> tuple[Array, Array]:
     """Times and values of the keyframes that have the key `name`."""
-    told = [(float(key["relative_position"]) / ticks, float(key[name])) for key in effect["keyframes"] if name in key]
-    return np.array([at for at, _ in told]), np.array([value for _, value in told])
+    points = [(float(key["relative_position"]) / ticks, float(key[name])) for key in effect["keyframes"] if name in key]
+    return np.array([at for at, _ in points]), np.array([value for _, value in points])
 
 
 def _add_wave(wave: Array, time: Array, band: Plain, effect: Plain, ticks: float) -> None:

@@ -45,13 +45,6 @@ def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
     """Read a CSV of midair, of FabricSlide, or of any program that writes one channel per column.
 
     A column named time, timestamp or t gives the rate; a unit in brackets in every other name gives the unit.
-
-    Raises
-    ------
-    BrokenFileError
-        If a row has too few or too many fields, or a field is not a number.
-    InputError
-        A subclass, if a number is missing or the file lacks a fact.
     """
     # utf-8-sig, because a byte-order mark would become a part of the first name.
     text = path.read_bytes().decode("utf-8-sig")

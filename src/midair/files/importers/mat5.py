@@ -115,10 +115,7 @@ def _numbers(part: _Element, shape: tuple[int, ...], dtype: str, order: str, pat
 
 
 def write_frames(file: BinaryIO, name: str, samples: "NDArray[Any] | LazyFrames") -> None:
-    """Write float64 of shape (frame, ...) as a compressed element; lazy frames are read once for each channel.
-
-    MATLAB's arrays are column-major: channel after channel, those of a column together.
-    """
+    """Write float64, shape (frame, ...), as a compressed element; lazy frames are read once per channel."""
     length, shape = samples.size * 8, samples.shape
     letters = name.encode("ascii")
     parts = [

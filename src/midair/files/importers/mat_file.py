@@ -17,13 +17,7 @@ from midair.model import Calibration, Recording
 
 
 def write_mat(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write a v5 file with the samples, shape (frame, row, column), their rate in Hz and unit, and the header.
-
-    Raises
-    ------
-    FileError
-        If the samples exceed the limit of the format, 4 GiB.
-    """
+    """Write a v5 file of less than 4 GiB: samples, shape (frame, row, column), rate in Hz, unit, and the header."""
     from scipy.io import savemat
 
     if recording.samples.nbytes >= 2**32:
@@ -40,15 +34,7 @@ def write_mat(recording: Recording, path: Path, calibration: Calibration | None)
 
 
 def read_mat(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read a MATLAB file of midair, or the only array of frames of another program.
-
-    Raises
-    ------
-    BrokenFileError
-        If the file is damaged or does not contain exactly one array of frames.
-    InputError
-        A subclass, if the file lacks a fact or a number cannot be used.
-    """
+    """Read a MATLAB file of midair, or the only array of frames of another program."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 

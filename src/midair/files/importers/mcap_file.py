@@ -52,17 +52,7 @@ class _Topic:
 
 
 def read_mcap(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read the only numeric topic of an MCAP, or the topic `stream`; files that were not closed are read too.
-
-    Raises
-    ------
-    MissingExtraError
-        If mcap is not installed.
-    BrokenFileError
-        If the file is damaged, contains no or several numeric topics, or messages of different lengths.
-    InputError
-        A subclass, if the file lacks a fact or a number cannot be used.
-    """
+    """Read the only numeric topic of an MCAP, or the topic `stream`; files that were not closed are read too."""
     topics, cut = _messages(path)
     topic, name = _chosen(topics, path, given)
     decode = topic.decode or _from_json

@@ -11,15 +11,7 @@ from midair.files.opened_take import Format, ImportOptions, OpenedTake
 
 
 def read_npy(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read an array of frames; the file has no other information. Objects are not loaded, because they could run code.
-
-    Raises
-    ------
-    BrokenFileError
-        If the file is damaged or truncated, or does not contain numbers with the axes of frames.
-    InputError
-        A subclass, if the file lacks a fact or a number cannot be used.
-    """
+    """Read an array of frames, which has no other information; objects are not loaded, because they could run code."""
     with path.open("rb") as file:
         version = np.lib.format.read_magic(file)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0

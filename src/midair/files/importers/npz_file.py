@@ -34,17 +34,7 @@ def write_npz(recording: Recording, path: Path, calibration: Calibration | None)
 
 
 def read_npz(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read an archive of midair, or the only array of frames of another program.
-
-    Objects are not loaded, because they could run code.
-
-    Raises
-    ------
-    BrokenFileError
-        If the archive is damaged or does not contain exactly one array of frames.
-    InputError
-        A subclass, if the file lacks a fact or a number cannot be used.
-    """
+    """Read an archive of midair, or the only array of frames of another; objects could run code and are not loaded."""
     arrays: dict[str, Any] = {}
     with zipfile.ZipFile(path) as packed:
         # At most the stated size of a member is read.

@@ -13,17 +13,7 @@ _LOSSY = {"VORBIS", "OPUS", "MPEG_LAYER_I", "MPEG_LAYER_II", "MPEG_LAYER_III"}
 
 
 def read_sound(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read a FLAC, AIFF, Ogg (Vorbis, Opus) or MP3 file.
-
-    Full scale is 1 of the given unit; with unit "count", PCM samples are integers.
-
-    Raises
-    ------
-    BrokenFileError
-        If it is another format, or truncated.
-    InputError
-        A subclass, if the file lacks a fact or a number cannot be used.
-    """
+    """Read a FLAC, AIFF, Ogg (Vorbis, Opus) or MP3 file; full scale is 1 of the given unit, or integers for "count"."""
     import soundfile
 
     with soundfile.SoundFile(path) as file:

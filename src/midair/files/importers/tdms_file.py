@@ -51,17 +51,7 @@ class _Object:
 
 
 def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read the channels of the only group that has any, or of the group `stream`.
-
-    Raises
-    ------
-    BrokenFileError
-        If the file is damaged, contains no numeric channels, or channels of different lengths or rates.
-    UnknownFormatError
-        If it contains DAQmx raw data or scaled channels.
-    InputError
-        A subclass, if the file lacks a fact or a number cannot be used.
-    """
+    """Read the channels of the only group that has any, or of the group `stream`."""
     objects, cut = _objects(_Cursor(data=path.read_bytes(), path=path))
     group, channels = _group(objects, path, given)
     for name, channel in channels.items():

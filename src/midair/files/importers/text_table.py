@@ -32,8 +32,7 @@ def read_table(text: str, path: Path, *, gaps: bool = False) -> TextTable:
     """Read numbers separated by commas, semicolons or tabs, with or without a row of names.
 
     Spaces around fields, empty lines and lines that start with # are skipped. A comma at the end of a row adds no
-    field, so columns never shift. With `gaps`, fields that are empty, NaN or infinite become NaN; otherwise they raise
-    NonFiniteError.
+    field. With `gaps`, fields that are empty, NaN or infinite become NaN; otherwise they raise NonFiniteError.
     """
     rows = list(_rows(text, path))
     names = () if not rows or _is_data(rows[0], gaps=gaps) else tuple(_stripped(rows.pop(0).fields))

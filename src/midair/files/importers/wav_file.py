@@ -27,13 +27,7 @@ _READABLE = (*_BITS, "FLOAT", "DOUBLE", "ULAW")
 
 
 def write_wav(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
-    """Write float64 divided by the power of two above the peak: below full scale and without rounding.
-
-    Raises
-    ------
-    FileError
-        If the sensor has more than 1024 cells, the limit of WAV, or the samples exceed 4 GB.
-    """
+    """Write float64 divided by the power of two above the peak, without rounding; at most 1024 cells and 4 GB."""
     import soundfile
 
     cells = recording.sensor.count
@@ -58,13 +52,6 @@ def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
     """Read a WAV, RF64 or Wave64 file of midair or of another program: PCM of 8 to 32 bits, float32, float64 or µ-law.
 
     Full scale of another program's file is 1 of the given unit; with unit "count", PCM samples are integers.
-
-    Raises
-    ------
-    BrokenFileError
-        If the header is wrong or samples are missing.
-    InputError
-        A subclass, if the file lacks a fact or a number cannot be used.
     """
     import soundfile
 

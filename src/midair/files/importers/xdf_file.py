@@ -19,22 +19,12 @@ from midair.model import Unit
 
 
 def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read the only numeric stream of an XDF, or the one named `stream`.
-
-    Raises
-    ------
-    MissingExtraError
-        If pyxdf is not installed.
-    BrokenFileError
-        If the file is damaged, or contains no or several numeric streams.
-    InputError
-        A subclass, if the file lacks a fact or a number cannot be used.
-    """
+    """Read the only numeric stream of an XDF, or the one named `stream`."""
     try:
         from pyxdf import load_xdf
     except ImportError as wrong:
         raise MissingExtraError(f"{path}: XDF needs pyxdf; pip install 'midair[xdf]'") from wrong
-    with _captured_log("pyxdf") as said, path.open("rb") as file:
+    with _captured_log("pyxdf") as messages, path.open("rb") as file:
         streams, _ = load_xdf(file, synchronize_clocks=True, dejitter_timestamps=True)
     stream = _chosen(streams, path, given)
     info = stream["info"]
@@ -51,7 +41,7 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
         units=tuple(unit for _, unit, _ in channels),
         notes={"stream": _first(info, "name"), "device": _first(info, "source_id")},
         settings={"stream": _first(info, "name"), "rate_hz": even.rate, "nominal_hz": _first(info, "nominal_srate")},
-        report=(*(f"pyxdf: {sentence}" for sentence in dict.fromkeys(said)), *even.report),
+        report=(*(f"pyxdf: {sentence}" for sentence in dict.fromkeys(messages)), *even.report),
     ).settle(given, path)
 
 
@@ -90,17 +80,17 @@ def _first(info: Mapping[str, Any], name: str) -> str:
 @contextmanager
 def _captured_log(name: str) -> Generator[list[str]]:
     """Collect the warnings and errors of a logger instead of printing them."""
-    said: list[str] = []
+    messages: list[str] = []
 
     class Collector(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            said.append(record.getMessage().splitlines()[0][:160])
+            messages.append(record.getMessage().splitlines()[0][:160])
 
     logger, collector = logging.getLogger(name), Collector(logging.WARNING)
     spreads, logger.propagate = logger.propagate, False
     logger.addHandler(collector)
     try:
-        yield said
+        yield messages
     finally:
         logger.removeHandler(collector)
         logger.propagate = spreads

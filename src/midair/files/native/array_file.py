@@ -20,10 +20,8 @@ def save_array_calibration(calibration: ArrayCalibration, path: str | os.PathLik
 
     Raises
     ------
-    UnknownFormatError
-        If the name has another suffix.
-    FileError
-        If the file cannot be written.
+    UnknownFormatError, FileError
+        If the name has another suffix, or the file cannot be written.
     """
     if not os.fspath(path).lower().endswith(ARRAY_SUFFIX):
         raise UnknownFormatError(f"{path}: expected a name that ends in {ARRAY_SUFFIX} for an array's calibration")

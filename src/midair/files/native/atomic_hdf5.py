@@ -20,10 +20,7 @@ _ORDER = (b"EADB", b"EASB", b"EAIB", b"EAHD", b"OCHK", b"OHDR")
 
 
 class AtomicHdf5File:
-    """A file object for h5py that buffers changes until `commit`; it never raises an error while HDF5 writes.
-
-    `handle` is the descriptor of the open file, which the caller closes.
-    """
+    """A file object for h5py that buffers changes until `commit` and never raises an error while HDF5 writes."""
 
     def __init__(self, handle: int) -> None:
         self._handle = handle
@@ -78,14 +75,9 @@ class AtomicHdf5File:
         """Do nothing; only `commit` writes."""
 
     def commit(self, *, closed: bool = False) -> None:
-        """Write all buffered data; after an error the file is unchanged for readers, and the data stay in the buffer.
+        """Write all buffered data, and with `closed` mark the file as closed and flush it to the device (fsync).
 
-        With `closed`, mark the file as closed and flush it to the device (fsync).
-
-        Raises
-        ------
-        OSError
-            If the disk fails.
+        After an OSError the file is unchanged for readers, and the data stay in the buffer.
         """
         for place, data in self._sorted(closed=closed):
             _write_all(self._handle, data, place)

@@ -35,10 +35,8 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
 
     Raises
     ------
-    UnknownFormatError
-        If the name has another suffix.
-    FileError
-        If the file cannot be written.
+    UnknownFormatError, FileError
+        If the name has another suffix, or the file cannot be written.
     """
     if not os.fspath(path).lower().endswith(CALIBRATION_SUFFIX):
         raise UnknownFormatError(f"{path}: expected a name that ends in {CALIBRATION_SUFFIX} for a calibration")

@@ -47,21 +47,12 @@ DRIVE_SUFFIX = ".drive.h5"
 def save_solution(solution: Solution, path: str | os.PathLike[str], *, target: AmplitudeFrames | None = None) -> None:
     """Write a drive with its errors, the geometry of its array and, if given, its target, atomically.
 
-    Parameters
-    ----------
-    path : str or PathLike
-        Must end in ``.drive.h5``; an existing file is replaced.
-    target : AmplitudeFrames, optional
-        The target that was solved.
-
     Raises
     ------
-    UnknownFormatError
-        If the name has another suffix.
+    UnknownFormatError, FileError
+        If the name does not end in ``.drive.h5``, or the file cannot be written.
     MismatchError
         If target and drive differ in frames or rate.
-    FileError
-        If the file cannot be written.
     """
     _check_name(path)
     values = {**_drive_values(solution.drive), **_solution_values(solution)}
@@ -86,8 +77,6 @@ def save_solutions(
     ----------
     parts : iterable of Solution
         Blocks in order, which differ only in their frames.
-    path : str or PathLike
-        As in `save_solution`.
     frames : int
         Total number of frames.
     target : AmplitudeFrames, optional
@@ -152,12 +141,7 @@ def _write(values: Mapping[str, Any], path: str | os.PathLike[str], *, room: int
 
 
 def load_solution(path: str | os.PathLike[str], *, streamed: bool = False) -> Solution:
-    """Read a drive with its errors, exactly as it was saved.
-
-    Parameters
-    ----------
-    streamed : bool
-        Whether phases, and levels of single transducers, are lazy.
+    """Read a drive with its errors, exactly as it was saved; phases and transducer levels lazily if `streamed`.
 
     Raises
     ------

@@ -41,10 +41,7 @@ GROWING = ("time", "event", "stage")
 
 @contextmanager
 def new_file(path: "str | os.PathLike[str]", *, room: int = 0) -> "Generator[h5py.File]":
-    """Create an HDF5 file atomically: it gets its name when the block succeeds.
-
-    Raises FileError if the disk has less than `room` bytes free, or fails.
-    """
+    """Create an HDF5 file of about `room` bytes atomically: it gets its name when the block succeeds."""
     import h5py
 
     with whole_file(path) as partial:
@@ -71,10 +68,7 @@ def open_file(path: "str | os.PathLike[str]") -> "Generator[h5py.File]":
 
 @contextmanager
 def open_plain(path: Path) -> "Generator[h5py.File]":
-    """Open an HDF5 file of any program, after the inspector has found it safe to read; otherwise raise BrokenFileError.
-
-    No lock is taken: writers create a new file or permit readers, and some network disks have no locks.
-    """
+    """Open an HDF5 file of any program, without a lock, after the inspector has found it safe to read."""
     get_ready(path)
     import h5py
 
@@ -129,13 +123,6 @@ def read_group(
 
     With `live`, values along time, event or stage are cut to the shortest, because a writer may be between two
     datasets. With `streamed`, times and datasets with several numbers per frame are lazy.
-
-    Raises
-    ------
-    BrokenFileError
-        If the group is of another kind or contradicts the schema.
-    UnknownFormatError
-        If it was written by a newer midair.
     """
     check_kind(group, kind, path)
     present = _present(group, kind, path)
@@ -255,10 +242,7 @@ def _packed(entry: Entry, value: Any) -> Any:
 
 
 def fixed_text(value: str) -> Any:
-    """`value` as text of fixed length, which the checksums of metadata cover, unlike text of variable length.
-
-    Raises InputError if it cannot be encoded in UTF-8 or contains a null character.
-    """
+    """`value` as text of fixed length, which the checksums of metadata cover, unlike text of variable length."""
     import h5py
 
     try:

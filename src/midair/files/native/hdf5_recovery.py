@@ -36,10 +36,7 @@ def openable(path: Path) -> "Path | BinaryIO":
 
 
 def closed_file(path: Path, *, large: int = LARGE) -> BinaryIO:
-    """An unclosed file as if it had been closed: a copy in memory, or from `large` bytes on a view of the file.
-
-    A file that still grows needs the copy, which does not change while it is read.
-    """
+    """An unclosed file as if closed: a copy, which a growing file needs, or from `large` bytes on a view."""
     if path.stat().st_size < large:
         return BytesIO(closed_image(path))
     return cast("BinaryIO", _ClosedView(path))

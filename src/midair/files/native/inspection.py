@@ -31,33 +31,33 @@ Look = tuple[int, int, int, int, int]
 
 def inspect(path: Path) -> None:
     """Return if an HDF5 file is safe to read; otherwise raise BrokenFileError."""
-    look = _look_of(path)
-    if look in _PLAIN:
+    key = _identity(path)
+    if key in _PLAIN:
         return
-    refused = FATAL if look in _FATAL else _INSPECTOR.ask(path)
+    refused = FATAL if key in _FATAL else _INSPECTOR.ask(path)
     if refused == FATAL:
-        _remember(_FATAL, look)
+        _remember(_FATAL, key)
     if refused is not None:
         raise BrokenFileError(f"{path}: expected a plain HDF5 file, got {refused}")
-    if time.time_ns() - max(look[3:]) > SETTLED:  # noqa: TID251  # the clock by which files are stamped
-        _remember(_PLAIN, look)
+    if time.time_ns() - max(key[3:]) > SETTLED:  # noqa: TID251  # the clock by which files are stamped
+        _remember(_PLAIN, key)
 
 
-def _remember(looks: "OrderedDict[Look, None]", look: Look) -> None:
-    looks[look] = None
-    while len(looks) > REMEMBERED:
-        looks.popitem(last=False)
+def _remember(keys: "OrderedDict[Look, None]", key: Look) -> None:
+    keys[key] = None
+    while len(keys) > REMEMBERED:
+        keys.popitem(last=False)
 
 
 def get_ready(path: Path) -> None:
     """Start the inspector if it will have to check this file, while this process loads its own libraries."""
-    if (look := _look_of(path)) not in _PLAIN and look not in _FATAL:
+    if (key := _identity(path)) not in _PLAIN and key not in _FATAL:
         _INSPECTOR.get_ready()
 
 
-def _look_of(path: Path) -> Look:
-    told = path.stat()
-    return told.st_dev, told.st_ino, told.st_size, told.st_mtime_ns, told.st_ctime_ns
+def _identity(path: Path) -> Look:
+    status = path.stat()
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
 class _Inspector:
@@ -99,7 +99,7 @@ class _Inspector:
         """The process, started if necessary; None where the system cannot start one."""
         # A forked copy of this process must not use the pipes of the original.
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
-            self._process, self._owner = _begun(), os.getpid()
+            self._process, self._owner = _started(), os.getpid()
         return self._process
 
     def _end(self) -> None:
@@ -119,7 +119,7 @@ class _Inspector:
             self._end()
 
 
-def _begun() -> "subprocess.Popen[str] | None":
+def _started() -> "subprocess.Popen[str] | None":
     # -P: files beside the inspector are not importable. One thread, because it computes nothing.
     words = [sys.executable, "-P", str(Path(__file__).with_name("inspector.py"))]
     quiet = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "PYTHONWARNINGS": "ignore"}

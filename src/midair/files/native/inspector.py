@@ -60,11 +60,11 @@ def refusal(path: Path, opened: Callable[[Path], Any]) -> str | None:
         return str(wrong)
     except (Exception, RecursionError) as wrong:  # noqa: BLE001  # h5py raises many types
         lines = str(wrong).strip().splitlines()
-        return f"a damaged or foreign file ({_plainly(lines[0])[:160] if lines else type(wrong).__name__})"
+        return f"a damaged or foreign file ({_plain_message(lines[0])[:160] if lines else type(wrong).__name__})"
     return None
 
 
-def _plainly(words: str) -> str:
+def _plain_message(words: str) -> str:
     """Error message of HDF5 without the names of its internal variables."""
     if cut := re.search(r"truncated file: eof = (\d+), .*stored_eof = (\d+)", words):
         return f"truncated: {cut[1]} bytes of {cut[2]}"
@@ -85,18 +85,18 @@ def _walk(file: h5py.File, size: int) -> None:
         seen.add(place)
         if len(seen) > OBJECTS:
             raise NotPlainError(f"more than {OBJECTS} objects")
-        _look_at_attributes(name, item)
+        _check_attributes(name, item)
         if isinstance(item, h5d.DatasetID):
-            expanded += _look_at_numbers(name, item, size)
+            expanded += _check_numbers(name, item, size)
             if expanded > max(EXPANDED * size, EXPANDED_ANYWAY):
                 raise NotPlainError(f"{size} bytes that expand to {expanded}: more than {EXPANDED} times as many")
         elif isinstance(item, h5t.TypeID):
             raise NotPlainError(f"a type with a name, {name!r}")
         else:
-            waiting.extend(_linked(name, item))
+            waiting.extend(_links(name, item))
 
 
-def _linked(name: str, group: Any) -> Iterator[tuple[str, Any]]:
+def _links(name: str, group: Any) -> Iterator[tuple[str, Any]]:
     count = group.get_num_objs()
     if count > OBJECTS:
         raise NotPlainError(f"{count} names in {name!r}")
@@ -109,7 +109,7 @@ def _linked(name: str, group: Any) -> Iterator[tuple[str, Any]]:
         yield full, h5o.open(group, link)
 
 
-def _look_at_attributes(name: str, item: Any) -> None:
+def _check_attributes(name: str, item: Any) -> None:
     """Read text and numeric attributes; lists of references, as for netCDF axes, are never read by midair."""
     # Looking up a name uses a separate tree, which can crash HDF5 even if the list of names is sound.
     h5a.exists(item, b"kind")
@@ -125,7 +125,7 @@ def _look_at_attributes(name: str, item: Any) -> None:
             _ = holder.attrs[attribute.name.decode("utf-8", "replace")]
 
 
-def _look_at_numbers(name: str, item: Any, size: int) -> int:
+def _check_numbers(name: str, item: Any, size: int) -> int:
     """Size of a dataset in memory in bytes, after checking that it is plain and that the file contains its data."""
     made, kind = item.get_create_plist(), item.get_type()
     announced = math.prod(item.shape or ()) * kind.get_size()
@@ -137,13 +137,13 @@ def _look_at_numbers(name: str, item: Any, size: int) -> int:
             raise NotPlainError(f"numbers of {name!r} that lie in another file")
         place = item.get_offset()
         stored = 0 if place is None else max(0, min(announced, size - place))
-        return _fitting(name, announced, stored)
+        return _checked_size(name, announced, stored)
     if layout != h5d.CHUNKED:
         raise NotPlainError(f"a virtual dataset, {name!r}, whose numbers lie elsewhere")
-    return _look_at_chunks(name, item, made, announced, size)
+    return _check_chunks(name, item, made, announced, size)
 
 
-def _look_at_chunks(name: str, item: Any, made: Any, announced: int, size: int) -> int:
+def _check_chunks(name: str, item: Any, made: Any, announced: int, size: int) -> int:
     filters = [made.get_filter(number)[0] for number in range(made.get_nfilters())]
     unknown = [number for number in filters if number not in (DEFLATE, SHUFFLE, FLETCHER32)]
     if unknown or len(set(filters)) < len(filters):
@@ -163,7 +163,7 @@ def _look_at_chunks(name: str, item: Any, made: Any, announced: int, size: int) 
         stored.append(whole)
 
     item.chunk_iter(look)
-    return _fitting(name, announced, sum(stored))
+    return _checked_size(name, announced, sum(stored))
 
 
 def _check_deflated(name: str, item: Any, chunk: Any, filters: list[int], whole: int) -> None:
@@ -177,7 +177,7 @@ def _check_deflated(name: str, item: Any, chunk: Any, filters: list[int], whole:
         raise NotPlainError(f"a piece of {name!r} that expands to {expanded} bytes instead of {whole}")
 
 
-def _fitting(name: str, announced: int, stored: int) -> int:
+def _checked_size(name: str, announced: int, stored: int) -> int:
     if announced > stored + EMPTY:
         raise NotPlainError(f"{name!r} of {announced} bytes, of which {stored} are stored")
     return announced

@@ -18,10 +18,7 @@ _BINARY = getattr(os, "O_BINARY", 0)
 
 
 class LiveFile:
-    """An HDF5 file with growing datasets, of which only complete commits are on the disk.
-
-    `image` is its initial content. Raises FileError if the name exists or the disk fails.
-    """
+    """A new HDF5 file with initial content `image` and growing datasets; only complete commits are on the disk."""
 
     def __init__(self, path: Path, image: bytes) -> None:
         import h5py
@@ -43,15 +40,7 @@ class LiveFile:
         self._bytes.commit()
 
     def close(self) -> None:
-        """Close the file and flush it to the device.
-
-        Raises
-        ------
-        OSError
-            If the disk fails; the file then has its previous content, as after a killed program.
-        FileError
-            If another program renamed, replaced or removed the file.
-        """
+        """Close the file and flush it to the device; FileError if another program renamed, replaced or removed it."""
         try:
             self.file.close()
             self._bytes.commit(closed=True)
@@ -77,10 +66,7 @@ class LiveFile:
 
 @contextmanager
 def _new_name(path: Path) -> Generator[Path]:
-    """Yield a temporary name beside `path`, which becomes `path` if the block succeeds and that name does not exist.
-
-    A file with the recording's name can therefore always be opened, however early the program is killed.
-    """
+    """Yield a temporary name, which becomes `path` if the block succeeds, so that a file of that name can be opened."""
     partial = path.with_name(f".midair-{secrets.token_hex(4)}.part")
     try:
         if path.exists():

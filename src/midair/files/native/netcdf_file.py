@@ -17,7 +17,7 @@ CONVENTIONS = "CF-1.11"
 def write_netcdf(recording: Recording, path: Path, calibration: Calibration | None) -> tuple[FormatLoss, ...]:
     """Write a recording atomically and without loss; the calibration is a group."""
     life = recording.provenance
-    said: dict[str, str] = {
+    attributes: dict[str, str] = {
         "Conventions": CONVENTIONS,
         "title": f"Recording of {recording.sensor.name}",
         "source": life.source + (" (SIMULATED)" if life.simulated else ""),
@@ -29,7 +29,7 @@ def write_netcdf(recording: Recording, path: Path, calibration: Calibration | No
         if calibration is not None:
             write_calibration(file.create_group("calibration"), calibration)
         for entry in NETCDF:
-            file.attrs[entry.name] = fixed_text(said[entry.name])
+            file.attrs[entry.name] = fixed_text(attributes[entry.name])
     return ()
 
 

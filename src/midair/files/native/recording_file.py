@@ -47,8 +47,7 @@ def write_recording(
 ) -> tuple[FormatLoss, ...]:
     """Write a recording with its calibration, pressure and live touch, atomically and without loss.
 
-    Samples are stored as float32 if that holds all of them. Raises MismatchError if the pressure has another sensor
-    shape.
+    Samples are stored as float32 if that holds all of them.
     """
     if pressure is not None and pressure.sensor.shape != recording.sensor.shape:
         raise MismatchError(
@@ -71,10 +70,7 @@ def write_recording(
 
 
 def read_recording(path: Path, given: ImportOptions) -> OpenedTake:
-    """Read a recording, also while it is being written or after its writer was killed; lazily if `given.streamed`.
-
-    A file that is being written is read up to three times, because reads can fall between two of its commits.
-    """
+    """Read a recording, up to three times while it is being written, because a read can fall between two commits."""
     for _ in range(2):
         try:
             return _read_once(path, given)
@@ -114,7 +110,7 @@ def save_pressure(pressure: PressureFrames, path: str | os.PathLike[str]) -> Non
     ------
     MismatchError
         If the pressure has another sensor shape.
-    MissingFileError, BrokenFileError, FileError
+    FileError
         If the file cannot be read or written.
     """
     take = read_recording(Path(path), ImportOptions(streamed=True))

@@ -139,15 +139,13 @@ class RecordingWriter:
         Parameters
         ----------
         block : array_like, shape (frame, row, column)
-            In the unit of the recording.
+            In the unit of the recording; an invalid block raises InputError and nothing is written.
         played : mapping, optional
             With `array`: ``phase_steps``, ``intensity``, ``instant`` and ``state`` of these frames, as in
             `PlayedTouch`.
 
         Raises
         ------
-        ShapeError, NonFiniteError, InputError
-            If the block is invalid; nothing is written.
         FileError
             If the file is closed, or the disk is full or fails.
         """
@@ -173,23 +171,11 @@ class RecordingWriter:
                 self._flush_in_time()
 
     def note(self, events: Iterable[Event]) -> None:
-        """Store events; they are flushed with the next frames, before these. Frames of events may be in the future.
-
-        Raises
-        ------
-        FileError
-            If the file is closed or cannot be written.
-        """
+        """Store events, also of future frames; they are flushed with the next frames, before these."""
         self._add("event", event_values(tuple(events)))
 
     def stamp(self, stamps: Iterable[StageStamp]) -> None:
-        """Store stage positions with times from frame 0 on; flushed as in `note`.
-
-        Raises
-        ------
-        FileError
-            If the file is closed or cannot be written, or the recording has no stage.
-        """
+        """Store stage positions with times from frame 0 on; flushed as in `note`."""
         if not self.staged:
             raise FileError(f"{self.path}: expected a recording with a stage; create it with staged=True")
         self._add("stage", stage_values(tuple(stamps)))
@@ -207,10 +193,7 @@ class RecordingWriter:
     def close(self) -> None:
         """Write buffered frames, mark the recording as finished, and close it; further calls do nothing.
 
-        Raises
-        ------
-        FileError
-            If the disk fails; the message and `frames` state how many frames are safe.
+        If the disk fails, FileError and `frames` state how many frames are safe.
         """
         with self._lock:
             if self._timer is not None:
@@ -310,10 +293,7 @@ class RecordingWriter:
                 stored_dataset(file, name).resize(length, axis=0)
 
     def _flush_in_time(self) -> None:
-        """Flush if the interval has passed, otherwise start a timer, because the next block may be late.
-
-        The number of frames counts too, because a delayed source may deliver many at once.
-        """
+        """Flush after the interval or that many frames; otherwise start a timer, as the next block may be late."""
         waited = time.monotonic() - self._flushed
         if waited >= self.interval or self._frames - self._safe >= self.interval * self.rate:
             self._flush()

@@ -9,11 +9,7 @@ if TYPE_CHECKING:
 
 
 class RetryingFile(FileIO):
-    """A new file that accepts all data, and raises the first disk error only in `check`.
-
-    If HDF5 cannot write its buffers, it cannot close its file either, and may crash. After the first error nothing more
-    is written.
-    """
+    """A new file that accepts all data but writes nothing after the first disk error, which `check` raises."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "w+")
