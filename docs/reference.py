@@ -1,4 +1,4 @@
-"""Pages of reference that are made and not written: every public name, room by room, and every command's own help."""
+"""Generate the reference pages: every public name by module, and the help of every command."""
 
 import contextlib
 import importlib
@@ -11,11 +11,11 @@ from pathlib import Path
 import midair
 
 CLOSED = {"__main__", "blas", "cli", "progress", "ram", "temp_frames", "version", "validation"}
-"""Rooms that are nobody's but midair's own."""
+"""Internal modules without a reference page."""
 
 
-def rooms():
-    """Every module that people may import from, by its name, with its public names; midair itself first."""
+def modules():
+    """Names of the public modules, midair first, with their public names."""
     found = {"midair": sorted(name for name in midair.__all__ if not inspect.ismodule(getattr(midair, name)))}
     for each in pkgutil.iter_modules(midair.__path__):
         if each.name not in CLOSED:
@@ -25,7 +25,7 @@ def rooms():
 
 
 def names_of(module):
-    """What a module says is public; of one that says nothing, what it defines itself."""
+    """The ``__all__`` of a module, or the functions and classes that it defines."""
     if hasattr(module, "__all__"):
         return [name for name in module.__all__ if not inspect.ismodule(getattr(module, name))]
     return [
@@ -36,24 +36,24 @@ def names_of(module):
 
 
 def directive(full, value):
-    """How Sphinx is told to document one name."""
+    """Sphinx directive for one name."""
     if is_class(value):
-        # A noun stands in its own room; midair's page only shows it.
+        # A class is indexed in its own module; the page of midair only shows it.
         again = ["   :no-index:"] if full.count(".") == 1 else []
         return [f".. autoclass:: {full}", "   :members:", *again, ""]
     if inspect.isroutine(value):
         return [f".. autofunction:: {full}", ""]
-    said = repr(value) if typing.get_origin(value) else type(value).__name__
-    return [f".. py:data:: {full}", "", f"   ``{' '.join(said.split())[:300]}``", ""]
+    text = repr(value) if typing.get_origin(value) else type(value).__name__
+    return [f".. py:data:: {full}", "", f"   ``{' '.join(text.split())[:300]}``", ""]
 
 
 def is_class(value):
-    """Whether it is a class, and not the name of a type made of others."""
+    """True for a class, but not for an alias of a generic type."""
     return inspect.isclass(value) and not typing.get_origin(value)
 
 
-def room_page(name, names):
-    """A page of one room: a table of its names, and each of them."""
+def module_page(name, names):
+    """Page of one module: a table of its names, and an entry for each."""
     module = importlib.import_module(name)
     head = (inspect.getdoc(module) or "").splitlines()[0]
     shown = [each for each in names if is_class(getattr(module, each)) or inspect.isroutine(getattr(module, each))]
@@ -66,7 +66,7 @@ def room_page(name, names):
 
 
 def commands():
-    """Every command as it is typed, and its own help."""
+    """Every command as typed by the user, and its help."""
     from midair.cli import app, run
 
     def walk(at, words):
@@ -78,32 +78,37 @@ def commands():
             yield from walk(below, [*words, name])
 
     for words in walk(app, []):
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said):
+        text = io.StringIO()
+        with contextlib.redirect_stdout(text):
             run([*words, "--help"])
-        yield " ".join(["midair", *words]), said.getvalue().rstrip()
+        yield " ".join(["midair", *words]), text.getvalue().rstrip()
 
 
 def command_page():
-    """The page of all commands."""
-    parts = ["# Commands", "", "Each as `--help` tells it. Quantities take units: 200mm, 20Hz, 0.5s, 30Pa.", ""]
-    for name, said in commands():
-        parts += [f"## `{name}`", "", "```text", said, "```", ""]
+    """Page of all commands."""
+    parts = [
+        "# Commands",
+        "",
+        "Output of `--help` for each command. Quantities take units: 200mm, 20Hz, 0.5s, 30Pa.",
+        "",
+    ]
+    for name, text in commands():
+        parts += [f"## `{name}`", "", "```text", text, "```", ""]
     return "\n".join(parts)
 
 
 def write(folder):
-    """Write every page into a folder, those alone that changed, so that a second build is quick."""
+    """Write the pages that have changed into a folder, so that a second build is quick."""
     folder = Path(folder)
     folder.mkdir(exist_ok=True)
-    found = rooms()
-    pages = {f"{name}.rst": room_page(name, names) for name, names in found.items()}
+    found = modules()
+    pages = {f"{name}.rst": module_page(name, names) for name, names in found.items()}
     pages["index.rst"] = "\n".join(
         [
             "Python",
             "======",
             "",
-            f"{sum(map(len, found.values()))} public names, room by room.",
+            f"{sum(map(len, found.values()))} public names, by module.",
             "",
             ".. toctree::",
             "   :maxdepth: 1",

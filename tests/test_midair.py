@@ -9,11 +9,11 @@ import pytest
 import midair
 
 NAMES = {
-    "nouns": "Acoustics AmplitudeFrames Calibration ControlGrid Drive Medium PressureFrames Recording SensorGrid "
+    "classes": "Acoustics AmplitudeFrames Calibration ControlGrid Drive Medium PressureFrames Recording SensorGrid "
     "Settings Solution TransducerArray",
-    "verbs": "calibrate compare live load load_calibration loop open_rig open_take play prepare propagate record "
+    "functions": "calibrate compare live load load_calibration loop open_rig open_take play prepare propagate record "
     "save solve",
-    "rooms": "calibration correct datasets devices dsp errors evaluate figures files model paper physics pipeline "
+    "modules": "calibration correct datasets devices dsp errors evaluate figures files model paper physics pipeline "
     "recordings rig settings solvers studio study sweep targets testing view",
 }
 
@@ -22,28 +22,28 @@ def names(kind):
     return NAMES[kind].split()
 
 
-def test_the_face_has_these_names_and_no_others():
-    expected = sorted(["__version__", *names("nouns"), *names("verbs"), *names("rooms")])
+def test_the_package_has_these_names_and_no_others():
+    expected = sorted(["__version__", *names("classes"), *names("functions"), *names("modules")])
     assert sorted(midair.__all__) == dir(midair) == expected
 
 
-@pytest.mark.parametrize("name", names("verbs"))
-def test_verbs_are_functions_with_help(name):
-    verb = getattr(midair, name)
-    assert inspect.isfunction(verb)
-    assert inspect.getdoc(verb)
-    assert "Parameters" in inspect.getdoc(verb)
+@pytest.mark.parametrize("name", names("functions"))
+def test_functions_have_help(name):
+    function = getattr(midair, name)
+    assert inspect.isfunction(function)
+    assert inspect.getdoc(function)
+    assert "Parameters" in inspect.getdoc(function)
 
 
-@pytest.mark.parametrize("name", names("rooms"))
-def test_rooms_are_modules_that_say_what_they_are(name):
-    room = getattr(midair, name)
-    assert inspect.ismodule(room)
-    assert room.__doc__
+@pytest.mark.parametrize("name", names("modules"))
+def test_modules_have_a_docstring(name):
+    module = getattr(midair, name)
+    assert inspect.ismodule(module)
+    assert module.__doc__
 
 
-@pytest.mark.parametrize("name", names("nouns"))
-def test_nouns_are_classes(name):
+@pytest.mark.parametrize("name", names("classes"))
+def test_classes(name):
     assert inspect.isclass(getattr(midair, name))
 
 
@@ -71,22 +71,21 @@ def test_import_loads_nothing_heavy():
     assert heavy.isdisjoint(loaded)
 
 
-def types_of(*verbs):
-    """What they are in a program that has imported every room before."""
-    rooms = ", ".join(f"midair.{room}" for room in names("rooms") if room != "testing")
-    code = (
-        f"import {rooms}, midair.rig.correction, midair; print(*(type(getattr(midair, n)).__name__ for n in {verbs}))"
-    )
+def types_of(*functions):
+    """Types of names in a program that has imported every module."""
+    modules = ", ".join(f"midair.{module}" for module in names("modules") if module != "testing")
+    types = f"type(getattr(midair, n)).__name__ for n in {functions}"
+    code = f"import {modules}, midair.rig.correction, midair; print(*({types}))"
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
 
 
-def test_verbs_are_functions_whatever_was_imported_before():
-    assert set(types_of(*names("verbs"))) == {"function"}
+def test_functions_stay_functions_after_all_imports():
+    assert set(types_of(*names("functions"))) == {"function"}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", names("verbs"))
-def test_each_verb_is_a_function_also_when_it_is_the_first_that_is_asked_for(name):
+@pytest.mark.parametrize("name", names("functions"))
+def test_each_function_is_a_function_on_first_access(name):
     assert types_of(name) == ["function"]
 
 

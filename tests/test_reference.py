@@ -24,32 +24,32 @@ def reference():
     return made
 
 
-def test_every_public_name_of_every_room_is_documented(reference):
-    found = reference.rooms()
-    open_rooms = {each.name for each in pkgutil.iter_modules(midair.__path__)} - reference.CLOSED
-    assert {name.partition(".")[2] for name in found} - {""} == open_rooms
+def test_every_public_name_of_every_module_is_documented(reference):
+    found = reference.modules()
+    open_modules = {each.name for each in pkgutil.iter_modules(midair.__path__)} - reference.CLOSED
+    assert {name.partition(".")[2] for name in found} - {""} == open_modules
     assert sum(map(len, found.values())) > 700
-    for room, names in found.items():
-        module = sys.modules[room]
-        page = reference.room_page(room, names)
-        told = set(
-            re.findall(rf"^\.\. (?:autoclass|autofunction|py:data):: {re.escape(room)}\.(\w+)$", page, re.MULTILINE)
+    for name, names in found.items():
+        module = sys.modules[name]
+        page = reference.module_page(name, names)
+        documented = set(
+            re.findall(rf"^\.\. (?:autoclass|autofunction|py:data):: {re.escape(name)}\.(\w+)$", page, re.MULTILINE)
         )
         public = getattr(module, "__all__", None)
         if public is not None:
-            assert {name for name in public if not isinstance(getattr(module, name), type(sys))} == told, room
+            assert {each for each in public if not isinstance(getattr(module, each), type(sys))} == documented, name
 
 
-def test_every_class_and_function_that_is_public_says_what_it_is(reference):
-    silent = [
-        f"{room}.{name}"
-        for room, names in reference.rooms().items()
+def test_every_public_class_and_function_has_a_docstring(reference):
+    undocumented = [
+        f"{module}.{name}"
+        for module, names in reference.modules().items()
         for name in names
-        if callable(value := getattr(sys.modules[room], name))
+        if callable(value := getattr(sys.modules[module], name))
         and getattr(value, "__module__", "").startswith("midair")
         and not (getattr(value, "__doc__", None) or "").strip()
     ]
-    assert silent == []
+    assert undocumented == []
 
 
 def test_the_page_of_commands_has_every_command_and_its_help(reference):

@@ -19,19 +19,19 @@ def foreign(shape, **says):
 
 def test_what_the_file_says_needs_nothing_given(path):
     sensor = SensorGrid(rows=1, columns=3)
-    seen = foreign((5, 3), rate=10.0, unit="V", sensor=sensor).settle(ImportOptions(), path)
+    seen = foreign((5, 3), rate=10.0, unit="V", sensor=sensor).resolve(ImportOptions(), path)
     assert (seen.recording.rate, seen.recording.unit, seen.recording.sensor) == (10, "V", sensor)
     assert seen.report == ()
 
 
 def test_what_the_file_does_not_say_is_taken_as_given(path):
     given = ImportOptions(rate=10.0, unit="Pa", sensor=SensorGrid(rows=3, columns=1))
-    recording = foreign((5, 3)).settle(given, path).recording
+    recording = foreign((5, 3)).resolve(given, path).recording
     assert (recording.rate, recording.unit, recording.sensor) == (10, "Pa", given.sensor)
 
 
 def test_the_report_goes_into_the_provenance(path):
-    seen = foreign((5, 16), report=("First.",)).settle(ImportOptions(rate=10.0, unit="V"), path)
+    seen = foreign((5, 16), report=("First.",)).resolve(ImportOptions(rate=10.0, unit="V"), path)
     assert seen.report[0] == "First."
     assert len(seen.report) == 2
     assert seen.recording.provenance.steps[0].settings["report"] == seen.report
@@ -49,7 +49,7 @@ def test_the_report_goes_into_the_provenance(path):
 )
 def test_refuses_what_nobody_says_or_what_does_not_fit(shape, given, error, path):
     with pytest.raises(error, match=r"a\.bin"):
-        foreign(shape).settle(given, path)
+        foreign(shape).resolve(given, path)
 
 
 def test_channels_are_chosen_by_name_or_number_in_any_order(path):
@@ -58,38 +58,38 @@ def test_channels_are_chosen_by_name_or_number_in_any_order(path):
         samples=samples, form="bin", rate=10.0, names=("a", "b", "c", "d"), units=("V", "Pa", "V", None)
     )
     pair = SensorGrid(rows=1, columns=2)
-    seen = file.settle(ImportOptions(channels=("c", "0"), sensor=pair), path)
+    seen = file.resolve(ImportOptions(channels=("c", "0"), sensor=pair), path)
     np.testing.assert_array_equal(seen.recording.samples[:, 0], samples[:, [2, 0]])
     assert seen.recording.unit == "V"
     assert seen.recording.provenance.steps[0].settings["channels"] == ("c", "a")
     with pytest.raises(UnitError):
-        file.settle(ImportOptions(channels=("a", "b"), sensor=pair), path)
+        file.resolve(ImportOptions(channels=("a", "b"), sensor=pair), path)
 
 
 @pytest.mark.parametrize("channels", [("e",), ("4",), ("-1",), (), ("a", "0")])
 def test_refuses_channels_that_are_not_there_or_there_twice(channels, path):
     file = foreign((3, 4), rate=10.0, unit="V", names=("a", "b", "c", "d"))
     with pytest.raises(ShapeError, match=r"expected (a channel by name|different channels)"):
-        file.settle(ImportOptions(channels=channels), path)
+        file.resolve(ImportOptions(channels=channels), path)
 
 
 def test_a_chosen_channel_tells_of_rows_that_repeat(path):
     rng = np.random.default_rng(0)
     samples = rng.normal(size=(50, 2))
     samples[[7, 20, 21], 0] = samples[[6, 19, 19], 0]
-    seen = ImportedData(samples=samples, form="bin", rate=10.0, unit="V").settle(ImportOptions(channels=("0",)), path)
+    seen = ImportedData(samples=samples, form="bin", rate=10.0, unit="V").resolve(ImportOptions(channels=("0",)), path)
     assert seen.report == ("3 of 50 rows repeat every channel of the row before, at a later time: they were kept.",)
 
 
 def test_a_scale_makes_pressure_of_any_number(path):
     recording = (
         ImportedData(samples=np.full((3, 1), 2.0), form="bin", rate=10.0)
-        .settle(ImportOptions(scale=1.5), path)
+        .resolve(ImportOptions(scale=1.5), path)
         .recording
     )
     assert (recording.unit, recording.samples[0, 0, 0]) == ("Pa", 3.0)
     with pytest.raises(MismatchError, match="the file states Pa"):
-        foreign((3, 1), rate=10.0, unit="Pa").settle(ImportOptions(scale=2.0), path)
+        foreign((3, 1), rate=10.0, unit="Pa").resolve(ImportOptions(scale=2.0), path)
     with pytest.raises(MismatchError, match="leave unit out"):
         ImportOptions(scale=2.0, unit="V")
     for scale in (0.0, np.nan):
@@ -104,7 +104,7 @@ PACKED = np.arange(12.0)
 def test_packed_samples_are_frames_whatever_axes_the_file_has(shape, path):
     file = ImportedData(samples=PACKED.reshape(shape), form="bin", unit="V")
     pair = SensorGrid(rows=2, columns=2)
-    seen = file.settle(ImportOptions(packed=4, sensor=pair, rate=10.0), path)
+    seen = file.resolve(ImportOptions(packed=4, sensor=pair, rate=10.0), path)
     np.testing.assert_array_equal(seen.recording.samples, PACKED.reshape(3, 2, 2))
     assert seen.recording.rate == 10
     assert seen.report[-1] == "12 numbers were taken as 3 frames of 4 channels in turn."
@@ -115,20 +115,20 @@ def test_the_rate_of_a_packed_file_is_that_of_its_rows(path):
     line = SensorGrid(rows=1, columns=4)
     for shape, rate in (((12, 1), 400.0), ((6, 2), 200.0), ((3, 4), 100.0), ((1, 12), 100 / 3)):
         file = ImportedData(samples=PACKED.reshape(shape), form="bin", unit="V", rate=rate)
-        assert file.settle(ImportOptions(packed=4, sensor=line), path).recording.rate == pytest.approx(100)
+        assert file.resolve(ImportOptions(packed=4, sensor=line), path).recording.rate == pytest.approx(100)
 
 
 def test_packed_channels_can_be_chosen_too(path):
     file = ImportedData(samples=PACKED[:, None], form="bin", unit="V", rate=400.0)
-    seen = file.settle(ImportOptions(packed=4, channels=("3", "1"), sensor=SensorGrid(rows=1, columns=2)), path)
+    seen = file.resolve(ImportOptions(packed=4, channels=("3", "1"), sensor=SensorGrid(rows=1, columns=2)), path)
     np.testing.assert_array_equal(seen.recording.samples[:, 0], PACKED.reshape(3, 4)[:, [3, 1]])
 
 
 def test_packed_numbers_that_do_not_come_out_even_are_refused(path):
     with pytest.raises(ShapeError, match="multiple of 5 packed numbers, got 12"):
-        foreign((12, 1), rate=10.0, unit="V").settle(ImportOptions(packed=5), path)
+        foreign((12, 1), rate=10.0, unit="V").resolve(ImportOptions(packed=5), path)
     with pytest.raises(ShapeError, match="leave the time out"):
-        foreign((12, 1), rate=10.0, unit="V", settings={"interpolation": "linear"}).settle(
+        foreign((12, 1), rate=10.0, unit="V", settings={"interpolation": "linear"}).resolve(
             ImportOptions(packed=4), path
         )
     with pytest.raises(InputError, match="from 1 on"):
@@ -140,8 +140,8 @@ def test_gaps_are_refused_or_mended_and_told(path):
     samples[50:53, 2] = np.nan
     file = ImportedData(samples=samples, form="bin", rate=1000.0, unit="V")
     with pytest.raises(NonFiniteError, match="midair mend"):
-        file.settle(ImportOptions(), path)
-    seen = file.settle(ImportOptions(mending=Mending(longest=5e-3)), path)
+        file.resolve(ImportOptions(), path)
+    seen = file.resolve(ImportOptions(mending=Mending(longest=5e-3)), path)
     assert (seen.recording.samples == 1).all()
     assert seen.report[-1] == (
         "3 numbers were missing in 1 gaps and were interpolated, the longest 3 ms from 0.05 s on in channel 2."

@@ -101,15 +101,15 @@ class ImportedData:
     report: tuple[str, ...] = ()
     """Sentences for the user so far."""
 
-    def settle(self, given: ImportOptions, path: Path) -> OpenedTake:
+    def resolve(self, given: ImportOptions, path: Path) -> OpenedTake:
         """Build the recording; facts that the file lacks come from the options or from a stated assumption.
 
         Raises a subclass of InputError if a fact is missing and cannot be assumed, or an option contradicts the file.
         """
         if given.packed is not None:
-            return self._deinterleaved(given.packed, path).settle(replace(given, packed=None), path)
+            return self._deinterleaved(given.packed, path).resolve(replace(given, packed=None), path)
         if given.channels is not None:
-            return self._select(given.channels, path).settle(replace(given, channels=None), path)
+            return self._select(given.channels, path).resolve(replace(given, channels=None), path)
         rate = self._rate(given, path)
         unit = self._unit(given, path)
         sensor, assumed = self._sensor(given, path)

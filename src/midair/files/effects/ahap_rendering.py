@@ -59,7 +59,7 @@ def read_ahap(path: Path, given: ImportOptions) -> OpenedTake:
     found = ImportedData(
         samples=wave[:, None], form="AHAP", rate=rate, settings={"events": len(haptic)}, report=tuple(report)
     )
-    return found.settle(given, path)
+    return found.resolve(given, path)
 
 
 def _pattern(path: Path) -> Sequence[Mapping[str, Any]]:

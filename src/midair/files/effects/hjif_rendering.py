@@ -55,7 +55,7 @@ def read_hjif(path: Path, given: ImportOptions) -> OpenedTake:
     report = [f"Rendered at {rate:g} Hz; curves on straight lines."]
     report += [f"Left out: {', '.join(left_out)}."] if left_out else []
     found = ImportedData(samples=samples, form="MPEG haptics", rate=rate, settings={}, report=tuple(report))
-    return found.settle(given, path)
+    return found.resolve(given, path)
 
 
 def _effects(channel: Plain) -> Iterator[tuple[Plain, Plain]]:

@@ -52,8 +52,8 @@ def read_csv(path: Path, given: ImportOptions) -> OpenedTake:
         return _own(text, path, given)
     table = read_table(text, path, gaps=given.mending is not None)
     if fabricslide.is_fabricslide(table.names):
-        return fabricslide.imported(table, path, given).settle(given, path)
-    return _foreign(table, given).settle(given, path)
+        return fabricslide.imported(table, path, given).resolve(given, path)
+    return _foreign(table, given).resolve(given, path)
 
 
 def _own(text: str, path: Path, given: ImportOptions) -> OpenedTake:

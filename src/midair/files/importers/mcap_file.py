@@ -68,7 +68,7 @@ def read_mcap(path: Path, given: ImportOptions) -> OpenedTake:
         notes={"topic": name},
         settings={"topic": name, "rate_hz": even.rate},
         report=(*(("The file was not closed: complete records were read.",) if cut else ()), *even.report),
-    ).settle(given, path)
+    ).resolve(given, path)
 
 
 def _chosen(topics: dict[str, _Topic], path: Path, given: ImportOptions) -> tuple[_Topic, str]:

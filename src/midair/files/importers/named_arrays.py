@@ -22,7 +22,7 @@ def from_arrays(arrays: Mapping[str, Any], form: str, path: Path, given: ImportO
     if samples.ndim == 1 or samples.shape[0] == 1:
         report = (f"Array {name} {samples.shape} was taken as one channel of {samples.size} frames.",)
         samples = samples.reshape(-1, 1)
-    return ImportedData(samples=samples, form=form, settings={"array": name}, report=report).settle(given, path)
+    return ImportedData(samples=samples, form=form, settings={"array": name}, report=report).resolve(given, path)
 
 
 def _chosen(arrays: Mapping[str, Any], path: Path, given: ImportOptions) -> str:

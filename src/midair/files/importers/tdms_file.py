@@ -71,7 +71,7 @@ def read_tdms(path: Path, given: ImportOptions) -> OpenedTake:
         notes={"group": group},
         settings={"group": group},
         report=("The file was not closed: complete records were read.",) if cut else (),
-    ).settle(given, path)
+    ).resolve(given, path)
 
 
 def _group(objects: dict[str, _Object], path: Path, given: ImportOptions) -> tuple[str, dict[str, _Object]]:

@@ -63,7 +63,7 @@ def read_wav(path: Path, given: ImportOptions) -> OpenedTake:
             raise BrokenFileError(f"{path}: expected PCM, float or µ-law in a WAV, got {file.format} with {subtype}")
         samples: Any = _lazy_samples(path, file) if given.streamed else file.read(dtype="float64", always_2d=True)
     if header is None:
-        return sound_of(samples, subtype, float(rate), given, path).settle(given, path)
+        return sound_of(samples, subtype, float(rate), given, path).resolve(given, path)
     parsed = parse_header(header.decode("ascii"), path)
     exponent = parsed["scale_exponent"]
     recording = recording_from(parsed, each_frame(samples, lambda block: np.ldexp(block, exponent), exact=True), path)

@@ -42,7 +42,7 @@ def read_xdf(path: Path, given: ImportOptions) -> OpenedTake:
         notes={"stream": _first(info, "name"), "device": _first(info, "source_id")},
         settings={"stream": _first(info, "name"), "rate_hz": even.rate, "nominal_hz": _first(info, "nominal_srate")},
         report=(*(f"pyxdf: {sentence}" for sentence in dict.fromkeys(messages)), *even.report),
-    ).settle(given, path)
+    ).resolve(given, path)
 
 
 def _chosen(streams: list[dict[str, Any]], path: Path, given: ImportOptions) -> dict[str, Any]:

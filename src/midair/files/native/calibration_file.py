@@ -47,6 +47,11 @@ def save_calibration(calibration: Calibration, path: str | os.PathLike[str]) -> 
 def load_calibration(path: str | os.PathLike[str]) -> Calibration | None:
     """Read a calibration from its own file or from a recording; None if the recording has none.
 
+    Parameters
+    ----------
+    path : str or PathLike
+        An HDF5 file of midair: a calibration or a recording.
+
     Raises
     ------
     MissingFileError, BrokenFileError, UnknownFormatError
