@@ -1,4 +1,4 @@
-"""The wide kernel is asked for where OpenBLAS would miss it, before NumPy is there; what a person set stays."""
+"""The wide kernel is selected where OpenBLAS would miss it, before NumPy is loaded; a value set by the user stays."""
 
 import os
 import subprocess
@@ -27,11 +27,11 @@ def cpuinfo(vendor="AuthenticAMD", family=26, flags=WIDE):
         ("", False),
     ],
 )
-def test_only_the_processors_that_it_does_not_know(said, missed):
+def test_only_unlisted_processors_miss_the_wide_kernel(said, missed):
     assert misses_wide_kernel(said) is missed
 
 
-def test_what_a_person_has_set_stays(tmp_path):
+def test_a_value_set_by_the_user_stays(tmp_path):
     told = tmp_path / "cpuinfo"
     told.write_text(cpuinfo())
     mine, nobody_s = {"OPENBLAS_CORETYPE": "Zen"}, {}
@@ -43,7 +43,7 @@ def test_what_a_person_has_set_stays(tmp_path):
 
 
 @pytest.mark.long
-def test_the_command_line_asks_before_numpy_is_loaded():
+def test_the_command_line_sets_it_before_numpy_is_loaded():
     code = (
         "import sys, midair.__main__ as start; "
         "start.take_wide_kernel = lambda: print('numpy' in sys.modules); "
@@ -57,7 +57,7 @@ def test_the_command_line_asks_before_numpy_is_loaded():
     not Path("/proc/cpuinfo").is_file() or not misses_wide_kernel(Path("/proc/cpuinfo").read_text()),
     reason="OpenBLAS knows this processor",
 )
-def test_doctor_says_the_kernel_and_what_to_do():
+def test_doctor_reports_the_kernel_and_advice():
     environ = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"}
     code = "from midair.rig.doctor.checkup import _kernel; import numpy; print(_kernel())"
     narrow = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environ)
@@ -68,7 +68,7 @@ def test_doctor_says_the_kernel_and_what_to_do():
         check=True,
         env=environ | {"OPENBLAS_CORETYPE": "SkylakeX"},
     )
-    # An OpenBLAS that knows it has nothing to advise; one that does not says what to set.
+    # No advice for an OpenBLAS that lists the processor; otherwise the variable to set.
     assert "OPENBLAS_CORETYPE=SkylakeX" in narrow.stdout or "state='ok'" in narrow.stdout
     assert "state='ok'" in wide.stdout
     assert "SkylakeX" in wide.stdout

@@ -1,4 +1,4 @@
-"""Channels one at a time are those of the whole."""
+"""Single channels equal those of the whole array."""
 
 import numpy as np
 
@@ -6,10 +6,10 @@ from midair.channels import channels
 from midair.lazy_frames import LazyFrames
 
 
-def test_each_channel_comes_in_its_order_of_arrays_and_of_reels():
+def test_channels_of_arrays_and_lazy_frames_are_in_order():
     x = np.random.default_rng(0).standard_normal((100_000, 4, 3))
-    reel = LazyFrames(lambda first, last: x[first:last], x.shape)
-    for given in (x, reel):
+    lazy = LazyFrames(lambda first, last: x[first:last], x.shape)
+    for given in (x, lazy):
         np.testing.assert_array_equal(np.stack(list(channels(given)), axis=1), x.reshape(len(x), 12))
 
 

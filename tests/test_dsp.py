@@ -65,7 +65,7 @@ def test_fft_frequencies_end_at_half_the_rate():
 
 @settings(deadline=None, max_examples=20)
 @given(seeds)
-def test_doing_nothing_changes_nothing(seed):
+def test_a_unit_response_changes_nothing(seed):
     x = np.random.default_rng(seed).standard_normal((101, 2))
     same = dsp.filter_response(x, RATE, lambda f: np.ones((len(f), 1)), reach=0.1)
     assert same == pytest.approx(x, abs=1e-12)
@@ -184,7 +184,7 @@ def test_a_tone_is_the_same_at_another_rate(frequency):
     assert dsp.resample(low, 1000.0, 8000.0)[1600:-1600] == pytest.approx(high[1600:-1600], abs=1e-3)
 
 
-def test_what_is_above_half_the_new_rate_goes():
+def test_frequencies_above_half_the_new_rate_are_removed():
     x = np.sin(2 * np.pi * 530 * np.arange(16000) / 8000)
     assert np.abs(dsp.resample(x, 8000.0, 1000.0)[200:-200]).max() < 1e-4
 

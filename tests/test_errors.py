@@ -1,4 +1,4 @@
-"""One tree of errors, as its docstring draws it."""
+"""The tree of errors equals the one in the docstring."""
 
 import inspect
 import re
@@ -30,7 +30,7 @@ def test_the_drawing_is_the_tree():
 
 
 @pytest.mark.parametrize("error", LEAVES, ids=lambda one: one.__name__)
-def test_every_error_is_caught_as_midair_s_and_says_only_what_it_was_given(error):
+def test_every_error_is_a_midair_error_with_its_message(error):
     with pytest.raises(MidairError) as caught:
         raise error("expected this, got that")
     assert str(caught.value) == "expected this, got that"

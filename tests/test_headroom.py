@@ -1,4 +1,4 @@
-"""How hard an array can press, and what a drive is told to."""
+"""Largest pressure of an array, and the pressure that a drive requests."""
 
 import tracemalloc
 from dataclasses import replace
@@ -26,7 +26,7 @@ def test_a_focus_presses_with_all_transducers_in_step(room):
     assert room.focus == pytest.approx(float(radiation_pressure(np.array(loudest), Medium())))
 
 
-def test_all_cells_at_once_have_a_small_part_of_it(room):
+def test_pressure_on_all_cells_is_a_small_part_of_a_focus(room):
     """On the paper's points 33 Pa and 39 at most, against 1487 in a focus; on fewer points more."""
     paper = headroom(ARRAY, ControlGrid())
     assert paper.focus == pytest.approx(1487, abs=1)
@@ -38,7 +38,7 @@ def test_all_cells_at_once_have_a_small_part_of_it(room):
     assert paper.even < room.even < room.focus
 
 
-def test_the_second_time_it_is_known(room):
+def test_results_are_cached(room):
     assert headroom(TransducerArray.autd3(), GRID) is room
     louder = replace(ARRAY, pressure=2 * ARRAY.pressure)
     assert headroom(louder, GRID).focus == pytest.approx(4 * room.focus)
@@ -54,7 +54,7 @@ def test_a_fine_grid_costs_no_more_than_the_paper_s():
 
 
 def level(asked, lead=0):
-    """A wave between nothing and `asked` Pa all over the grid, in the middle of silence."""
+    """A wave between 0 and `asked` Pa on the whole grid, between two parts of silence."""
     time = np.arange(100) / 1000
     wave = asked / 2 * (1 - np.cos(2 * np.pi * 100 * time))
     pressure = np.concatenate([np.zeros(lead), wave, np.zeros(lead)])[:, None] * np.ones(GRID.count)
@@ -63,7 +63,7 @@ def level(asked, lead=0):
     return level_of(solve(target, ARRAY, method="fast", iterations=20), target)
 
 
-def test_a_wave_of_20_pa_comes():
+def test_a_wave_of_20_pa_is_reproduced():
     told = level(20.0)
     assert told.asked == pytest.approx(20)
     assert told.steady == pytest.approx(10, rel=0.01)
@@ -81,7 +81,7 @@ def test_the_lead_does_not_count():
     assert led.vibration == pytest.approx(bare.vibration)
 
 
-def test_above_the_linear_range_it_says_what_would_come():
+def test_above_the_linear_range_it_gives_advice():
     told = level(1000.0)
     assert told.too_loud
     assert told.comes < 0.6

@@ -1,4 +1,4 @@
-"""Filters of reels give what the same filters give in memory."""
+"""Filters of lazy frames equal the same filters in memory."""
 
 import numpy as np
 import pytest
@@ -29,9 +29,9 @@ def test_another_rate_is_the_same_to_the_last_bit(rates):
     np.testing.assert_array_equal(np.asarray(dsp.resample(reel_of(x), *rates)), dsp.resample(x, *rates))
 
 
-def test_the_same_rate_is_the_reel():
-    reel = reel_of(X)
-    assert dsp.resample(reel, 1000, 1000) is reel
+def test_the_same_rate_returns_the_input():
+    lazy = reel_of(X)
+    assert dsp.resample(lazy, 1000, 1000) is lazy
 
 
 @pytest.mark.parametrize("frames", [50, 4096, 60_000])
@@ -44,7 +44,7 @@ def test_a_convolution_is_the_same_to_rounding(frames):
 
 @pytest.mark.parametrize(("rate", "band"), [(1000.0, (20, 470)), (8000.0, (20, 470)), (1000.0, (5, 400))])
 def test_a_sensor_is_undone_to_thirty_millionths(rate, band):
-    # What the inverse still answers after a reach, four periods of its narrowest edge: -90 dB of the peak.
+    # The response of the inverse after one reach, four periods of its narrowest edge, is -90 dB of the peak.
     calibration = calibration_of(SensorModel(grid=SensorGrid(rows=2, columns=2)))
     edges = dsp.band_edges(band, rate)
     reach = 2 * default_taps(rate, edges) / rate
@@ -58,7 +58,7 @@ def test_a_sensor_is_undone_to_thirty_millionths(rate, band):
 
 
 @pytest.mark.parametrize("frames", [1, 30, 900])
-def test_short_reels_and_constants_are_answered_as_in_memory(frames):
+def test_short_and_constant_lazy_frames_equal_arrays(frames):
     def halved(frequency):
         return np.full((len(frequency), 1, 1), 0.5)
 
@@ -67,7 +67,7 @@ def test_short_reels_and_constants_are_answered_as_in_memory(frames):
     np.testing.assert_allclose(made, x / 2, atol=1e-12)
 
 
-def test_what_surrounds_a_frame_is_held_beyond_the_ends():
+def test_context_is_held_beyond_the_ends():
     def middle(around):
         return sum(around[i : len(around) - 200 + i] for i in range(201)) / 201
 
@@ -76,7 +76,7 @@ def test_what_surrounds_a_frame_is_held_beyond_the_ends():
 
 
 @pytest.mark.parametrize("by", [0.0, 3.0, -7.25, 2500.5])
-def test_a_reel_is_moved_as_a_whole_is(by):
+def test_lazy_frames_are_shifted_like_an_array(by):
     """White noise less what is above 48 hundredths of the rate."""
     spectrum = np.fft.rfft(X, axis=0)
     spectrum[int(0.48 * len(X)) :] = 0
@@ -90,7 +90,7 @@ def test_a_reel_is_moved_as_a_whole_is(by):
     assert np.abs(np.asarray(shift_earlier(reel_of(x), by)) - want).max() < 1e-6 * np.abs(want).max()
 
 
-def test_a_reel_has_the_density_of_the_whole():
+def test_lazy_frames_have_the_density_of_the_array():
     for resolution in (1.0, 0.003):
         frequency, want = dsp.welch(X, 1000.0, resolution=resolution)
         again, made = dsp.welch(reel_of(X), 1000.0, resolution=resolution)

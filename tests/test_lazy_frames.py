@@ -1,4 +1,4 @@
-"""Reels read as the arrays that they stand for, a stretch at a time."""
+"""Lazy frames read like the arrays that they represent."""
 
 import numpy as np
 import pytest
@@ -32,9 +32,9 @@ def reel_of(x, asked=None, **kept):
     return LazyFrames(read, x.shape, **kept)
 
 
-def test_a_reel_reads_as_its_array():
-    reel = reel_of(X)
-    assert (len(reel), reel.shape, reel.ndim, reel.size, reel.nbytes, reel.dtype) == (
+def test_lazy_frames_read_like_the_array():
+    lazy = reel_of(X)
+    assert (len(lazy), lazy.shape, lazy.ndim, lazy.size, lazy.nbytes, lazy.dtype) == (
         1000,
         (1000, 2, 3),
         3,
@@ -42,17 +42,17 @@ def test_a_reel_reads_as_its_array():
         48000,
         "f8",
     )
-    np.testing.assert_array_equal(reel, X)
-    np.testing.assert_array_equal(reel[-1], X[-1])
-    np.testing.assert_array_equal(reel[:, 1, 2], X[:, 1, 2])
-    assert (reel.min(), reel.max()) == (X.min(), X.max())
-    np.testing.assert_array_equal(reel.max(axis=0), X.max(axis=0))
+    np.testing.assert_array_equal(lazy, X)
+    np.testing.assert_array_equal(lazy[-1], X[-1])
+    np.testing.assert_array_equal(lazy[:, 1, 2], X[:, 1, 2])
+    assert (lazy.min(), lazy.max()) == (X.min(), X.max())
+    np.testing.assert_array_equal(lazy.max(axis=0), X.max(axis=0))
     with pytest.raises(IndexError):
-        reel[1000]
-    assert repr(reel) == "<LazyFrames 1000 x 2 x 3>"
+        lazy[1000]
+    assert repr(lazy) == "<LazyFrames 1000 x 2 x 3>"
 
 
-def test_a_slice_of_a_reel_is_a_reel_that_has_read_nothing():
+def test_a_slice_of_lazy_frames_reads_nothing():
     asked = []
     part = reel_of(X, asked, stored="f4")[100:400][50:-50]
     assert isinstance(part, LazyFrames)
@@ -63,7 +63,7 @@ def test_a_slice_of_a_reel_is_a_reel_that_has_read_nothing():
     np.testing.assert_array_equal(np.asarray(reel_of(X)[::7]), X[::7])
 
 
-@pytest.mark.parametrize("x", [X, reel_of(X)], ids=["array", "reel"])
+@pytest.mark.parametrize("x", [X, reel_of(X)], ids=["array", "lazy"])
 def test_blocks_are_all_frames_in_order(x):
     parts = list(blocks(x, 300))
     assert [len(part) for part in parts] == [300, 300, 300, 100]
@@ -88,14 +88,14 @@ def test_moments_are_numpys(size, monkeypatch):
     assert found.largest == np.abs(X).max()
 
 
-def test_moments_of_a_reel_take_one_pass():
+def test_moments_of_lazy_frames_take_one_pass():
     asked = []
-    reel = reel_of(X, asked)
-    assert moments(reel) is moments(reel)
+    lazy = reel_of(X, asked)
+    assert moments(lazy) is moments(lazy)
     assert asked == [(0, 1000)]
 
 
-def test_each_frame_maps_arrays_and_reels_alike():
+def test_each_frame_maps_arrays_and_lazy_frames_alike():
     def doubled(block):
         return 2 * block.reshape(len(block), -1)
 
@@ -104,37 +104,37 @@ def test_each_frame_maps_arrays_and_reels_alike():
     assert each_frame(reel_of(X, stored="f4"), doubled, exact=True).stored == "f4"
 
 
-def test_segments_lie_where_they_lie_and_the_last_ones_are_kept():
+def test_segments_are_fixed_and_the_last_ones_are_kept():
     made = []
 
     def make(first, last):
         made.append((first, last))
         return X[first:last]
 
-    reel = cached_blocks(make, X.shape, size=300, kept=2)
-    np.testing.assert_array_equal(reel.read(250, 650), X[250:650])
-    np.testing.assert_array_equal(reel.read(640, 900), X[640:900])
+    lazy = cached_blocks(make, X.shape, size=300, kept=2)
+    np.testing.assert_array_equal(lazy.read(250, 650), X[250:650])
+    np.testing.assert_array_equal(lazy.read(640, 900), X[640:900])
     assert made == [(0, 300), (300, 600), (600, 900)]
-    np.testing.assert_array_equal(reel.read(0, 10), X[:10])
+    np.testing.assert_array_equal(lazy.read(0, 10), X[:10])
     assert made[-1] == (0, 300)
-    assert reel.read(5, 5).shape == (0, 2, 3)
-    np.testing.assert_array_equal(np.asarray(reel), X)
+    assert lazy.read(5, 5).shape == (0, 2, 3)
+    np.testing.assert_array_equal(np.asarray(lazy), X)
 
 
-def test_nouns_hold_reels_and_look_at_their_shape():
-    reel = reel_of(X)
-    assert Recording(samples=reel, rate=10, sensor=SensorGrid(rows=2, columns=3)).samples is reel
-    assert frozen_array(reel, "x", ("frame", 2, 3)) is reel
+def test_data_classes_accept_lazy_frames_and_check_their_shape():
+    lazy = reel_of(X)
+    assert Recording(samples=lazy, rate=10, sensor=SensorGrid(rows=2, columns=3)).samples is lazy
+    assert frozen_array(lazy, "x", ("frame", 2, 3)) is lazy
     with pytest.raises(ShapeError, match="axes"):
-        frozen_array(reel, "x", ("frame", 3, 3))
+        frozen_array(lazy, "x", ("frame", 3, 3))
 
 
-def test_a_number_that_is_none_is_named_by_its_place_in_the_whole():
+def test_a_non_finite_number_is_named_by_its_index():
     with pytest.raises(NonFiniteError, match=r"samples.*nan at \(102, 1\)"):
         check_finite(np.array([[0, 0], [0, 0], [0, np.nan]]), "samples", frame=100)
 
 
-def test_some_frames_are_read_each_with_those_that_follow_it():
+def test_consecutive_frames_are_read_together():
     asked = []
     some = np.array([5, 6, 7, 900, 3, 4, 4, -2, -1])
     np.testing.assert_array_equal(reel_of(X, asked)[some], X[some])
@@ -144,19 +144,19 @@ def test_some_frames_are_read_each_with_those_that_follow_it():
     assert reel_of(X)[np.zeros(0, int)].shape == (0, 2, 3)
 
 
-def test_some_frames_are_read_a_block_at_a_time(monkeypatch):
+def test_chosen_frames_are_read_in_blocks(monkeypatch):
     monkeypatch.setattr("midair.lazy_frames.BYTES", 8 * 6 * 400)
     asked = []
     np.testing.assert_array_equal(reel_of(X, asked)[np.arange(1000)], X)
     assert asked == [(0, 400), (400, 800), (800, 1000)]
 
 
-def test_parts_that_come_once_are_read_in_their_order():
-    reel = from_iterator(iter([X[:300], X[300:310], X[310:]]), X.shape)
-    np.testing.assert_array_equal(reel.read(0, 305), X[:305])
+def test_an_iterator_is_read_in_order():
+    lazy = from_iterator(iter([X[:300], X[300:310], X[310:]]), X.shape)
+    np.testing.assert_array_equal(lazy.read(0, 305), X[:305])
     with pytest.raises(InputError, match="frame 305 to be read next, got frame 0"):
-        reel.read(0, 10)
-    np.testing.assert_array_equal(reel.read(305, 1000), X[305:])
+        lazy.read(0, 10)
+    np.testing.assert_array_equal(lazy.read(305, 1000), X[305:])
 
 
 def test_single_frames_do_not_keep_the_segments_that_they_lie_in():
@@ -166,22 +166,22 @@ def test_single_frames_do_not_keep_the_segments_that_they_lie_in():
         made.append(np.full((last - first, 3), float(first)))
         return made[-1]
 
-    reel = cached_blocks(make, (1000, 3), size=100, kept=1)
-    some = reel[np.array([5, 250, 999])]
+    lazy = cached_blocks(make, (1000, 3), size=100, kept=1)
+    some = lazy[np.array([5, 250, 999])]
     np.testing.assert_array_equal(some[:, 0], [0.0, 200.0, 900.0])
     assert some.base is None
     assert not any(np.shares_memory(some, each) for each in made)
 
 
-def test_zeros_follow_as_far_as_is_asked_for():
+def test_zeros_are_appended():
     x = np.arange(12.0).reshape(6, 2)
-    reel = LazyFrames(lambda a, b: x[a:b], x.shape)
-    np.testing.assert_array_equal(reel.followed(9), np.concatenate([x, np.zeros((3, 2))]))
-    np.testing.assert_array_equal(reel.followed(9).read(7, 9), np.zeros((2, 2)))
-    assert len(reel.followed(3)) == 6
+    lazy = LazyFrames(lambda a, b: x[a:b], x.shape)
+    np.testing.assert_array_equal(lazy.followed(9), np.concatenate([x, np.zeros((3, 2))]))
+    np.testing.assert_array_equal(lazy.followed(9).read(7, 9), np.zeros((2, 2)))
+    assert len(lazy.followed(3)) == 6
 
 
-def test_one_after_another_is_a_reel_where_one_is():
+def test_a_concatenation_is_lazy_if_a_part_is():
     parts = [X[:300], reel_of(X[300:310]), reel_of(X[310:])]
     whole = concatenate_lazy(parts)
     np.testing.assert_array_equal(whole, X)
@@ -192,11 +192,11 @@ def test_one_after_another_is_a_reel_where_one_is():
     assert concatenate_lazy([reel_of(X, stored="f4")] * 2).stored == "f4"
 
 
-def test_short_stretches_one_after_another_are_read_once(monkeypatch):
+def test_successive_short_reads_are_cached(monkeypatch):
     monkeypatch.setattr("midair.lazy_frames.BYTES", 48 * 100)
     asked = []
-    reel = with_cache(reel_of(X, asked))
+    lazy = with_cache(reel_of(X, asked))
     for first in range(0, 950, 10):
-        np.testing.assert_array_equal(reel.read(first, first + 50), X[first : first + 50])
+        np.testing.assert_array_equal(lazy.read(first, first + 50), X[first : first + 50])
     assert asked == [(first, first + 100) for first in range(0, 1000, 100)]
     assert with_cache(X) is X

@@ -10,13 +10,13 @@ MIXED = SensorModel(crosstalk=np.eye(16) + 0.05, saturation=2.0).with_spread(see
 
 
 @pytest.mark.parametrize("model", [SensorModel(), MIXED], ids=["alone", "mixed"])
-def test_a_reel_is_felt_as_an_array_is(model, monkeypatch):
+def test_lazy_sensing_equals_sensing(model, monkeypatch):
     """To the last bit: the converter's steps are far above the rounding of sums."""
     monkeypatch.setattr(lazy_sensing, "_FRAMES", 100)
     pressure = 20 * np.random.default_rng(0).standard_normal((2 * 1237, 4, 4))
     wanted = sense(model, pressure, 1000.0, rng=np.random.default_rng(5), oversample=2)
-    reel = LazyFrames(lambda a, b: pressure[a:b], pressure.shape)
-    felt = sense_lazily(model, reel, 1000.0, rng=np.random.default_rng(5), oversample=2)
+    lazy = LazyFrames(lambda a, b: pressure[a:b], pressure.shape)
+    felt = sense_lazily(model, lazy, 1000.0, rng=np.random.default_rng(5), oversample=2)
     np.testing.assert_array_equal(felt, wanted)
     np.testing.assert_array_equal(felt[700:900], wanted[700:900])
 

@@ -1,4 +1,4 @@
-"""Medians that are counted are those that are sorted for."""
+"""Medians by counting equal medians by sorting."""
 
 import numpy as np
 import pytest
@@ -22,10 +22,10 @@ SIGNALS = {
 
 @pytest.mark.parametrize("few", [2**16, 7])
 @pytest.mark.parametrize("x", SIGNALS.values(), ids=list(SIGNALS))
-def test_they_are_numpy_s_to_the_last_bit(x, few, monkeypatch):
+def test_they_equal_numpy_bit_by_bit(x, few, monkeypatch):
     monkeypatch.setattr("midair.medians._FEW", few)
     monkeypatch.setattr("midair.lazy_frames.BYTES", 2**15)
-    reel = LazyFrames(lambda first, last: x[first:last], x.shape)
+    lazy = LazyFrames(lambda first, last: x[first:last], x.shape)
     with np.errstate(over="ignore"):
-        np.testing.assert_array_equal(medians(reel), np.median(x, axis=0))
+        np.testing.assert_array_equal(medians(lazy), np.median(x, axis=0))
         np.testing.assert_array_equal(medians(x), np.median(x, axis=0))

@@ -20,7 +20,7 @@ def recording(frequency=100.0, rate=1000.0):
     return Recording(samples=samples, rate=rate, unit="Pa", provenance=Provenance(source="test"))
 
 
-def test_the_pages_of_the_paper_in_order():
+def test_the_stages_are_in_the_order_of_the_paper():
     settings = Settings().but(iterations=3)
     pressure = calibrated_pressure(recording(), None, settings).cut(0.1, 0.02)
     made = reproduce(pressure, SMALL, settings)
@@ -53,7 +53,7 @@ def test_progress_reaches_the_end():
 
 
 def played(**settings):
-    """The steps that a reproduction at 4 kHz has gone through."""
+    """Provenance steps of a reproduction at 4 kHz."""
     chosen = Settings().but(iterations=1, rate=4000.0, grid=ControlGrid(rows=6, columns=6, pitch=11e-3), **settings)
     pressure = calibrated_pressure(recording(), None, chosen).cut(0.1, 0.01)
     made = reproduce(pressure, SMALL, chosen)
@@ -106,7 +106,7 @@ def test_an_unknown_place_of_compensation_is_refused():
 
 
 @pytest.mark.parametrize("way", [reproduce, reproduce_stream])
-def test_what_does_not_fit_into_memory_is_refused_before_it_is_made(monkeypatch, way):
+def test_a_solution_too_large_for_memory_is_refused(monkeypatch, way):
     monkeypatch.setattr("midair.ram.available", lambda: 50_000_000)
     settings = Settings().but(grid=ControlGrid(rows=64, columns=64))
     pressure = calibrated_pressure(recording(), None, settings).cut(0.1, 0.02)
@@ -130,7 +130,7 @@ def test_a_stated_strength_takes_the_place_of_the_gain(mapping):
     assert reproduce(pressure, SMALL, again).strength() == pytest.approx(0.3)
 
 
-def test_a_strength_that_makes_no_sense_is_refused():
+def test_an_invalid_strength_is_refused():
     for wrong in (0.0, -0.1, 11.0):
         with pytest.raises(InputError, match="strength: expected above 0"):
             Settings().but(strength=wrong)
@@ -140,13 +140,13 @@ def test_a_strength_that_makes_no_sense_is_refused():
 
 
 def measured():
-    """A unit whose transducers were measured: each with a pole of its own."""
+    """A unit with measured transducers, each with its own pole."""
     found = Transducers.varied(SMALL.count, seed=5, gain_spread=0.05, resonance_spread=50, quality_spread=0.05)
     return replace(SMALL, response=found.response, pole=found.pole)
 
 
 @pytest.mark.parametrize(("mapping", "foreseen"), [("slow-bias", 1), ("half-wave", 0)])
-def test_what_a_measured_array_presses_is_foreseen_where_the_mapping_lifts(mapping, foreseen):
+def test_envelopes_of_a_measured_array_are_predicted(mapping, foreseen):
     settings = Settings().but(
         rate=2000.0, mapping=mapping, method="naive", grid=ControlGrid(rows=6, columns=6, pitch=11e-3)
     )

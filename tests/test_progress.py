@@ -5,7 +5,7 @@ from midair.lazy_frames import LazyFrames, blocks
 from midair.progress import passing, watched
 
 
-def test_only_the_outermost_loop_is_told_and_the_next_one_after_it():
+def test_only_the_outermost_loop_reports():
     told = []
     with watched(lambda done, total: told.append((done, total))):
         for _ in passing("ab", 2):
@@ -16,7 +16,7 @@ def test_only_the_outermost_loop_is_told_and_the_next_one_after_it():
     assert len(told) == 4
 
 
-def test_a_loop_that_is_left_makes_room_for_the_next():
+def test_an_interrupted_loop_lets_the_next_report():
     told = []
     with watched(lambda done, total: told.append((done, total))):
         for _ in passing(range(9), 9):
@@ -28,10 +28,10 @@ def test_a_loop_that_is_left_makes_room_for_the_next():
     assert told == [(1, 1)]
 
 
-@pytest.mark.parametrize("reel", [False, True])
-def test_going_through_frames_is_told_in_frames(reel):
+@pytest.mark.parametrize("lazy", [False, True])
+def test_progress_over_blocks_is_in_frames(lazy):
     x, told = np.arange(20.0).reshape(10, 2), []
     with watched(lambda done, total: told.append((done, total))):
-        parts = list(blocks(LazyFrames(lambda a, b: x[a:b], x.shape) if reel else x, 4))
+        parts = list(blocks(LazyFrames(lambda a, b: x[a:b], x.shape) if lazy else x, 4))
     assert told == [(4, 10), (8, 10), (10, 10)]
     assert np.array_equal(np.concatenate(parts), x)

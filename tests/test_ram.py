@@ -13,11 +13,11 @@ def meminfo(tmp_path):
     return path
 
 
-def test_what_the_system_says(meminfo, tmp_path):
+def test_the_available_memory(meminfo, tmp_path):
     assert available(meminfo, tmp_path / "none") == 2000000 * 1024
 
 
-def test_where_nobody_says(tmp_path):
+def test_unknown_memory_is_none(tmp_path):
     assert available(tmp_path / "none", tmp_path) is None
 
 
@@ -30,7 +30,7 @@ def test_a_container_may_have_less(meminfo, tmp_path, limit, left):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says it")
-def test_this_system_says_something_possible():
+def test_this_system_reports_a_possible_value():
     assert 10e6 < (available() or 0) < 1e14
 
 

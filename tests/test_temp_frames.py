@@ -1,4 +1,4 @@
-"""Frames that wait on the disk come back as they were."""
+"""Temporary frames on disk are read back unchanged."""
 
 import tempfile
 
@@ -9,7 +9,7 @@ from midair.errors import FileError
 from midair.temp_frames import TempChannels, TempFrames
 
 
-def test_what_is_appended_is_read_again_in_any_order():
+def test_appended_frames_are_read_in_any_order():
     x = np.random.default_rng(0).standard_normal((100, 3, 2))
     with TempFrames(3, 2) as spool:
         spool.append(x[:40])
@@ -30,7 +30,7 @@ def test_channels_and_frames_are_two_ways_to_read_the_same():
 
 @pytest.fixture
 def small():
-    """Files of at most a megabyte, by the limit of this process."""
+    """Limit the file size of this process to a megabyte."""
     resource = pytest.importorskip("resource")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, hard))
@@ -40,8 +40,8 @@ def small():
 
 @pytest.mark.parametrize("put", [lambda x: TempFrames(1).append(x), lambda x: TempChannels(len(x), 1).put(0, 0, x)])
 @pytest.mark.filterwarnings("error")
-def test_a_disk_that_takes_no_more_is_one_line_that_names_the_folder(put, small):
-    """It was "File too large", of no file that anybody could have named."""
+def test_a_full_disk_is_one_line_that_names_the_folder(put, small):
+    """The message was "File too large", without a file name."""
     put(np.zeros((small // 16, 1)))
     with pytest.raises(FileError, match=r"disk space for temporary frames, .* File too large; .* set TMPDIR") as told:
         put(np.zeros((small // 4, 1)))

@@ -9,7 +9,7 @@ from midair.validation import frozen_array, positive
 
 
 @given(hnp.arrays(np.float64, hnp.array_shapes(min_dims=2, max_dims=2), elements=st.floats(-1e9, 1e9)))
-def test_a_copy_with_the_same_numbers_that_cannot_be_written(value):
+def test_the_copy_is_read_only(value):
     frozen = frozen_array(value, "x", ("a", "b"))
     assert (frozen == value).all()
     assert not np.shares_memory(frozen, value)
@@ -37,7 +37,7 @@ def test_a_wrong_shape_is_named(value, axes, says):
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_what_is_not_finite_is_named_with_its_place(bad):
+def test_a_non_finite_number_is_named_with_its_index(bad):
     value = np.zeros((3, 2))
     value[2, 1] = bad
     with pytest.raises(NonFiniteError, match=r"x: .*\(2, 1\)"):
@@ -51,6 +51,6 @@ def test_a_positive_number_passes(value):
 
 
 @pytest.mark.parametrize("bad", [0, -1, np.nan, np.inf])
-def test_another_number_does_not(bad):
+def test_other_numbers_are_refused(bad):
     with pytest.raises(InputError, match="rate: expected a number above 0 Hz, got"):
         positive(bad, "rate", "Hz")

@@ -37,7 +37,7 @@ def test_every_sample_has_its_licence_and_source_beside_it(name):
         ("ridges", "f5b4f9dec5270de8fae13efdd1b6b2b52b09f19dafce875b87435635f9be8b3c"),
     ],
 )
-def test_what_comes_along_is_the_original_byte_by_byte(name, digest):
+def test_sample_files_are_the_published_originals(name, digest):
     assert hashlib.sha256(sample_path(name).read_bytes()).hexdigest() == digest
 
 
@@ -53,12 +53,12 @@ def test_denim_is_a_real_recording_that_names_its_origin():
 
 
 def felt_by(recording):
-    """The card of a recording that comes back as it was."""
+    """Perceptual metrics of a recording that is reproduced perfectly."""
     pressure = calibrate(recording)
     return perceptual_metrics(pressure, pressure)
 
 
-def test_ridges_are_a_real_recording_that_can_be_felt_and_say_what_was_chosen():
+def test_ridges_are_a_real_recording_at_a_level_that_can_be_felt():
     recording = sample("ridges")
     assert (recording.unit, recording.rate, recording.sensor.shape) == ("Pa", 1000, (4, 4))
     assert not recording.provenance.simulated
@@ -74,7 +74,7 @@ def test_ridges_are_a_real_recording_that_can_be_felt_and_say_what_was_chosen():
     assert card.figure("Pacinian power, original").overall == pytest.approx(told, abs=0.5)
 
 
-def test_ridges_come_every_four_millimetres_of_the_board_whatever_plays_them():
+def test_ridges_have_a_period_of_four_millimetres():
     """2 mm of ridge and 2 mm of groove: 5 Hz at the robot's 20 mm/s, and 50 Hz ten times as fast."""
     original, quick = open_take(sample_path("ridges")).recording, sample("ridges")
     for recording, band, expected in ((original, (2.0, 15.0), 5.0), (quick, (20.0, 470.0), 50.0)):
@@ -86,7 +86,7 @@ def test_ridges_come_every_four_millimetres_of_the_board_whatever_plays_them():
         assert frequency[inside][power[inside].sum(axis=1).argmax()] == pytest.approx(expected, rel=0.02)
 
 
-def test_denim_is_not_felt_at_the_level_of_its_example_as_the_docs_say():
+def test_denim_is_below_threshold_at_the_level_in_the_docs():
     recording = sample("denim")
     change = np.asarray(recording.samples) - np.median(recording.samples, axis=0)
     slow = replace(recording, samples=30 * change / np.abs(change).max(), unit="Pa")
@@ -94,13 +94,13 @@ def test_denim_is_not_felt_at_the_level_of_its_example_as_the_docs_say():
     assert perceptual_metrics(pressure, pressure).verdict().startswith("A palm would not feel it")
 
 
-def test_a_file_of_a_sample_that_was_read_with_options_names_its_licence():
+def test_a_sample_file_read_with_options_has_its_licence():
     read = open_take(sample_path("connect"), scale=200.0).recording
     assert "licence" not in read.provenance.notes
     assert credited("connect", read).provenance.notes["licence"] == "Apache-2.0"
 
 
-def test_lists_what_there_is():
+def test_lists_all_samples():
     assert [entry.name for entry in samples()] == list(SAMPLES)
 
 
@@ -109,7 +109,7 @@ def test_refuses_an_unknown_name():
         sample("velvet")
 
 
-def test_connect_is_the_original_and_is_felt_under_a_palm():
+def test_connect_is_the_original_and_can_be_felt():
     assert hashlib.sha256(sample_path("connect").read_bytes()).hexdigest() == CONNECT
     effect = open_take(sample_path("connect"), scale=200.0).recording
     assert not effect.provenance.simulated
@@ -119,7 +119,7 @@ def test_connect_is_the_original_and_is_felt_under_a_palm():
 
 
 @pytest.mark.parametrize("name", MADE)
-def test_what_is_made_says_so_and_can_be_felt(name):
+def test_synthetic_samples_are_marked_and_can_be_felt(name):
     recording = sample(name)
     assert recording.provenance.simulated
     assert recording.unit == "Pa"

@@ -9,7 +9,7 @@ def test_every_pattern_once_and_never_silence():
     assert np.array_equal(np.sort(binary_patterns()), np.arange(1, 65536))
 
 
-def test_the_first_few_are_the_same_however_many_follow():
+def test_the_first_patterns_do_not_depend_on_the_count():
     assert np.array_equal(binary_patterns(100, seed=5), binary_patterns(seed=5)[:100])
     assert not np.array_equal(binary_patterns(100, seed=5), binary_patterns(100, seed=6))
 
@@ -28,6 +28,6 @@ def test_bit_k_is_channel_k():
 
 
 @pytest.mark.parametrize(("count", "channels"), [(0, 16), (65536, 16), (4, 2), (1, 17)])
-def test_more_patterns_than_there_are_are_refused(count, channels):
+def test_too_many_patterns_are_refused(count, channels):
     with pytest.raises(InputError, match="expected 1 to"):
         binary_patterns(count, channels=channels)

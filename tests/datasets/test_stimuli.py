@@ -25,7 +25,7 @@ def test_stimuli_have_their_lines_on_their_channels(kind, channels, lines):
     assert frames.provenance.simulated
 
 
-def test_a_stimulus_that_cannot_be_is_refused():
+def test_an_invalid_stimulus_is_refused():
     with pytest.raises(InputError, match="i, ii, iii, got 'iv'"):
         am_stimulus("iv")
     with pytest.raises(RateError, match="above 500 Hz, got 500"):

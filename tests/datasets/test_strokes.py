@@ -15,7 +15,7 @@ PASSED = [2, 6, 10, 14]
 
 @pytest.fixture(scope="module", params=[2, pytest.param(4, marks=pytest.mark.slow)], ids="{} seeds".format)
 def heard(request):
-    """As the paper's Fig. 9: recorded, calibrated, half-wave rectified; channels 2, 6, 10, 14 of several strokes."""
+    """As in the paper's Fig. 9: recorded, calibrated, half-wave rectified; channels 2, 6, 10, 14 of several strokes."""
     model = SensorModel().with_spread(seed=1)
     calibration = calibration_of(model)
 
@@ -105,7 +105,7 @@ def test_the_stroke_starts_and_ends_free_and_stays_in_its_column():
     assert (other.pressure[:, :, 2:] == 0).all()
 
 
-def test_cells_of_a_column_feel_the_same_profile_one_after_the_other():
+def test_cells_of_a_column_measure_the_same_profile_in_turn():
     # towel without slips: the profile is fixed to the object
     motion, sensor = Motion(), SensorGrid()
     frames = stroke("towel", rate=8000.0)
@@ -131,14 +131,14 @@ def test_twice_the_speed_puts_the_texture_at_twice_the_frequency():
 
 @pytest.mark.parametrize("name", OBJECTS)
 @pytest.mark.parametrize("groove", [False, True])
-def test_the_peak_is_where_the_docstring_says(name, groove):
+def test_the_peak_is_in_the_documented_range(name, groove):
     low, high = (41, 71) if groove else (32.5, 50.5)
     peaks = [stroke(name, groove=groove, seed=seed).pressure.max() for seed in range(10)]
     assert low < min(peaks) < max(peaks) < high
     assert stroke(name, groove=groove, peak=60.0).pressure.max() == pytest.approx(60)
 
 
-def test_pressure_only_pushes_but_for_the_ringing():
+def test_pressure_is_positive_except_for_ringing():
     assert min(stroke(name, groove=True, seed=seed).pressure.min() for name in OBJECTS for seed in range(4)) > -3
     assert stroke("towel", groove=True, rate=8000.0).pressure.min() == 0
 
@@ -169,7 +169,7 @@ def test_a_duration_cuts_or_adds_silence():
     assert not longer.pressure[whole.frames :].any()
 
 
-def test_it_says_that_it_is_simulated_and_what_it_is():
+def test_provenance_has_simulated_and_object():
     frames = stroke("brush", groove=True, seed=9)
     assert frames.provenance.simulated
     assert frames.provenance.source == "virtual:brush"
@@ -199,7 +199,7 @@ def test_another_sensor_can_be_stroked():
         ({"rate": 0.0}, RateError, "got 0"),
     ],
 )
-def test_a_stroke_that_cannot_be_is_refused(wrong, error, says):
+def test_an_invalid_stroke_is_refused(wrong, error, says):
     with pytest.raises(error, match=says):
         stroke(**({"object": "towel"} | wrong))
 

@@ -28,12 +28,12 @@ def test_a_tap_is_a_half_sine_of_20_ms():
     np.testing.assert_allclose(push[pressed], push.max() * np.sin(np.pi * np.arange(1, 160) / 160))
 
 
-def test_the_seed_decides():
+def test_the_seed_determines_the_taps():
     np.testing.assert_array_equal(taps(seed=1).pressure, taps(seed=1).pressure)
     assert (taps(seed=1).pressure != taps(seed=2).pressure).any()
 
 
 @pytest.mark.parametrize("wrong", [{"every": 0.0}, {"rate": -1.0}, {"peak": 0.0}])
-def test_what_makes_no_sense_is_refused(wrong):
+def test_invalid_taps_are_refused(wrong):
     with pytest.raises(InputError):
         taps(**wrong)

@@ -43,7 +43,7 @@ def recording(provenance: Provenance) -> Recording:
 
 @pytest.fixture
 def options(recording: Recording) -> dict[str, Any]:
-    """What a writer of `recording` has to be told."""
+    """Options that the writer of `recording` needs."""
     return {"rate": recording.rate, "sensor": recording.sensor, "unit": "Pa", "provenance": recording.provenance}
 
 
@@ -115,7 +115,7 @@ def _xdf_chunk(tag: int, content: bytes) -> bytes:
 
 @pytest.fixture(scope="session")
 def xdf() -> Callable[..., bytes]:
-    """An XDF as its specification says (sccn/xdf, 1.0): header, stream header, samples, clock offsets, footer."""
+    """An XDF file by its specification (sccn/xdf, 1.0): header, stream header, samples, clock offsets, footer."""
 
     def build(samples, *, rate=1000.0, stamps=None, labels=(), unit="", name="skin", number=1, start=100.0) -> bytes:
         samples = np.asarray(samples, "<f4")
@@ -150,7 +150,7 @@ def xdf() -> Callable[..., bytes]:
 
 @pytest.fixture(scope="session")
 def tdms() -> Callable[..., bytes]:
-    """A TDMS segment as National Instruments describes it."""
+    """A TDMS segment as described by National Instruments."""
 
     def text(value: str, order: str) -> bytes:
         return struct.pack(order + "I", len(value.encode())) + value.encode()
@@ -197,7 +197,7 @@ def tdms() -> Callable[..., bytes]:
 
 @pytest.fixture(scope="session")
 def mcap() -> Callable[..., bytes]:
-    """An MCAP with topics of encoded messages, by the library of its makers."""
+    """An MCAP with topics of encoded messages, written by the makers' library."""
     writer = pytest.importorskip("mcap.writer")
 
     def build(topics, *, rate=1000.0, encoding="json", schema="frame", compress=True, chunk_size=1 << 20) -> bytes:

@@ -1,8 +1,8 @@
-"""A program that writes every file that midair writes, and that the kernel stops in the middle of it. Run by tests.
+"""Run every writer of midair and let the kernel stop it half way; started by tests.
 
-Argument: "quick", to leave out those that work for seconds. Each writer runs once whole, to see how large its largest
-file is, and then twice in a process of its own whose files may be half as large: refused (EFBIG), and killed (by
-SIGXFSZ), which leaves more behind. Prints a line of JSON for each.
+The argument "quick" leaves out writers that take seconds. Each writer runs once to measure its largest file, and then
+twice in a separate process with a file size limit of half of that: with an error (EFBIG), and killed (by SIGXFSZ),
+which leaves more files behind. Prints a line of JSON for each.
 """
 
 import json
@@ -119,7 +119,7 @@ def largest(path):
 
 
 def tried(write, path, limit, how):
-    """Write in a process of its own whose files may have `limit` bytes: how it ended."""
+    """Run a writer in a process with a file size limit of `limit` bytes, and return how it ended."""
     sys.stdout.flush()
     process = os.fork()
     if process:
@@ -138,7 +138,7 @@ def tried(write, path, limit, how):
 
 
 def main(*quick):
-    """Print what is left of each writer, however it was stopped."""
+    """Print the files that each writer left, for both ways to stop it."""
     for name, write in WRITERS.items():
         if quick and name in LONG:
             continue
@@ -168,13 +168,13 @@ def main(*quick):
 
 
 def _contents(path):
-    """Names and bytes of what people see of a file or folder."""
+    """Names and bytes of the visible part of a file or folder."""
     every = path.rglob("*") if path.is_dir() else [path]
     return {str(each.relative_to(path)): each.read_bytes() for each in every if each.is_file()}
 
 
 def _whole(name, before, after):
-    """Whether what is there is what was there; of figures, each for itself, none need be."""
+    """True if the previous content is unchanged; of several figures each may be missing."""
     if name == "figures":
         return all(before[each] == content for each, content in after.items() if not each.startswith("."))
     return after == ({} if name in (*FOLDERS, *NEW_ONLY) else before)

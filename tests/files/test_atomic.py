@@ -60,7 +60,7 @@ def test_refuses_impossible_names(name, tmp_path):
         existing_file(tmp_path / name)
 
 
-def test_finds_what_is_there(tmp_path):
+def test_finds_all_parts(tmp_path):
     (tmp_path / "a").write_text("x")
     assert existing_file(str(tmp_path / "a")) == tmp_path / "a"
     with pytest.raises(MissingFileError):
@@ -82,7 +82,7 @@ def test_takes_the_first_line_of_a_parser(tmp_path):
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no pipes with a name")
 def test_pipes_and_devices_are_not_opened(tmp_path):
-    """Opening a pipe waits for somebody to write into it: for ever."""
+    """Opening a pipe blocks until another process writes to it."""
     os.mkfifo(tmp_path / "a.csv")
     for path in (tmp_path / "a.csv", "/dev/zero"):
         with pytest.raises(BrokenFileError, match="a pipe or a device"):
@@ -105,7 +105,7 @@ def test_pipes_and_devices_are_not_opened(tmp_path):
         (RecursionError("too deep"), BrokenFileError, "damaged or foreign file"),
     ],
 )
-def test_what_fails_is_what_is_said(wrong, kind, says, tmp_path):
+def test_the_actual_reason_is_reported(wrong, kind, says, tmp_path):
     with pytest.raises(kind) as told, refusing(tmp_path / "a.h5", "a file"):
         raise wrong
     assert type(told.value) is kind

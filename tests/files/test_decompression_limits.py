@@ -1,4 +1,4 @@
-"""Bombs: small files that would fill the memory are refused for what they announce, not for what is left of it."""
+"""Decompression bombs: small files that would fill the memory are refused for their stated size."""
 
 import io
 import struct
@@ -52,7 +52,7 @@ def test_a_bomb_of_numpy(tmp_path):
 
 
 def test_a_bomb_of_robots(tmp_path, mcap):
-    """Text of numbers: 20 MB of them in 3 kB took 5.6 s."""
+    """Numbers as text: 20 MB of them in 3 kB took 5.6 s."""
     message = b"[" + b"1," * 10_000_000 + b"1]"
     (tmp_path / "a.mcap").write_bytes(mcap({"/skin": [message, message]}))
     assert (tmp_path / "a.mcap").stat().st_size < 50_000
@@ -61,7 +61,7 @@ def test_a_bomb_of_robots(tmp_path, mcap):
 
 
 def test_a_frame_that_expands_to_more_than_its_chunk_says(tmp_path, mcap):
-    """The library believes the frame."""
+    """The library trusts the size in the frame."""
     data = bytearray(mcap({"/skin": [b"[" + b" " * 2**25 + b"1,2]"] * 2}))
     at = data.index(b"zstd") - 4 - 4 - 8
     data[at : at + 8] = struct.pack("<Q", 100)
@@ -72,7 +72,7 @@ def test_a_frame_that_expands_to_more_than_its_chunk_says(tmp_path, mcap):
 
 @pytest.mark.parametrize("ending", [".mat", ".npz", ".h5"])
 def test_silence_is_no_bomb(ending, tmp_path):
-    """Two seconds of 16 channels at 48 kHz, of nothing."""
+    """Two seconds of 16 channels at 48 kHz, all zero."""
     silent = Recording(samples=np.zeros((96_000, 4, 4)), rate=48_000.0, sensor=SensorGrid(), unit="V")
     save(silent, tmp_path / f"a{ending}")
     np.testing.assert_array_equal(open_take(tmp_path / f"a{ending}").recording.samples, silent.samples)

@@ -24,7 +24,7 @@ sys.stdin.read()
 
 
 def holder(how, path):
-    """Another program that has a file, and has said so."""
+    """Another program that has locked a file and has reported it."""
     words = [sys.executable, "-c", HOLDER, how, str(path)]
     program = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert program.stdout is not None
@@ -49,7 +49,7 @@ def test_one_program_at_a_time_until_it_ends_however_it_ends(path):
     os.close(mine)
 
 
-def test_a_lock_that_fails_accuses_nobody(path):
+def test_a_failing_lock_blames_no_program(path):
     mine = os.open(path, os.O_RDWR)
     os.close(mine)
     with pytest.raises(FileError, match="log: cannot be locked: Bad file"):
@@ -57,7 +57,7 @@ def test_a_lock_that_fails_accuses_nobody(path):
 
 
 @pytest.mark.parametrize("way", ["places", "whole files"])
-def test_what_another_program_writes_is_neither_replaced_nor_locked_for_readers(way, path, monkeypatch):
+def test_files_of_other_writers_are_not_replaced_but_readable(way, path, monkeypatch):
     if way == "whole files":  # as on systems without locks that belong to an open file
         monkeypatch.setattr(file_locks, "fcntl", without_places())
         monkeypatch.setitem(globals(), "HOLDER", HOLDER.replace("file = os", f"{WITHOUT_PLACES}; file = os"))
@@ -94,7 +94,7 @@ def test_a_claim_of_its_own_is_refused_too(path):
     check_unclaimed(path)
 
 
-def test_what_is_not_there_or_is_a_folder_is_claimed_by_nobody(tmp_path):
+def test_missing_files_and_folders_are_not_locked(tmp_path):
     check_unclaimed(tmp_path)
     check_unclaimed(tmp_path / "nothing")
 
@@ -121,7 +121,7 @@ main(sys.argv[1:])
 @pytest.mark.skipif(
     sys.platform != "linux" or platform.machine() != "x86_64", reason="refuses system calls of 64-bit Linux by number"
 )
-def test_a_disk_without_locks_is_said_once_and_nothing_is_refused(tmp_path):
+def test_a_disk_without_locks_is_reported_once_and_not_refused(tmp_path):
     def run(*words):
         done = subprocess.run(
             [sys.executable, "-c", WITHOUT_LOCKS, *words], capture_output=True, text=True, check=False, cwd=tmp_path

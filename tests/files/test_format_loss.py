@@ -1,4 +1,4 @@
-"""What a format owes when it has no place for a calibration."""
+"""Loss report of a format that cannot store a calibration."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ def test_without_a_calibration_nothing_is_lost():
     assert calibration_lost(None, "WAV") == ()
 
 
-def test_a_calibration_that_is_left_out_is_said_with_what_to_do():
+def test_a_dropped_calibration_is_reported_with_advice():
     sensor = SensorGrid(rows=1, columns=1)
     flat = Calibration(
         sensor=sensor, frequency=np.array([0.0, 500.0]), response=np.ones((2, 1, 1)), noise=np.zeros((1, 1))

@@ -1,4 +1,4 @@
-"""One contract for every format of recordings, and the doors that lead to them."""
+"""One contract for all recording formats and the functions that read and write them."""
 
 import re
 import subprocess
@@ -70,7 +70,7 @@ def recordings(draw: st.DrawFn) -> Recording:
 @pytest.mark.parametrize("ending", [ending for ending in BOTH if ending != ".hdf5"])  # which is .h5
 @settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(recording=recordings())
-def test_returns_what_was_saved(ending, recording, tmp_path, alike):
+def test_returns_the_saved_calibration(ending, recording, tmp_path, alike):
     path = tmp_path / f"towel{ending}"
     save(recording, path)
     alike(load(path), recording)
@@ -95,7 +95,7 @@ def test_replaces_a_file_and_leaves_nothing_beside_it(ending, recording, tmp_pat
 
 
 @each_writer
-def test_tells_of_a_calibration_that_it_cannot_hold(ending, recording, calibration, tmp_path):
+def test_reports_a_calibration_that_it_cannot_store(ending, recording, calibration, tmp_path):
     lost = save(recording, tmp_path / f"towel{ending}", calibration=calibration)
     assert [loss.what for loss in lost].count("calibration") == (ending not in (".h5", ".hdf5", ".nc"))
     assert len(save(recording, tmp_path / f"towel{ending}")) == len(lost) - (ending not in (".h5", ".hdf5", ".nc"))
@@ -243,7 +243,7 @@ def test_lists_the_endings_it_knows(name, recording, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "door"), [("a.drive.h5", "load_solution"), ("a.calibration.h5", "load_calibration")])
-def test_points_to_the_right_door(name, door, recording, tmp_path):
+def test_names_the_right_function(name, door, recording, tmp_path):
     for act in (lambda: open_take(tmp_path / name), lambda: save(recording, tmp_path / name)):
         with pytest.raises(UnknownFormatError, match=door):
             act()
@@ -258,7 +258,7 @@ def test_refuses_other_kinds_under_a_recordings_name(calibration, solution, tmp_
             load(path)
 
 
-def test_reports_what_looks_wrong(recording, tmp_path):
+def test_reports_suspicious_channels(recording, tmp_path):
     samples = recording.samples.copy()
     samples[:, 1, 2] = 4.5
     save(Recording(samples=samples, rate=1000, sensor=recording.sensor), tmp_path / "a.npz")
@@ -266,7 +266,7 @@ def test_reports_what_looks_wrong(recording, tmp_path):
 
 
 @pytest.mark.parametrize("ending", [ending for ending in IN if ending not in OUT])
-def test_refuses_to_write_what_is_only_open_take(ending, recording, tmp_path):
+def test_refuses_to_write_read_only_formats(ending, recording, tmp_path):
     with pytest.raises(UnknownFormatError, match=r"can be read, not written; writable formats are \.h5"):
         save(recording, tmp_path / f"a{ending}")
 
@@ -308,12 +308,12 @@ def test_float32_stays_float32_and_other_numbers_stay_as_they_are(tmp_path):
         assert file["samples"].dtype == "<f8"
 
 
-def test_a_streamed_file_that_is_no_longer_there_is_said_to_be_another(tmp_path):
+def test_a_streamed_file_that_was_replaced_is_refused(tmp_path):
     save(Recording(samples=np.zeros((30, 4, 4)), rate=1000), tmp_path / "a.h5")
-    reel = open_take(tmp_path / "a.h5", streamed=True).recording.samples
+    lazy = open_take(tmp_path / "a.h5", streamed=True).recording.samples
     save(Recording(samples=np.ones((30, 4, 4)), rate=1000), tmp_path / "a.h5")
     with pytest.raises(BrokenFileError, match="a new one of that name"):
-        reel.read(0, 10)
+        lazy.read(0, 10)
 
 
 def test_a_streamed_number_that_is_none_is_refused_when_it_is_read(tmp_path):
@@ -322,20 +322,20 @@ def test_a_streamed_number_that_is_none_is_refused_when_it_is_read(tmp_path):
     save(Recording(samples=np.full((30, 4, 4), 0.1), rate=1000), tmp_path / "a.h5")
     with h5py.File(tmp_path / "a.h5", "r+") as file:
         file["samples"][20, 1, 2] = np.nan
-    reel = open_take(tmp_path / "a.h5", streamed=True).recording.samples
-    assert reel.read(0, 20).shape == (20, 4, 4)
+    lazy = open_take(tmp_path / "a.h5", streamed=True).recording.samples
+    assert lazy.read(0, 20).shape == (20, 4, 4)
     with pytest.raises(NonFiniteError, match=r"\(20, 1, 2\)"):
-        reel.read(10, 30)
+        lazy.read(10, 30)
 
 
 @each_writer
-def test_a_reel_is_written_as_an_array_is(ending, tmp_path, monkeypatch):
+def test_lazy_frames_are_written_like_an_array(ending, tmp_path, monkeypatch):
     """With runs of one value, which MPEG haptics leaves out, over the ends of blocks."""
     monkeypatch.setattr("midair.lazy_frames.BYTES", 2**10)
     samples = np.round(np.random.default_rng(3).normal(size=(700, 3, 5)).cumsum(axis=0))
     whole = Recording(samples=samples, rate=1000.0, sensor=SensorGrid(rows=3, columns=5), unit="V")
-    reel = LazyFrames(lambda first, last: samples[first:last], samples.shape, stored="f4")
-    read = Recording(samples=reel, rate=1000.0, sensor=whole.sensor, unit="V")
+    lazy = LazyFrames(lambda first, last: samples[first:last], samples.shape, stored="f4")
+    read = Recording(samples=lazy, rate=1000.0, sensor=whole.sensor, unit="V")
     one, two = tmp_path / f"one{ending}", tmp_path / f"two{ending}"
     assert save(whole, one) == save(read, two)
     if ending in BOTH:
@@ -346,7 +346,7 @@ def test_a_reel_is_written_as_an_array_is(ending, tmp_path, monkeypatch):
         assert dated[0] == dated[1]
 
 
-def test_what_is_read_as_a_whole_is_refused_where_memory_is_short(ending_of_whole, tmp_path, monkeypatch):
+def test_files_read_as_a_whole_need_enough_memory(ending_of_whole, tmp_path, monkeypatch):
     path = tmp_path / f"big{ending_of_whole}"
     path.write_bytes(bytes(1000))
     monkeypatch.setattr("midair.ram.available", lambda: 1000)
@@ -355,7 +355,7 @@ def test_what_is_read_as_a_whole_is_refused_where_memory_is_short(ending_of_whol
 
 
 @pytest.mark.parametrize("ending", [".csv", ".npz", ".mat"])
-def test_reading_takes_at_least_the_memory_that_is_said(ending, tmp_path):
+def test_reading_takes_at_least_the_stated_memory(ending, tmp_path):
     samples = np.random.default_rng(0).normal(size=(3000, 4, 4))
     path = tmp_path / f"a{ending}"
     save(Recording(samples=samples, rate=1000.0), path)

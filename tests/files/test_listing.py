@@ -6,7 +6,7 @@ from midair.errors import BrokenFileError
 from midair.files import RecordingWriter, contents, save, save_calibration, save_solution
 
 
-def test_tells_what_a_recording_carries(recording, calibration, tmp_path):
+def test_lists_the_parts_of_a_recording(recording, calibration, tmp_path):
     save(recording, tmp_path / "a.h5", calibration=calibration)
     seen = contents(tmp_path / "a.h5")
     assert (seen.kind, seen.frames, seen.finished, seen.parts) == ("recording", 40, True, ("calibration",))
@@ -14,7 +14,7 @@ def test_tells_what_a_recording_carries(recording, calibration, tmp_path):
     assert seen.created.endswith("+00:00")
 
 
-def test_tells_drives_and_calibrations(solution, target, calibration, tmp_path):
+def test_recognises_drives_and_calibrations(solution, target, calibration, tmp_path):
     save_solution(solution, tmp_path / "a.drive.h5", target=target)
     save_calibration(calibration, tmp_path / "a.calibration.h5")
     drive, bench = contents(tmp_path / "a.drive.h5"), contents(tmp_path / "a.calibration.h5")
@@ -22,7 +22,7 @@ def test_tells_drives_and_calibrations(solution, target, calibration, tmp_path):
     assert (bench.kind, bench.frames, bench.parts) == ("calibration", None, ())
 
 
-def test_tells_a_recording_that_runs(recording, tmp_path):
+def test_recognises_a_running_recording(recording, tmp_path):
     options = {"rate": 1000, "sensor": recording.sensor, "unit": "V", "provenance": recording.provenance}
     with RecordingWriter(tmp_path / "a.h5", **options):
         assert not contents(tmp_path / "a.h5").finished

@@ -1,4 +1,4 @@
-"""Damaged bytes: whatever happens to a file, a reader returns a value or says in one line what is wrong."""
+"""Damaged files: a reader returns a value or raises an error of one line."""
 
 import struct
 
@@ -24,7 +24,7 @@ from midair.model import PressureFrames, SensorGrid
 
 
 def mutant(data: bytes, rng: np.random.Generator) -> bytes:
-    """`data` cut, with bytes or bits changed, overwritten, left out or doubled."""
+    """`data` truncated, with bytes or bits changed, overwritten, removed or duplicated."""
     spoilt = bytearray(data)
     first, last = sorted(int(i) for i in rng.integers(len(data), size=2))
     match int(rng.integers(6)):
@@ -99,7 +99,7 @@ READERS = {
 
 
 def refusals(name, count, originals, tmp_path):
-    """What the readers say to `count` mutants."""
+    """Errors of the readers for `count` mutants."""
     rng = np.random.default_rng(2020)
     data = (originals / name).read_bytes()
     path = tmp_path / name

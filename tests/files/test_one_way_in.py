@@ -1,4 +1,4 @@
-"""`open_take` is the one way in: whatever a file is called, its calibration and its journal come with it."""
+"""`open_take` reads calibration and journal whatever the name of a file."""
 
 from pathlib import Path
 
@@ -35,7 +35,7 @@ def test_every_ending_in_any_case_gives_all_that_its_file_holds(take, ending, ca
     kept = ending in STORED
     assert opened.stored is kept
     assert (opened.calibration is not None) is kept
-    # Where a format has no place for a calibration, whoever writes it says so.
+    # A format that cannot store a calibration reports it when writing.
     assert any(loss.what == "calibration" for loss in lost) is not kept
     if opened.calibration is not None:
         np.testing.assert_array_equal(opened.calibration.response, calibration.response)

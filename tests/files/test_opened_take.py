@@ -17,14 +17,14 @@ def foreign(shape, **says):
     return ImportedData(samples=np.zeros(shape), form="bin", **says)
 
 
-def test_what_the_file_says_needs_nothing_given(path):
+def test_facts_in_the_file_need_no_options(path):
     sensor = SensorGrid(rows=1, columns=3)
     seen = foreign((5, 3), rate=10.0, unit="V", sensor=sensor).resolve(ImportOptions(), path)
     assert (seen.recording.rate, seen.recording.unit, seen.recording.sensor) == (10, "V", sensor)
     assert seen.report == ()
 
 
-def test_what_the_file_does_not_say_is_taken_as_given(path):
+def test_facts_missing_in_the_file_come_from_options(path):
     given = ImportOptions(rate=10.0, unit="Pa", sensor=SensorGrid(rows=3, columns=1))
     recording = foreign((5, 3)).resolve(given, path).recording
     assert (recording.rate, recording.unit, recording.sensor) == (10, "Pa", given.sensor)
@@ -47,7 +47,7 @@ def test_the_report_goes_into_the_provenance(path):
         ((5, 16), ImportOptions(rate=10.0, unit="V", sensor=SensorGrid(rows=4, columns=5)), MismatchError),
     ],
 )
-def test_refuses_what_nobody_says_or_what_does_not_fit(shape, given, error, path):
+def test_refuses_missing_or_contradicting_facts(shape, given, error, path):
     with pytest.raises(error, match=r"a\.bin"):
         foreign(shape).resolve(given, path)
 
@@ -67,13 +67,13 @@ def test_channels_are_chosen_by_name_or_number_in_any_order(path):
 
 
 @pytest.mark.parametrize("channels", [("e",), ("4",), ("-1",), (), ("a", "0")])
-def test_refuses_channels_that_are_not_there_or_there_twice(channels, path):
+def test_refuses_missing_or_repeated_channels(channels, path):
     file = foreign((3, 4), rate=10.0, unit="V", names=("a", "b", "c", "d"))
     with pytest.raises(ShapeError, match=r"expected (a channel by name|different channels)"):
         file.resolve(ImportOptions(channels=channels), path)
 
 
-def test_a_chosen_channel_tells_of_rows_that_repeat(path):
+def test_a_chosen_channel_reports_repeated_rows(path):
     rng = np.random.default_rng(0)
     samples = rng.normal(size=(50, 2))
     samples[[7, 20, 21], 0] = samples[[6, 19, 19], 0]
@@ -124,7 +124,7 @@ def test_packed_channels_can_be_chosen_too(path):
     np.testing.assert_array_equal(seen.recording.samples[:, 0], PACKED.reshape(3, 4)[:, [3, 1]])
 
 
-def test_packed_numbers_that_do_not_come_out_even_are_refused(path):
+def test_incomplete_packed_frames_are_refused(path):
     with pytest.raises(ShapeError, match="multiple of 5 packed numbers, got 12"):
         foreign((12, 1), rate=10.0, unit="V").resolve(ImportOptions(packed=5), path)
     with pytest.raises(ShapeError, match="leave the time out"):
@@ -135,7 +135,7 @@ def test_packed_numbers_that_do_not_come_out_even_are_refused(path):
         ImportOptions(packed=0)
 
 
-def test_gaps_are_refused_or_mended_and_told(path):
+def test_gaps_are_refused_or_filled_and_reported(path):
     samples = np.ones((200, 16))
     samples[50:53, 2] = np.nan
     file = ImportedData(samples=samples, form="bin", rate=1000.0, unit="V")

@@ -1,4 +1,4 @@
-"""Real recordings that others made, where a copy of them lies beside the repository; skipped elsewhere."""
+"""Real recordings by others, if a copy is beside the repository; skipped elsewhere."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def files(folder, ending):
     return sorted((DATA / folder).rglob(f"*{ending}"))
 
 
-def test_every_file_is_looked_at():
+def test_every_file_is_tested():
     found = {path.relative_to(DATA).parts[0] for ending in ("csv", "wav") for path in DATA.rglob(f"*.{ending}")}
     assert found <= {"fabricslide", "hapmat", "audio-to-tactile", "anova"}
 

@@ -7,7 +7,7 @@ from midair.files.sanitise_text import no_formula, printable, without_formulas
 from midair.model import Provenance, Recording, SensorGrid
 
 
-def test_what_steers_a_terminal_is_spelled_out():
+def test_control_characters_are_escaped():
     assert printable("towel é µ, 2 x 3") == "towel é µ, 2 x 3"
     assert printable("a\x1b]52;c;aGk=\x07b") == "a\\x1b]52;c;aGk=\\x07b"
     assert printable("evil\u202egpj.h5\r\x9b2J") == "evil\\u202egpj.h5\\r\\x9b2J"

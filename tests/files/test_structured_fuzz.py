@@ -1,4 +1,4 @@
-"""Damage by somebody who knows how the files are built: a value or one line, never a traceback, a crash or a hang."""
+"""Damage that follows the structure of files: a value or one line, never a traceback, a crash or a hang."""
 
 import sys
 

@@ -27,7 +27,7 @@ FILES = {
 
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("content", FILES)
-def test_whatever_is_in_it_one_line_says_what_is_wrong(reader, content, tmp_path):
+def test_any_invalid_content_is_one_line(reader, content, tmp_path):
     path = tmp_path / "a.toml"
     path.write_bytes(FILES[content])
     if reader == "text" and content not in ("latin", "wide"):
@@ -60,6 +60,6 @@ def test_deep_json_is_a_wrong_value():
         json_of("[" * 100_000)
 
 
-def test_keys_of_people_are_no_depths():
+def test_usual_dotted_keys_are_accepted():
     text = 'a.b."c.d".e = "one.two.three' + ".x" * 25 + '"'
     assert toml_of(text)["a"]["b"]["c.d"]["e"].startswith("one.two")

@@ -26,7 +26,7 @@ def test_a_straight_line_stays_one(distances, slope, start):
     assert len(even.samples) == len(time)
 
 
-def test_fills_a_gap_and_says_so():
+def test_fills_a_gap_and_reports_it():
     keep = np.r_[0:20, 24:60]
     time = keep / 50
     even = uniform(time, keep[:, None].astype(float))
@@ -42,7 +42,7 @@ def test_drops_rows_with_the_same_stamp():
     assert "1 of 5 rows have the time stamp of the row before" in even.report[0]
 
 
-def test_tells_of_rows_that_repeat_at_a_later_time():
+def test_reports_rows_that_repeat_at_a_later_time():
     even = uniform(np.arange(5) / 10, np.array([[0.0, 4], [1, 5], [1, 5], [2, 5], [3, 6]]))
     assert len(even.samples) == 5
     assert "1 of 5 rows repeat every channel" in even.report[0]
@@ -58,7 +58,7 @@ def test_uses_the_nominal_rate_when_it_fits():
 @pytest.mark.parametrize(
     ("time", "message"), [([0, 2, 1], "got 1 s after 2 s"), ([3, 3], "two that differ"), ([1], "two")]
 )
-def test_refuses_stamps_that_say_no_rate(time, message):
+def test_refuses_stamps_without_a_rate(time, message):
     with pytest.raises(RateError, match=message):
         uniform(np.array(time, float), np.zeros((len(time), 1)))
 

@@ -1,4 +1,4 @@
-"""Every writer: stopped in the middle, it leaves the file that was there, or none."""
+"""An interrupted writer leaves the previous file, or none."""
 
 import ast
 import json
@@ -25,7 +25,7 @@ ON_THEIR_OWN = {
 
 @pytest.fixture(scope="module", params=["quick", pytest.param("", marks=pytest.mark.slow)])
 def stopped(request, tmp_path_factory):
-    """What was left of each writer, by how it was stopped."""
+    """Files left by each writer, by the way it was stopped."""
     words = [sys.executable, PROGRAM, *request.param.split()]
     folder = tmp_path_factory.mktemp("writers")
     done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=folder, timeout=500)
@@ -39,12 +39,12 @@ def stopped(request, tmp_path_factory):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows limits the size of no file")
 @pytest.mark.parametrize("how", ["killed", "refused"])
-def test_what_was_there_is_there_when_a_writer_is_stopped_half_way(how, stopped):
+def test_an_interrupted_writer_keeps_the_old_file(how, stopped):
     found = stopped[how]
     ended = -signal.SIGXFSZ if how == "killed" else 1
     assert {name: line["ended"] for name, line in found.items()} == dict.fromkeys(found, ended)
     assert [name for name, line in found.items() if not line["whole"]] == []
-    # What a refused writer began is gone; a killed one leaves a hidden file that no reader takes for anything.
+    # A writer that fails removes its temporary file; a killed one leaves a hidden file that no reader accepts.
     assert how == "killed" or [name for name, line in found.items() if line["left"]] == []
     assert [name for name, line in found.items() if line["again"] not in (False, 0)] == []
 
@@ -53,7 +53,7 @@ WRITES = {"write_text", "write_bytes", "to_csv", "savefig"}
 
 
 def names_of_whole_files(tree):
-    """What `with whole_file(...) as name` and the like bind."""
+    """Variables bound by `with whole_file(...) as name` and similar."""
     return {
         item.optional_vars.id
         for node in ast.walk(tree)
@@ -66,7 +66,7 @@ def names_of_whole_files(tree):
 
 
 def written_by_hand(module):
-    """Calls in a file of src that write to something else than a whole file; a path from elsewhere is let go."""
+    """Calls in a file of src that write to a path that is not from `whole_file`; paths from arguments are accepted."""
     text = module.read_text(encoding="utf-8")
     if not any(f".{name}(" in text for name in (*WRITES, "open")):
         return
@@ -94,7 +94,7 @@ def written_by_hand(module):
             yield f"{module.relative_to(SRC).as_posix()}:{node.lineno}"
 
 
-def test_nothing_in_src_writes_a_file_that_could_be_left_half():
+def test_all_files_in_src_are_written_atomically():
     found = [each for module in SRC.rglob("*.py") for each in written_by_hand(module)]
     assert [each for each in found if each.split(":")[0] not in ON_THEIR_OWN] == []
     assert {each.split(":")[0] for each in found} <= set(ON_THEIR_OWN)

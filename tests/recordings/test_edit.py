@@ -1,4 +1,4 @@
-"""Editing recordings: laws, hand-checked numbers, and what the provenance keeps."""
+"""Editing recordings: laws, hand-checked numbers, and the provenance."""
 
 from dataclasses import replace
 
@@ -42,12 +42,12 @@ def test_a_cut_of_a_cut_is_a_cut():
 
 
 @pytest.mark.parametrize(("start", "end"), [(-0.1, None), (0.2, None), (0.1, 0.1), (0.1, 0.05), (0, 0.3), (np.nan, 1)])
-def test_refuses_a_part_that_is_not_there(start, end):
+def test_refuses_a_part_outside_the_recording(start, end):
     with pytest.raises(InputError, match=r"cut: expected a part of 0 to 0\.2 s"):
         edit.cut(noise(), start, end)
 
 
-def test_join_keeps_what_the_parts_share_and_tells_what_they_do_not():
+def test_join_keeps_common_steps_and_records_the_others():
     first, second = noise(100), edit.gain(noise(50), 2)
     other = Provenance(source="lsl:skin", notes={"object": "towel", "who": "you"})
     third = Recording(samples=np.ones((10, 4, 4)), rate=1000, provenance=other)
@@ -78,7 +78,7 @@ def test_join_shares_steps_of_one_source_once():
         (Recording(samples=np.ones((5, 2, 8)), rate=1000, sensor=SensorGrid(rows=2, columns=8)), "sensor"),
     ],
 )
-def test_join_refuses_what_does_not_fit(other, word):
+def test_join_refuses_different_recordings(other, word):
     with pytest.raises(MismatchError, match=f"join: expected {word}.*in number 2"):
         edit.join([noise(), other])
     with pytest.raises(InputError, match="at least one"):
@@ -97,8 +97,8 @@ def test_up_and_down_again_gives_the_band_back(rate):
     np.testing.assert_allclose(again.samples[inside], whole.samples[inside], atol=2e-3 * 3)
 
 
-def test_resampling_tells_the_rate_that_it_reached():
-    """35.6118 Hz to 1000 Hz is no small fraction: the rate is the requested one to a millionth, or the true one."""
+def test_resampling_states_the_exact_rate():
+    """35.6118 Hz to 1000 Hz is not a small fraction: the rate is the requested one to a millionth, or the exact one."""
     made = edit.resample(noise(100, 35.6118143), 1000)
     assert abs(made.rate / 1000 - 1) < 1e-4
     assert made.provenance.steps[-1].settings == {"from_hz": 35.6118143, "to_hz": made.rate}
@@ -130,7 +130,7 @@ def test_trim_of_a_louder_recording_is_the_same_part(share):
 
 
 @pytest.mark.parametrize("says", [{"level": 9.0}, {"share": 1.0}, {"margin": -1.0}, {"share": -0.1}])
-def test_trim_refuses_what_leaves_nothing(says):
+def test_trim_refuses_silence(says):
     with pytest.raises(InputError, match="trim: expected"):
         edit.trim(noise(), **says)
     with pytest.raises(InputError, match="at most 0"):
@@ -164,7 +164,7 @@ def test_mask_by_zero_or_by_the_neighbours():
     np.testing.assert_allclose(made[:, 6], flat[:, [2, 7, 10]].mean(axis=1))
 
 
-def test_mask_refuses_what_is_not_there():
+def test_mask_refuses_missing_channels():
     with pytest.raises(ShapeError, match="expected 0 to 15, got 16"):
         edit.mask(noise(), [16])
     with pytest.raises(InputError, match="fill"):
@@ -185,7 +185,7 @@ def test_mask_refuses_what_is_not_there():
     ],
     ids=["cut", "join", "resample", "trim", "gain", "mask"],
 )
-def test_every_edit_adds_its_step_and_keeps_the_life_before(act):
+def test_every_edit_adds_a_step_and_keeps_earlier_ones(act):
     before = noise().provenance
     after = act(noise()).provenance
     assert (after.source, after.notes, after.simulated) == (before.source, before.notes, True)
@@ -206,7 +206,7 @@ EDITS = {
 
 
 @pytest.mark.parametrize("act", EDITS.values(), ids=list(EDITS))
-def test_what_is_read_from_the_disk_is_edited_as_what_is_in_memory(act, monkeypatch):
+def test_lazy_recordings_are_edited_like_arrays(act, monkeypatch):
     monkeypatch.setattr("midair.lazy_frames.BYTES", 2**14)
     monkeypatch.setattr("midair.lazy_filters.BYTES", 2**14)
     whole = noise(4001)

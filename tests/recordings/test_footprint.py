@@ -103,13 +103,13 @@ def test_it_touches_during_its_crossing_and_not_after(footprint):
     np.testing.assert_allclose(touched[4:], 0, atol=1e-9)
 
 
-def test_the_usual_stroke_takes_as_long_as_its_way():
+def test_the_default_stroke_has_the_expected_duration():
     """44 mm of cells and a patch of 20 mm at 50 mm/s: 1.28 s."""
     assert Footprint(shape="circle", size=20e-3, speed=50e-3).crossing(SENSOR) == pytest.approx(1.28)
 
 
 @given(footprint=footprints)
-def test_the_other_way_is_the_mirror_image(footprint):
+def test_the_opposite_direction_is_the_mirror_image(footprint):
     time = np.linspace(0, footprint.crossing(SENSOR), 9)
     there = covered(footprint, SENSOR, time)
     back = Footprint(
@@ -161,7 +161,7 @@ def test_long_recordings_are_done_in_blocks(monkeypatch):
     np.testing.assert_array_equal(covered(Footprint(), SENSOR, time), whole)
 
 
-def test_says_that_the_field_was_never_measured():
+def test_the_field_is_marked_as_simulated():
     recording = mono(np.ones(10))
     field = footprint_field(
         recording, Footprint(shape="square", size=5e-3, path="diagonal"), SensorGrid(rows=2, columns=3)
@@ -175,7 +175,7 @@ def test_says_that_the_field_was_never_measured():
     assert (step.settings["shape"], step.settings["size_m"], step.settings["path"]) == ("square", 5e-3, "diagonal")
 
 
-def test_refuses_what_makes_no_sense():
+def test_refuses_invalid_footprints():
     with pytest.raises(ShapeError, match="one channel, got 16"):
         footprint_field(Recording(samples=np.ones((5, 4, 4)), rate=10, provenance=Provenance()), Footprint())
     for says in ({"shape": "star"}, {"path": "z"}, {"turn": "left"}, {"size": 0.0}, {"speed": np.nan}):
@@ -183,7 +183,7 @@ def test_refuses_what_makes_no_sense():
             Footprint(**says)
 
 
-def test_the_field_of_a_waveform_on_the_disk_is_made_where_it_is_asked_for():
+def test_the_field_of_a_lazy_waveform_is_lazy():
     waveform, asked = np.random.default_rng(0).normal(size=(5000, 1, 1)), []
 
     def read(first, last):

@@ -17,7 +17,7 @@ def holed(frames, *, starts=(300, 700, 1100)):
 
 
 @pytest.mark.parametrize("frames", [1, 5, 20])
-def test_a_gap_goes_on_as_its_neighbourhood_and_the_rest_stays(frames):
+def test_a_gap_follows_its_neighbourhood_and_the_rest_is_unchanged(frames):
     samples = holed(frames)
     missing = np.isnan(samples)
     filled = mend(samples, 1000, Mending()).samples
@@ -59,12 +59,12 @@ def test_a_longer_gap_is_refused_with_its_place():
 
 
 @pytest.mark.parametrize("wrong", [{"longest": 0}, {"longest": np.nan}, {"fill": "spline"}])
-def test_refuses_settings_that_mean_nothing(wrong):
+def test_refuses_invalid_settings(wrong):
     with pytest.raises(InputError):
         Mending(**wrong)
 
 
-def test_silence_and_short_recordings_can_be_mended():
+def test_silence_and_short_recordings_can_be_filled():
     samples = np.zeros((200, 1))
     samples[100:105] = np.nan
     assert (mend(samples, 1000, Mending()).samples == 0).all()

@@ -18,7 +18,7 @@ def test_a_constant_channel_is_dead():
     assert np.argwhere(dead_channels(recording(samples))).tolist() == [[1, 2], [3, 0]]
 
 
-def test_the_virtual_sensor_clips_where_it_is_told():
+def test_the_virtual_sensor_clips_at_its_limit():
     time = np.arange(1000) / 1000
     pressure = np.zeros((1000, 4, 4))
     pressure[:, 0, 0] = 400 * np.sin(2 * np.pi * 53.7 * time)  # 8 V where 5 fit
@@ -41,7 +41,7 @@ def report(samples):
     return suspicious(Recording(samples=samples.reshape(-1, 4, 4), rate=1000, unit="count"))
 
 
-def test_says_nothing_of_channels_that_speak(samples):
+def test_reports_nothing_for_good_channels(samples):
     assert report(samples) == ()
 
 
@@ -55,12 +55,12 @@ def test_names_a_white_floor(samples):
     assert report(samples) == ("Channels that hold only a white floor, more than ten times below the others: 5.",)
 
 
-def test_a_quiet_signal_is_no_floor(samples):
+def test_a_quiet_signal_is_not_a_noise_floor(samples):
     samples[:, 5] *= 1e-3
     assert report(samples) == ()
 
 
-def test_loud_noise_is_no_floor(samples):
+def test_loud_noise_is_not_a_noise_floor(samples):
     """White signals are allowed: a sponge may sound like one."""
     assert report(np.random.default_rng(0).normal(size=samples.shape)) == ()
 
@@ -99,16 +99,16 @@ def test_a_clipped_tone_that_fits_the_rate_is_named(frequency, steps, samples):
 
 
 @pytest.mark.parametrize("levels", [(0, 0.3, 1.0), (-1, -0.2, 0.1, 1)])
-def test_what_is_held_everywhere_is_a_pattern_and_not_clipped(levels, samples):
+def test_a_pattern_of_held_values_is_not_clipping(levels, samples):
     samples[:, 5] = np.repeat(np.tile(levels, 2000), 10)[:2000]
     assert not any("clipped" in sentence for sentence in report(samples))
 
 
-def test_clipping_is_seen_in_a_reel_of_many_blocks(samples):
+def test_clipping_is_found_in_lazy_frames(samples):
     samples[:, 5] = np.clip(samples[:, 5], -0.9, 0.9)
     long = np.tile(samples.reshape(-1, 4, 4), (20, 1, 1))
-    reel = LazyFrames(lambda first, last: long[first:last], long.shape)
-    assert suspicious(Recording(samples=reel, rate=1000, unit="count")) == (CLIPPED,)
+    lazy = LazyFrames(lambda first, last: long[first:last], long.shape)
+    assert suspicious(Recording(samples=lazy, rate=1000, unit="count")) == (CLIPPED,)
 
 
 def test_names_a_magnitude_and_no_offset():

@@ -1,4 +1,4 @@
-"""AHAP: intensity and sharpness of known signals, within the bounds of Core Haptics."""
+"""AHAP: intensity and sharpness of known signals, within the limits of Core Haptics."""
 
 import json
 
@@ -61,7 +61,7 @@ def test_sharpness_goes_from_low_to_high(tmp_path):
         np.testing.assert_allclose(curve[(curve[:, 0] > 0.1) & (curve[:, 0] < 0.9), 1], expected, atol=0.03)
 
 
-def test_keeps_within_the_bounds_of_core_haptics(tmp_path):
+def test_stays_within_the_limits_of_core_haptics(tmp_path):
     pattern, lost = exported(tone(100.0, seconds=70.0, rate=400.0), tmp_path / "a.ahap")
     assert pattern["Version"] == 1.0
     events = [part["Event"] for part in pattern["Pattern"] if "Event" in part]
@@ -74,7 +74,7 @@ def test_keeps_within_the_bounds_of_core_haptics(tmp_path):
     assert [loss.what for loss in lost] == ["channels", "waveform", "band", "scale", "provenance", "length"]
 
 
-def test_says_that_simulated_data_loses_its_mark(tmp_path):
+def test_reports_that_simulated_data_loses_its_mark(tmp_path):
     _, lost = exported(tone(100.0, provenance=Provenance(simulated=True)), tmp_path / "a.ahap")
     assert any("SIMULATED" in str(loss) for loss in lost)
 

@@ -1,4 +1,4 @@
-"""Patterns written by hand after Apple's description, whose wave is known."""
+"""Hand-written patterns after Apple's description, with known waves."""
 
 import json
 
@@ -44,7 +44,7 @@ def test_a_continuous_event_is_a_sine_of_its_intensity_and_sharpness(sharpness, 
     assert frequency(made[800:], 8000) == pytest.approx(hertz, abs=1)
 
 
-def test_a_curve_shapes_it_on_straight_lines_and_holds_its_end(pattern):
+def test_a_curve_is_linear_and_holds_its_last_value(pattern):
     points = [{"Time": 0.0, "ParameterValue": 0.0}, {"Time": 0.2, "ParameterValue": 1.0}]
     curve = {
         "ParameterCurve": {"ParameterID": "HapticIntensityControl", "Time": 0.1, "ParameterCurveControlPoints": points}
@@ -78,28 +78,28 @@ def test_a_transient_is_a_click_at_its_time(pattern):
     assert made[1600:1700].max() > 0.5
 
 
-def test_what_is_not_rendered_is_said(pattern):
+def test_ignored_events_are_reported(pattern):
     told = open_take(pattern(event("AudioCustom", 0.0), event("HapticTransient", 0.0)), scale=1.0).report
     assert any("1 events of sound" in line for line in told)
     assert any("80 to 230 Hz" in line for line in told)
 
 
-def test_another_rate_can_be_asked_for(pattern):
+def test_the_rate_can_be_chosen(pattern):
     found = load(pattern(event("HapticContinuous", 0.0, duration=0.5)), scale=1.0, rate=1000.0)
     assert (found.rate, found.frames) == (1000.0, 500)
 
 
 @pytest.mark.parametrize("entries", [(), ({"Event": {"Time": 0, "EventType": "AudioContinuous"}},)])
-def test_a_file_without_touch_is_refused(entries, pattern):
+def test_a_file_without_haptic_events_is_refused(entries, pattern):
     with pytest.raises(BrokenFileError, match="haptic event"):
         load(pattern(*entries), scale=1.0)
 
 
-def test_one_of_weeks_is_refused_before_it_is_rendered(pattern):
+def test_a_very_long_effect_is_refused_before_rendering(pattern):
     with pytest.raises(BrokenFileError, match="up to 600 s"):
         load(pattern(event("HapticContinuous", 0.0, duration=1e9)), scale=1.0)
 
 
-def test_what_full_intensity_means_has_to_be_said(pattern):
+def test_the_unit_of_full_intensity_is_required(pattern):
     with pytest.raises(InputError, match="unit"):
         load(pattern(event("HapticTransient", 0.0)))

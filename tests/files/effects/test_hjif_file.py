@@ -1,4 +1,4 @@
-"""MPEG haptics: every cell's curve comes back from the JSON, and what does not is told."""
+"""MPEG haptics: the curve of every cell is read back from the JSON, and losses are reported."""
 
 import json
 
@@ -19,7 +19,7 @@ def exported(tmp_path):
 
 
 def curves(plain):
-    """Ticks and values of each channel, as a reader of the standard takes them."""
+    """Ticks and values of each channel, as interpreted by a reader of the standard."""
     for channel in plain["perceptions"][0]["channels"]:
         (band,) = channel["bands"]
         assert (band["band_type"], band["curve_type"]) == ("Curve", "Linear")
@@ -45,7 +45,7 @@ def test_every_cell_is_a_curve_of_its_own(exported):
     assert f"{peak:.6g} Pa" in str(lost[0])
 
 
-def test_ticks_are_microseconds_where_the_rate_is_no_whole_number(exported):
+def test_ticks_are_microseconds_for_fractional_rates(exported):
     plain, lost = exported(Recording(samples=np.eye(4)[None].repeat(7, 0) * np.arange(7)[:, None, None], rate=1000 / 3))
     assert plain["timescale"] == 1_000_000
     ticks, _ = next(curves(plain))
@@ -53,7 +53,7 @@ def test_ticks_are_microseconds_where_the_rate_is_no_whole_number(exported):
     assert "rate" in [loss.what for loss in lost]
 
 
-def test_simulated_data_says_so_and_silence_is_silent(exported):
+def test_simulated_data_is_marked_and_silence_is_silent(exported):
     silent = Recording(samples=np.zeros((3, 4, 4)), rate=10, provenance=Provenance(simulated=True))
     plain, _ = exported(silent)
     assert plain["description"].startswith("SIMULATED")

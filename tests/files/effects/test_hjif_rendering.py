@@ -1,4 +1,4 @@
-"""Files as MPEG's public reference software structures them, whose waves are known; and midair's own, back again."""
+"""Files with the structure of MPEG's public reference software and known waves, and round trips of midair's own."""
 
 import json
 
@@ -45,7 +45,7 @@ def waves(path, **more):
     return found.samples.reshape(found.frames, -1) / 10
 
 
-def test_a_recording_comes_back_as_it_was_written(tmp_path):
+def test_a_recording_is_read_as_it_was_written(tmp_path):
     samples = np.random.default_rng(0).standard_normal((200, 2, 2))
     samples -= np.median(samples, axis=0)
     sensor = SensorGrid(rows=2, columns=2)
@@ -72,7 +72,7 @@ def test_every_base_signal_has_its_power(signal, rms, effect):
     assert abs(made[:8000].mean()) < 0.02
 
 
-def test_a_curve_runs_on_straight_lines_and_bands_add_up(effect):
+def test_curves_are_linear_and_bands_add_up(effect):
     curve = band("Curve", key(0, 0.0), key(100, 1.0), key(200, 0.0))
     made = waves(effect((1.0, [curve, curve]), (1.0, [curve])), sensor=SensorGrid(rows=1, columns=2))
     assert made[400] == pytest.approx([1.0, 0.5])
@@ -86,7 +86,7 @@ def test_transients_are_clicks(effect):
     assert made[2400:2500].max() == pytest.approx(made[400:500].max() / 2, rel=1e-6)
 
 
-def test_what_is_not_rendered_is_said_and_nothing_else_is_refused(effect):
+def test_ignored_bands_are_reported_and_empty_files_refused(effect):
     curve = band("Curve", key(0, 1.0), key(100, 1.0))
     report = open_take(effect((1.0, [curve, band("WaveletWave")])), scale=1.0).report
     assert any("WaveletWave" in line for line in report)

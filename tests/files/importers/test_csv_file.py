@@ -25,7 +25,7 @@ def test_other_programs_read_midairs_own(recording, tmp_path):
     np.testing.assert_allclose(table.to_numpy()[:, 1:], recording.samples.reshape(40, 15), rtol=1e-15)
 
 
-def test_refuses_a_cut_inside_the_last_number(recording, tmp_path):
+def test_refuses_truncation_inside_the_last_number(recording, tmp_path):
     save(recording, tmp_path / "a.csv")
     data = (tmp_path / "a.csv").read_bytes()
     (tmp_path / "a.csv").write_bytes(data[:-4])
@@ -65,20 +65,20 @@ def test_a_comma_at_the_end_shifts_nothing(write):
     np.testing.assert_array_equal(load(path, sensor=PAIR).samples[:, 0], [[1, 10], [2, 20], [3, 30]])
 
 
-def test_takes_the_unit_that_all_names_carry(write):
+def test_takes_the_common_unit_of_all_names(write):
     assert load(write("time [s],a [Pa],b [Pa]\n0,1,2\n1,2,3\n"), sensor=PAIR).unit == "Pa"
     with pytest.raises(UnitError, match="does not state the unit"):
         load(write("time [s],a [Pa],b [V]\n0,1,2\n1,2,3\n"), sensor=PAIR)
 
 
-def test_assumes_the_papers_sensor_for_16_channels_and_says_so(write):
+def test_assumes_the_papers_sensor_for_16_channels_and_reports_it(write):
     seen = open_take(write("\n".join(",".join(map(str, range(i, i + 16))) for i in range(3))), rate=1000, unit="count")
     assert seen.recording.sensor == SensorGrid()
     np.testing.assert_array_equal(seen.recording.samples[0], np.arange(16).reshape(4, 4))
     assert "4 x 4, row by row, 11 mm apart was assumed" in seen.report[0]
 
 
-def test_keeps_where_it_came_from(write):
+def test_keeps_the_source(write):
     path = write("time [s],a [V],b [V]\n0,1,2\n1,2,3\n", name="mine.csv")
     life = load(path, sensor=PAIR).provenance
     assert life.source == "mine.csv"
@@ -99,12 +99,12 @@ def test_keeps_where_it_came_from(write):
         ("a\xff\x00", {}, BrokenFileError, "got none"),
     ],
 )
-def test_says_what_is_missing_or_does_not_fit(text, said, error, message, write):
+def test_names_missing_or_contradicting_facts(text, said, error, message, write):
     with pytest.raises(error, match=message):
         load(write(text), **said)
 
 
-def test_refuses_bytes_that_are_no_text(tmp_path):
+def test_refuses_bytes_that_are_not_text(tmp_path):
     (tmp_path / "a.csv").write_bytes(b"a,b\n1,\xff\n")
     with pytest.raises(BrokenFileError, match="damaged or foreign"):
         load(tmp_path / "a.csv")

@@ -12,7 +12,7 @@ def table():
     return np.loadtxt(sample_path("denim"), delimiter=",", skiprows=1)
 
 
-def test_knows_its_files(table):
+def test_recognises_its_files(table):
     seen = open_take(sample_path("denim"))
     recording = seen.recording
     assert recording.unit == "count"
@@ -29,7 +29,7 @@ def test_knows_its_files(table):
     np.testing.assert_allclose(recording.samples[200].ravel(), expected, atol=1e-6)
 
 
-def test_says_what_it_did_and_what_nobody_knows():
+def test_reports_changes_and_assumptions():
     seen = open_take(sample_path("denim"))
     text = " ".join(seen.report)
     for part in ("27 to 29 ms apart", "35.6210526 Hz", "proximity1 and proximity2 were left out", "Neither the layout"):
@@ -82,7 +82,7 @@ def test_rows_that_end_in_a_comma_change_nothing(tmp_path):
     )
 
 
-def test_repeated_rows_and_gaps_are_told(tmp_path):
+def test_repeated_rows_and_gaps_are_reported(tmp_path):
     lines = sample_path("denim").read_text().splitlines()
     (tmp_path / "a.csv").write_text("\n".join([*lines[:50], lines[49], *lines[50:100], *lines[110:]]))
     seen = open_take(tmp_path / "a.csv")

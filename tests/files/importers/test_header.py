@@ -7,7 +7,7 @@ from midair.files.importers.header import header_of, parse_header, recording_fro
 from midair.files.native.schema import HEADER
 
 
-def test_holds_exactly_what_the_table_says(recording):
+def test_contains_exactly_the_entries_of_the_schema(recording):
     required = {entry.name for entry in HEADER if entry.required}
     assert set(json.loads(header_of(recording))) == required
     assert set(json.loads(header_of(recording, scale_exponent=3))) == {entry.name for entry in HEADER}

@@ -1,4 +1,4 @@
-"""MATLAB v5: agreement with SciPy on sound files, by hand on others."""
+"""MATLAB v5: agreement with SciPy on valid files, hand-made damaged ones."""
 
 import struct
 
@@ -52,7 +52,7 @@ def test_reads_big_endian_and_short_elements(tmp_path):
 
 
 @pytest.mark.parametrize("compressed", [True, False])
-def test_refuses_what_was_cut(compressed, tmp_path):
+def test_refuses_truncated_files(compressed, tmp_path):
     path = tmp_path / "a.mat"
     savemat(path, {"x": ARRAYS["f8"]}, do_compression=compressed)
     data = path.read_bytes()

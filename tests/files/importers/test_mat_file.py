@@ -36,11 +36,11 @@ def test_scipy_reads_what_was_written(recording, tmp_path):
 
 
 @pytest.mark.parametrize("start", [b"not a MATLAB file", b"\x01\x02\x03\x04" * 40], ids=["text", "bytes"])
-def test_what_is_no_matlab_file_never_reaches_scipy(start, tmp_path):
+def test_scipy_never_reads_other_files(start, tmp_path):
     (tmp_path / "a.mat").write_bytes(start)
     with pytest.raises(BrokenFileError, match="expected a MATLAB file, got one that begins with"):
         load(tmp_path / "a.mat", **SAID)
 
 
-def test_a_calibration_is_said_to_be_left_out(recording, calibration, tmp_path):
+def test_a_dropped_calibration_is_reported(recording, calibration, tmp_path):
     assert [loss.what for loss in save(recording, tmp_path / "a.mat", calibration=calibration)] == ["calibration"]

@@ -1,4 +1,4 @@
-"""MCAP: written by the library of its makers, read here."""
+"""MCAP: written by the makers' library, read here."""
 
 import struct
 
@@ -74,7 +74,7 @@ def test_several_topics_need_a_name(mcap, samples, file):
         load(file(data), unit="V", stream="/leg")
 
 
-def test_a_recorder_that_was_killed_leaves_what_it_wrote(mcap, samples, file):
+def test_a_killed_recorder_leaves_complete_records(mcap, samples, file):
     data = mcap({"/skin": [frame.tolist() for frame in samples]}, chunk_size=2000)
     assert open_take(file(data), unit="V").report == (
         "The file does not state the pitch of the sensor: 11 mm was assumed.",
@@ -103,6 +103,6 @@ def test_refuses_a_chunk_whose_checksum_is_wrong(mcap, samples, file):
         ([3, 4, 5], "got int"),
     ],
 )
-def test_refuses_messages_that_are_no_frames(messages, found, mcap, file):
+def test_refuses_messages_that_are_not_frames(messages, found, mcap, file):
     with pytest.raises(BrokenFileError, match=found):
         load(file(mcap({"/skin": messages})), unit="V")

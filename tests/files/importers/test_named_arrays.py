@@ -61,13 +61,13 @@ def test_takes_samples_among_several(ending, tmp_path):
     [{"a": np.ones((3, 4)), "b": np.ones((3, 4))}, {"a": np.array("text")}, {"a": np.ones((2, 2), complex)}],
     ids=["two", "text", "complex"],
 )
-def test_refuses_what_cannot_be_told_apart(ending, arrays, tmp_path):
+def test_refuses_ambiguous_arrays(ending, arrays, tmp_path):
     with pytest.raises(BrokenFileError, match="expected one array of numbers"):
         load(write(tmp_path / f"a{ending}", arrays), **SAID)
 
 
 @each
-def test_asks_for_what_the_file_does_not_say(ending, tmp_path):
+def test_requires_facts_that_the_file_lacks(ending, tmp_path):
     with pytest.raises(UnitError):
         load(write(tmp_path / f"a{ending}", {"a": np.ones((3, 4, 4))}), rate=10)
 

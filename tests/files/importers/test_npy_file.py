@@ -12,7 +12,7 @@ SAID = {"rate": 1000.0, "unit": "V"}
 @pytest.mark.parametrize("order", ["C", "F"])
 @pytest.mark.parametrize("kind", ["f8", ">f4", "i2"])
 @pytest.mark.parametrize("shape", [(5, 16), (5, 4, 4)])
-def test_reads_what_numpy_saved(order, kind, shape, tmp_path):
+def test_reads_arrays_saved_by_numpy(order, kind, shape, tmp_path):
     samples = np.arange(80).reshape(shape).astype(kind, order=order)
     np.save(tmp_path / "a.npy", samples)
     np.testing.assert_array_equal(load(tmp_path / "a.npy", **SAID).samples, samples.reshape(5, 4, 4))
@@ -24,7 +24,7 @@ def test_loads_no_objects(tmp_path):
         load(tmp_path / "a.npy", **SAID)
 
 
-def test_a_header_that_promises_more_than_the_file_has_takes_no_memory(tmp_path):
+def test_a_header_larger_than_the_file_allocates_no_memory(tmp_path):
     with (tmp_path / "a.npy").open("wb") as file:
         header = {"descr": "<f8", "fortran_order": False, "shape": (10**12, 16)}
         np.lib.format.write_array_header_1_0(file, header)
@@ -33,7 +33,7 @@ def test_a_header_that_promises_more_than_the_file_has_takes_no_memory(tmp_path)
         load(tmp_path / "a.npy", **SAID)
 
 
-def test_a_cut_file_and_a_number_that_is_none_are_refused(tmp_path):
+def test_truncated_files_and_non_finite_numbers_are_refused(tmp_path):
     np.save(tmp_path / "a.npy", np.full((5, 16), np.nan))
     with pytest.raises(NonFiniteError, match="midair mend"):
         load(tmp_path / "a.npy", **SAID)

@@ -28,6 +28,6 @@ def test_numpy_alone_reads_what_was_written(recording, tmp_path):
         assert (archive["rate"].item(), archive["unit"].item()) == (recording.rate, recording.unit)
 
 
-def test_a_calibration_is_said_to_be_left_out(recording, calibration, tmp_path):
+def test_a_dropped_calibration_is_reported(recording, calibration, tmp_path):
     assert [loss.what for loss in save(recording, tmp_path / "a.npz", calibration=calibration)] == ["calibration"]
     assert save(recording, tmp_path / "a.npz") == ()

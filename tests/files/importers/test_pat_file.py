@@ -7,7 +7,7 @@ from midair.model import Board
 
 
 def written(path, **changed):
-    """A board file in the makers' spelling, with offsets of its own."""
+    """A board file in the makers' format, with its own offsets."""
     board = Board.nominal()
     lines = {
         "serial": "FT000000",
@@ -44,14 +44,14 @@ def test_a_board_file_is_read_by_transducer(tmp_path):
         ({"serial": "x" * 100_000}, "seven lines"),
     ],
 )
-def test_what_is_no_board_file_is_told_in_one_line(tmp_path, changed, said):
+def test_other_files_are_refused_in_one_line(tmp_path, changed, said):
     path = written(tmp_path / "board.pat", **changed)
     with pytest.raises(BrokenFileError, match=said) as wrong:
         load_board(path)
     assert str(wrong.value).startswith(str(path))
 
 
-def test_a_board_file_that_is_not_there(tmp_path):
+def test_a_missing_board_file(tmp_path):
     with pytest.raises(MissingFileError, match=r"board_N\.pat"):
         load_board(tmp_path / "board.pat")
     with pytest.raises(BrokenFileError):

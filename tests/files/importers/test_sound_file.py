@@ -1,4 +1,4 @@
-"""Sound files of other programs than midair, written by libsndfile itself."""
+"""Sound files of other programs, written by libsndfile."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_lossless_samples_are_a_part_of_full_scale(tmp_path, name, form, subtype
 
 
 @pytest.mark.parametrize(("name", "subtype"), LOSSY)
-def test_lossy_samples_are_close_and_it_is_said(tmp_path, name, subtype):
+def test_lossy_samples_are_close_and_reported(tmp_path, name, subtype):
     soundfile.write(tmp_path / name, tone(1.0), 8000, subtype=subtype)
     taken = open_take(tmp_path / name, unit="V")
     heard = taken.recording.samples[2000:6000, 0, 0]
@@ -41,7 +41,7 @@ def test_counts_are_the_whole_numbers_of_pcm(tmp_path):
     assert np.abs(found).max() == pytest.approx(2**14, rel=1e-3)
 
 
-def test_what_is_missing_or_damaged_is_said(tmp_path):
+def test_missing_facts_and_damage_are_named(tmp_path):
     soundfile.write(tmp_path / "a.flac", tone(2.0), 8000)
     with pytest.raises(UnitError, match="unit"):
         open_take(tmp_path / "a.flac")

@@ -1,4 +1,4 @@
-"""TDMS: segments written here by National Instruments' description."""
+"""TDMS: segments written here after National Instruments' description."""
 
 import numpy as np
 import pytest
@@ -51,13 +51,13 @@ def test_whole_numbers_stay_whole(dtype, tdms, file):
     assert load(file(tdms({"x": data}, said={})), rate=50, unit="count").samples.ravel().tolist() == data.tolist()
 
 
-def test_asks_for_a_rate_that_is_not_there(tdms, columns, file):
+def test_requires_a_missing_rate(tdms, columns, file):
     path = file(tdms(columns, said={"unit_string": "mV"}))
     assert load(path, rate=48000, sensor=PAIR).samples[0, 0, 0] == columns["a"][0] * 1e-3
     assert load(path, rate=48000, sensor=PAIR).rate == 48000
 
 
-def test_a_scale_is_of_the_file_s_own_numbers(tdms, columns, file):
+def test_a_scale_applies_to_the_numbers_in_the_file(tdms, columns, file):
     path = file(tdms(columns, said={"unit_string": "mV", "wf_increment": 1e-3}))
     recording = load(path, scale=3.0, sensor=PAIR)
     np.testing.assert_array_equal(recording.samples[:, 0, 0], 3 * columns["a"])
@@ -77,7 +77,7 @@ def test_channels_are_chosen_by_name(tdms, columns, file):
     np.testing.assert_array_equal(load(file(tdms(columns)), channels=["it's b"]).samples.ravel(), columns["it's b"])
 
 
-def test_a_file_that_was_not_closed_gives_what_was_written_whole(tdms, columns, file):
+def test_an_unclosed_file_gives_its_complete_records(tdms, columns, file):
     data = tdms(columns, chunks=6)
     unfinished = data[:12] + b"\xff" * 8 + data[20:-5]
     seen = open_take(file(unfinished), sensor=PAIR)
@@ -85,7 +85,7 @@ def test_a_file_that_was_not_closed_gives_what_was_written_whole(tdms, columns, 
     assert seen.report == ("The file was not closed: complete records were read.",)
 
 
-def test_refuses_what_it_would_misopen_take(tdms, columns, file):
+def test_refuses_data_that_it_would_misread(tdms, columns, file):
     with pytest.raises(UnknownFormatError, match="scaled by NI_Scale"):
         load(file(tdms(columns, said={"NI_Scale[0]_Linear_Slope": 2.0})), sensor=PAIR)
     daqmx = bytearray(tdms(columns))

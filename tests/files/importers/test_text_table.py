@@ -60,6 +60,6 @@ def test_reads_rows_without_names(tmp_path):
         ("1,2\n3,inf\n", NonFiniteError, "got inf in line 2, column 2"),
     ],
 )
-def test_says_where_it_does_not_fit(text, error, message, tmp_path):
+def test_errors_name_the_place(text, error, message, tmp_path):
     with pytest.raises(error, match=message):
         read_table(text, tmp_path)

@@ -74,7 +74,7 @@ def test_takes_the_exact_rate_behind_a_whole_one(foreign):
         load(foreign("FLOAT"), unit="V", rate=1000)
 
 
-def test_asks_for_the_unit(foreign):
+def test_requires_the_unit(foreign):
     with pytest.raises(UnitError, match="does not state the unit"):
         load(foreign("PCM_16"))
 
@@ -90,7 +90,7 @@ def test_refuses_other_subtypes(foreign):
         load(foreign("ALAW"), unit="V")
 
 
-def test_refuses_what_is_not_finite(tmp_path):
+def test_refuses_non_finite_samples(tmp_path):
     soundfile.write(tmp_path / "a.wav", np.array([0.0, np.nan]), 8000, subtype="FLOAT")
     with pytest.raises(NonFiniteError):
         load(tmp_path / "a.wav", unit="V")
@@ -116,7 +116,7 @@ def test_reads_the_forms_for_long_files(form, ending, subtype, channels, tmp_pat
 
 @pytest.mark.parametrize(("form", "ending"), [("W64", ".w64"), ("RF64", ".rf64")])
 @pytest.mark.parametrize("kept", [0.1, 0.5, 0.95])
-def test_refuses_long_forms_that_were_cut(form, ending, kept, tmp_path):
+def test_refuses_truncated_long_files(form, ending, kept, tmp_path):
     path = tmp_path / f"a{ending}"
     soundfile.write(path, np.random.default_rng(0).random((200, 16)), 4000, subtype="DOUBLE", format=form)
     data = path.read_bytes()

@@ -39,13 +39,13 @@ def test_reads_a_stream_with_its_names_and_unit(xdf, samples, file):
 @pytest.mark.parametrize(
     ("spelled", "unit", "factor"), [("millivolts", "V", 1e-3), ("uV", "V", 1e-6), ("kPa", "Pa", 1e3)]
 )
-def test_units_that_lsl_spells_become_ours(spelled, unit, factor, xdf, samples, file):
+def test_units_of_lsl_are_converted(spelled, unit, factor, xdf, samples, file):
     recording = load(file(xdf.whole(xdf(samples, labels=LABELS, unit=spelled))))
     assert recording.unit == unit
     np.testing.assert_allclose(recording.samples.reshape(200, 16), samples * factor)
 
 
-def test_takes_the_jitter_of_the_network_away(xdf, samples, file):
+def test_removes_network_jitter(xdf, samples, file):
     stamps = 100 + np.arange(200) / 1000 + np.random.default_rng(0).uniform(0, 3e-4, 200)
     recording = load(file(xdf.whole(xdf(samples, stamps=stamps))), unit="V")
     np.testing.assert_array_equal(recording.samples.reshape(200, 16), samples)
@@ -68,7 +68,7 @@ def test_channels_are_chosen_by_their_labels(xdf, samples, file):
     assert recording.provenance.steps[0].settings["channels"] == ("mic3",)
 
 
-def test_damage_is_told_not_printed(xdf, samples, file, capsys):
+def test_damage_is_reported_not_printed(xdf, samples, file, capsys):
     data = bytearray(xdf.whole(xdf(samples), xdf(samples, name="arm", number=2)))
     place = data.rindex(b"\x04" + np.uint32(200).tobytes())
     data[place] = 9
@@ -77,7 +77,7 @@ def test_damage_is_told_not_printed(xdf, samples, file, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_says_what_to_install(xdf, samples, file, monkeypatch):
+def test_names_the_package_to_install(xdf, samples, file, monkeypatch):
     real = builtins.__import__
 
     def without(name, *rest, **more):

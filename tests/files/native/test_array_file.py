@@ -26,7 +26,7 @@ def known():
     )
 
 
-def test_comes_back_as_it_was(known, tmp_path):
+def test_is_read_as_it_was_written(known, tmp_path):
     save_array_calibration(known, tmp_path / "a.array.h5")
     again = load_array_calibration(tmp_path / "a.array.h5")
     for name in ("response", "pole", "strength_uncertainty", "phase_uncertainty", "resonance_uncertainty", "dead"):

@@ -1,4 +1,4 @@
-"""What a disk that refuses leaves of a recording: every write of it, a disk too small, a limit of the size of files."""
+"""Recordings on a failing disk: an error at every write, a disk that is too small, a file size limit."""
 
 import errno
 import os
@@ -16,7 +16,7 @@ from midair.files.native import atomic_hdf5
 
 
 class Refusing:
-    """`os.write` of a disk that refuses from the n-th write on, so many times."""
+    """`os.write` of a disk that fails from the n-th write on, a number of times."""
 
     def __init__(self, error, first, times):
         self.error, self.first, self.last, self.count = error, first, first + times, 0
@@ -29,7 +29,7 @@ class Refusing:
 
 
 ERRORS = [errno.EIO, errno.ENOSPC, errno.EDQUOT, errno.EFBIG]
-# Each error at every fourth write, so that together they come at every one; the slow tests take each at every write.
+# Each error at every fourth write, so that together they cover every write; the slow tests use each at every write.
 SOME = [pytest.param(each, range(1 + number, 30, 4), id=errno.errorcode[each]) for number, each in enumerate(ERRORS)]
 EVERY = [
     pytest.param(each, (*range(1, 30), 61, 64, 67), id=f"{errno.errorcode[each]}, every write", marks=pytest.mark.slow)
@@ -43,7 +43,7 @@ def slow(*sizes):
 
 @pytest.mark.parametrize("times", [1, 10**9], ids=["once", "for good"])
 @pytest.mark.parametrize(("error", "writes"), [*SOME, *EVERY])
-def test_a_disk_that_refuses_at_any_write_leaves_what_the_message_says_is_safe(
+def test_a_disk_error_at_any_write_keeps_the_frames_reported_as_safe(
     error, writes, times, recording, options, tmp_path, monkeypatch
 ):
     for first in writes:
@@ -90,7 +90,7 @@ except FileError as wrong:
 
 
 def written_in(path, *, reserve=2**24, **how):
-    """What a program says that writes as much as it can, and how many frames it says are safe."""
+    """Output of a program that writes as much as possible, and the number of frames that it reports as safe."""
     done = subprocess.run([sys.executable, "-c", SMALL, path, str(reserve)], text=True, capture_output=True, **how)
     assert (done.returncode, done.stderr) == (0, "")
     said, frames = done.stdout.splitlines()
@@ -99,7 +99,7 @@ def written_in(path, *, reserve=2**24, **how):
 
 @pytest.fixture
 def tiny_disk(tmp_path):
-    """A disk in memory of so many kB."""
+    """A disk in memory of that many kB."""
     made = []
 
     def mount(size):
@@ -127,7 +127,7 @@ def test_a_disk_that_is_too_small_gets_no_file(size, tiny_disk):
 
 @pytest.mark.long
 @pytest.mark.parametrize("size", [4, 128, 512, *slow(16, 32, 64, 256, 2048)])
-def test_what_fits_on_a_disk_without_a_reserve_is_kept(size, tiny_disk):
+def test_frames_are_kept_on_a_disk_without_reserve(size, tiny_disk):
     folder = tiny_disk(size)
     said, frames = written_in(folder / "live.h5", reserve=0)
     assert "No space left on device" in said
@@ -139,7 +139,7 @@ def test_what_fits_on_a_disk_without_a_reserve_is_kept(size, tiny_disk):
 
 @pytest.mark.long
 @pytest.mark.parametrize("limit", [0, 64, 512, *slow(4, 16, 4096)])
-def test_a_limit_of_the_size_of_files_leaves_what_is_safe(limit, tmp_path):
+def test_a_file_size_limit_keeps_the_safe_frames(limit, tmp_path):
     """As of a shell's ulimit -f, or of 4 GB on FAT32."""
     resource = pytest.importorskip("resource")
     path = tmp_path / "live.h5"

@@ -1,4 +1,4 @@
-"""Axes that are stored and come back, and times that were edited."""
+"""Stored axes are read back, and edited times are refused."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from midair.model import SensorGrid
 
 
 @pytest.mark.parametrize("sensor", [SensorGrid(), SensorGrid(rows=1, columns=7, pitch=3e-3, name="strip")])
-def test_a_sensor_comes_back(sensor):
+def test_a_sensor_is_read_back(sensor):
     assert sensor_from(sensor_values(sensor)) == sensor
 
 
@@ -24,7 +24,7 @@ def test_frame_i_is_at_i_over_the_rate():
 
 
 @pytest.mark.parametrize("wrong", [0.01 / 400, np.nan])
-def test_an_edited_time_is_told_with_its_frame(wrong):
+def test_an_edited_time_is_reported_with_its_frame(wrong):
     stored = time_values(5, 400.0)
     stored["time"] = np.array(stored["time"])
     stored["time"][3] += wrong
@@ -32,6 +32,6 @@ def test_an_edited_time_is_told_with_its_frame(wrong):
         check_time(stored, Path("take.h5"))
 
 
-def test_an_edited_rate_is_told():
+def test_an_edited_rate_is_reported():
     with pytest.raises(BrokenFileError, match=r"got frame 1 at 0\.0025 s"):
         check_time(time_values(5, 400.0) | {"rate_hz": 1000.0}, Path("take.h5"))

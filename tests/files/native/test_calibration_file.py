@@ -24,17 +24,17 @@ def same_part(one, other):
         np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
 
 
-def test_returns_what_was_saved(calibration, tmp_path):
+def test_returns_the_saved_calibration(calibration, tmp_path):
     save_calibration(calibration, tmp_path / "palm.calibration.h5")
     same(load_calibration(tmp_path / "palm.calibration.h5"), calibration)
 
 
-def test_returns_what_a_recording_carries(recording, calibration, tmp_path):
+def test_returns_the_calibration_of_a_recording(recording, calibration, tmp_path):
     save(recording, tmp_path / "a.h5", calibration=calibration)
     same(load_calibration(tmp_path / "a.h5"), calibration)
 
 
-def test_returns_none_when_a_recording_carries_none(recording, tmp_path):
+def test_returns_none_for_a_recording_without_calibration(recording, tmp_path):
     save(recording, tmp_path / "a.h5")
     assert load_calibration(tmp_path / "a.h5") is None
 
@@ -51,7 +51,7 @@ def test_refuses_another_ending(calibration, tmp_path):
 
 
 @pytest.mark.parametrize("left_out", [("measurement",), ("crosstalk", "linearity"), ("measurement", "linearity")])
-def test_returns_what_was_measured_and_nothing_else(calibration, tmp_path, left_out):
+def test_returns_only_measured_parts(calibration, tmp_path, left_out):
     part = replace(calibration, **dict.fromkeys(left_out))
     save_calibration(part, tmp_path / "a.calibration.h5")
     same(load_calibration(tmp_path / "a.calibration.h5"), part)
@@ -73,7 +73,7 @@ def test_half_a_measurement_is_refused(calibration, tmp_path):
         load_calibration(tmp_path / "a.calibration.h5")
 
 
-def test_an_uncertainty_that_is_no_number_is_refused(calibration, tmp_path):
+def test_a_non_finite_uncertainty_is_refused(calibration, tmp_path):
     save_calibration(calibration, tmp_path / "a.calibration.h5")
     with h5py.File(tmp_path / "a.calibration.h5", "a") as file:
         file["phase_uncertainty"][0, 0, 0] = np.nan

@@ -16,7 +16,7 @@ def path(solution, target, tmp_path):
     return tmp_path / "towel.drive.h5"
 
 
-def test_returns_what_was_saved_to_the_last_bit(path, solution):
+def test_returns_the_saved_drive_bit_by_bit(path, solution):
     again = load_solution(path)
     for name in ("phase", "level"):
         np.testing.assert_array_equal(getattr(again.drive, name), getattr(solution.drive, name))
@@ -110,14 +110,14 @@ def test_refuses_a_target_without_grid(path):
         load_target(path)
 
 
-def test_a_drive_of_before_is_one_in_the_papers_air(path):
+def test_an_early_drive_has_the_papers_air(path):
     with h5py.File(path, "r+") as file:
         for name in [name for name in file.attrs if name.startswith("air_") or name == "directivity"]:
             del file.attrs[name]
     assert load_solution(path).drive.acoustics == Acoustics()
 
 
-def test_half_an_air_is_a_damaged_file(path):
+def test_an_incomplete_air_is_a_damaged_file(path):
     with h5py.File(path, "r+") as file:
         del file.attrs["air_density_kg_m3"]
     with pytest.raises(BrokenFileError, match="expected air_density_kg_m3 with the rest of the air"):

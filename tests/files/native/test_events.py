@@ -40,11 +40,11 @@ STEP = {
         )
     )
 )
-def test_what_is_stored_is_what_happened(events):
+def test_stored_events_are_read_back(events):
     assert events_from(event_values(events)) == tuple(events)
 
 
-def test_the_step_lists_what_happened_inside_the_recording():
+def test_the_step_lists_the_events_within_the_recording():
     life = with_events(Provenance(source="bench"), EVENTS, 10)
     assert life.steps[-1].stage == "events"
     assert dict(life.steps[-1].settings) == STEP

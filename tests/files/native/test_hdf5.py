@@ -28,7 +28,7 @@ def test_xarray_opens_a_recording_with_axes_and_units(path, recording):
         assert table.attrs["sensor_name"] == "palm µ"
 
 
-def test_xarray_opens_what_was_made_of_it(path, recording):
+def test_xarray_opens_calibrated_pressure(path, recording):
     save_pressure(PressureFrames(pressure=recording.samples * 2, rate=500, sensor=recording.sensor), path)
     with xarray.open_dataset(path, engine="h5netcdf", group="pressure") as table:
         np.testing.assert_array_equal(table.pressure, recording.samples * 2)

@@ -11,7 +11,7 @@ from midair.files.native.hdf5_recovery import checksum, closed_file, closed_imag
     [(b"Four score and seven years ago", 0x17770551)],
 )
 def test_checksum_is_lookup3(text, expected):
-    """The number that the author of lookup3 prints for this text and start 0."""
+    """The number printed by the author of lookup3 for this text and initial value 0."""
     assert checksum(text) == expected
 
 

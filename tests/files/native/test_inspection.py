@@ -1,4 +1,4 @@
-"""The look at HDF5 of strangers happens in a process of its own, and whatever becomes of that, this one goes on."""
+"""Untrusted HDF5 files are inspected in a separate process; its crash does not affect this one."""
 
 import os
 import signal
@@ -22,8 +22,8 @@ def path(recording, tmp_path):
 
 
 @pytest.mark.long
-def test_a_file_that_ends_the_inspector_does_not_end_us(path, recording, alike, monkeypatch):
-    """HDF5 dies of some files; here of one that has the inspector killed while it looks."""
+def test_a_file_that_crashes_the_inspector_does_not_end_this_process(path, recording, alike, monkeypatch):
+    """HDF5 crashes on some files; here the inspector is killed during its check."""
     alike(load(path), recording)
     process = inspection._INSPECTOR._process
     monkeypatch.setattr(inspection, "_PLAIN", {})
@@ -48,7 +48,7 @@ def test_an_inspector_that_waits_without_end_is_ended(path, recording, alike, mo
         load(path)
 
 
-def test_where_no_process_can_be_had_the_look_is_the_same(path, recording, alike, monkeypatch):
+def test_without_a_process_the_check_is_the_same(path, recording, alike, monkeypatch):
     monkeypatch.setattr(inspection, "_INSPECTOR", inspection._Inspector())
     monkeypatch.setattr(sys, "executable", "/nonexistent/python")
     monkeypatch.setattr(inspection, "_PLAIN", {})
@@ -59,7 +59,7 @@ def test_where_no_process_can_be_had_the_look_is_the_same(path, recording, alike
         load(path)
 
 
-def test_a_file_that_did_not_change_is_looked_at_once(path, monkeypatch):
+def test_an_unchanged_file_is_inspected_once(path, monkeypatch):
     os.utime(path, (1e9, 1e9))
     monkeypatch.setattr(inspection, "SETTLED", -(10**18))
     load(path)

@@ -1,4 +1,4 @@
-"""HDF5 of strangers: what is not plain is refused before a number is read, and nothing of it ends the program."""
+"""Untrusted HDF5 files: unsafe content is refused before data are read, and does not end the program."""
 
 import shutil
 import struct
@@ -31,7 +31,7 @@ def edited(path, edit):
 
 
 def replaced(file, name, **how):
-    """The dataset `name` made anew, its unit kept; its file-wide links to axes are no part of what is read."""
+    """Create the dataset `name` again with its unit, but without references to axes."""
     units = file[name].attrs["units"]
     shape, dtype = how.pop("shape", file[name].shape), file[name].dtype
     del file[name]
@@ -91,7 +91,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("edit", HOSTILE, ids=lambda edit: edit.__name__)
-def test_what_is_not_plain_is_refused(edit, path):
+def test_unsafe_content_is_refused(edit, path):
     edited(path, edit)
     for reader in (open_take, load_calibration, load_pressure):
         with pytest.raises(BrokenFileError) as told:
@@ -110,8 +110,8 @@ def test_the_same_goes_for_files_of_matlab(edit, path, tmp_path):
     assert "expected a plain HDF5 file, got" in str(told.value)
 
 
-def test_what_other_programs_do_to_our_files_is_read(path, recording, alike):
-    """Copies with shuffle and gzip, groups and datasets beside ours, a second name for one of ours."""
+def test_changes_by_other_programs_are_accepted(path, recording, alike):
+    """Copies with shuffle and gzip, additional groups and datasets, a second name for an object."""
 
     def packed(file):
         samples = file["samples"][()]
@@ -138,7 +138,7 @@ def test_deflate_may_not_expand_without_end(path):
 
 
 def test_a_piece_that_expands_to_less_is_refused(path):
-    """HDF5 itself reads on beyond it, into what lies behind in memory."""
+    """HDF5 itself would read memory beyond it."""
 
     def short(file):
         replaced(file, "samples", chunks=(40, 3, 5), compression="gzip")
@@ -151,8 +151,8 @@ def test_a_piece_that_expands_to_less_is_refused(path):
         load(path)
 
 
-def test_nothing_of_midair_is_needed_to_look(path):
-    """So that it is ready before anybody waits for it."""
+def test_the_inspector_needs_nothing_of_midair(path):
+    """So that it starts quickly."""
     script = Path(inspection.__file__).with_name("inspector.py")
     code = (
         f"import sys; sys.argv = ['x']; exec(compile(open({str(script)!r}).read(), 'x', 'exec'), {{'__name__': 'x'}});"
@@ -165,7 +165,7 @@ def test_nothing_of_midair_is_needed_to_look(path):
 
 @pytest.mark.skipif(shutil.which("flock") is None, reason="needs flock")
 def test_a_lock_of_another_program_does_not_keep_readers_out(path, recording, alike):
-    """A disk without locks answers as one does where somebody has it: with an error, which was 'a damaged file'."""
+    """A disk without locks returns the same error as a locked file; this was reported as 'a damaged file'."""
     with subprocess.Popen(["flock", path, "sleep", "30"]) as holder:
         try:
             alike(load(path), recording)
@@ -188,8 +188,8 @@ def test_drives_are_looked_at_too(tmp_path, solution):
 
 
 @pytest.mark.long
-def test_names_that_are_looked_up_in_no_tree_do_not_end_us(tmp_path, solution):
-    """A tree of attributes that has none, and 16398 at its root: whatever name is asked for, HDF5 dies of it."""
+def test_a_missing_attribute_tree_does_not_end_this_process(tmp_path, solution):
+    """Without a tree of attributes, and with 16398 at its root, HDF5 crashes on any name that is looked up."""
     from midair.files import save_solution
 
     path = tmp_path / "a.drive.h5"

@@ -26,7 +26,7 @@ def test_a_recording_whose_name_is_taken_away_is_rescued(recording, options, tmp
     assert path.read_bytes() == b"of another program"
 
 
-def test_nobody_replaces_a_recording_that_runs(recording, options, tmp_path, alike):
+def test_a_running_recording_is_not_replaced(recording, options, tmp_path, alike):
     path = tmp_path / "live.h5"
     with RecordingWriter(path, **options) as writer:
         writer.append(recording.samples[:20])

@@ -1,4 +1,4 @@
-"""NetCDF: what the library of its makers, and xarray, find in it."""
+"""NetCDF: content as read by the netCDF library and xarray."""
 
 import numpy as np
 import pytest

@@ -42,7 +42,7 @@ def check(path, wanted):
     assert open_take(path).recording.frames == len(wanted["state"])
 
 
-def test_what_was_played_comes_back_to_the_last_bit(tmp_path):
+def test_played_values_are_read_back_bit_by_bit(tmp_path):
     wanted = written(tmp_path / "take.h5")
     check(tmp_path / "take.h5", wanted)
 
@@ -69,7 +69,7 @@ def test_can_be_read_while_it_is_written(tmp_path):
     assert np.array_equal(found.phase_steps, part["phase_steps"])
 
 
-def test_a_recording_without_an_array_has_none_and_frames_come_with_what_was_played_or_not_at_all(tmp_path):
+def test_frames_need_played_values_only_with_an_array(tmp_path):
     known = {"rate": 1000.0, "sensor": SENSOR, "unit": "V", "provenance": Provenance()}
     with RecordingWriter(tmp_path / "plain.h5", **known) as file:
         file.append(np.ones((4, 2, 3)))

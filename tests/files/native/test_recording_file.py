@@ -49,7 +49,7 @@ def test_repair_changes_nothing_of_a_whole_file(path, recording, alike):
     assert load_calibration(path) is not None
 
 
-def test_keeps_a_long_life(recording, tmp_path):
+def test_keeps_a_long_provenance(recording, tmp_path):
     life = Provenance()
     for i in range(2000):
         life = life.then("correct", {"round": i, "what": "x" * 50})

@@ -151,7 +151,7 @@ def test_a_killed_program_loses_at_most_a_quarter_of_a_second(seconds, tmp_path)
         program.kill()
         lines = [first, *program.stdout]
     appended = [(float(when), int(frames)) for when, frames in (line.split() for line in lines if line.endswith("\n"))]
-    # A quarter of a second is the writer's; the rest is for a busy machine that keeps it from running.
+    # A quarter of a second is the writer's interval; the rest allows for a busy machine.
     safe = max((frames for when, frames in appended if when < killed - 0.25 - 0.15), default=0)
     seen = open_take(path)
     frames = seen.recording.frames
@@ -174,7 +174,7 @@ def test_no_file_is_made_where_there_is_no_room_for_what_will_come(options, tmp_
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_float32_holds_is_written_in_half_the_room(recording, options, tmp_path):
+def test_float32_samples_take_half_the_space(recording, options, tmp_path):
     samples = recording.samples.astype(np.float32).astype(np.float64)
     with RecordingWriter(tmp_path / "live.h5", **options, stored="f4") as writer:
         writer.append(samples)

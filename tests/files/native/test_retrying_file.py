@@ -1,4 +1,4 @@
-"""A disk that refuses bytes ends a file with one line, and never HDF5."""
+"""A disk error ends a file with one message, without a crash of HDF5."""
 
 import resource
 import subprocess
@@ -40,7 +40,7 @@ def test_a_file_that_may_not_grow_is_refused_in_one_line_and_the_old_one_stays(t
     assert path.read_bytes() == b"old"
 
 
-def test_it_takes_every_byte_and_says_at_the_end_what_the_disk_said(tmp_path):
+def test_it_accepts_all_bytes_and_raises_the_disk_error_at_the_end(tmp_path):
     with RetryingFile(tmp_path / "a") as patient:
         assert patient.write(b"abc") == 3
         patient.check()

@@ -1,4 +1,4 @@
-"""Where the stage was: in the file while it is made, and in the life of what is read from it."""
+"""Stage positions in the file of a running recording, and in the provenance when it is read."""
 
 import h5py
 import numpy as np
@@ -27,12 +27,12 @@ def written(path):
     return path
 
 
-def test_what_is_stored_comes_back():
+def test_stored_stamps_are_read_back():
     assert stamps_from(stage_values(STAMPS)) == tuple(STAMPS)
     assert stamps_from({}) == ()
 
 
-def test_a_recording_with_a_stage_says_places_strokes_and_speed(tmp_path):
+def test_a_recording_with_a_stage_has_positions_strokes_and_speed(tmp_path):
     life = load(written(tmp_path / "a.h5")).provenance
     step = next(step for step in life.steps if step.stage == "stage")
     assert step.settings["strokes"] == 1

@@ -28,7 +28,7 @@ def test_profiles_by_name_and_from_files(tmp_path):
         load_profiles(tmp_path / "mine.toml")
 
 
-def test_profiles_that_come_with_midair_say_where_they_are_from_and_how_thin_the_evidence_is():
+def test_profiles_of_midair_state_source_and_evidence():
     profiles = load_profiles()
     assert list(profiles) == ["occupational-110", "public-100"]
     for each in profiles.values():
@@ -38,7 +38,7 @@ def test_profiles_that_come_with_midair_say_where_they_are_from_and_how_thin_the
         assert not each.places[-1].enforced
 
 
-def test_a_profile_of_one_s_own():
+def test_a_user_profile():
     mine = profiles_of(TOML)["mine"]
     assert mine.places[0].position == (0, 0, 0.5)
     assert mine.places[0].enforced

@@ -21,7 +21,7 @@ def test_a_disc_and_corners(tmp_path):
     assert square.inside[1:-1, 1:-1].all()
 
 
-def test_what_is_dark_in_a_picture_is_skin(tmp_path):
+def test_dark_pixels_are_skin(tmp_path):
     from matplotlib.image import imsave
 
     picture = np.ones((50, 100, 4))
@@ -52,7 +52,7 @@ def test_wrong_files_are_refused(tmp_path, text, word):
         load_palm(written(tmp_path, text))
 
 
-def test_pictures_that_are_none_are_refused(tmp_path):
+def test_invalid_pictures_are_refused(tmp_path):
     path = written(tmp_path, 'picture = "hand.png"\nwidth_mm = 100')
     with pytest.raises(MissingFileError, match="found no file"):
         load_palm(path)

@@ -44,7 +44,7 @@ def test_wrong_files_are_refused(tmp_path, text, word):
         load_placement(tmp_path / "x.toml")
 
 
-def test_numbers_that_are_none_and_files_that_are_not_there(tmp_path):
+def test_invalid_numbers_and_missing_files(tmp_path):
     (tmp_path / "x.toml").write_text("[[unit]]\nposition_mm = [0, 0, nan]", encoding="utf-8")
     with pytest.raises(InputError, match="unit position"):
         load_placement(tmp_path / "x.toml")

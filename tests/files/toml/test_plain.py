@@ -29,7 +29,7 @@ class Outer:
     "value",
     [Outer(), Outer(kind="b", pair=(2.0, 3.0)), Outer(many=(1, 2), other=Inner(size=4.0)), Outer(many=3, other=0.5)],
 )
-def test_what_was_made_plain_comes_back(value):
+def test_plain_values_are_converted_back(value):
     assert from_plain(Outer, to_plain(value)) == value
 
 

@@ -46,7 +46,7 @@ sizes = st.tuples(st.integers(1, 6), st.integers(1, 6))
     unit=st.sampled_from(["V", "count", "Pa"]),
     numbers=st.tuples(*[st.none() | st.floats(1e-9, 1e9)] * 2),
 )
-def test_what_is_written_comes_back(data, size, pitch, name, unit, numbers, tmp_path_factory):
+def test_a_written_sensor_is_read_back(data, size, pitch, name, unit, numbers, tmp_path_factory):
     rows, columns = size
     wiring = SensorWiring(
         grid=SensorGrid(rows=rows, columns=columns, pitch=pitch * 1e-6, name=name),
@@ -63,7 +63,7 @@ def test_what_is_written_comes_back(data, size, pitch, name, unit, numbers, tmp_
     assert (back.order, back.unit, back.full_scale, back.sensitivity) == (wiring.order, unit, *numbers)
 
 
-def test_the_text_shows_the_order_as_the_cells_lie():
+def test_the_text_shows_the_order_as_a_grid():
     assert sensor_text(SensorWiring(grid=SensorGrid(rows=2, columns=2), order=(3, 1, 0, 2))).endswith(
         "order = [\n  3, 1,\n  0, 2,\n]\n"
     )
@@ -86,7 +86,7 @@ def test_the_text_shows_the_order_as_the_cells_lie():
         ("name = ", "expected a TOML file that describes a sensor, got"),
     ],
 )
-def test_files_that_make_no_sense_are_one_clear_line(text, complaint, tmp_path):
+def test_invalid_files_are_one_clear_line(text, complaint, tmp_path):
     path = tmp_path / "s.toml"
     path.write_text(text)
     with pytest.raises(BrokenFileError, match=complaint) as told:
@@ -95,7 +95,7 @@ def test_files_that_make_no_sense_are_one_clear_line(text, complaint, tmp_path):
     assert "\n" not in str(told.value)
 
 
-def test_files_that_are_not_there_or_no_text(tmp_path):
+def test_missing_files_and_other_bytes(tmp_path):
     with pytest.raises(MissingFileError, match="found no file"):
         load_sensor(tmp_path / "none.toml")
     (tmp_path / "noise.toml").write_bytes(bytes(range(128, 256)))

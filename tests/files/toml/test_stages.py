@@ -1,4 +1,4 @@
-"""The file of a stage: what the page shows is what is read, and every wrong word is named."""
+"""The TOML file of a motion stage: the documented example is read, and each invalid entry is named."""
 
 from pathlib import Path
 
@@ -38,7 +38,7 @@ def test_the_example_is_read_in_metres():
         ('heading = "+x"', "heading = +x", "expected a TOML file"),
     ],
 )
-def test_what_does_not_fit_is_named(tmp_path, old, new, words):
+def test_invalid_values_are_named(tmp_path, old, new, words):
     text = EXAMPLE.read_text(encoding="utf-8")
     assert old in text
     path = tmp_path / "stage.toml"
@@ -47,6 +47,6 @@ def test_what_does_not_fit_is_named(tmp_path, old, new, words):
         load_stage(path)
 
 
-def test_a_file_that_is_not_there_says_what_it_would_be(tmp_path):
+def test_a_missing_file_is_described(tmp_path):
     with pytest.raises(MissingFileError, match="describes a motion stage"):
         load_stage(tmp_path / "stage.toml")
