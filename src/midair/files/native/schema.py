@@ -254,7 +254,7 @@ NETCDF: tuple[Entry, ...] = (
 
 def as_markdown(entries: Iterable[Entry]) -> str:
     """Table of entries in Markdown, for the docs."""
-    lines = ["| name | stored as | dimensions | type | unit | what |", "| --- | --- | --- | --- | --- | --- |"]
+    lines = ["| name | stored as | dimensions | type | unit | meaning |", "| --- | --- | --- | --- | --- | --- |"]
     for entry in entries:
         stored = "attribute" if entry.dimensions is None else "dataset"
         name = f"`{entry.name}`" if entry.required else f"`{entry.name}` (optional)"
