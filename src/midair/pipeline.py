@@ -166,7 +166,7 @@ def solve_with(
     InputError
         If the solution would not fit into memory.
     """
-    _fits(target, array, settings, parts=False)
+    _check_solution_memory(target, array, settings, parts=False)
     made = solve(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
     return Solution.joined(list(compensate_envelope(iter([made]), target, array, settings)))
 
@@ -198,7 +198,7 @@ def compensate_envelope(
         yield block
 
 
-def _fits(target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, parts: bool) -> None:
+def _check_solution_memory(target: AmplitudeFrames, array: TransducerArray, settings: Settings, *, parts: bool) -> None:
     needed = memory_of(target, array, acoustics=settings.acoustics, parts=parts, **settings.solver.arguments())
     check_memory(needed, ram.available(), points=target.grid.count, transducers=array.count)
 
@@ -216,7 +216,7 @@ def reproduce_stream(
     check_frame_rate(pressure.rate, array.frequency)
     settings = at_strength(pressure, array, settings)
     target = target_amplitude(replace(pressure, provenance=settings.noted(pressure.provenance)), settings)
-    _fits(target, array, settings, parts=True)
+    _check_solution_memory(target, array, settings, parts=True)
     parts = solve_parts(target, array, acoustics=settings.acoustics, progress=progress, **settings.solver.arguments())
     return target, compensate_envelope(parts, target, array, settings)
 

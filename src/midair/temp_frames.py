@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 @contextmanager
-def _on_disk() -> Generator[None]:
+def _disk_errors() -> Generator[None]:
     """Turn a disk error into one that names the folder, because the file has no name."""
     try:
         yield
@@ -27,19 +27,19 @@ def _on_disk() -> Generator[None]:
         ) from wrong
 
 
-def _nameless() -> IO[bytes]:
-    with _on_disk():
+def _unnamed_file() -> IO[bytes]:
+    with _disk_errors():
         return tempfile.TemporaryFile(prefix="midair-")
 
 
 def _write(file: IO[bytes], at: int, block: Array) -> None:
-    with _on_disk():
+    with _disk_errors():
         file.seek(at)
         file.write(np.ascontiguousarray(block, np.float64).data)
         file.flush()
 
 
-def _forget(file: IO[bytes]) -> None:
+def _close(file: IO[bytes]) -> None:
     # Closing retries failed writes, whose data are no longer needed.
     with suppress(OSError):
         file.close()
@@ -52,7 +52,7 @@ class TempFrames:
         self.shape = shape
         self.frames = 0
         self._bytes = 8 * int(np.prod(shape, dtype=np.int64))
-        self._file = _nameless()
+        self._file = _unnamed_file()
 
     def __enter__(self) -> Self:
         return self
@@ -68,7 +68,7 @@ class TempFrames:
 
     def close(self) -> None:
         """Delete all frames."""
-        _forget(self._file)
+        _close(self._file)
 
     def append(self, block: Array) -> None:
         """Append frames, shape (frame, ...); raises FileError if the disk is full."""
@@ -91,10 +91,10 @@ class TempChannels:
 
     def __init__(self, frames: int, channels: int) -> None:
         self.frames, self.channels = frames, channels
-        self._file = _nameless()
+        self._file = _unnamed_file()
 
     def __del__(self) -> None:
-        _forget(self._file)
+        _close(self._file)
 
     def put(self, channel: int, first: int, values: Array) -> None:
         """Write values of one channel from frame `first` on; raises FileError if the disk is full."""

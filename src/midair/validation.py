@@ -30,7 +30,7 @@ def frozen_array(
     try:
         array = np.array(value, dtype=dtype, order="C")
     except (TypeError, ValueError) as wrong:
-        raise ShapeError(f"{name}: expected numbers with axes {_spell(axes)}, got {type(value).__name__}") from wrong
+        raise ShapeError(f"{name}: expected numbers with axes {_axes(axes)}, got {type(value).__name__}") from wrong
     _check_shape(array.shape, name, axes)
     if finite:
         check_finite(array, name)
@@ -53,7 +53,7 @@ def _check_shape(shape: tuple[int, ...], name: str, axes: Sequence[str | int]) -
         have == want if isinstance(want, int) else have > 0 for have, want in zip(shape, axes, strict=True)
     )
     if not fits:
-        raise ShapeError(f"{name}: expected axes {_spell(axes)}, got shape {shape}")
+        raise ShapeError(f"{name}: expected axes {_axes(axes)}, got shape {shape}")
 
 
 def positive(value: float, name: str, unit: str = "") -> float:
@@ -80,5 +80,5 @@ def length(value: float, name: str, limits: tuple[float, float]) -> float:
     return number
 
 
-def _spell(axes: Sequence[str | int]) -> str:
+def _axes(axes: Sequence[str | int]) -> str:
     return "(" + ", ".join(str(axis) for axis in axes) + ")"

@@ -113,22 +113,22 @@ def sample(name: str) -> Recording:
     InputError
         If the name is unknown.
     """
-    about = _known(name)
-    return _named(_made(about) if about.stroke is not None else _read(about), about)
+    about = _sample_named(name)
+    return _with_notes(_generated(about) if about.stroke is not None else _read(about), about)
 
 
 def credited(name: str, recording: Recording) -> Recording:
     """A recording read from `sample_path(name)`, with licence and source added to its provenance."""
-    return _named(recording, _known(name))
+    return _with_notes(recording, _sample_named(name))
 
 
-def _named(recording: Recording, about: Sample) -> Recording:
+def _with_notes(recording: Recording, about: Sample) -> Recording:
     notes = {"licence": about.licence, "origin": about.source, **about.notes}
     life = replace(recording.provenance, notes={**recording.provenance.notes, **notes})
     return replace(recording, provenance=life)
 
 
-def _made(about: Sample) -> Recording:
+def _generated(about: Sample) -> Recording:
     """Generate a synthetic sample."""
     pressure = stroke(about.stroke or "towel", peak=about.peak)
     return Recording(
@@ -157,7 +157,7 @@ _OPENED: Mapping[str, Mapping[str, Any]] = {"connect": {"unit": "count"}}
 """Options that `open_take` needs for a sample."""
 
 
-def _known(name: str) -> Sample:
+def _sample_named(name: str) -> Sample:
     if name not in SAMPLES:
         raise InputError(f"sample: expected one of {', '.join(SAMPLES)}, got {name!r}")
     return SAMPLES[name]
@@ -171,6 +171,6 @@ def sample_path(name: str) -> Path:
     InputError
         If the name is unknown, or the sample is synthetic.
     """
-    if not _known(name).file:
+    if not _sample_named(name).file:
         raise InputError(f"sample: expected one that has a file, got {name!r}, which is made by sample()")
     return Path(str(files("midair.datasets").joinpath("samples", *SAMPLES[name].file.split("/"))))

@@ -77,15 +77,15 @@ def check_unclaimed(path: Path) -> None:
     # Without read permission, the following operation raises the error.
     with suppress(PermissionError), path.open("rb") as file:
         try:
-            process = _claimed_by(file.fileno())
+            process = _writer_of(file.fileno())
         except OSError as wrong:
             _warn(wrong, path)
             return
         if process is not None:
-            raise FileError(f"{path}: {_named(process)} is recording into it; wait until it has ended, or end it")
+            raise FileError(f"{path}: {_program(process)} is recording into it; wait until it has ended, or end it")
 
 
-def _claimed_by(handle: int) -> int | None:
+def _writer_of(handle: int) -> int | None:
     """Process that is writing to an open file, 0 if the system does not report which one, or None."""
     if fcntl is None:
         return None
@@ -102,7 +102,7 @@ def _claimed_by(handle: int) -> int | None:
     return None
 
 
-def _named(process: int) -> str:
+def _program(process: int) -> str:
     """Process number and, where the system reports it, its command line."""
     if process == os.getpid():
         return "this program"

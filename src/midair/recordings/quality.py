@@ -52,7 +52,7 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
         report.append(f"Channels that never change, dead or saturated: {values}.")
     if recording.frames >= 100 and not dead.all():
         spread = found.spread.ravel()
-        floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _white(found, recording.frames)
+        floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _is_white(found, recording.frames)
         if floor.any():
             names = ", ".join(str(i) for i in np.flatnonzero(floor))
             report.append(f"Channels that hold only a white floor, more than ten times below the others: {names}.")
@@ -60,7 +60,7 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     if clipped.any():
         names = ", ".join(str(i) for i in np.flatnonzero(clipped))
         report.append(f"Channels that stand at their greatest or least number again and again, clipped: {names}.")
-    if recording.frames >= 100 and _folded(found):
+    if recording.frames >= 100 and _is_rectified(found):
         report.append(
             "No number is below zero: if this is a magnitude (of an acceleration, of a force), its vibration is folded "
             "and comes at other frequencies than were felt; take one axis instead."
@@ -68,7 +68,7 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
     return tuple(report)
 
 
-def _folded(found: Moments) -> bool:
+def _is_rectified(found: Moments) -> bool:
     """True if no channel is ever below zero, and the mean of most is in the lower two fifths of their range."""
     lively = found.least < found.greatest
     low = found.mean - found.least < (found.greatest - found.mean) / 1.5
@@ -123,7 +123,7 @@ def _flat_few(x: NDArray[np.float64], levels: NDArray[np.float64], sides: NDArra
     return bool(not coarse and (still & ends).sum() > 1.5 * came and (still & ~ends).sum() <= 0.1 * came)
 
 
-def _white(found: Moments, n: int) -> NDArray[np.bool_]:
+def _is_white(found: Moments, n: int) -> NDArray[np.bool_]:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.square(found.step / found.spread).ravel()
     return np.abs(ratio - 2) < 4 * np.sqrt(4 * (n - 2) / (n**2 - 1))

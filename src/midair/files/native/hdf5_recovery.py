@@ -27,7 +27,7 @@ def is_unclosed(path: Path) -> bool:
     """True if the flag of a file states that a writer has it open."""
     with path.open("rb") as file:
         block = file.read(LENGTH)
-    return _sound(block) and block[11] != 0
+    return _is_valid(block) and block[11] != 0
 
 
 def openable(path: Path) -> "Path | BinaryIO":
@@ -96,22 +96,22 @@ def checksum(data: bytes) -> int:
 
 def _mix(a: int, b: int, c: int) -> tuple[int, int, int]:
     for turn in (4, 6, 8, 16, 19, 4):
-        a = ((a - c) & _WORD) ^ _turned(c, turn)
+        a = ((a - c) & _WORD) ^ _rotated(c, turn)
         a, b, c = b, (c + b) & _WORD, a
     return a, b, c
 
 
 def _finish(a: int, b: int, c: int) -> int:
     for turn in (14, 11, 25, 16, 4, 14, 24):
-        c = ((c ^ b) - _turned(b, turn)) & _WORD
+        c = ((c ^ b) - _rotated(b, turn)) & _WORD
         a, b, c = b, c, a
     return b
 
 
-def _turned(word: int, turn: int) -> int:
+def _rotated(word: int, turn: int) -> int:
     return ((word << turn) | (word >> (32 - turn))) & _WORD
 
 
-def _sound(block: bytes) -> bool:
+def _is_valid(block: bytes) -> bool:
     whole = len(block) == LENGTH and block[:9] == b"\x89HDF\r\n\x1a\n\x03" and block[9:11] == b"\x08\x08"
     return whole and checksum(block[:-4]) == int.from_bytes(block[-4:], "little")

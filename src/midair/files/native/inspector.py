@@ -183,7 +183,7 @@ def _checked_size(name: str, announced: int, stored: int) -> int:
     return announced
 
 
-def _limited(size: int) -> None:
+def _limit_resources(size: int) -> None:
     """Limit memory and CPU time of the process for a file of this size, where the system supports it."""
     try:
         import resource
@@ -203,7 +203,7 @@ def main() -> None:
     found.loader.exec_module(recovery)
     for line in sys.stdin:
         path = Path(json.loads(line))
-        _limited(path.stat().st_size)
+        _limit_resources(path.stat().st_size)
         answer = refusal(path, recovery.openable)
         print(json.dumps(answer), flush=True)  # noqa: T201  # the answer
 

@@ -161,7 +161,7 @@ class RecordingWriter:
             file = self._opened()
             self._check_room()
             start, stop = self._frames, self._frames + len(samples)
-            with self._failing():
+            with self._disk_errors():
                 self._extend(stored_dataset(file, "time"), start, np.arange(start, stop) / self.rate)
                 self._extend(stored_dataset(file, "samples"), start, samples)
                 beside = {} if played is None else {"time": np.arange(start, stop) / self.rate, **played}
@@ -185,7 +185,7 @@ class RecordingWriter:
         with self._lock:
             file = self._opened()
             first, rows = self._rows[axis], len(values[axis])
-            with self._failing():
+            with self._disk_errors():
                 for name, column in (values | {axis: np.arange(first, first + rows)}).items() if rows else ():
                     self._extend(stored_dataset(file, name), first, column)
                 self._rows[axis] += rows
@@ -202,7 +202,7 @@ class RecordingWriter:
                 return
             live, self._live = self._live, None
             try:
-                self._cut(live.file)
+                self._trim_axes(live.file)
                 stored_dataset(live.file, "finished")[()] = 1
                 live.close()
                 if self._frames:
@@ -210,9 +210,9 @@ class RecordingWriter:
             except (OSError, RuntimeError) as wrong:
                 # After an earlier failure the file has its last commit; closing was only an attempt.
                 if self._failure is None:
-                    self._give_up(wrong)
+                    self._record_failure(wrong)
             if self._failure is not None and not self._raised:
-                raise self._refusal() from self._failure
+                raise self._disk_error() from self._failure
 
     def _start(self) -> dict[str, Any]:
         return {
@@ -246,7 +246,7 @@ class RecordingWriter:
     def _opened(self) -> "h5py.File":
         if self._failure is not None:
             self._raised = True
-            raise self._refusal() from self._failure
+            raise self._disk_error() from self._failure
         if self._live is None:
             raise FileError(f"{self.path}: the recording is not open; use it in a with block")
         return self._live.file
@@ -262,19 +262,19 @@ class RecordingWriter:
             )
 
     @contextmanager
-    def _failing(self) -> Generator[None]:
+    def _disk_errors(self) -> Generator[None]:
         """End the recording after a disk error; the file keeps its last commit."""
         try:
             yield
         except (OSError, RuntimeError) as wrong:
-            self._give_up(wrong)
+            self._record_failure(wrong)
             self._raised = True
-            raise self._refusal() from wrong
+            raise self._disk_error() from wrong
 
-    def _give_up(self, wrong: Exception) -> None:
+    def _record_failure(self, wrong: Exception) -> None:
         self._failure, self._frames, self._rows = wrong, self._safe, dict(self._safe_rows)
 
-    def _refusal(self) -> FileError:
+    def _disk_error(self) -> FileError:
         why = "" if self._failure is None else reason(self._failure)
         return FileError(f"{self.path}: cannot be written: {why}; the {self._safe} frames so far are safe")
 
@@ -282,7 +282,7 @@ class RecordingWriter:
         dataset.resize(start + len(values), axis=0)
         dataset[start:] = values
 
-    def _cut(self, file: "h5py.File") -> None:
+    def _trim_axes(self, file: "h5py.File") -> None:
         """Remove rows of an interrupted append or note, so that all datasets along an axis have equal length."""
         lengths = dict.fromkeys(("time", "samples"), self._frames)
         lengths |= dict.fromkeys((f"played/{name}" for name in PLAYED) if self.array is not None else (), self._frames)
@@ -307,7 +307,7 @@ class RecordingWriter:
             try:
                 self._flush()
             except (OSError, RuntimeError) as wrong:
-                self._give_up(wrong)  # the next append raises it
+                self._record_failure(wrong)  # the next append raises it
 
     def _flush(self) -> None:
         if self._timer is not None:

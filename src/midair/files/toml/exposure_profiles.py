@@ -65,7 +65,7 @@ def profiles_of(text: str) -> dict[str, ExposureProfile]:
 
 
 def _profile(entry: Mapping[str, Any]) -> ExposureProfile:
-    _only(entry, {"name", "title", "source", "evidence", "place"})
+    _check_keys(entry, {"name", "title", "source", "evidence", "place"})
     places = tuple(_place(each) for each in entry["place"])
     if not any(place.enforced for place in places):
         raise InputError(f"profile {entry['name']}: expected at least one enforced limit, got none")
@@ -79,7 +79,7 @@ def _profile(entry: Mapping[str, Any]) -> ExposureProfile:
 
 
 def _place(entry: Mapping[str, Any]) -> Place:
-    _only(entry, {"name", "position_mm", "reach_mm", "limit_db", "enforced", "source"})
+    _check_keys(entry, {"name", "position_mm", "reach_mm", "limit_db", "enforced", "source"})
     x, y, z = (float(each) * 1e-3 for each in entry["position_mm"])
     numbers = np.array([x, y, z, entry["reach_mm"], entry["limit_db"]], float)
     enforced = entry.get("enforced", True)
@@ -95,6 +95,6 @@ def _place(entry: Mapping[str, Any]) -> Place:
     )
 
 
-def _only(entry: Mapping[str, Any], known: set[str]) -> None:
+def _check_keys(entry: Mapping[str, Any], known: set[str]) -> None:
     if unknown := set(entry) - known:
         raise InputError(f"expected {', '.join(sorted(known))}, got {', '.join(sorted(unknown))}")

@@ -52,13 +52,13 @@ def load_placement(path: str | os.PathLike[str]) -> Placement:
 def _unit(unit: Mapping[str, Any], number: int, path: Path) -> tuple[list[float], list[float]]:
     place, turn = unit.get("position_mm"), unit.get("rotation_deg", [0, 0, 0])
     unknown = set(unit) - {"position_mm", "rotation_deg"}
-    if unknown or not _three(place) or not _three(turn):
+    if unknown or not _is_three_numbers(place) or not _is_three_numbers(turn):
         raise BrokenFileError(
             f"{path}: unit {number}: expected position_mm and optional rotation_deg, three numbers each, got {unit}"
         )
-    return place, turn  # pyright: ignore[reportReturnType]  # checked by _three
+    return place, turn  # pyright: ignore[reportReturnType]  # checked by _is_three_numbers
 
 
-def _three(value: object) -> bool:
+def _is_three_numbers(value: object) -> bool:
     # By type, because bool is a subclass of int.
     return isinstance(value, list) and len(value) == 3 and all(type(each) in (int, float) for each in value)

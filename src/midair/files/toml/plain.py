@@ -62,7 +62,7 @@ def _value(hint: Any, value: Any, where: str) -> Any:
     try:
         return TypeAdapter[Any](reduce(or_, plain)).validate_python(value)
     except ValidationError as wrong:
-        raise InputError(f"{where}: expected {_words(plain)}, got {value!r} ({wrong.errors()[0]['msg']})") from None
+        raise InputError(f"{where}: expected {_kinds(plain)}, got {value!r} ({wrong.errors()[0]['msg']})") from None
 
 
 def _alternatives(hint: Any) -> tuple[Any, ...]:
@@ -72,7 +72,7 @@ def _alternatives(hint: Any) -> tuple[Any, ...]:
     return (hint,)
 
 
-def _words(kinds: tuple[Any, ...]) -> str:
+def _kinds(kinds: tuple[Any, ...]) -> str:
     parts = [
         " or ".join(str(each) for each in get_args(kind)) if get_origin(kind) is Literal else _name(kind)
         for kind in kinds
