@@ -52,7 +52,7 @@ def test_names_silent_and_saturated_channels(samples):
 
 def test_names_a_white_floor(samples):
     samples[:, 5] = 1e-3 * np.random.default_rng(0).normal(size=2000)
-    assert report(samples) == ("Channels that hold only a white floor, more than ten times below the others: 5.",)
+    assert report(samples) == ("Channels that hold only white noise, more than ten times below the others: 5.",)
 
 
 def test_a_quiet_signal_is_not_a_noise_floor(samples):
@@ -71,7 +71,7 @@ def test_does_not_depend_on_the_scale(scale, samples):
     assert len(report(samples * scale)) == 1
 
 
-CLIPPED = "Channels that stand at their greatest or least number again and again, clipped: 5."
+CLIPPED = "Channels that reach their maximum or minimum repeatedly, clipped: 5."
 
 
 @pytest.mark.parametrize("limits", [(-0.9, 0.9), (-1, 0.9), (-0.9, 1)])

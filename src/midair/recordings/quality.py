@@ -55,15 +55,15 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
         floor = ~dead & (spread < 0.1 * np.median(spread[~dead])) & _is_white(found, recording.frames)
         if floor.any():
             names = ", ".join(str(i) for i in np.flatnonzero(floor))
-            report.append(f"Channels that hold only a white floor, more than ten times below the others: {names}.")
+            report.append(f"Channels that hold only white noise, more than ten times below the others: {names}.")
     clipped = _flat_tops(recording.samples, found)
     if clipped.any():
         names = ", ".join(str(i) for i in np.flatnonzero(clipped))
-        report.append(f"Channels that stand at their greatest or least number again and again, clipped: {names}.")
+        report.append(f"Channels that reach their maximum or minimum repeatedly, clipped: {names}.")
     if recording.frames >= 100 and _is_rectified(found):
         report.append(
-            "No number is below zero: if this is a magnitude (of an acceleration, of a force), its vibration is folded "
-            "and comes at other frequencies than were felt; take one axis instead."
+            "No number is below zero: if this is a magnitude (of an acceleration, of a force), its vibration is rectified "
+            "and appears at other frequencies than the original; use one axis instead."
         )
     return tuple(report)
 
