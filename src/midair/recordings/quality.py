@@ -62,8 +62,8 @@ def suspicious(recording: Recording) -> tuple[str, ...]:
         report.append(f"Channels that reach their maximum or minimum repeatedly, clipped: {names}.")
     if recording.frames >= 100 and _is_rectified(found):
         report.append(
-            "No number is below zero: if this is a magnitude (of an acceleration, of a force), its vibration is rectified "
-            "and appears at other frequencies than the original; use one axis instead."
+            "No number is below zero: if this is a magnitude (of an acceleration, of a force), its vibration is "
+            "rectified and appears at other frequencies than the original; use one axis instead."
         )
     return tuple(report)
 

@@ -79,14 +79,14 @@ def named_type(file):
 
 
 HOSTILE = {
-    external: "lie in another file",
+    external: "in another file",
     virtual: "a virtual dataset, '/samples'",
     soft: "a soft link, '/samples'",
     elsewhere: "a link to another file, '/samples'",
     empty: "'/samples' of 120000000000 bytes, of which 0 are stored",
     lzf: "only shuffle, deflate and Fletcher-32",
-    huge_piece: "pieces of 2013265920 bytes",
-    named_type: "a type with a name",
+    huge_piece: "chunks of 2013265920 bytes",
+    named_type: "a named type",
 }
 
 

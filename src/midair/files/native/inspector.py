@@ -91,7 +91,7 @@ def _walk(file: h5py.File, size: int) -> None:
             if expanded > max(EXPANDED * size, EXPANDED_ANYWAY):
                 raise NotPlainError(f"{size} bytes that expand to {expanded}: more than {EXPANDED} times as many")
         elif isinstance(item, h5t.TypeID):
-            raise NotPlainError(f"a type with a name, {name!r}")
+            raise NotPlainError(f"a named type, {name!r}")
         else:
             waiting.extend(_links(name, item))
 
@@ -105,7 +105,9 @@ def _links(name: str, group: Any) -> Iterator[tuple[str, Any]]:
         full = f"{name.rstrip('/')}/{link.decode('utf-8', 'replace')}"
         kind = group.links.get_info(link).type
         if kind != h5l.TYPE_HARD:
-            raise NotPlainError(f"{kinds.get(kind, 'a link of another program')}, {full!r}; copy what it means into it")
+            raise NotPlainError(
+                f"{kinds.get(kind, 'a link of another program')}, {full!r}; copy its target here"
+            )
         yield full, h5o.open(group, link)
 
 
@@ -119,7 +121,7 @@ def _check_attributes(name: str, item: Any) -> None:
         kind = attribute.get_type()
         room -= math.prod(attribute.shape or ()) * kind.get_size()
         if room < 0:
-            raise NotPlainError(f"attributes of {name!r} of more than {TEXT} bytes")
+            raise NotPlainError(f"attributes of {name!r} that take more than {TEXT} bytes")
         if kind.get_class() in (h5t.INTEGER, h5t.FLOAT, h5t.STRING):
             holder = h5py.Group(item) if isinstance(item, h5g.GroupID) else h5py.Dataset(item)
             _ = holder.attrs[attribute.name.decode("utf-8", "replace")]
@@ -134,12 +136,12 @@ def _check_numbers(name: str, item: Any, size: int) -> int:
         return announced
     if layout == h5d.CONTIGUOUS:
         if made.get_external_count():
-            raise NotPlainError(f"numbers of {name!r} that lie in another file")
+            raise NotPlainError(f"data of {name!r} in another file")
         place = item.get_offset()
         stored = 0 if place is None else max(0, min(announced, size - place))
         return _checked_size(name, announced, stored)
     if layout != h5d.CHUNKED:
-        raise NotPlainError(f"a virtual dataset, {name!r}, whose numbers lie elsewhere")
+        raise NotPlainError(f"a virtual dataset, {name!r}, with data elsewhere")
     return _check_chunks(name, item, made, announced, size)
 
 
@@ -147,19 +149,21 @@ def _check_chunks(name: str, item: Any, made: Any, announced: int, size: int) ->
     filters = [made.get_filter(number)[0] for number in range(made.get_nfilters())]
     unknown = [number for number in filters if number not in (DEFLATE, SHUFFLE, FLETCHER32)]
     if unknown or len(set(filters)) < len(filters):
-        raise NotPlainError(f"filters {filters} of {name!r}; only shuffle, deflate and Fletcher-32 are read, once each")
+        raise NotPlainError(
+            f"filters {filters} of {name!r}; only shuffle, deflate and Fletcher-32 are allowed, once each"
+        )
     whole = math.prod(made.get_chunk()) * item.get_type().get_size()
     if whole > max(EXPANDED * size, EXPANDED_ANYWAY):
-        raise NotPlainError(f"pieces of {whole} bytes of {name!r} in a file of {size}")
+        raise NotPlainError(f"chunks of {whole} bytes of {name!r} in a file of {size}")
     stored: list[int] = []
 
     def look(chunk: Any) -> None:
         if chunk.byte_offset is None or chunk.byte_offset + chunk.size > size or chunk.filter_mask:
-            raise NotPlainError(f"a piece of {name!r} beyond the end")
+            raise NotPlainError(f"a chunk of {name!r} beyond the end of the file")
         if DEFLATE in filters:
             _check_deflated(name, item, chunk, filters, whole)
         elif chunk.size != whole + 4 * (FLETCHER32 in filters):
-            raise NotPlainError(f"a piece of {name!r} of {chunk.size} bytes instead of {whole}")
+            raise NotPlainError(f"a chunk of {name!r} of {chunk.size} bytes instead of {whole}")
         stored.append(whole)
 
     item.chunk_iter(look)
@@ -174,7 +178,7 @@ def _check_deflated(name: str, item: Any, chunk: Any, filters: list[int], whole:
         data = data[:-4] if number == FLETCHER32 else data
     expanded = len(zlib.decompressobj().decompress(data, whole + 5))
     if expanded != whole + 4 * (FLETCHER32 in filters[: filters.index(DEFLATE)]):
-        raise NotPlainError(f"a piece of {name!r} that expands to {expanded} bytes instead of {whole}")
+        raise NotPlainError(f"a chunk of {name!r} that expands to {expanded} bytes instead of {whole}")
 
 
 def _checked_size(name: str, announced: int, stored: int) -> int:
