@@ -105,9 +105,7 @@ def _links(name: str, group: Any) -> Iterator[tuple[str, Any]]:
         full = f"{name.rstrip('/')}/{link.decode('utf-8', 'replace')}"
         kind = group.links.get_info(link).type
         if kind != h5l.TYPE_HARD:
-            raise NotPlainError(
-                f"{kinds.get(kind, 'a link of another program')}, {full!r}; copy its target here"
-            )
+            raise NotPlainError(f"{kinds.get(kind, 'a link of another program')}, {full!r}; copy its target here")
         yield full, h5o.open(group, link)
 
 
