@@ -1,6 +1,6 @@
-"""Everything that can be chosen on the way from what a sensor said to what an array is told, said once.
+"""Settings of calibration, target, compensation, solver and air, declared once, and the modes that name sets of them.
 
-The command line's options, what a drive's provenance keeps and the table of the documentation come from here.
+The options of the command line, the provenance of drives and the table of the documentation are derived from them.
 """
 
 from midair.settings.choices import CHOICES, Choice, choices_table, over_mode, spelt, spelt_setting

@@ -1,4 +1,4 @@
-"""Each setting as a person types it: options of commands and the table of the documentation come from here."""
+"""The settings that a user can type: source of the command line's options and of the table in the documentation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -15,43 +15,35 @@ from midair.targets import Circle
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """One setting as a person types it.
-
-    Attributes
-    ----------
-    name : str
-        Of the option, such as ``circle-rate``.
-    path : str
-        Where it is in `Settings`, such as ``target.circle.frequency``.
-    help : str
-        One sentence.
-    unit : str
-        Of a quantity; empty for numbers without one, names and switches.
-    """
+    """One setting that a user can type."""
 
     name: str
+    """Name of the option, such as ``circle-rate``."""
     path: str
+    """Its place in `Settings`, such as ``target.circle.frequency``."""
     help: str
+    """Help text: one sentence or noun phrase."""
     unit: str = ""
+    """SI unit of a quantity; empty for plain numbers, names and switches."""
 
     def of(self, settings: Settings) -> Any:
-        """Its value; None where what it belongs to is off."""
+        """Value of this setting; None where the term that it belongs to is switched off."""
         value: Any = settings
         for part in self.path.split("."):
-            # What is off has no parts, and a guard that is given by its width alone is its own margin.
+            # A term that is off has no attributes, and a guard given by its width alone is its own margin.
             value = getattr(value, part, value)
-        # Of a palm with an outline people type the weight.
+        # For a palm with an outline, the option is its weight.
         return value.weight if isinstance(value, QuietPalm) else value
 
     def put(self, settings: Settings, value: Any) -> Settings:
-        """The settings with it.
+        """Return the settings with this one set to `value`.
 
-        A radius or a margin of 0 switches a circle or a guard off, any other switches it on.
+        A radius or a margin of 0 switches the circle or the guard off; any other value switches it on.
 
         Raises
         ------
         InputError
-            If the value is out of range, or it belongs to something that is off.
+            If the value is out of range, or the term that it belongs to is off.
         """
         group, name, *inner = self.path.split(".")
         if group == "acoustics":
@@ -73,7 +65,7 @@ class Choice:
 
 
 def _in_air(medium: Medium, name: str, value: float) -> Medium:
-    """The medium at another temperature or humidity; the surface in it stays."""
+    """Return the medium at another temperature or humidity; `alpha` of the surface stays."""
     if name == "humidity" and medium.temperature is None:
         raise InputError("--humidity: expected --temperature beside it, got none")
     known = {"temperature": medium.temperature, "humidity": medium.humidity} | {name: value}
@@ -83,27 +75,40 @@ def _in_air(medium: Medium, name: str, value: float) -> Medium:
 _SWITCHED: Mapping[str, tuple[str, type[Guard] | type[Circle]]] = MappingProxyType(
     {"guard": ("margin", Guard), "circle": ("radius", Circle)}
 )
-"""Terms that are there when their first length is above 0."""
+"""Terms that are on when their first length is above 0."""
 
 CHOICES: tuple[Choice, ...] = (
-    Choice(name="band", path="calibration.band", unit="Hz", help="Lowest and highest frequency that is kept."),
-    Choice(name="inverse", path="calibration.inverse", help="Undo the sensor by zero-phase FFT or linear-phase FIR."),
-    Choice(name="rate", path="target.rate", unit="Hz", help="Frames per second of what is played."),
+    Choice(
+        name="band",
+        path="calibration.band",
+        unit="Hz",
+        help="Frequency band that is kept: lowest and highest frequency.",
+    ),
+    Choice(
+        name="inverse",
+        path="calibration.inverse",
+        help="Filter that inverts the sensor's response: zero-phase FFT or linear-phase FIR.",
+    ),
+    Choice(name="rate", path="target.rate", unit="Hz", help="Frame rate of the drive."),
     Choice(
         name="mapping",
         path="target.mapping",
-        help="From pressure of both signs to pressure that pushes: half-wave, constant-offset or slow-bias.",
+        help="How signed pressure is made positive: half-wave, constant-offset or slow-bias.",
     ),
-    Choice(name="interpolate", path="target.interpolate", help="What is interpolated between the cells."),
-    Choice(name="gain", path="target.gain", help="Multiplies the pressure."),
+    Choice(
+        name="interpolate",
+        path="target.interpolate",
+        help="Quantity that is interpolated between sensor cells: sound amplitude or pressure.",
+    ),
+    Choice(name="gain", path="target.gain", help="Factor that multiplies the pressure."),
     Choice(
         name="strength",
         path="target.strength",
-        help="In place of a gain: peak over one focus.",
+        help="Target peak relative to a single focus of the whole array (replaces --gain).",
     ),
-    Choice(name="height", path="target.grid.height", unit="m", help="Of the palm above the array."),
-    Choice(name="pitch", path="target.grid.pitch", unit="m", help="Between the control points."),
-    Choice(name="points", path="target.grid.rows", help="Rows and columns of the control points."),
+    Choice(name="height", path="target.grid.height", unit="m", help="Height of the palm above the array."),
+    Choice(name="pitch", path="target.grid.pitch", unit="m", help="Distance between neighbouring control points."),
+    Choice(name="points", path="target.grid.rows", help="Number of rows and of columns of control points."),
     Choice(
         name="circle",
         path="target.circle.radius",
@@ -114,88 +119,100 @@ CHOICES: tuple[Choice, ...] = (
     Choice(
         name="decouple",
         path="compensation.decouple",
-        help="Undo that a cell also feels what is played for its neighbours.",
+        help="Correct the target for the pressure that each cell receives from neighbouring cells.",
     ),
     Choice(
         name="precompensate",
         path="compensation.precompensate",
-        help="Make louder beforehand what holding frames and transducers make quieter.",
+        help="Amplify frequencies that the frame hold and the transducers attenuate.",
     ),
     Choice(
         name="compensate",
         path="compensation.compensate",
-        help="On the sound, or on the pressure within 20 to 480 Hz.",
+        help="Quantity that is precompensated: sound amplitude, or pressure within 20 to 480 Hz.",
     ),
-    Choice(name="method", path="solver.method", help="The solver; lm is the paper's, exact its cheaper form."),
+    Choice(
+        name="method",
+        path="solver.method",
+        help="Solver of the transducer phases; lm is the paper's, exact its faster form.",
+    ),
     Choice(
         name="iterations",
         path="solver.iterations",
-        help="At most, for the first frame and for each later one; 50 and 20 in the paper.",
+        help="Maximum iterations: first frame, later frames; 50 and 20 in the paper.",
     ),
-    Choice(name="start", path="solver.start", help="Where a frame starts."),
     Choice(
-        name="level", path="solver.level", help="Drive of all transducers, 0 to 1; auto: what the loudest frame needs."
+        name="start", path="solver.start", help="Initial phases of each frame: the previous frame's solution, or zero."
+    ),
+    Choice(
+        name="level",
+        path="solver.level",
+        help="Drive level of all transducers, 0 to 1; auto: the lowest level that the loudest frame needs.",
     ),
     Choice(
         name="amplitudes",
         path="solver.amplitudes",
-        help="All transducers at that level, or each at its own up to it.",
+        help="Transducer amplitudes: all equal to the level, or individual and bounded by it.",
     ),
     Choice(
         name="guard",
         path="solver.guard.margin",
         unit="m",
-        help="Width of a ring around the control points in which the field is kept quiet; 0mm for none.",
+        help="Width of a ring around the control points in which the field is kept quiet; 0mm switches it off.",
     ),
     Choice(
         name="fit",
         path="solver.fit",
-        help="What is met: points; windows, wherever a palm lies; or cells, for one place of a sensor alone.",
+        help="Where the error is measured: control points, 8 mm windows, or sensor cells (fixed sensor only).",
     ),
-    Choice(name="smooth", path="solver.smooth", help="Weight of phases that change; 0.01 is much."),
+    Choice(name="smooth", path="solver.smooth", help="Penalty on phase change between frames; 0.01 is strong."),
     Choice(
         name="robust",
         path="solver.robust",
         unit="K",
-        help="Phases that hold in air as much colder and warmer than --temperature.",
+        help="Temperature range in which the phases stay accurate: this far below and above --temperature.",
     ),
     Choice(
         name="quiet-ears",
         path="solver.quiet_ears",
-        help="Weight of the sound at the ears of a person in front of the array: 3 is some, 30 much.",
+        help="Penalty on sound at the ears of a person in front of the array; 3 is moderate, 30 strong.",
     ),
     Choice(
         name="quiet-palm",
         path="solver.quiet_palm",
-        help="Weight of the sound on a palm, 100 mm or --palm, around the points: 0.1 is much.",
+        help="Penalty on sound on a palm around the points, 100 mm wide or set by --palm; 0.1 is strong.",
     ),
     Choice(
         name="backend",
         path="solver.backend",
-        help="Of fast and glide: numpy, torch, torch:cuda or cupy.",
+        help="Array library of methods fast and glide: numpy, torch, torch:cuda or cupy.",
     ),
-    Choice(name="jobs", path="solver.jobs", help="Blocks of glide at once; all cores if not given."),
+    Choice(
+        name="jobs", path="solver.jobs", help="Number of blocks that method glide solves at once; default: all cores."
+    ),
     Choice(
         name="temperature",
         path="acoustics.medium.temperature",
         unit="C",
-        help="Of the air; none: the paper's 340 m/s, 14C.",
+        help="Air temperature; none: the paper's 14 C (340 m/s).",
     ),
-    Choice(name="humidity", path="acoustics.medium.humidity", unit="%", help="Of the air, relative."),
-    Choice(name="directivity", path="acoustics.directivity", help="Of a transducer."),
+    Choice(
+        name="humidity", path="acoustics.medium.humidity", unit="%", help="Relative humidity of the air, 0 to 100 %."
+    ),
+    Choice(name="directivity", path="acoustics.directivity", help="Directivity model of a transducer."),
 )
-"""What can be chosen by name, in the order of the way."""
+"""All settings that have an option, in the order of processing."""
 
 
 def spelt(value: Any, unit: str = "") -> str:
-    """A value as a person would type it: lengths in millimetres, yes and no, nothing for a solver's own choice.
+    """Format a value as a user would type it: lengths in millimetres, yes or no, "none" or "its own" for None.
 
-    The unit K is that of a difference of temperatures, typed as C.
+    The unit K stands for a temperature difference and is typed as C.
     """
     if value is None:
         return "none" if unit else "its own"
     if hasattr(value, "solve"):
-        return name_of(value)  # a configured solver, of which a person types the name
+        return name_of(value)  # a configured solver is typed by its name
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, tuple):
@@ -210,9 +227,9 @@ def spelt(value: Any, unit: str = "") -> str:
 
 
 def over_mode(settings: Settings) -> tuple[Mode, dict[str, Any]] | None:
-    """The mode that is nearest to settings, and the choices that differ from it, by name; None if these do not suffice.
+    """Return the mode closest to `settings` and the choices that differ from it, by name.
 
-    They do not where a setting differs that is no choice, such as the envelope of an array that was measured.
+    None where choices cannot express the difference, such as the envelope of a measured array.
     """
     differing: dict[Mode, dict[str, Any]] = {
         mode: {
@@ -250,18 +267,18 @@ UNITS: Mapping[str, str] = MappingProxyType(
         "acoustics.medium.attenuation": "Np/m",
     }
 )
-"""Units of settings by their place in `Settings`; the others have none."""
+"""SI unit of each setting that has one, by its place in `Settings`."""
 
 
 def spelt_setting(path: str, value: Any) -> str:
-    """A setting's value as a person would type it, with its unit, by its place such as ``target.grid.height``."""
+    """Format the value of the setting at `path`, such as ``target.grid.height``, with its unit."""
     return spelt(value, UNITS.get(path, "")) if value is not None else "default"
 
 
 def choices_table() -> str:
-    """The table of the documentation: every choice, its place in `Settings`, what it is, its value in each mode.
+    """Return the Markdown table of all choices: option, place in `Settings`, help, value in each mode.
 
-    The best mode's value is left out where it is the paper's, the others' where it is the best one's.
+    A cell is empty where best equals the paper's value, and where quick or finest equals best.
     """
     lines = ["| option, in `Settings` | what | paper | best | quick | finest |", "| --- " * 6 + "|"]
     for choice in CHOICES:

@@ -1,4 +1,4 @@
-"""Settings by name: the paper's way, the best one, the quick one."""
+"""Named sets of settings: paper, best, quick and finest."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -10,23 +10,23 @@ from midair.settings.settings import Settings
 from midair.solvers import Glide, Guard
 
 Mode = Literal["paper", "best", "quick", "finest"]
-"""The paper's own way; the best for its time; the best with fewer iterations; the best with a quiet palm around it."""
+"""Names: the paper's settings; the default; best with fewer iterations; best with a quiet palm."""
 
 
 def paper_mode() -> Settings:
-    """As the paper describes it: half-wave rectification, 1 kHz, the control points alone (4.1, 4.2, 5.2)."""
+    """Return the settings of the paper: half-wave rectification, 1 kHz, control points alone (4.1, 4.2, 5.2)."""
     return Settings()
 
 
 def best_mode() -> Settings:
-    """A slow bias in place of rectification, 4 kHz, a guard around the square, the recording solved as a whole.
+    """Return the default settings: slow bias, 4 kHz, guard ring, all frames solved together (method glide).
 
-    What interpolation mixes between neighbouring cells, and what hold and transducers make quieter, is undone before.
-    The air is that of a laboratory, 22 degrees Celsius and 50 % humidity, not the paper's of 14.
+    The target is corrected for the mixing of neighbouring cells and for the attenuation by frame hold and transducers.
+    The air is a laboratory's, 22 degrees Celsius and 50 % humidity, instead of the paper's 14 degrees.
     """
     return Settings().but(
-        # At 4 kHz frames are so alike that marks far apart and few iterations do: an error a little larger than that of
-        # many, but phases that keep still, of which the skin gets more.
+        # At 4 kHz successive frames are so alike that few marks and few iterations suffice: the error is slightly
+        # larger, but the phases change less, and more pressure reaches the skin.
         method=Glide(coarse=512, near=0.2, smooth=6, wide=32, smooth_wide=20, tolerance=1e-2),
         fit="windows",
         mapping="slow-bias",
@@ -40,14 +40,14 @@ def best_mode() -> Settings:
 
 
 def quick_mode() -> Settings:
-    """The best mode with fewer iterations."""
+    """Return the best mode with fewer iterations."""
     return best_mode().but(method=Glide(coarse=512, near=0.2, smooth=4, wide=32, smooth_wide=20, tolerance=1e-2))
 
 
 def finest_mode() -> Settings:
-    """The best mode with the whole palm quiet: 2 to 8 dB more displacement of the worst skin for a third more time.
+    """Return the best mode with a quiet palm: 2 to 8 dB more displacement at the worst skin point, a third more time.
 
-    The guard stays, since a mean square on the palm does not mind a single spot beside the square.
+    The guard stays, since a mean square over the palm hardly penalises a single spot beside the square.
     """
     return best_mode().but(quiet_palm=0.1)
 
@@ -55,22 +55,23 @@ def finest_mode() -> Settings:
 MODES: Mapping[Mode, Callable[[], Settings]] = MappingProxyType(
     {"paper": paper_mode, "best": best_mode, "quick": quick_mode, "finest": finest_mode}
 )
-"""Settings by name."""
+"""Function that makes the settings of each mode."""
 
 
 def beside_paper(mode: Mode, paper: Settings, other: Settings | None = None) -> dict[str, Settings]:
-    """The paper's mode and another one by their names, paper first; the paper's alone if that is the other one.
+    """Return the settings of the paper's mode and of another mode by name, paper first.
 
-    A mode that is taken by its name is put into the air of the paper's, since both are played in one room.
+    `mode` "paper" returns the first alone. Without `other`, the other mode takes the air of the first, since both are
+    played in the same room.
 
     Parameters
     ----------
     mode : {"paper", "best", "quick", "finest"}
-        The other one.
+        Name of the other mode.
     paper : Settings
-        Of the paper's mode.
+        Settings of the paper's mode.
     other : Settings, optional
-        In place of the other mode's own.
+        Settings of the other mode, if not its own.
     """
     return (
         {"paper": paper}
@@ -80,7 +81,7 @@ def beside_paper(mode: Mode, paper: Settings, other: Settings | None = None) -> 
 
 
 def coarser(settings: Settings, points: int) -> Settings:
-    """The same with fewer control points over the same square, for a quick look."""
+    """Return the settings with `points` rows and columns of control points over the same square, for a preview."""
     grid = settings.target.grid
     pitch = grid.pitch * (grid.rows - 1) / (points - 1)
     return settings.but(grid=replace(grid, rows=points, columns=points, pitch=pitch))

@@ -1,4 +1,4 @@
-"""Everything that can be chosen on the way from a sensor to an array, in groups, as one value."""
+"""All settings of the pipeline from a recording to a drive, in groups, as one value."""
 
 import os
 from collections.abc import Mapping
@@ -17,167 +17,110 @@ from midair.targets import Circle, Interpolated
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationSettings:
-    """From what the sensor said to pressure.
-
-    Attributes
-    ----------
-    band : tuple of float
-        (low, high) of the frequencies that are kept, in Hz (3).
-    inverse : {"fft", "fir"}
-        How the channels' responses are undone: a zero-phase FFT, or a linear-phase FIR filter.
-    """
+    """Settings of the calibration, from samples to pressure."""
 
     band: tuple[float, float] = (20.0, 470.0)
+    """(low, high) of the frequency band that is kept, in Hz (paper, 3)."""
     inverse: Literal["fft", "fir"] = "fft"
+    """Inverse of the channels' responses: zero-phase FFT or linear-phase FIR filter."""
 
 
 STRONGEST = 10.0
-"""Highest strength that can be asked for: ten times what any array can make."""
+"""Largest allowed strength: ten times the maximum of any array."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetSettings:
-    """From pressure to the sound that is wanted.
-
-    Attributes
-    ----------
-    rate : float
-        Frames per second of the drive, in Hz: the ultrasound's 40 kHz over a whole number (3).
-    mapping : str
-        From signed pressure to pressure that pushes (4.1); "slow-bias" distorts least.
-    interpolate : {"amplitude", "pressure"}
-        What is interpolated between the cells (4.1).
-    gain : float
-        Multiplies the pressure (5.2).
-    strength : float or None
-        Peak of the target's sound over that of one focus of the whole array at full drive; it takes the place of the
-        gain. None for the gain as it is.
-    grid : ControlGrid
-        The control points (4.1).
-    circle : Circle or None
-        Moves the pattern slowly on a circle, for touch below 20 Hz; not in the paper and not validated on people.
-    """
+    """Settings of the target, from pressure to sound amplitude."""
 
     rate: float = 1000.0
+    """Frame rate of the drive in Hz: the ultrasound's 40 kHz divided by an integer (paper, 3)."""
     mapping: str = "half-wave"
+    """How signed pressure is made positive (4.1); "slow-bias" distorts least."""
     interpolate: Interpolated = "amplitude"
+    """Quantity that is interpolated between the cells (4.1)."""
     gain: float = 1.0
+    """Factor that multiplies the pressure (5.2)."""
     strength: float | None = None
+    """Peak of the target's sound relative to one focus of the whole array at full drive; replaces the gain unless None.
+    """
     grid: ControlGrid = field(default_factory=ControlGrid)
+    """Control points (4.1)."""
     circle: Circle | None = None
+    """Slow circle on which the pattern moves, for touch below 20 Hz; not in the paper, not validated on people."""
 
     def __post_init__(self) -> None:
         if self.strength is not None and not 0 < self.strength <= STRONGEST:
             raise InputError(
-                f"strength: expected above 0 and up to {STRONGEST:g} of one focus of the whole array, got "
-                f"{self.strength:g}; .15 is usual"
+                f"strength: expected above 0 and up to {STRONGEST:g} times one focus of the whole array, got "
+                f"{self.strength:g}; typical value: 0.15"
             )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompensationSettings:
-    """What later stages take away, and is put on beforehand; the paper did none of it.
-
-    Attributes
-    ----------
-    decouple : bool
-        Whether to undo that a cell also feels what is played for its neighbours.
-    precompensate : bool
-        Whether to undo what holding frames and the transducers' envelope make quieter.
-    compensate : {"sound", "pressure"}
-        Where: on the sound's amplitude at all frequencies, or on the pressure within 20-480 Hz.
-    dynamics : TransducerDynamics
-        The envelope that is undone.
-    ramp : float
-        The silencer's ramp that is undone, in s.
-    """
+    """Compensation in advance of losses in later stages; the paper has none."""
 
     decouple: bool = False
+    """Whether to correct for the pressure that a cell receives from neighbouring cells."""
     precompensate: bool = False
+    """Whether to compensate the attenuation by frame hold and transducer envelope."""
     compensate: Literal["sound", "pressure"] = "sound"
+    """Compensated quantity: sound amplitude at all frequencies, or pressure within 20-480 Hz."""
     dynamics: TransducerDynamics = field(default_factory=TransducerDynamics)
+    """Transducer envelope that is compensated."""
     ramp: float = 0.0
+    """Ramp of the silencer that is compensated, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolverSettings:
-    """From the sound that is wanted to what the array is told; arguments of `midair.solve`.
-
-    Attributes
-    ----------
-    method : str or a solver
-        A name in `solvers.METHODS`, or a configured solver of `midair.solvers` (4.2).
-    iterations : int or tuple of int or None
-        At most, (first frame, later frames); the method's own if None (5.2).
-    start : {"previous", "zero"} or None
-        Where a frame starts from (4.2); the solver's own, "previous" unless configured, if None.
-    level : float or "auto"
-        Drive of every transducer, 0 to 1: the equal amplitude A (4.2); "auto" takes what the loudest frame needs.
-    amplitudes : {"equal", "bounded"}
-        All transducers at that level, as in the paper; or each at its own up to it.
-    guard : float or Guard or None
-        Keeps a ring around the control points quiet, by its width in m or as a term; not in the paper.
-    fit : {"points", "windows", "cells"}, Windows or Cells
-        Whether the control points are met, as in the paper; windows, wherever a palm or a sensor lies; or the cells of
-        a sensor in one place alone.
-    smooth : float
-        Weight of the change of phase from frame to frame; not in the paper.
-    robust : float
-        Degrees Celsius by which the air may be colder or warmer than that of the settings; not in the paper.
-    quiet_ears : float
-        Weight of the sound at the ears of a person in front of the array; not in the paper.
-    quiet_palm : float or QuietPalm
-        Weight of the sound on a palm around the control points, or the term with an outline; not in the paper.
-    backend : str or None
-        What does the arithmetic of methods "fast" and "glide"; NumPy if None.
-    jobs : int or None
-        Blocks of method "glide" that are solved at once, 1 if None; it changes nothing but the time.
-    """
+    """Settings of the solver, from target to drive; the arguments of `midair.solve`."""
 
     method: str | Method = "exact"
+    """A name in `solvers.METHODS`, or a configured solver of `midair.solvers` (4.2)."""
     iterations: int | tuple[int, int] | None = None
+    """Maximum iterations, (first frame, later frames); the method's own if None (5.2)."""
     start: Literal["previous", "zero"] | None = None
+    """Initial phases of a frame (4.2); the solver's own, "previous" unless configured, if None."""
     level: float | Literal["auto"] = 1.0
+    """Drive of every transducer, 0 to 1: the equal amplitude A (4.2); "auto" takes what the loudest frame needs."""
     amplitudes: Amplitudes = "equal"
+    """All transducers at `level`, as in the paper, or each at its own amplitude up to `level`."""
     guard: float | Guard | None = None
+    """Quiet ring around the control points, as its width in m or as a term; not in the paper."""
     fit: Fit = "points"
+    """Where the error is measured: control points (as in the paper), 8 mm windows, or cells of a fixed sensor."""
     smooth: float = 0.0
+    """Penalty on phase change between frames; not in the paper."""
     robust: float = 0.0
+    """Temperature range of the air in K, below and above that of the settings; not in the paper."""
     quiet_ears: float = 0.0
+    """Penalty on sound at the ears of a person in front of the array; not in the paper."""
     quiet_palm: float | QuietPalm = 0.0
+    """Penalty on sound on a palm around the control points, or the term with an outline; not in the paper."""
     backend: str | None = None
-    # Settings that differ in it alone give the same.
+    """Array library of methods "fast" and "glide"; NumPy if None."""
+
     jobs: int | None = field(default=None, compare=False)
+    """Number of blocks that method "glide" solves at once, 1 if None; it does not affect the result."""
 
     @property
     def name(self) -> str:
-        """Of the method."""
+        """Name of the method."""
         return name_of(self.method)
 
     def arguments(self) -> dict[str, Any]:
-        """As keyword arguments of `midair.solve`."""
+        """Return the settings as keyword arguments of `midair.solve`."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """Every choice, in the order of the way; the defaults are the paper's.
+    """All settings, in the order of processing; the defaults are the paper's.
 
-    The solver is the paper's Levenberg-Marquardt in its cheaper form, in the modes of the field above .5 % of the
-    strongest; method "lm" is the paper's to the letter.
-
-    Attributes
-    ----------
-    calibration : CalibrationSettings
-        From what the sensor said to pressure.
-    target : TargetSettings
-        From pressure to the sound that is wanted.
-    compensation : CompensationSettings
-        What is put on beforehand.
-    solver : SolverSettings
-        From the sound that is wanted to what the array is told.
-    acoustics : Acoustics
-        The air (2.1) and the directivity of a transducer (2.2).
+    The default solver is the paper's Levenberg-Marquardt in a faster form, restricted to field modes above .5 % of the
+    strongest; method "lm" is the paper's exactly.
     """
 
     calibration: CalibrationSettings = field(default_factory=CalibrationSettings)
@@ -185,14 +128,15 @@ class Settings:
     compensation: CompensationSettings = field(default_factory=CompensationSettings)
     solver: SolverSettings = field(default_factory=SolverSettings)
     acoustics: Acoustics = field(default_factory=Acoustics)
+    """Air (2.1) and directivity of a transducer (2.2)."""
 
     def but(self, **changes: Any) -> "Settings":
-        """The same with other choices, by the names that they have in their groups: ``but(rate=4000.0, gain=2.0)``.
+        """Return the settings with other values, named as in their groups: ``but(rate=4000.0, gain=2.0)``.
 
         Raises
         ------
         InputError
-            If there is no such choice.
+            If there is no setting of that name.
         """
         if "acoustics" in changes:
             return replace(self, acoustics=changes.pop("acoustics")).but(**changes)
@@ -205,22 +149,22 @@ class Settings:
         return replace(self, **{group: replace(getattr(self, group), **some) for group, some in groups.items()})
 
     def measured(self, calibration: ArrayCalibration) -> "Settings":
-        """The same for an array that was measured: what its transducers make quieter on average is undone."""
+        """Return the settings with the mean transducer envelope of a measured array."""
         pole = calibration.pole[~calibration.dead].mean()
         return self.but(dynamics=TransducerDynamics(time_constant=float(-1 / pole.real), detuning=float(pole.imag)))
 
     def plain(self) -> dict[str, Any]:
-        """As nested dicts of numbers and texts, without what is None; `from_plain` makes it again.
+        """Return nested dicts of numbers and strings, without None values; inverse of `from_plain`.
 
         Raises
         ------
         InputError
-            If there is a term that has no text: a fit to cells or windows with settings of their own.
+            If `fit` is a configured object, which has no text form.
         """
-        # Cells of a sensor of their own are arrays: a drive made with them cannot be made again from text.
+        # A configured fit holds arrays: its drive cannot be reproduced from text.
         if not isinstance(self.solver.fit, str):
             raise InputError(
-                'fit: expected "points", "windows" or "cells" to be written down, got one with settings of its own'
+                'fit: expected "points", "windows" or "cells" (the forms that can be saved), got a configured object'
             )
         made: dict[str, Any] = to_plain(self)
         if not isinstance(self.solver.method, str):
@@ -229,14 +173,14 @@ class Settings:
 
     @classmethod
     def from_plain(cls, values: Mapping[str, Any]) -> "Settings":
-        """The settings that `plain` gave; what is left out is the paper's.
+        """Build settings from the dicts of `plain`; missing values are the paper's.
 
-        A medium of which only temperature, humidity and alpha are told is `Medium.at` them.
+        A medium that has only temperature, humidity and alpha becomes `Medium.at` of them.
 
         Raises
         ------
         InputError
-            If a name or a value is none of a setting's.
+            If a name or a value is not valid.
         """
         values = _with_air(values)
         solver: Any = values.get("solver", {})
@@ -250,7 +194,7 @@ class Settings:
         return made.but(method=from_plain(kind, given, where="solver.method."))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write them as TOML.
+        """Write the settings as TOML.
 
         Raises
         ------
@@ -264,12 +208,12 @@ class Settings:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Settings":
-        """The settings of a TOML file that `save` or a person wrote.
+        """Read settings from a TOML file.
 
         Raises
         ------
         MissingFileError, BrokenFileError
-            If there is no such file, or no TOML of settings in it.
+            If the file does not exist, or does not hold settings in TOML.
         """
         plain = read_toml(path, "settings in TOML")
         try:
@@ -278,15 +222,15 @@ class Settings:
             raise BrokenFileError(f"{path}: expected settings in TOML, got: {wrong}") from wrong
 
     def noted(self, provenance: Provenance) -> Provenance:
-        """A provenance with all of them as a step, so that the result can be made again, where they have a text."""
+        """Return the provenance with all settings as a step; unchanged if `fit` has no text form."""
         if not isinstance(self.solver.fit, str):
             return provenance
-        # How many cores there were is no part of how a result is made.
+        # The number of jobs does not affect the result.
         return provenance.then("settings", _flat(self.but(jobs=None).plain()))
 
     @classmethod
     def of(cls, provenance: Provenance) -> "Settings | None":
-        """The settings by which something was made; None where its provenance does not tell."""
+        """Return the settings stored in a provenance; None if it has none."""
         told = provenance.last("settings")
         return cls.from_plain(_nested(told)) if told else None
 
@@ -303,13 +247,13 @@ _GROUPS: Mapping[str, str] = MappingProxyType(
         for choice in fields(kind)
     }
 )
-"""In which group each choice is."""
+"""Group of each setting."""
 
 
 def _with_air(values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The same with all of a medium that a person told by its temperature: without it, sound would be as slow as at 14.
+    """Complete a medium that is given by its temperature: otherwise the speed of sound would be that at 14 C.
 
-    What is no mapping or no number is left as it is, for `from_plain` to say so.
+    Values of a wrong type stay, so that `from_plain` reports them.
     """
     acoustics: Any = values.get("acoustics")
     medium: Any = acoustics.get("medium") if isinstance(acoustics, Mapping) else None
@@ -322,7 +266,7 @@ def _with_air(values: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _flat(values: Mapping[str, Any], before: str = "") -> dict[str, Setting]:
-    """Nested names joined by dots, as provenance holds them."""
+    """Join nested names by dots, the form of provenance."""
     flat: dict[str, Setting] = {}
     for name, value in values.items():
         if isinstance(value, Mapping):
@@ -333,7 +277,7 @@ def _flat(values: Mapping[str, Any], before: str = "") -> dict[str, Setting]:
 
 
 def _nested(flat: Mapping[str, Setting]) -> dict[str, Any]:
-    """What `_flat` joined, apart again."""
+    """Split the names that `_flat` joined."""
     nested: dict[str, Any] = {}
     for name, value in flat.items():
         *groups, last = name.split(".")
