@@ -123,7 +123,7 @@ MISTAKES = (
     ("calibrate take.h5 --band 20Hz 1kHz", 1, "expected 0 <= low < high <= 500"),
     ("calibrate show raw.h5", 1, "expected a calibration in it,"),
     ("calibrate show take.h5 page.pdf", 1, "expected a name that ends in .png"),
-    ("calibrate measure take.h5", 1, "expected either files of its own"),
+    ("calibrate measure take.h5", 1, "expected either separate files"),
     (
         "calibrate measure take.h5 --reference nothing.h5 --reference-sensitivity 50mV/Pa",
         1,
@@ -183,7 +183,7 @@ MISTAKES = (
     ("compare take.h5 raw.h5", 1, "expected a calibration for a"),
     ("loop raw.h5", 1, "expected a calibration for a"),
     ("loop take.h5 report.pdf", 1, ".html"),
-    ("loop take.h5 report.html --corrections -1", 1, "expected 0 or more of each kind,"),
+    ("loop take.h5 report.html --corrections -1", 1, "expected 0 or more amplitude and waveform corrections,"),
     ("loop take.h5 nowhere/report.html", 1, "expected the folder"),
     ("budget raw.h5", 1, "expected a calibration for a"),
     ("budget take.h5 --silencer loud", 2, 'Invalid value "loud" for'),

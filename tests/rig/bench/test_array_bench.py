@@ -39,7 +39,7 @@ def test_measures_the_virtual_array_as_its_seed_made_it():
 def test_a_sensor_must_be_calibrated_and_of_the_codes_rate():
     array, sensor = opened(0)
     with array, sensor:
-        with pytest.raises(RateError, match="whole multiple of the codes' 400 Hz"):
+        with pytest.raises(RateError, match="an integer multiple of the codes' 400 Hz"):
             calibrate_array(array, sensor, ArrayPlan(rate=400))
         sensor.calibration = None
         with pytest.raises(InputError, match="with a calibration"):

@@ -77,7 +77,7 @@ def test_saturation_is_found():
 
 
 def test_a_plan_of_another_rate_is_refused():
-    with pytest.raises(RateError, match="whole multiple of the beam's 800 Hz, got 1000 Hz"):
+    with pytest.raises(RateError, match="an integer multiple of the beam's 800 Hz, got 1000 Hz"):
         by_beam(SensorModel(grid=GRID), plan=BeamPlan(rate=800.0, high=380.0))
 
 

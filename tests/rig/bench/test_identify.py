@@ -91,7 +91,7 @@ def test_a_sensor_that_lies_wrong_is_named(turned, words):
 def test_other_orders_are_listed():
     order = [1, 2, 0, *range(3, 16)]
     (said,) = findings(found(order))
-    assert said == "3 channels are in another place (cell: channel that answers): 0: 1, 1: 2, 2: 0"
+    assert said == "3 channels are in another place (cell: channel that responds): 0: 1, 1: 2, 2: 0"
 
 
 @given(
@@ -134,7 +134,7 @@ def test_a_cell_that_was_tapped_instead_of_another_is_doubtful():
 
 
 def test_silence_is_an_error():
-    with pytest.raises(InputError, match="some channel to answer"):
+    with pytest.raises(InputError, match="a response of at least one channel"):
         identify(np.full((16, 16), 1e-3), NOISE, GRID)
 
 

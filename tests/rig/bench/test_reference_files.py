@@ -100,7 +100,7 @@ def test_neither_both_nor_too_few(lab):
         take_of(folder, reference=None)
     with pytest.raises(MismatchError, match="got both"):
         take_of(folder, replace(CHOICE, channel=3))
-    with pytest.raises(MismatchError, match="--reference: expected one for each of 2 recordings, got 1"):
+    with pytest.raises(MismatchError, match="--reference: expected one value for each of 2 recordings, got 1"):
         read_takes([folder / "a.h5"] * 2, [folder / "ref.h5"], CHOICE)
-    with pytest.raises(MismatchError, match="--cell: expected one for each of 1 recordings, got 2"):
+    with pytest.raises(MismatchError, match="--cell: expected one value for each of 1 recordings, got 2"):
         take_of(folder, cells=[1, 2])

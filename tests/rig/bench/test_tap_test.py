@@ -99,13 +99,13 @@ def test_a_cell_can_be_left_out_by_hand(tapped):
 
 
 def test_a_source_that_ends_in_the_quiet_is_an_error(tapped):
-    with sensor_of(tapped[:500]) as sensor, pytest.raises(DeviceError, match="ended before"):
+    with sensor_of(tapped[:500]) as sensor, pytest.raises(DeviceError, match="ended early"):
         identify_by_taps(sensor, RHYTHM, lambda cell: None)
 
 
 def test_a_sensor_that_nobody_touches_is_an_error():
     samples = np.random.default_rng(0).normal(0, 1e-3, (18_000, 4, 4))
-    with sensor_of(samples) as sensor, pytest.raises(InputError, match="none did"):
+    with sensor_of(samples) as sensor, pytest.raises(InputError, match="got none"):
         identify_by_taps(sensor, RHYTHM, lambda cell: None)
 
 

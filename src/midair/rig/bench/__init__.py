@@ -1,4 +1,4 @@
-"""The bench: measure a calibration, and find out which channel is which cell."""
+"""Measure calibrations of sensors and arrays, and identify which channel belongs to which cell."""
 
 from midair.rig.bench.array_bench import calibrate_array
 from midair.rig.bench.beam_bench import calibrate_by_beam

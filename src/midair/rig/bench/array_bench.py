@@ -1,4 +1,4 @@
-"""Measure the transducers of an array by the sensor that lies over it: plays codes, listens, and fits."""
+"""Measure the transducers of an array with the sensor above it: play codes, record them, fit the transducers."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,45 +27,45 @@ def calibrate_array(
     date: str = "",
     stage: Stage = quiet,
 ) -> ArrayCalibration:
-    """The transducers of an open array, by an open sensor with its calibration.
+    """Measure the transducers of an open array with an open, calibrated sensor.
 
     Parameters
     ----------
     array, sensor : ArrayDevice, SensorDevice
-        Open; both real or both virtual. No silencer may spread what the array plays.
+        Open; both real or both virtual. The array's silencer must be off.
     plan : ArrayPlan, optional
-        How long and how strong.
+        Duration and strength of the codes.
     height : float
-        Of the sensor above the array, in m: to a millimetre or so, the rest is found.
+        Height of the sensor above the array in m, to about 1 mm; the fit finds the rest.
     acoustics : Acoustics, optional
-        Of the room.
+        Air of the room and directivity.
     dynamics : TransducerDynamics, optional
-        Of the model's transducers.
+        Envelope of the model's transducers.
     exposure : ExposureChoices, optional
-        Limits that the codes have to keep; the usual profile if None.
+        Exposure limits of the codes; the default profile if None.
     date : str
         As in `ArrayCalibration`.
     stage : callable
-        Told the name of each stage as it begins.
+        Called with the name of each stage at its start; returns its progress callback.
 
     Raises
     ------
     MismatchError
-        If only one of the two is simulated.
+        If only one of the two devices is simulated.
     RateError
-        If the sensor's rate is no whole multiple of the codes'.
+        If the sensor's rate is not an integer multiple of the codes' rate.
     InputError
-        If the sensor has no calibration, or does not hear the beam.
+        If the sensor has no calibration, or does not detect the beam.
     """
     length(height, "height", HEIGHTS)
     plan, acoustics = plan or ArrayPlan(), acoustics or Acoustics()
     known = sensor.calibration
     if known is None:
-        raise InputError(f"{sensor.name}: expected a sensor with a calibration, got none; give it by --calibration")
+        raise InputError(f"{sensor.name}: expected a sensor with a calibration, got none; give one with --calibration")
     per = sensor.rate / plan.rate
     if per < 1 or abs(per - round(per)) > 1e-6:
         raise RateError(
-            f"{sensor.name}: expected a whole multiple of the codes' {plan.rate:g} Hz, got {sensor.rate:g} Hz"
+            f"{sensor.name}: expected an integer multiple of the codes' {plan.rate:g} Hz, got {sensor.rate:g} Hz"
         )
     model = array.array.nominal
     codes = array_codes(model, sensor.grid, plan, acoustics=acoustics, height=height)
@@ -102,7 +102,7 @@ def calibrate_array(
 
 
 def _expected(drive: Drive, sensor: SensorDevice, cells: list[int], height: float, per: int) -> Array:
-    """Pressure in the middle of the cells at each sample of the sensor, by the model."""
+    """Pressure in Pa, by the model, at the centre of the cells at each sample of the sensor."""
     foci = np.array([(*sensor.grid.channel_position(cell), height) for cell in cells])
     G = transfer_matrix(foci, drive.array, acoustics=drive.acoustics)
     pressure = radiation_pressure(drive.q @ G.T, drive.acoustics.medium).sum(axis=1)

@@ -1,4 +1,4 @@
-"""Calibrate a sensor by a focused beam on each of its cells: plays, listens, and hands over to `calibrate.beam`."""
+"""Calibrate a sensor with a focused beam on each of its cells."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 FINE = 8
-"""Moments in a frame at which the command is worked out."""
+"""Points per frame at which the commanded pressure is computed."""
 
 
 def calibrate_by_beam(
@@ -41,33 +41,33 @@ def calibrate_by_beam(
     version: int = 1,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Calibration of an open sensor by an open array.
+    """Calibrate an open sensor with an open array.
 
     Parameters
     ----------
     array, sensor : ArrayDevice, SensorDevice
         Open; both real or both virtual.
     plan : BeamPlan, optional
-        What is played on each cell.
+        Signal that is played on each cell.
     setting : BeamSetting, optional
-        Where the sensor lies, how its cells hear, and how sure all that is.
+        Position of the sensor, directivity of its cells, and their uncertainties.
     acoustics, dynamics
-        Of the array's model.
+        Model of the array.
     exposure : ExposureChoices, optional
-        Limits that each drive has to keep; the usual profile if None.
+        Exposure limits of each drive; the default profile if None.
     date, version
         As in `Calibration`.
     progress : callable, optional
-        Called with (cells done, cells in all).
+        Called with (cells done, total cells).
 
     Raises
     ------
     MismatchError
-        If only one of the two is simulated.
+        If only one of the two devices is simulated.
     RateError
-        If the sensor's rate is no whole multiple of the plan's.
+        If the sensor's rate is not an integer multiple of the plan's rate.
     InputError
-        If the beam cannot press as hard as the plan asks, or is not heard.
+        If the array cannot reach the plan's pressure, or the sensor does not detect the beam.
     """
     plan, setting = plan or BeamPlan(), setting or BeamSetting()
     acoustics, dynamics = acoustics or Acoustics(), dynamics or TransducerDynamics()
@@ -98,7 +98,7 @@ def calibrate_by_beam(
         changed_shares=field.changed(setting) / strongest,
         slow=setting.dynamics_uncertainty * slow,
         level=setting.pressure_uncertainty,
-        # The beam begins anywhere within a frame: the standard deviation of an even distribution.
+        # The beam begins anywhere within a frame: standard deviation of a uniform distribution.
         timing=1 / (np.sqrt(12) * plan.rate),
     )
     told = _life(recordings[0], array, plan)
@@ -106,23 +106,23 @@ def calibrate_by_beam(
 
 
 def _level(plan: BeamPlan, strongest: float) -> Array:
-    """Level of the drive, shape (frame,), in steps of 1/255 as the firmware holds it."""
+    """Level of the drive, shape (frame,), in the firmware's steps of 1/255."""
     return np.rint(255 * np.sqrt(plan.waveform * min(plan.top / strongest, 1.0))) / 255
 
 
 def _played(level: Array, array: ArrayDevice) -> Array:
-    """The amplitude that a level becomes: an array with real firmware has its pulse widths only."""
+    """Amplitude of a level: an array with real firmware has discrete pulse widths."""
     return amplitude_of(np.rint(level * 255).astype(np.uint8)) if array.gated else level
 
 
 def _command(
     plan: BeamPlan, strongest: float, played: Array, dynamics: TransducerDynamics
 ) -> tuple[Array, Complex, Array]:
-    """Commanded pressure in the middle of a focus: of each frame, of each tone, and what the dynamics take from it."""
+    """Commanded pressure at a focus: of each frame, of each tone, and the share lost to the dynamics."""
     fine = strongest * np.abs(envelope(played[:, None].astype(complex), plan.rate, FINE, dynamics)) ** 2
     still = strongest * np.repeat(played**2, FINE)[:, None]
     tones, at_once = (tones_of(pressure, FINE * plan.rate, plan)[..., 0] for pressure in (fine, still))
-    # What a sensor samples when frame i begins: the mean from half a frame before to half a frame after.
+    # A sensor sample at the start of frame i is the mean from half a frame before to half a frame after.
     around = np.concatenate([np.zeros(FINE // 2), fine[:, 0]])[: len(fine)]
     return around.reshape(-1, FINE).mean(axis=1), tones, np.abs(1 - np.abs(tones[-1]) / np.abs(at_once[-1]))
 
@@ -134,7 +134,7 @@ def _drive(plan: BeamPlan, level: Array, array: ArrayDevice, focus: Array, acous
 
 
 def _quiet(sensor: SensorDevice, *, duration: float = 4.0) -> Recording:
-    """What the sensor says while nothing plays."""
+    """Record the sensor while nothing plays."""
     sensor.start()
     try:
         samples = read_frames(sensor, round(duration * sensor.rate))
@@ -144,7 +144,7 @@ def _quiet(sensor: SensorDevice, *, duration: float = 4.0) -> Recording:
 
 
 def _life(recording: Recording, array: ArrayDevice, plan: BeamPlan) -> Recording:
-    """The first recording, with the life of the whole."""
+    """Return the first recording with the provenance of the whole measurement."""
     life = Provenance(source=f"measured by a beam of {array.name}", simulated=recording.provenance.simulated).then(
         "beam", {"array": array.name, "tones_hz": tuple(float(tone) for tone in plan.tones), "rate_hz": plan.rate}
     )
@@ -155,5 +155,5 @@ def _check_rate(sensor: SensorDevice, plan: BeamPlan) -> None:
     ratio = sensor.rate / plan.rate
     if ratio < 1 or abs(ratio - round(ratio)) > 1e-6:
         raise RateError(
-            f"{sensor.name}: expected a whole multiple of the beam's {plan.rate:g} Hz, got {sensor.rate:g} Hz"
+            f"{sensor.name}: expected an integer multiple of the beam's {plan.rate:g} Hz, got {sensor.rate:g} Hz"
         )

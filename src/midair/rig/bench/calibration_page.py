@@ -1,4 +1,4 @@
-"""A calibration as a page: its figure as PNG, or an HTML file with the figure and every number of each channel."""
+"""Write a calibration as a figure (PNG), or as an HTML page with the figure and the values of each channel."""
 
 from pathlib import Path
 
@@ -14,14 +14,7 @@ Rows = list[tuple[str, str]]
 
 
 def write_calibration_page(calibration: Calibration, path: Path) -> None:
-    """Write the page of a calibration.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        The calibration to show.
-    path : Path
-        NAME.png or NAME.html.
+    """Write the figure page of a calibration to `path`, NAME.png or NAME.html.
 
     Raises
     ------
@@ -36,19 +29,19 @@ def write_calibration_page(calibration: Calibration, path: Path) -> None:
 
 
 def check_page_name(path: Path) -> None:
-    """Refuse a name that is neither a picture's nor a page's, before any work is done.
+    """Check the name of a figure page before any work is done.
 
     Raises
     ------
     UnknownFormatError
-        If it is neither .png nor .html.
+        If it ends neither in .png nor in .html.
     """
     if path.suffix.lower() not in (".png", ".html"):
         raise UnknownFormatError(f"{path}: expected a name that ends in .png or .html for a figure page")
 
 
 def render_calibration(calibration: Calibration) -> str:
-    """The page as HTML that needs nothing from outside."""
+    """Render the page as HTML without external resources."""
     at = _middle(calibration)
     picture = Picture(
         title="Response, uncertainty, coherence, noise, crosstalk, linearity and delay",
@@ -71,7 +64,7 @@ def render_calibration(calibration: Calibration) -> str:
 
 
 def calibration_rows(calibration: Calibration) -> Rows:
-    """What a calibration is and how sure, as names and values."""
+    """Identity, method and uncertainties of a calibration, as (name, value) pairs."""
     frequency, measured = calibration.frequency, calibration.measurement
     rows = [
         ("calibration", calibration.provenance.source),
@@ -103,7 +96,7 @@ def calibration_rows(calibration: Calibration) -> Rows:
 
 
 def uncertainty_of(calibration: Calibration) -> str:
-    """How sure a calibration is, in one line."""
+    """Uncertainty of a calibration, in one line."""
     measured, frequency = calibration.measurement, calibration.frequency
     if measured is None:
         return "unknown: stated, not measured"
@@ -116,7 +109,7 @@ def uncertainty_of(calibration: Calibration) -> str:
 
 
 def _middle(calibration: Calibration) -> float:
-    """The bin closest to 100 Hz, in Hz."""
+    """Frequency of the bin closest to 100 Hz."""
     return float(calibration.frequency[np.argmin(np.abs(calibration.frequency - 100.0))])
 
 
@@ -172,11 +165,11 @@ def _hidden(calibration: Calibration, row: int, column: int) -> str:
 
 
 def _with(value: float, unsure: float | None) -> str:
-    """A number with as many digits as its uncertainty leaves."""
+    """Format a value with the digits that its uncertainty supports."""
     if unsure is None or not np.isfinite(unsure):
         return f"{value:.4g}"
     if unsure <= 0:
         return f"{value:.5g} ± 0"
-    # Two digits of the uncertainty, and as many places of the number.
+    # Two significant digits of the uncertainty, and the same decimals of the value.
     digits = max(0, 1 - int(np.floor(np.log10(unsure))))
     return f"{value:.{digits}f} ± {unsure:.{digits}f}"

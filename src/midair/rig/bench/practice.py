@@ -1,4 +1,4 @@
-"""A calibration bench that exists only here: a coupler, a probe, and a reference that is nearly right."""
+"""A simulated calibration bench: a coupler, a probe, and a reference with a small error."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -19,42 +19,26 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CalibrationBench:
-    """What presses on a virtual sensor in a known way.
-
-    Attributes
-    ----------
-    model : SensorModel
-        The sensor; whoever analyses the takes is not told.
-    rate : float
-        Rate of sensor and reference, in Hz.
-    reference_sensitivity : float
-        Sensitivity that the reference's certificate states, in V/Pa.
-    reference_error : float
-        Part of it by which the certificate is wrong.
-    reference_uncertainty : float
-        Standard uncertainty (k = 1) that the certificate states.
-    reference_noise : float
-        One-sided density, in Pa/sqrt(Hz).
-    seating : float
-        Standard deviation of the pressure's level from take to take that the reference does not see.
-    seed : int
-        Seed of all that is random.
-    """
+    """A bench that applies a known pressure to a virtual sensor."""
 
     model: SensorModel = field(default_factory=SensorModel)
+    """The sensor; hidden from the analysis."""
     rate: float = 1000.0
+    """Rate of sensor and reference in Hz."""
     reference_sensitivity: float = 50e-3
+    """Sensitivity in V/Pa that the reference's certificate states."""
     reference_error: float = 0.0
+    """Relative error of the certificate."""
     reference_uncertainty: float = 0.0
+    """Relative standard uncertainty (k = 1) that the certificate states."""
     reference_noise: float = 2e-5
+    """One-sided noise density in Pa/sqrt(Hz)."""
     seating: float = 0.0
+    """Relative standard deviation of the pressure from take to take that the reference does not measure."""
     seed: int = 0
 
     def take(self, pressure: Array, *, cell: int | None = None, number: int = 0) -> ReferencedTake:
-        """A take in which `pressure`, shape (frame,), in Pa, acts on all cells or on one.
-
-        `number` tells takes of the same kind apart: each has its own noise and seating.
-        """
+        """Record a take of `pressure`, shape (frame,), in Pa, on all cells or on one; `number` seeds its noise."""
         recording, said = self.recordings(pressure, cell=cell, number=number)
         reference = Reference.read(
             said, sensitivity=self.reference_sensitivity, uncertainty=self.reference_uncertainty, name=said.sensor.name
@@ -62,7 +46,7 @@ class CalibrationBench:
         return ReferencedTake(recording=recording, reference=reference, cell=cell)
 
     def recordings(self, pressure: Array, *, cell: int | None = None, number: int = 0) -> tuple[Recording, Recording]:
-        """What the sensor and the reference say while `pressure` acts, both in V."""
+        """Recordings of the sensor and of the reference while `pressure` acts, both in V."""
         rng = np.random.default_rng((self.seed, number, 0 if cell is None else cell + 1))
         grid = self.model.grid
         acting = np.zeros((len(pressure), grid.count))
@@ -80,19 +64,19 @@ class CalibrationBench:
         )
 
     def quiet(self, duration: float) -> Recording:
-        """A recording in which nothing presses."""
-        # A number that no take has, so that its noise is its own.
+        """A recording without pressure."""
+        # No take has this number, so the noise differs from that of every take.
         return self.recordings(np.zeros(round(duration * self.rate)), number=10**6)[0]
 
 
 def practice_bench(seed: int = 0) -> CalibrationBench:
-    """A bench whose sensor has all that a calibration is to find: spread, delays, crosstalk; and a reference to 1 %."""
+    """A bench whose sensor has channel spread, delays and crosstalk, and a reference accurate to 1 %."""
     rng = np.random.default_rng((seed, 7))
     grid = SensorGrid(name=f"practice sensor {seed}")
     away = np.array([[abs(i // 4 - k // 4) + abs(i % 4 - k % 4) for k in range(16)] for i in range(16)])
     crosstalk = np.eye(16) + 0.03 * (away == 1) * (1 + 0.2 * rng.standard_normal((16, 16))) + 0.004 * (away == 2)
     model = SensorModel(grid=grid, delay=rng.uniform(0, 3e-4, grid.shape), crosstalk=crosstalk, saturation=6.0)
-    # Drawn from the uncertainty that the certificate states: it is honest, but not right.
+    # The error is drawn from the uncertainty that the certificate states.
     error = 0.005 * float(rng.standard_normal())
     return CalibrationBench(
         model=model.with_spread(seed=seed),
@@ -104,7 +88,7 @@ def practice_bench(seed: int = 0) -> CalibrationBench:
 
 
 PRACTICE = 22
-"""Recordings: all cells at five levels, each of the sixteen alone, and a quiet one."""
+"""Number of recordings: all cells at five levels, each of the sixteen alone, and one without pressure."""
 
 
 def write_practice(
@@ -115,30 +99,28 @@ def write_practice(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> str:
-    """Write the recordings that a lab would make on a bench: on all cells at five levels, on each cell alone, quiet.
+    """Write simulated recordings of a calibration: all cells at five levels, each cell alone, and one without pressure.
 
     Parameters
     ----------
     folder : Path
-        Made if it is not there; files of the same names are refused.
+        Created if it does not exist.
     kind : {"noise", "sweep"}
-        What presses.
+        Pressure signal.
     duration : float
-        Duration of each recording, in s.
-    seed : int
-        Seed of all that is random.
+        Duration of each recording in s.
     progress : callable, optional
-        Called with (recordings done, recordings in all).
+        Called with (recordings done, total recordings).
 
     Returns
     -------
     str
-        The command that makes a calibration of them.
+        The command that computes the calibration.
 
     Raises
     ------
     FileError
-        If one of the files is there already.
+        If one of the files exists already.
     """
     bench = practice_bench(seed)
     folder.mkdir(parents=True, exist_ok=True)
@@ -147,7 +129,7 @@ def write_practice(
     names = [name for name, _, _ in plan]
     for path in [folder / f"{name}{end}.h5" for name in names for end in ("", "-reference")]:
         if path.exists():
-            raise FileError(f"{path}: is there already; give another folder")
+            raise FileError(f"{path}: file exists already; give another folder")
     for number, ((name, cell, level), signal) in enumerate(
         zip(plan, _signals(len(plan), kind, duration, seed), strict=True)
     ):

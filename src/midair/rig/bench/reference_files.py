@@ -1,4 +1,4 @@
-"""Takes of a calibration from files: the sensor's recording and the reference's, brought to the same frames."""
+"""Read the takes of a calibration from files: recordings of the sensor and of the reference, at the same frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,24 +13,16 @@ from midair.model import Recording
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceChoice:
-    """What measured the pressure, and where its signal is.
-
-    Attributes
-    ----------
-    sensitivity : float or None
-        Output over pressure, in the reference recording's unit per Pa; None for a recording in Pa.
-    uncertainty : float
-        Standard (k = 1), as a part of the sensitivity.
-    name : str
-        Name of the reference; what its file says if empty.
-    channel : int or None
-        Channel of the sensor's own recording on which the reference is; None for files of its own.
-    """
+    """The reference that measured the pressure."""
 
     sensitivity: float | None = None
+    """Sensitivity in the reference recording's unit per Pa; None for a recording in Pa."""
     uncertainty: float = 0.0
+    """Relative standard uncertainty (k = 1) of the sensitivity."""
     name: str = ""
+    """Name of the reference; that of its file if empty."""
     channel: int | None = None
+    """Channel of the sensor's recording that holds the reference; None for separate files."""
 
 
 def read_takes(
@@ -40,35 +32,37 @@ def read_takes(
     *,
     cells: Sequence[int | None] | None = None,
 ) -> tuple[list[ReferencedTake], list[str]]:
-    """The takes in files, and one sentence for each thing that was changed to make them fit.
+    """Read the takes, and return one sentence for each adjustment that made the pairs fit.
 
     Parameters
     ----------
     recordings : sequence of Path
         Recordings of the sensor.
     references : sequence of Path
-        Files of the reference, one for each, begun at the same moment; none if it is on a channel of the recordings.
+        One file for each recording, begun at the same moment; empty if the reference is a channel of the recordings.
     choice : ReferenceChoice
-        What measured the pressure.
+        The reference.
     cells : sequence of int or None, optional
-        The channel whose cell was pressed in each recording, None for all cells; what the recordings' notes say
-        (``pressed``: ``cell 3`` or ``all cells``) if not given.
+        Channel of the cell that was pressed in each recording, None for all cells; by default from the recordings'
+        notes (``pressed``: ``cell 3`` or ``all cells``).
 
     Raises
     ------
     MismatchError
-        If there are not as many references or cells as recordings, or a pair is not of the same length.
+        If the numbers of references or cells and of recordings differ, or the lengths of a pair differ.
     UnitError
         If a sensitivity is missing.
     """
     if (choice.channel is None) != bool(references):
         raise MismatchError(
-            "reference: expected either files of its own (--reference) or a channel of the recordings "
+            "reference: expected either separate files (--reference) or a channel of the recordings "
             f"(--reference-channel), got {'both' if references else 'neither'}"
         )
     for name, given in (("--reference", references or None), ("--cell", cells)):
         if given is not None and len(given) != len(recordings):
-            raise MismatchError(f"{name}: expected one for each of {len(recordings)} recordings, got {len(given)}")
+            raise MismatchError(
+                f"{name}: expected one value for each of {len(recordings)} recordings, got {len(given)}"
+            )
     takes: list[ReferencedTake] = []
     notes: list[str] = []
     for index, path in enumerate(recordings):
@@ -88,12 +82,12 @@ def read_takes(
 
 
 def read_quiet(path: Path) -> Recording:
-    """A recording in which nothing presses, called by its file's name."""
+    """Read a recording without pressure, named after its file."""
     return _named(open_take(path).recording, path)
 
 
 def _alike(recording: Recording, said: Recording, path: Path) -> tuple[Recording, Recording, list[str]]:
-    """Both at the sensor's rate and of the shorter one's length."""
+    """Bring both to the sensor's rate and to the shorter length."""
     notes: list[str] = []
     if said.rate != recording.rate:
         notes.append(f"{path}: the reference was resampled from {said.rate:g} to {recording.rate:g} Hz")
@@ -101,8 +95,8 @@ def _alike(recording: Recording, said: Recording, path: Path) -> tuple[Recording
     frames = min(recording.frames, said.frames)
     if max(recording.frames, said.frames) > 1.01 * frames:
         raise MismatchError(
-            f"{path}: expected a reference as long as the recording's {recording.duration:.3f} s, got "
-            f"{said.duration:.3f} s; record both from the same moment, or cut them"
+            f"{path}: expected a reference as long as the recording, {recording.duration:.3f} s, got "
+            f"{said.duration:.3f} s; record both from the same moment, or cut them to the same length"
         )
     if recording.frames != said.frames:
         notes.append(f"{path}: recording and reference were cut to {frames} frames")
@@ -121,16 +115,18 @@ def _sensitivity(said: Recording, choice: ReferenceChoice) -> float:
 
 
 def _pressed(recording: Recording, path: Path) -> int | None:
-    """The cell that the notes of a recording name; None for all of them."""
+    """Cell that the notes of a recording name; None for all cells."""
     note = recording.provenance.notes.get("pressed", "all cells")
     if note in ("all cells", "all"):
         return None
     number = note.removeprefix("cell").strip()
     if not number.isdecimal():
-        raise InputError(f"{path}: expected a note pressed that says cell 3 or all cells, got {note!r}; give --cell")
+        raise InputError(
+            f"{path}: expected a note 'pressed' such as 'cell 3' or 'all cells', got {note!r}; give --cell"
+        )
     return int(number)
 
 
 def _named(recording: Recording, path: Path) -> Recording:
-    """The recording with its file's name as its source."""
+    """Return the recording with its file's name as source."""
     return replace(recording, provenance=replace(recording.provenance, source=path.name))

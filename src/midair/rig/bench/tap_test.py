@@ -1,4 +1,4 @@
-"""Listening for the taps of somebody who is told which cell comes next."""
+"""Identify channels from taps on prompted cells, or from one tone in each cell."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,61 +12,52 @@ from midair.rig.bench.identify import Identity, identify, tone_answers
 
 Array = NDArray[np.float64]
 Prompt = Callable[[int], None]
-"""Told the cell that is to be tapped now."""
+"""Function that prompts for a tap on a cell."""
 Skip = Callable[[], bool]
-"""Whether somebody said that the cell that is due cannot be tapped."""
+"""Function that returns True if the current cell cannot be tapped."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TapTest:
-    """How taps are listened for.
-
-    Attributes
-    ----------
-    quiet : float
-        At the beginning nothing is touched for so long, in s: that tells rest and noise.
-    window : float
-        Length of a tap from its beginning, in s.
-    wait : float
-        When nothing came for so long, in s, the cell is left out.
-    every : float or None
-        Taps come in this rhythm, in s, the first one within it after the quiet; None to wait for each.
-    level : float
-        A tap begins where any channel is this many times its noise away from rest.
-    """
+    """Settings of tap detection."""
 
     quiet: float = 1.0
+    """Time without touch at the beginning, in s; it gives the rest values and the noise."""
     window: float = 0.15
+    """Length of a tap from its onset, in s."""
     wait: float = 10.0
+    """Time without a tap after which the cell is skipped, in s."""
     every: float | None = None
+    """Interval between taps in s, the first one within it after the quiet time; None to wait for each."""
     level: float = 8.0
+    """Threshold of a tap's onset, as a multiple of any channel's noise."""
 
 
 def never_skip() -> bool:
-    """Whether a cell is to be left out: never, since nobody looks on."""
+    """Return False: no cell is skipped."""
     return False
 
 
 def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: Skip = never_skip) -> Identity:
-    """Which channel is which cell, from a tap on each cell in turn, row by row.
+    """Assign channels to cells from a tap on each cell in turn, row by row.
 
     Parameters
     ----------
     sensor : SensorDevice
         Open; it is started and stopped here.
     test : TapTest
-        How to listen.
+        Settings of tap detection.
     prompt : callable
-        Called with each cell when it is its turn.
+        Called with each cell when it is to be tapped.
     skip : callable
-        Asked all the time; True leaves out the cell that is due.
+        Polled; True skips the current cell.
 
     Raises
     ------
     DeviceError
         If the sensor ends before the first tap.
     InputError
-        If nothing answered at all.
+        If no channel responded.
     """
     sensor.start()
     try:
@@ -84,14 +75,14 @@ def identify_by_taps(sensor: SensorDevice, test: TapTest, prompt: Prompt, skip: 
 
 
 def identify_by_tones(sensor: SensorDevice, frequency: Array, duration: float) -> Identity:
-    """Which channel is which cell, from a tone in each cell: the first frequency is that of cell 0, and so on.
+    """Assign channels to cells from a tone in each cell: `frequency` in Hz, in the order of the cells.
 
     Raises
     ------
     InputError
-        If there is not one frequency for each cell, or they cannot be told apart.
+        If there is not one frequency for each cell, or `duration` (s) is too short to separate them.
     DeviceError
-        If the sensor ends before.
+        If the sensor ends early.
     """
     if len(frequency) != sensor.grid.count:
         raise InputError(f"tones: expected {sensor.grid.count}, one for each cell, got {len(frequency)}")
@@ -105,7 +96,7 @@ def identify_by_tones(sensor: SensorDevice, frequency: Array, duration: float) -
 
 
 class _Ear:
-    """Reads a sensor frame by frame and knows its rest and its noise."""
+    """Read a sensor frame by frame, relative to its rest values and noise."""
 
     def __init__(self, sensor: SensorDevice, test: TapTest) -> None:
         self._sensor, self._test = sensor, test
@@ -115,29 +106,23 @@ class _Ear:
         self.rest = self.noise = np.zeros(sensor.grid.count)
 
     def learn(self) -> None:
-        """Rest and noise, from the quiet at the beginning."""
+        """Measure rest values and noise in the quiet time."""
         quiet = self.take(self._frames(self._test.quiet))
         self.rest, self.noise = quiet.mean(axis=0), quiet.std(axis=0)
 
     def take(self, frames: int) -> Array:
-        """The next frames, shape (frame, channel).
-
-        Raises
-        ------
-        DeviceError
-            If the sensor ends before.
-        """
+        """Return the next frames, shape (frame, channel); DeviceError if the sensor ends early."""
         while len(self._waiting) < frames and self._more():
             pass
         if len(self._waiting) < frames:
             raise DeviceError(
-                f"{self._sensor.name}: expected {frames / self._sensor.rate:.3g} s more, the sensor ended before"
+                f"{self._sensor.name}: expected another {frames / self._sensor.rate:.3g} s, the sensor ended early"
             )
         taken, self._waiting = self._waiting[:frames], self._waiting[frames:]
         return taken
 
     def next_beat(self) -> Array:
-        """The frames of one beat about rest; silence after the end of the source."""
+        """Return one interval relative to rest; no frames after the end of the source."""
         frames = self._frames(self._test.every or 1.0)
         while len(self._waiting) < frames and self._more():
             pass
@@ -146,7 +131,7 @@ class _Ear:
         return self.take(frames) - self.rest
 
     def next_tap(self, skip: Skip) -> Array:
-        """The frames of the next tap about rest, none when it did not come in time; then wait until it is quiet."""
+        """Return the next tap relative to rest, no frames after the timeout; then wait until the signal has decayed."""
         passed, block = 0, self._frames(0.05)
         while passed < self._frames(self._test.wait) and not skip() and self._fill(block):
             begin = self._begin(self._waiting[:block])
@@ -161,13 +146,13 @@ class _Ear:
         return np.zeros((0, len(self.rest)))
 
     def strength(self, tap: Array) -> Array:
-        """How strongly each channel answered, the rms of a tap beyond its noise, shape (channel,)."""
+        """Response of each channel: rms of a tap beyond its noise, shape (channel,)."""
         if not len(tap):
             return np.zeros(len(self.rest))
         return np.sqrt(np.maximum(np.square(tap).mean(axis=0) - np.square(self.noise), 0))
 
     def _calm(self, block: int) -> None:
-        """Let a tap fade: until a tenth of a second is below half the level, for as long as a tap is waited for."""
+        """Wait until a tenth of a second stays below half the level, up to the timeout."""
         calm = passed = 0
         while calm < self._frames(0.1) and passed < self._frames(self._test.wait) and self._fill(block):
             part = self.take(min(block, len(self._waiting)))
@@ -175,14 +160,14 @@ class _Ear:
             passed += len(part)
 
     def _begin(self, samples: Array, *, share: float = 1.0) -> int | None:
-        """The first frame at which any channel leaves its rest."""
-        # A channel without noise would take the smallest change for a tap.
+        """First frame at which any channel exceeds the threshold."""
+        # Without a minimum, a channel without noise would detect the smallest change as a tap.
         floor = np.maximum(self.noise, max(0.1 * float(np.median(self.noise)), 1e-12))
         past = (np.abs(samples - self.rest) > share * self._test.level * floor).any(axis=1)
         return int(past.argmax()) if past.any() else None
 
     def _fill(self, frames: int) -> bool:
-        """Have some frames waiting; False when the source has ended and none is left."""
+        """Buffer some frames; False when the source has ended and the buffer is empty."""
         while len(self._waiting) < frames and self._more():
             pass
         return len(self._waiting) > 0
