@@ -97,7 +97,7 @@ UNWELL = {
         "up to 8.39 MB",
         "memlock unlimited",
     ),
-    "no limits": ({"proc/self/limits": ""}, "real-time priority", "missing", "does not tell", "rtprio"),
+    "no limits": ({"proc/self/limits": ""}, "real-time priority", "missing", "not reported", "rtprio"),
     "no dialout": (
         {"proc/self/status": STATUS.format("29 1000")},
         "group dialout",
@@ -109,7 +109,7 @@ UNWELL = {
         {"proc/self/status": STATUS.format("1000"), "etc/group": GROUPS.format("x,a-tester")},
         "group dialout",
         "missing",
-        "not yet in force",
+        "active after the next login",
         "log out and in again",
     ),
     "no audio": (
@@ -133,7 +133,7 @@ def test_what_is_unwell_comes_with_a_line_of_advice(case, tmp_path, monkeypatch)
     assert "\n" not in finding.advice
 
 
-@pytest.mark.parametrize(("delay", "word"), [(None, "does not tell"), (50, "waits 50 us")])
+@pytest.mark.parametrize(("delay", "word"), [(None, "does not report"), (50, "waits 50 us")])
 def test_a_card_that_waits_for_more_packets_is_told(delay, word, tmp_path):
     finding = found(tmp_path, {}, delay)["interrupts of eth0"]
     assert word in finding.found
@@ -161,7 +161,7 @@ def test_a_full_disk_is_told(monkeypatch):
     monkeypatch.setattr(machine_checkup, "ROOM", 1e30)
     finding = {each.subject: each for each in machine_findings()}["room"]
     assert finding.state == "missing"
-    assert "make room" in finding.advice
+    assert "free disk space" in finding.advice
 
 
 def test_a_card_that_is_not_there_has_no_delay():

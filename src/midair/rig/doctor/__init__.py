@@ -1,4 +1,4 @@
-"""The doctor: what is installed, what works, and what to do about what does not."""
+"""Check the installation, the computer and the devices, with advice for each problem."""
 
 from midair.rig.doctor.checkup import check_up
 

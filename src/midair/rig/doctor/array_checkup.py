@@ -1,4 +1,4 @@
-"""What an array needs, what answers, and what to do about what does not."""
+"""Check the software, rights and network that arrays need, and the state of a named array."""
 
 import importlib.metadata
 import os
@@ -12,17 +12,17 @@ from midair.rig.names import array_named
 
 _ADVICE = {
     "firmware": "update the units to series 0.12 by the makers' console; firmware v10 to v12.1 plays with pyautd3",
-    "link": "a wired interface of its own, no switch with energy saving; most lost links are weak power supplies",
-    "failsafe": "it acted because the computer went silent: look for a sleeping or overloaded computer",
+    "link": "use a separate wired interface, no switch with energy saving; the usual cause is a weak power supply",
+    "failsafe": "it acted because the computer stopped sending: check for sleep mode or overload",
     "temperature": "let the units cool, and lower the level",
 }
-"""What to do when a unit's own report does not look well."""
+"""Advice where a unit's own report shows a problem."""
 
 
 def array_findings(device: str | None = None) -> list[Check]:
-    """Software, rights and network; and what a device says of itself if one is named."""
+    """Check software, rights and network, and the state of a device if one is named."""
     return [
-        Check(subject="virtual array", state="ok", found="AUTD3 2 x 2; always there"),
+        Check(subject="virtual array", state="ok", found="AUTD3 2 x 2; always available"),
         _sdk("autd3", ("0.12",), "firmware series 0.12, over Ethernet; and its emulator"),
         _sdk("pyautd3", ("36", "38"), "older firmware, over EtherCAT"),
         _interfaces(),
@@ -34,14 +34,16 @@ def array_findings(device: str | None = None) -> list[Check]:
 
 
 def device_findings(name: str) -> list[Check]:
-    """Open a device, ask what it is, and close it; it stays silent."""
+    """Open a device, read its description, and close it; it stays silent."""
     try:
         with array_named(name) as array:
             said = array.describe()
     except MidairError as wrong:
-        # A message of midair says what came and, after a semicolon, what to do.
+        # A message of midair has advice after its semicolon.
         found, _, advice = str(wrong).partition("; ")
-        return [Check(subject=name, state="broken", found=found, advice=advice or "midair play --help names arrays")]
+        return [
+            Check(subject=name, state="broken", found=found, advice=advice or "midair play --help lists the arrays")
+        ]
     return [_judged(f"{name}: {subject}", subject, found) for subject, found in said.items()]
 
 
@@ -81,7 +83,7 @@ def _interfaces() -> Check:
             subject="network",
             state="missing",
             found="no interface but loopback",
-            advice="plug in a network card for units",
+            advice="connect a network card for the units",
         )
     return Check(
         subject="network",
@@ -92,12 +94,12 @@ def _interfaces() -> Check:
 
 
 def _raw_sockets() -> Check:
-    """EtherCAT needs raw sockets, and on Linux a right to open them."""
+    """Check the right to open raw sockets, which EtherCAT needs on Linux."""
     subject, family = "EtherCAT rights", getattr(socket, "AF_PACKET", None)
     if sys.platform != "linux" or family is None:
-        return Check(subject=subject, state="ok", found="not looked at on this system; Npcap is needed on Windows")
+        return Check(subject=subject, state="ok", found="not checked on this system; Windows needs Npcap")
     try:
-        # Opening is what needs the right; nothing is sent.
+        # Opening a socket needs the right; nothing is sent.
         socket.socket(family, socket.SOCK_RAW).close()
     except PermissionError:
         advice = "sudo setcap cap_net_raw,cap_sys_nice=ep on the python that .venv/bin/python links to"
@@ -108,7 +110,7 @@ def _raw_sockets() -> Check:
 
 
 def _log() -> Check:
-    """Whether it could be written; nothing is."""
+    """Check that the log can be written, without writing it."""
     path = state_folder() / "played.jsonl"
     nearest = next(parent for parent in (path, *path.parents) if parent.exists())
     if path.is_dir() or (nearest != path and not nearest.is_dir()) or not os.access(nearest, os.W_OK):

@@ -1,4 +1,4 @@
-"""One thing that a check-up looked at."""
+"""Result of one check."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,21 +6,11 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """One thing that was looked at.
-
-    Attributes
-    ----------
-    subject : str
-        What.
-    state : {"ok", "missing", "broken"}
-        "missing" is something optional that is not there.
-    found : str
-        What was seen.
-    advice : str
-        One line of what to do; empty when there is nothing to do.
-    """
+    """Result of one check."""
 
     subject: str
     state: Literal["ok", "missing", "broken"]
+    """"missing" stands for something optional."""
     found: str
     advice: str = ""
+    """One line of advice; empty if there is nothing to do."""

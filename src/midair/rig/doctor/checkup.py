@@ -1,4 +1,4 @@
-"""What is installed, what works, and what to do about what does not."""
+"""Check the installation: Python, libraries, folder, field model, solver, and the parts of the other checks."""
 
 import importlib.metadata
 import importlib.util
@@ -24,13 +24,13 @@ from midair.solvers import solve
 
 
 def check_up(device: str | None = None) -> list[Check]:
-    """Everything that can be looked at without hardware, and an array or a live sensor if one is named.
+    """Run all checks that need no hardware, and those of an array or a live sensor if one is named.
 
     Parameters
     ----------
     device : str, optional
-        An array as in `array_named`: it is opened, asked, and closed, and stays silent. Or a live sensor as in
-        `sensor_named`: it is listened to for half a second.
+        An array as in `array_named`, which is opened, queried and closed and stays silent; or a live sensor as in
+        `sensor_named`, which is read for half a second.
     """
     live = device is not None and is_live_sensor(device)
     looks: list[Callable[[], Sequence[Check]]] = [
@@ -67,7 +67,7 @@ def _extra(name: str, extra: str, use: str) -> Check:
 
 
 def _folder() -> Check:
-    """Whether a recording can be written where we are and read back."""
+    """Check that a recording can be written to the current folder and read back."""
     recording = Recording(samples=np.arange(32.0).reshape(2, 4, 4), rate=1000.0)
     try:
         with tempfile.TemporaryDirectory(dir=".") as folder:
@@ -78,37 +78,40 @@ def _folder() -> Check:
         return Check(subject="this folder", state="broken", found=reason, advice="change to a folder you can write to")
     if not same:
         return Check(
-            subject="this folder", state="broken", found="a recording came back changed", advice="check the disk"
+            subject="this folder",
+            state="broken",
+            found="a recording differed after reading it back",
+            advice="check the disk",
         )
     return Check(subject="this folder", state="ok", found="a recording was written and read back")
 
 
 def _field() -> Check:
-    """The field of four units at their focus against the figure of AUTD3's own emulator."""
+    """Compare the focus of four units with the value of AUTD3's own emulator."""
     array, point = TransducerArray.autd3(), np.array([[0, 0, 0.2]])
-    # Point sources without loss, which is what the emulator computes.
+    # The emulator computes point sources without loss.
     acoustics = Acoustics(medium=Medium(attenuation=0), directivity="point")
     matrix = transfer_matrix(point, array, acoustics=acoustics)
     q = np.exp(1j * quantise_phase(focus_phase(array, point[0], acoustics=acoustics)))
     rms = float(np.abs(matrix @ q)[0] / np.sqrt(2))
-    found = f"{rms:.2f} Pa rms at the focus; AUTD3's emulator says 12875.04"
+    found = f"{rms:.2f} Pa rms at the focus; AUTD3's emulator gives 12875.04"
     if abs(rms - 12875.038) > 0.1:
         return Check(subject="field model", state="broken", found=found, advice="reinstall NumPy")
     return Check(subject="field model", state="ok", found=found)
 
 
 def _solver() -> Check:
-    """How long an iteration takes, from one focus on the paper's array and control points."""
+    """Time of one iteration, on the paper's array and control points."""
     grid, array = ControlGrid(), TransducerArray.autd3()
     amplitude = np.zeros((1, grid.count))
     amplitude[0, grid.count // 2 + grid.columns // 2] = 1000.0
     target = AmplitudeFrames(amplitude=amplitude, rate=1000.0, grid=grid)
-    # Once before, so that loading SciPy is not measured.
+    # A first run, so that loading SciPy is not timed.
     solve(target, array, iterations=1)
     begin = time.perf_counter()
     solution = solve(target, array, iterations=20)
     took = (time.perf_counter() - begin) / max(1, int(solution.iterations[0]))
-    return Check(subject="solver", state="ok", found=f"{1e3 * took:.1f} ms for an iteration of 996 x 256")
+    return Check(subject="solver", state="ok", found=f"{1e3 * took:.1f} ms per iteration of 996 x 256")
 
 
 def _threads() -> Check:
@@ -119,17 +122,17 @@ def _threads() -> Check:
 
 
 def _kernel() -> Check:
-    """Which kernel the matrix products run on; solvers do little else."""
+    """Check the kernel of the matrix products, which take most of the solvers' time."""
     from threadpoolctl import threadpool_info
 
-    # SciPy may bring a second BLAS; the solvers' products are NumPy's.
+    # SciPy may load a second BLAS; the solvers use NumPy's.
     kernels = {pool.get("architecture", "unknown") for pool in threadpool_info() if "numpy" in pool["filepath"]}
-    found = ", ".join(sorted(kernels)) or "of another BLAS than OpenBLAS"
+    found = ", ".join(sorted(kernels)) or "a BLAS other than OpenBLAS"
     cpuinfo = Path("/proc/cpuinfo")
     missed = cpuinfo.is_file() and misses_wide_kernel(cpuinfo.read_text(encoding="utf-8")) and WIDE not in kernels
     return Check(
         subject="matrix kernel",
         state="missing" if missed else "ok",
-        found=f"{found}, of 256 bits on a processor that has 512" if missed else found,
+        found=f"{found}, 256 bits on a processor that has 512" if missed else found,
         advice=f"set {VARIABLE}={WIDE} before Python starts: complex products take half the time" if missed else "",
     )

@@ -1,7 +1,6 @@
-"""What of this computer hinders units and sensors: IPv6, firewall, network card, priority, groups, room on the disk.
+"""Check the settings of this computer that devices need: IPv6, firewall, network card, priority, groups, disk.
 
-Nothing here needs a right that a user lacks, and nothing is changed. Files are read below a root, so that another one
-can stand for a computer.
+The checks need no special rights and change nothing. Tests replace the root folder of the files that they read.
 """
 
 import array
@@ -19,29 +18,29 @@ from midair.rig.doctor.check import Check
 PORT = 44336
 """UDP port from which AUTD3 units of series 0.12 answer (the makers' page on networks)."""
 ROOM = 2e9
-"""Bytes on a disk below which it is said: 16 channels at 48 kHz in float64 fill 6 MB a second."""
+"""Free bytes on a disk below which a warning is given: 16 channels at 48 kHz in float64 fill 6 MB a second."""
 
 Moderation = Callable[[str], int | None]
-"""From a network card's name to the time that it collects packets before it interrupts, in µs; None if unknown."""
+"""From a network card's name to its interrupt delay in µs; None if unknown."""
 
 
 def machine_findings(root: Path = Path("/"), *, moderation: Moderation | None = None) -> list[Check]:
-    """Everything about this computer that an array or a sensor needs, each with a line of advice.
+    """Check all settings of this computer that an array or a sensor needs.
 
     Parameters
     ----------
     root : Path
-        Below which /proc, /sys, /etc and /run are read.
+        Folder below which /proc, /sys, /etc and /run are read.
     moderation : callable, optional
-        Asks a network card; the one that asks the system if None.
+        Returns a network card's interrupt delay; the system's own value if None.
     """
     if sys.platform != "linux":
         return [
             Check(
                 subject="this computer",
                 state="ok",
-                found="IPv6, firewall, network card, priority and groups are looked at on Linux only",
-                advice=f"let inbound UDP from port {PORT} through, and turn interrupt moderation of the card off",
+                found="IPv6, firewall, network card, priority and groups are checked on Linux only",
+                advice=f"allow inbound UDP from port {PORT}, and switch off interrupt moderation of the card",
             ),
             _room(Path()),
         ]
@@ -58,14 +57,14 @@ def machine_findings(root: Path = Path("/"), *, moderation: Moderation | None = 
 
 
 def rx_delay(card: str) -> int | None:
-    """How long a network card collects packets before it interrupts, in µs, as the kernel says; None if it does not."""
+    """Interrupt delay of a network card in µs (ethtool's rx-usecs); None if the kernel does not report it."""
     if sys.platform != "linux":
         return None
     import fcntl
 
-    # struct ethtool_coalesce of linux/ethtool.h: 23 numbers, of which the first is the command and the second rx_usecs.
+    # struct ethtool_coalesce of linux/ethtool.h: 23 numbers; the first is the command, the second rx_usecs.
     asked = array.array("I", [0x0000000E, *[0] * 22])
-    # struct ifreq: the name, and a pointer to what is asked; 40 bytes on 64 bits.
+    # struct ifreq: the name, and a pointer to the request; 40 bytes on 64 bits.
     request = struct.pack("16sP16x", card.encode()[:15], asked.buffer_info()[0])
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
@@ -92,12 +91,12 @@ def _cards(root: Path) -> list[str]:
 
 
 def _ipv6(root: Path) -> Check:
-    """AUTD3 units speak IPv6 with addresses of the link, which a system gives itself."""
+    """Check for link-local IPv6 addresses, which AUTD3 units use."""
     subject, found = "IPv6", _text(root / "proc/net/if_inet6")
     if found is None or (_text(root / "proc/sys/net/ipv6/conf/all/disable_ipv6") or "0").strip() == "1":
         advice = "units of series 0.12 need it: sudo sysctl net.ipv6.conf.all.disable_ipv6=0; no ipv6.disable=1 at boot"
         return Check(subject=subject, state="missing", found="off", advice=advice)
-    # Columns: address, index, length, scope, flags, name; addresses of the link begin with fe80.
+    # Columns: address, index, length, scope, flags, name; link-local addresses begin with fe80.
     rows = [line.split() for line in found.splitlines() if line.strip()]
     cards = sorted({row[-1] for row in rows if row[0].startswith("fe80")})
     if not cards:
@@ -107,7 +106,7 @@ def _ipv6(root: Path) -> Check:
 
 
 def _firewall(root: Path) -> Check:
-    """Rules need root to be read; what is switched on does not."""
+    """Check which firewalls are active; their rules can be read only by root."""
     rule = f"inbound UDP from port {PORT}"
     running = []
     if "enabled=yes" in (_text(root / "etc/ufw/ufw.conf") or "").lower():
@@ -121,64 +120,66 @@ def _firewall(root: Path) -> Check:
     if not running:
         return Check(subject="firewall", state="ok", found="none seen", advice="")
     names, advice = ", ".join(name for name, _ in running), "; ".join(how for _, how in running)
-    return Check(subject="firewall", state="ok", found=f"{names}; {rule} must get in", advice=advice)
+    return Check(subject="firewall", state="ok", found=f"{names}; {rule} must be allowed", advice=advice)
 
 
 def _moderation(card: str, delay: int | None) -> Check:
     subject = f"interrupts of {card}"
     if delay is None:
         advice = f"before the first play: sudo ethtool -C {card} rx-usecs 0"
-        return Check(subject=subject, state="ok", found="the card does not tell how long it waits", advice=advice)
+        return Check(subject=subject, state="ok", found="the card does not report its delay", advice=advice)
     if delay > 0:
         advice = f"for units on it: sudo ethtool -C {card} adaptive-rx off rx-usecs 0"
-        return Check(subject=subject, state="ok", found=f"it waits {delay} us for more packets", advice=advice)
-    return Check(subject=subject, state="ok", found="not held back")
+        return Check(subject=subject, state="ok", found=f"the card waits {delay} us for more packets", advice=advice)
+    return Check(subject=subject, state="ok", found="not delayed")
 
 
 def _priority(root: Path) -> Check:
-    """Whether this user may ask for real-time priority, of the process's limits."""
+    """Check whether this user may use real-time priority."""
     subject = "real-time priority"
-    advice = "a line '@audio - rtprio 20' in /etc/security/limits.d/midair.conf, be in that group, and log in again"
+    advice = "add '@audio - rtprio 20' to /etc/security/limits.d/midair.conf, join that group, log in again"
     for line in (_text(root / "proc/self/limits") or "").splitlines():
         if line.startswith("Max realtime priority"):
             allowed = line.split()[3]
             if allowed == "0" and not _is_root(root):
                 return Check(subject=subject, state="missing", found="not allowed", advice=advice)
             return Check(subject=subject, state="ok", found="allowed" if allowed == "0" else f"up to {allowed}")
-    return Check(subject=subject, state="missing", found="the system does not tell", advice=advice)
+    return Check(subject=subject, state="missing", found="not reported by the system", advice=advice)
 
 
 def _locked_memory(root: Path) -> Check:
-    """Whether live touch may keep its memory where it is: some 500 MB."""
+    """Check whether live touch may lock its memory, about 500 MB."""
     subject = "locked memory"
-    advice = "a line '@audio - memlock unlimited' in /etc/security/limits.d/midair.conf, be in that group, log in again"
+    advice = "add '@audio - memlock unlimited' to /etc/security/limits.d/midair.conf, join that group, log in again"
     for line in (_text(root / "proc/self/limits") or "").splitlines():
         if line.startswith("Max locked memory"):
             allowed = line.split()[3]
             if allowed == "unlimited" or _is_root(root) or (allowed.isdecimal() and int(allowed) >= 2**30):
                 return Check(subject=subject, state="ok", found="allowed")
             found = f"up to {int(allowed) / 1e6:.3g} MB" if allowed.isdecimal() else allowed
-            return Check(subject=subject, state="missing", found=f"{found}; live touch asks for it", advice=advice)
-    return Check(subject=subject, state="missing", found="the system does not tell", advice=advice)
+            return Check(subject=subject, state="missing", found=f"{found}; live touch needs more", advice=advice)
+    return Check(subject=subject, state="missing", found="not reported by the system", advice=advice)
 
 
 def _group(root: Path, name: str, use: str) -> Check:
-    """Whether this process is of a group that may use devices; one that was joined counts from the next login on."""
+    """Check whether this process is in a group that may use devices; a new membership counts from the next login."""
     subject, entry = f"group {name}", None
     for line in (_text(root / "etc/group") or "").splitlines():
         fields = line.split(":")
         if len(fields) >= 4 and fields[0] == name:
             entry = fields
     if entry is None:
-        return Check(subject=subject, state="ok", found=f"there is none here; {use} have another way")
+        return Check(subject=subject, state="ok", found=f"no such group here; {use} need none")
     status = _status(root)
     if _is_root(root) or entry[2] in [*status.get("Groups", []), *status.get("Gid", [])]:
         return Check(subject=subject, state="ok", found=f"may use {use}")
     user = os.environ.get("USER", "")
     if user and user in entry[3].split(","):
-        return Check(subject=subject, state="missing", found="joined, not yet in force", advice="log out and in again")
+        return Check(
+            subject=subject, state="missing", found="joined, active after the next login", advice="log out and in again"
+        )
     advice = f"for {use}: sudo usermod -aG {name} $USER, then log out and in again"
-    return Check(subject=subject, state="missing", found=f"not in it, which {use} may need", advice=advice)
+    return Check(subject=subject, state="missing", found=f"not a member, which {use} may need", advice=advice)
 
 
 def _is_root(root: Path) -> bool:
@@ -186,18 +187,18 @@ def _is_root(root: Path) -> bool:
 
 
 def _status(root: Path) -> dict[str, list[str]]:
-    """Lines of /proc/self/status by their name."""
+    """Lines of /proc/self/status by name."""
     lines = (line.partition(":") for line in (_text(root / "proc/self/status") or "").splitlines())
     return {name: rest.split() for name, _, rest in lines}
 
 
 def _room(folder: Path) -> Check:
-    """Room for recordings here, and for the log."""
+    """Check the free disk space for recordings and for the log."""
     said, short = [], False
     for name, place in (("here", folder), ("for the log", state_folder())):
         near = next(each for each in (place.absolute(), *place.absolute().parents) if each.exists())
         free = shutil.disk_usage(near).free
         said.append(f"{free / 1e9:.1f} GB {name}")
         short = short or free < ROOM
-    advice = "make room: 16 channels at 48 kHz fill 6 MB a second, at 1 kHz .13 MB" if short else ""
+    advice = "free disk space: 16 channels at 48 kHz fill 6 MB a second, at 1 kHz .13 MB" if short else ""
     return Check(subject="room", state="missing" if short else "ok", found=", ".join(said), advice=advice)

@@ -1,4 +1,4 @@
-"""What live sensors need, which are there, and what to do about what is not."""
+"""Check the software that live sensors need, the connected sensors, and the signals of a named one."""
 
 import importlib.metadata
 from typing import Any
@@ -13,7 +13,7 @@ from midair.rig.names import SENSORS, source_sensor
 
 
 def sensor_findings() -> list[Check]:
-    """The virtual sensor, and each kind of live ones: its package, the library that it needs, what is plugged in."""
+    """Check the virtual sensor, and the package, library and connected devices of each kind of live sensor."""
     return [
         Check(subject="virtual sensor", state="ok", found="always there; so is replay:FILE"),
         *(_kind(kind) for kind in SENSORS),
@@ -26,7 +26,7 @@ def is_live_sensor(name: str) -> bool:
 
 
 def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[Check]:
-    """Open a live sensor, listen for half a second, and say what came."""
+    """Open a live sensor, read it for half a second, and check the samples."""
     plain = name.partition("?")[0]
     try:
         with source_sensor(name, wiring=wiring) as sensor:
@@ -35,14 +35,14 @@ def live_sensor_findings(name: str, wiring: SensorWiring | None = None) -> list[
             said = sensor.describe()
             unit, full_scale = sensor.unit, sensor.full_scale
     except MidairError as wrong:
-        # A message of midair says what came and, after a semicolon, what to do.
+        # A message of midair has advice after its semicolon.
         found, _, advice = str(wrong).partition("; ")
         return [Check(subject=plain, state="broken", found=found, advice=advice or "see docs, build a sensor")]
     low, high = block.samples.min(axis=0), block.samples.max(axis=0)
     still = [str(channel) for channel in np.flatnonzero(low.ravel() == high.ravel())]
     return [
         *(Check(subject=f"{plain}: {subject}", state="ok", found=found) for subject, found in said.items()),
-        _counted(plain, "cells that never change", still, "look at their wires and their supply"),
+        _counted(plain, "cells that never change", still, "check their wires and their supply"),
         _counted(plain, "cells that clip", _clipping(low, high, full_scale), "lower the gain"),
         Check(subject=f"{plain}: samples", state="ok", found=f"{low.min():.4g} to {high.max():.4g} {unit}"),
     ]
