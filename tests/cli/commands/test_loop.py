@@ -59,7 +59,7 @@ def test_an_iterative_loop_tells_its_passes_and_what_skin_makes_of_it(capsys, mo
     assert errors == sorted(errors, reverse=True)
     assert {"ST-SIM", "SPQI", "Pacinian power difference"} <= {each["name"] for each in answer["perception"]}
     page = Path(answer["report"]).read_text(encoding="utf-8")
-    for words in ("SIMULATED", "What skin makes of it", "pass by pass", "just noticeable"):
+    for words in ("SIMULATED", "Perceptual metrics", "of each pass", "just noticeable"):
         assert words in page
 
 
@@ -101,7 +101,7 @@ def test_budget_as_json_and_as_a_figure(capsys):
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        (["--device", "virtual", "--sensor", "lsl:Skin"], "it brings its own"),
+        (["--device", "virtual", "--sensor", "lsl:Skin"], "since it has its own"),
         (["--device", "pyautd3:audit"], "--sensor"),
         (["--iterate", "-1"], "0 or more"),
         (["--lead", "20s"], "lead"),

@@ -24,7 +24,7 @@ def test_a_small_sensor_has_fewer():
     assert strongest_channels(touched([1], SensorGrid(rows=1, columns=2))) == [0, 1]
 
 
-@pytest.mark.parametrize(("level", "words"), [(0.7, "all are equally loud"), ((0.2, 0.5), "0.20 to 0.50 of full")])
+@pytest.mark.parametrize(("level", "words"), [(0.7, "all have the same level"), ((0.2, 0.5), "0.20 to 0.50 of full")])
 def test_the_caption_of_the_array_tells_how_loud_it_is(level, words):
     array = TransducerArray.autd3()
     levels = np.resize(np.atleast_1d(level), (3, array.count))

@@ -1,4 +1,4 @@
-"""The loop: play, re-record, correct, play again, compare; its report, and where each loss comes from."""
+"""The correction loop (play, re-record, correct, compare), its report, and the error budget of each stage."""
 
 from midair.rig.correction.budget_stages import BudgetPlan, error_budget, kept_in_band
 from midair.rig.correction.correction_loop import Loop, run_loop

@@ -1,4 +1,4 @@
-"""The error budget of one reproduction on the virtual rig: its stages switched on one after the other."""
+"""Error budget of one reproduction on the virtual rig: the stages are added one after the other."""
 
 from collections.abc import Generator
 from dataclasses import dataclass, field, replace
@@ -31,57 +31,45 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BudgetPlan:
-    """What a budget is made for.
-
-    Attributes
-    ----------
-    settings : Settings
-        Settings of the reproduction.
-    rig : VirtualRig
-        Array, sensor and air.
-    silencer : {"auto", "off", "quarter", "half", "default"}
-        How the firmware spreads steps; "auto" is what midair sets unless told otherwise.
-    lead : float
-        Silence that swells into the original before it and fades after it, in s; it is not judged.
-    palm : Palm or None
-        What is looked at beside the cells; the cells alone if None.
-    measured : TransducerArray or None
-        The rig's transducers as they were measured, to be solved for; None takes the model's.
-    """
+    """Settings of an error budget."""
 
     settings: Settings
     rig: VirtualRig = field(default_factory=VirtualRig)
+    """Array, sensor and air."""
     silencer: SilencerChoice = "auto"
+    """How the firmware spreads phase steps; "auto" is midair's default choice."""
     lead: float = 0.0
+    """Fade-in before and fade-out after the original, in s; excluded from the comparison."""
     palm: Palm | None = None
+    """Palm that is evaluated as well; only the sensor's cells if None."""
     measured: TransducerArray | None = None
+    """Measured transducers of the rig, used by the solver; the model's if None."""
 
 
 def error_budget(
     original: PressureFrames, plan: BudgetPlan, *, kept: float | None = None, stage: Stage = quiet
 ) -> Budget:
-    """What each stage loses of a pressure.
+    """Compute the loss of each stage of a reproduction.
 
-    Every stage is added to those before it, with everything after it perfect: targets and fields are turned into
-    pressure on the sensor's cells by the gel's exact weights, and before the hold the pressure moves from frame to
-    frame as a band-limited signal. Then come frames that stand still, transducers of their own resonance and strength,
-    the silencer, and the sensor with its noise.
+    Each stage is added to those before it, and everything after it is ideal: targets and fields become pressure on the
+    sensor's cells by the exact weights of the gel, and before the hold stage the pressure is band-limited between
+    frames. Then follow frame hold, transducers with their own resonance and strength, silencer, and sensor with noise.
 
     Parameters
     ----------
     original : PressureFrames
-        What was felt, in the settings' band and at their rate (`flow.calibrated_pressure`).
+        Pressure in the settings' band and at their rate (`pipeline.calibrated_pressure`).
     plan : BudgetPlan
         Settings and rig.
     kept : float, optional
-        Part of the recording's power in the band, see `kept_in_band`.
+        Share of the recording's power in the band, see `kept_in_band`.
     stage : callable
-        Told the name of each stage as it begins.
+        Called with the name of each stage at its start; returns its progress callback.
     """
     asked = led_in(original, plan.lead)
     plan = replace(plan, settings=at_strength(asked, plan.measured or plan.rig.array, plan.settings))
     made = reproduce(asked, plan.measured or plan.rig.array, plan.settings, progress=stage("solve"))
-    # Whole, with the lead: what is judged is cut out when it is compared, and no edge is cut before.
+    # With the lead: the compared part is cut out at the comparison, so that no stage sees an edge.
     outputs = list(_outputs(asked, made, plan, stage))
     part = (round(plan.lead * original.rate) / original.rate, original.frames / original.rate)
     band = plan.settings.calibration.band
@@ -96,9 +84,9 @@ def error_budget(
 
 
 def kept_in_band(recording: Recording, band: tuple[float, float]) -> float | None:
-    """Part of a recording's power, as it came from the sensor, that lies in the band; None for a silent one.
+    """Share of a recording's power that lies in the band; None for a silent recording.
 
-    By the volts, not by the pressure: below and above the band the sensor hears too little to tell the pressure.
+    It is computed from the sensor's output, since outside the band the sensor is too insensitive to give the pressure.
     """
     whole = float(band_energy(recording.samples, recording.rate, (1.0, recording.rate / 2)).sum())
     part = float(band_energy(recording.samples, recording.rate, (band[0], min(band[1], recording.rate / 2))).sum())
@@ -110,12 +98,12 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
     compensated = compensate_pressure(asked, settings)
     done = _done_before(settings)
     if done:
-        yield StageOutput(name="beforehand", what=f"{done}; later stages give it back", pressure=compensated)
+        yield StageOutput(name="beforehand", what=f"{done}; later stages cancel this", pressure=compensated)
     to_push = mapping_of(settings.target.mapping, compensated.band)
     pushed = settings.target.gain * to_push(compensated.pressure, compensated.rate)
     yield StageOutput(
         name="mapping",
-        what=f"makes pressure of both signs push: {settings.target.mapping}",
+        what=f"makes signed pressure positive: {settings.target.mapping}",
         pressure=_simulated(replace(asked, pressure=pushed)),
     )
     skin = rig.skin()
@@ -131,7 +119,7 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
     outside = leak(drive, made.target.amplitude, settings.target.grid, acoustics=settings.acoustics)
     around = rig.acoustics or Acoustics(medium=drive.acoustics.medium)
     G = transfer_matrix(skin.points, rig.array, acoustics=around)
-    # Before the transducers come, they are as they were solved for.
+    # Before the transducer stage, the transducers are those of the solver.
     believed = G * drive.array.response
     cells = on_cells
     for name, what, chain in _chains(drive, plan):
@@ -140,14 +128,14 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
             drive, way, chain=chain, rate=skin.rate, acoustics=around, weights=weights, progress=stage(name)
         )
         if chain.hold == "step":
-            # A moment of what is played is the end of its stretch; the first frame begins in silence.
+            # A sample is the end of its interval; the first frame begins in silence.
             pressure = np.concatenate([np.zeros_like(pressure[:1]), pressure[:-1]])
         cells = pressure.reshape(-1, *asked.sensor.shape)
         played = _simulated(replace(asked, pressure=cells, rate=skin.rate))
         yield StageOutput(name=name, what=what, pressure=played, leak=outside if name == "solver" else None)
     yield StageOutput(
         name="sensor",
-        what="hears changes only, with noise, up to half its rate, and is calibrated",
+        what="records changes only, with noise, up to half its rate, and is calibrated",
         pressure=_simulated(_heard(cells, asked, plan)),
         reference=apply_band_twice(asked),
         tells_images=False,
@@ -155,29 +143,29 @@ def _outputs(asked: PressureFrames, made: Reproduction, plan: BudgetPlan, stage:
 
 
 def _done_before(settings: Settings) -> str:
-    """What is done to the pressure before it is mapped, in words."""
-    decoupled = ["undoes what interpolation mixes between cells"] if settings.compensation.decouple else []
+    """Describe the processing of the pressure before the mapping."""
+    decoupled = ["corrects the mixing of neighbouring cells by interpolation"] if settings.compensation.decouple else []
     louder = settings.compensation.precompensate and settings.compensation.compensate == "pressure"
-    return " and ".join([*decoupled, *(["makes louder what hold and transducers make quieter"] if louder else [])])
+    return " and ".join([*decoupled, *(["compensates the attenuation by hold and transducers"] if louder else [])])
 
 
 def _chains(drive: Drive, plan: BudgetPlan) -> Generator[tuple[str, str, PlaybackChain]]:
-    """Each stage of the playing with all before it."""
+    """Each stage of playback with all stages before it."""
     full = plan.rig.array_device().chain
     ideal = PlaybackChain(phase_bits=None, hold="ideal")
     settings = plan.settings
     louder = settings.compensation.precompensate and settings.compensation.compensate == "sound"
-    compensated = ", with sound made louder beforehand that hold and transducers make quieter" if louder else ""
+    compensated = ", with compensation of the attenuation by hold and transducers" if louder else ""
     yield "solver", f"finds phases: {settings.solver.name}{compensated}", ideal
     bits = full.phase_bits
     yield "quantisation", f"phases of {bits} bits" if bits else "none", replace(ideal, phase_bits=bits)
     held = PlaybackChain(phase_bits=bits)
-    yield "frame hold", f"each frame stands for {1e3 / drive.rate:g} ms", held
+    yield "frame hold", f"holds each frame for {1e3 / drive.rate:g} ms", held
     moving = replace(held, transducers=full.transducers)
-    yield "transducers", "each follows its drive at its own resonance, quality and strength", moving
+    yield "transducers", "respond with their own resonance, quality factor and strength", moving
     silencer = choose_silencer(plan.silencer, drive)
     spread = replace(moving, phase_ramp=silencer.phase, level_ramp=silencer.intensity)
-    yield "silencer", f"spreads steps: {silencer}", spread
+    yield "silencer", f"spreads phase steps: {silencer}", spread
 
 
 def _heard(cells: Array, asked: PressureFrames, plan: BudgetPlan) -> PressureFrames:

@@ -1,4 +1,4 @@
-"""Play, re-record, correct, play again, compare (paper, 5.2); and again, until it no longer helps."""
+"""The paper's loop (5.2): play, re-record, correct, play again, compare; optionally with iterative correction."""
 
 from dataclasses import dataclass
 
@@ -19,13 +19,13 @@ from midair.settings import Settings
 from midair.targets import led_in, without_lead
 
 MOST = 10.0
-"""By how much a first pass is made louder at most by what the model expects: half-wave rectification and the average
-over a cell leave a fifth."""
+"""Largest factor by which the model's expected gain raises the first pass: half-wave rectification and averaging over a
+cell leave a fifth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BeamTest:
-    """A focus played at several levels on one channel: what was commanded, what was read, and the line through it."""
+    """A focus played at several levels on one channel: commanded and measured amplitudes, and the line through them."""
 
     channel: int
     commanded: NDArray[np.float64]
@@ -35,34 +35,20 @@ class BeamTest:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loop:
-    """Everything that came of one loop.
-
-    Attributes
-    ----------
-    settings : Settings
-        Settings of every stage.
-    original : PressureFrames
-        What was to be reproduced.
-    reference : PressureFrames
-        The same as a perfect rig would give it back: the original through the band once more. Passes are compared with
-        it.
-    beam : BeamTest
-        The beam test.
-    passes : tuple of Pass
-        In their order; those that were taken back are not among them.
-    taken_back : int
-        Steps of the iterative correction that made it worse.
-    end : str
-        Why the iterative correction stopped; empty when there was none.
-    """
+    """Result of a correction loop."""
 
     settings: Settings
     original: PressureFrames
+    """Pressure to reproduce."""
     reference: PressureFrames
+    """The original filtered once more by the band, as a perfect rig would return it; passes are compared with it."""
     beam: BeamTest
     passes: tuple[Pass, ...]
+    """Passes in order, without those that were taken back."""
     taken_back: int = 0
+    """Number of iterative steps that increased the error."""
     end: str = ""
+    """Reason why the iterative correction stopped; empty without one."""
 
     def __repr__(self) -> str:
         return f"<Loop of {len(self.passes)} passes, the last {self.passes[-1]!r}>"
@@ -80,29 +66,11 @@ def beam_test(
     transducers: TransducerArray | None = None,
     progress: Progress | None = None,
 ) -> BeamTest:
-    """Measure the gain of the beam: a beating focus on the channel nearest to the centre, at several levels.
+    """Measure the gain of the beam with a beating focus at several levels, on the channel nearest to the centre.
 
-    It is told on the cell: what the sensor reads over what the model says that a cell reads of the focus, so that it is
-    1 on an array that is as strong as assumed.
-
-    Parameters
-    ----------
-    array, sensor : ArrayDevice, SensorDevice
-        Open.
-    calibration : Calibration, optional
-        Calibration of the sensor.
-    settings : Settings
-        Its band decides the beat, its grid's height the place; its medium and directivity what is commanded.
-    top : float
-        Highest pressure that is commanded, in the middle of the focus, in Pa.
-    levels : int
-        Number of levels, 5 or more, evenly spread in pressure.
-    exposure : ExposureChoices, optional
-        Limits that the beam has to keep; the usual profile if None.
-    transducers : TransducerArray, optional
-        The array's as they were measured; the model's if None.
-    progress : callable, optional
-        Called with (frames played, frames in all).
+    The gain is the sensor's reading over the model's reading of a cell, so that an array of the assumed strength has
+    gain 1. `top` is the largest commanded pressure at the focus in Pa; `levels`, 5 or more, are evenly spaced in
+    pressure.
     """
     frequency, cycles = _beat(settings)
     transducers = transducers or array.array
@@ -124,7 +92,7 @@ def beam_test(
     heard = calibrated_pressure(rerecord(admission, array, sensor, progress=progress), calibration, settings)
     signal = heard.pressure.reshape(heard.frames, -1)[: drive.frames, channel]
     measured = beat_amplitude(signal, heard.rate, frequency=frequency, parts=levels)
-    # Half peak to peak, which is what `beat_amplitude` reads; of what the cell reads, which is wider than the focus.
+    # Half peak to peak, as in `beat_amplitude`, of the cell's reading: a cell is wider than the focus.
     on_cell = focus_on_cell(transducers, sensor.grid, channel, settings) * played_part(frequency, settings)
     commanded = on_cell * drives**2 / 2
     return BeamTest(channel=channel, commanded=commanded, measured=measured, line=beam_gain(commanded, measured))
@@ -143,32 +111,34 @@ def run_loop(
     measured: TransducerArray | None = None,
     stage: Stage = quiet,
 ) -> Loop:
-    """Take what was felt of an object through the rest of the paper's pipeline on an open array and sensor.
+    """Run the paper's loop on an open array and sensor.
 
-    The first pass is corrected by the beam's gain and by what the model expects that the cells read of it; each further
-    one multiplies the pressure by what the pass before it lacked in amplitude. Then come passes that correct the
-    waveform, see `rig.iteration`. Passes are compared with the original as a perfect rig would give it back.
+    The first pass is corrected by the beam's gain and by the model's expected gain of the cells; each further pass
+    multiplies the pressure by the amplitude error of the pass before. Then follow passes that correct the waveform, see
+    `rig.correction.iteration`. Passes are compared with the original as a perfect rig would return it.
 
     Parameters
     ----------
     original : PressureFrames
-        What was felt, in the settings' band and at their rate (`flow.calibrated_pressure`).
+        Pressure in the settings' band and at their rate (`pipeline.calibrated_pressure`).
     array, sensor, exposure, lead, measured
         As in `Rig`.
     settings : Settings
         Settings of every stage.
     corrections : int
-        Passes after the first that correct the amplitude; the paper's loop has one.
+        Passes after the first that correct the amplitude; the paper has one.
     iterate : int
-        Largest number of passes after those that correct the waveform.
+        Maximum number of passes after those that correct the waveform.
     stage : callable
-        Told the name of each stage as it begins.
+        Called with the name of each stage at its start; returns its progress callback.
     """
     if corrections < 0 or iterate < 0:
-        raise InputError(f"corrections: expected 0 or more of each kind, got {corrections} and {iterate}")
+        raise InputError(
+            f"corrections: expected 0 or more amplitude and waveform corrections, got {corrections} and {iterate}"
+        )
     if settings.target.strength is not None:
         raise InputError(
-            f"strength: expected none in a loop, which finds the level at which the original comes back, got "
+            "strength: expected none in a loop, which finds the level itself, got "
             f"{settings.target.strength:g}; leave it out"
         )
     chosen = exposure or usual_exposure()
@@ -178,14 +148,14 @@ def run_loop(
         array, sensor, sensor.calibration, settings, exposure=chosen, transducers=measured, progress=progress
     )
     asked = led_in(original, lead)
-    # What the model expects of this recording, and what the beam presses of what the model expects.
+    # The model's expected gain of this recording, and the measured gain of the beam relative to the model.
     expected = expected_gain(original, asked, settings)
     gain = settings.target.gain * amplitude_gain(expected, limit=MOST) * amplitude_gain(beam.line.gain)
     reference = without_lead(apply_band_twice(asked), original.frames)
     passes: list[Pass] = []
     for number in range(corrections + 1):
         if passes:
-            # On top of the gain so far: the pass before was played with it.
+            # Relative to the gain so far, with which the pass before was played.
             gain *= amplitude_gain(passes[-1].comparison.gain)
         passes.append(play_pass(reference, asked, rig, settings.but(gain=gain), f"pass {number + 1}", stage))
     further = run_iterations(reference, passes[-1], rig, settings, iterate, stage=stage)
@@ -201,8 +171,8 @@ def run_loop(
 
 
 def _beat(settings: Settings) -> tuple[float, int]:
-    """Frequency of the beat in Hz, in the middle of the band on a logarithmic scale, and its cycles at each level."""
+    """Frequency of the beat in Hz, at the logarithmic centre of the band, and its cycles at each level."""
     middle = float(np.sqrt(settings.calibration.band[0] * settings.calibration.band[1]))
-    # Of at least four frames, as `beam_drive` asks.
+    # A period has at least four frames, as `beam_drive` requires.
     frequency = settings.target.rate / max(4, round(settings.target.rate / middle))
     return frequency, max(4, round(0.2 * frequency))

@@ -1,4 +1,4 @@
-"""What a sensor and a whole palm get of a drive on the virtual rig."""
+"""Re-record a drive on the virtual rig, with the sensor and on a whole palm."""
 
 from dataclasses import dataclass
 
@@ -13,21 +13,14 @@ from midair.rig.playing import rerecord, usual_exposure
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveRerecording:
-    """What came of a drive.
-
-    Attributes
-    ----------
-    recording : Recording
-        Of the virtual sensor, from the drive's first frame on.
-    calibration : Calibration
-        Of that sensor.
-    palm : PalmFidelity
-        Of a palm at the sensor's height.
-    """
+    """Result of a re-recorded drive."""
 
     recording: Recording
+    """Recording of the virtual sensor, from the drive's first frame."""
     calibration: Calibration | None
+    """Calibration of that sensor."""
     palm: PalmFidelity
+    """Fidelity on a palm at the sensor's height."""
 
 
 def rerecord_drive(
@@ -40,22 +33,20 @@ def rerecord_drive(
     band: tuple[float, float] = (20.0, 470.0),
     stage: Stage = quiet,
 ) -> DriveRerecording:
-    """Play a drive on the virtual rig to its sensor, and to a whole palm.
+    """Play a drive on the virtual rig to its sensor and to a whole palm.
 
     Parameters
     ----------
-    drive : Drive
-        What the array is told.
     original, asked : PressureFrames
-        What it is of, and the same with the lead that it was solved with.
+        Pressure that the drive reproduces, and the same with the lead of the solve.
     rig : VirtualRig
         Array, sensor and air; the sensor has the original's cells.
     palm : Palm, optional
         A disc of 85 mm if None.
     band : tuple of float
-        (low, high) that counts, in Hz.
+        (low, high) of the compared band in Hz.
     stage : callable, optional
-        Told the name of each stage as it begins; gives what to call with its progress.
+        Called with the name of each stage at its start; returns its progress callback.
     """
     skin = rig.skin()
     with rig.array_device(skin) as array, rig.sensor(skin) as sensor:

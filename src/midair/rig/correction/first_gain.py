@@ -1,8 +1,7 @@
-"""How loud a first pass has to be asked for: what the model expects the sensor's cells to read.
+"""Expected gain of a first pass: the pressure that the model expects on the sensor's cells.
 
-A focus is narrower than a cell, and a pattern wider: what a cell reads of either is the average over its aperture and
-its gel. Told from the pressure at a point, a focus would seem to press too little, and the first pass would be asked
-for several times too loud.
+A cell reads the average over its aperture and its gel. A focus is narrower than a cell and a pattern is wider, so a
+gain measured at a focus alone would make the first pass several times too strong.
 """
 
 import numpy as np
@@ -25,23 +24,14 @@ from midair.settings import Settings
 Array = NDArray[np.float64]
 
 LONGEST = 1.0
-"""Stretch of a recording, in s, that the expected gain is told from."""
+"""Duration of the part of a recording that gives the expected gain, in s."""
 
 
 def expected_gain(original: PressureFrames, asked: PressureFrames, settings: Settings) -> float:
-    """Gain that a pass would have on a perfect array: of mapping, interpolation, cells, hold and transducers.
+    """Gain of a pass on a perfect array: mapping, interpolation, cells, hold and transducers, in the strongest second.
 
-    The target is met as it is interpolated; frames that are held and transducers that follow make it quieter, unless
-    that is compensated. It is told from the strongest second.
-
-    Parameters
-    ----------
-    original : PressureFrames
-        What was felt.
-    asked : PressureFrames
-        The same with the lead on both sides.
-    settings : Settings
-        Of every stage.
+    `asked` is the original with the lead on both sides. The target is assumed to be met; frame hold and transducers
+    attenuate it unless that is compensated.
     """
     lead = (asked.frames - original.frames) / 2 / asked.rate
     start = lead + _strongest(original)
@@ -58,7 +48,7 @@ def expected_gain(original: PressureFrames, asked: PressureFrames, settings: Set
 
 
 def focus_on_cell(array: TransducerArray, sensor: SensorGrid, channel: int, settings: Settings) -> float:
-    """Pressure that a cell of the usual sensor reads of a full focus on its middle, in Pa."""
+    """Pressure in Pa that a cell of the default sensor reads of a full focus on its centre."""
     grid = settings.target.grid
     points = cell_points(sensor, grid)
     x, y = sensor.channel_position(channel)
@@ -70,7 +60,7 @@ def focus_on_cell(array: TransducerArray, sensor: SensorGrid, channel: int, sett
 
 
 def cell_points(sensor: SensorGrid, grid: ControlGrid) -> ControlGrid:
-    """Points fine enough to average over cells, four a pitch, and a pitch beyond the outermost."""
+    """Points for averages over cells: four per pitch, up to one pitch beyond the outermost cells."""
     return ControlGrid(
         rows=4 * (sensor.rows + 2),
         columns=4 * (sensor.columns + 2),
@@ -81,16 +71,13 @@ def cell_points(sensor: SensorGrid, grid: ControlGrid) -> ControlGrid:
 
 
 def played_part(frequency: float, settings: Settings) -> float:
-    """What is left of a change of this frequency after hold and transducers, 0 to 1."""
+    """Factor, 0 to 1, by which hold and transducers attenuate a change of this frequency."""
     dynamics = settings.compensation.dynamics
     return float(np.abs(playback_response(np.array([frequency]), settings.target.rate, dynamics=dynamics))[0])
 
 
 def _pressed(part: PressureFrames, settings: Settings) -> Array:
-    """What the cells would read of it, shape (frame, row, column), in Pa.
-
-    At the control points, each with its square around it: sound is too smooth to do otherwise between them.
-    """
+    """Expected reading of the cells in Pa, shape (frame, row, column), from squares around the control points."""
     points, chosen = settings.target.grid, settings.compensation
     target = map_pressure(compensate_pressure(part, settings), settings).amplitude
     if not (chosen.precompensate and chosen.compensate == "sound"):
@@ -100,8 +87,8 @@ def _pressed(part: PressureFrames, settings: Settings) -> Array:
             return np.abs(response)[:, None]
 
         target = filter_response(target, part.rate, quieter, reach=0.01)
-    # Sound rounds the peaks of an amplitude that is interpolated, and presses more beside them than lines say: of one
-    # modulated focus a first pass is 1.13 times too strong by lines, .99 by steps, .89 by waves.
+    # Sound rounds the peaks of an interpolated amplitude and adds pressure beside them: for one modulated focus a first
+    # pass is 1.13 times too strong with "lines", .99 with "steps", .89 with "waves".
     between = "lines" if settings.target.interpolate == "pressure" else "steps"
     weights = cell_weights(SensorModel.usual(part.sensor), points, centre=points.centre, between=between)
     pressed = radiation_pressure(target, settings.acoustics.medium) @ weights.T
@@ -109,7 +96,7 @@ def _pressed(part: PressureFrames, settings: Settings) -> Array:
 
 
 def _strongest(original: PressureFrames) -> float:
-    """Where the second with the most power begins, in s."""
+    """Start in s of the second with the most power."""
     frames = round(LONGEST * original.rate)
     if original.frames <= frames:
         return 0.0

@@ -1,8 +1,8 @@
-"""Iterative correction of the waveform: passes that make up for what the best one so far lacked.
+"""Iterative correction of the waveform: passes that reduce the remaining error of the best pass so far.
 
-Where the mapping lifts pressure, so that all cells sound all the time, the drive itself is changed as little as can be
-(`correct.minimum_norm`); nothing is solved afresh, and what was right stays right. Where it cuts, cells are silent half
-of the time and have no slope: there, more is asked for, and solved for (`correct.iterative`).
+Where the mapping offsets pressure, so that all cells receive sound all the time, the drive itself is changed as little
+as possible (`correct.minimum_norm`), without a new solve. Where the mapping rectifies, cells are silent half of the
+time and have no slope: there the target is changed and solved again (`correct.iterative`).
 """
 
 from dataclasses import dataclass, replace
@@ -24,21 +24,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IterationResult:
-    """What the iterative correction came to.
-
-    Attributes
-    ----------
-    passes : tuple of Pass
-        Each better than the one before it, and the first better than the one it started from.
-    taken_back : int
-        Steps that made it worse.
-    end : str
-        Why it stopped; empty when it was not asked for.
-    """
+    """Result of the iterative correction."""
 
     passes: tuple[Pass, ...] = ()
+    """Passes, each with a smaller error than the one before."""
     taken_back: int = 0
+    """Number of steps that increased the error."""
     end: str = ""
+    """Reason why it stopped; empty without iterative correction."""
 
 
 def run_iterations(
@@ -51,29 +44,12 @@ def run_iterations(
     correction: IterativeCorrection | None = None,
     stage: Stage = quiet,
 ) -> IterationResult:
-    """Further passes, each better than the one before it.
+    """Run further passes, each with a smaller waveform error than the one before.
 
-    From the best pass so far the response H is measured and what lacks is asked for in addition; or, where the mapping
-    lifts, its drive is changed so that it presses what lacks. A step that makes the waveform's error larger is taken
-    back, and a smaller one is tried from where it started. It ends after `times` steps, when a step no longer helps, or
-    when the steps have become too small.
-
-    Parameters
-    ----------
-    original : PressureFrames
-        What was to be reproduced.
-    start : Pass
-        The pass to improve on.
-    rig : Rig
-        Open.
-    settings : Settings
-        Settings of every stage; the gain is that of `start`.
-    times : int
-        Largest number of steps, those that are taken back among them; 0 for none.
-    correction : IterativeCorrection, optional
-        How to step; its defaults if None.
-    stage : callable
-        Told the name of each stage as it begins.
+    The best pass so far gives the response H and the error, which is added to the target, or, where the mapping offsets
+    pressure, to the drive. A step that increases the error is taken back and a smaller step is tried. The loop ends
+    after `times` steps (those that are taken back included), when a step no longer helps, or when steps become too
+    small.
     """
     lifts = settings.target.mapping != "half-wave"
     correction = correction or (IterativeCorrection(step=1.0) if lifts else IterativeCorrection())
@@ -103,10 +79,10 @@ def run_iterations(
 
 
 def _nudged(original: PressureFrames, best: Pass, settings: Settings, step: float, delay: float) -> Reproduction:
-    """The best pass's reproduction with a drive that presses what lacked; errors stay those of the solve before."""
+    """The best pass's reproduction with a drive that adds the missing pressure; errors are those of the solve."""
     lacking = replace(original, pressure=step * _lacking(original, best, delay))
     chosen, grid = settings.compensation, settings.target.grid
-    # What is slower than the band is not changed, and what is played late is not late.
+    # Pressure below the band stays unchanged; the delay was removed already.
     louder = precompensate(lacking, dynamics=chosen.dynamics, ramp=chosen.ramp)
     weights = cell_weights(SensorModel.usual(original.sensor), grid, centre=grid.centre, between="waves")
     drive = MinimumNorm(dynamics=chosen.dynamics).corrected(
@@ -116,16 +92,16 @@ def _nudged(original: PressureFrames, best: Pass, settings: Settings, step: floa
 
 
 def _lacking(original: PressureFrames, best: Pass, delay: float) -> Array:
-    """What the re-recording lacks of the original at the time of each frame that was asked for, in Pa.
+    """Missing pressure in Pa (original minus re-recording) at each frame of the target.
 
-    The delay is that of the first pass throughout: found anew each time, it would drift with the correction.
+    The delay is that of the first pass: estimated anew each time, it would drift with the correction.
     """
     count = best.asked.frames
     heard = _fitted(advance(best.heard.pressure, delay, original.rate), count)
     first = (count - original.frames) // 2
     part = slice(first, first + original.frames)
     lacking = np.zeros_like(heard)
-    # The lead is not judged: nothing lacks there.
+    # The lead is not compared, so nothing is missing there.
     lacking[part] = original.pressure - heard[part]
     return lacking
 
@@ -139,7 +115,7 @@ def _asked(
     step: float,
     delay: float,
 ) -> PressureFrames:
-    """What to ask for next: what the best pass asked for, and what it lacked."""
+    """Target of the next pass: that of the best pass plus its missing pressure."""
     focus = focus_amplitude(settings.target.grid, rig.transducers, acoustics=settings.acoustics)
     top = float(radiation_pressure(np.array(focus), settings.acoustics.medium)) / best.gain
     asked, rate = playable(best.asked.pressure, mapping=settings.target.mapping, top=top), original.rate
@@ -155,14 +131,14 @@ def _asked(
 
 
 def playable(asked: Array, *, mapping: str, top: float) -> Array:
-    """The nearest pressure that can be asked for, any shape, in Pa.
+    """Nearest pressure in Pa that can be played, any shape.
 
-    Half-wave rectification plays nothing of what is below zero, so asking for it is moot and would only add up; the
-    other mappings lift all of it. Nothing is stronger than a single focus of the whole array.
+    Half-wave rectification plays nothing below zero, so a negative target would only accumulate. No target is stronger
+    than a single focus of the whole array, `top` in Pa.
     """
     return np.clip(asked, 0.0 if mapping == "half-wave" else -top, top)
 
 
 def _fitted(frames: Array, count: int) -> Array:
-    """`count` frames: cut, or with silence behind."""
+    """Return `count` frames, cut or padded with silence."""
     return np.concatenate([frames[:count], np.zeros((max(0, count - len(frames)), *frames.shape[1:]))])

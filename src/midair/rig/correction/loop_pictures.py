@@ -1,4 +1,4 @@
-"""The pictures of a loop, in the order of the pipeline."""
+"""Figures of a loop, in the order of the pipeline."""
 
 from collections.abc import Iterator
 from itertools import chain
@@ -24,7 +24,7 @@ from midair.rig.correction.correction_loop import Loop
 
 
 def drawn(loop: Loop, card: PerceptualMetrics | None, progress: Progress | None = None) -> list[Picture]:
-    """Every picture of a loop, those of the pipeline first; tells (drawn, in all) as it goes."""
+    """Draw every figure of a loop, those of the pipeline first; `progress` is called with (drawn, total)."""
     count = 7 + (card is not None) + bool(loop.end)
     shown: list[Picture] = []
     for picture in chain(pictures(loop), further_pictures(loop, card)):
@@ -35,7 +35,7 @@ def drawn(loop: Loop, card: PerceptualMetrics | None, progress: Progress | None 
 
 
 def pictures(loop: Loop) -> Iterator[Picture]:
-    """Every figure of a loop, in the order of the pipeline."""
+    """Draw the figures of a loop, in the order of the pipeline."""
     last, simulated = loop.passes[-1], loop.passes[-1].comparison.simulated
     solution, target = last.reproduction.solution, last.reproduction.target
     frame = int(np.argmax(np.linalg.norm(target.amplitude, axis=1)))
@@ -45,12 +45,12 @@ def pictures(loop: Loop) -> Iterator[Picture]:
     rectified = loop.settings.target.mapping == "half-wave"
     felt_maps = [("original", loop.original), ("re-recorded", last.felt)]
     yield Picture(
-        title="What the sensor felt, and what it felt of the reproduction",
-        caption="Calibrated pressure of every channel, laid out like the sensor's cells, all on one scale.",
+        title="Original and re-recorded pressure",
+        caption="Calibrated pressure of every channel, arranged like the sensor's cells, all with the same scale.",
         data=png(traces_figure(loop.original, last.felt)),
     )
     yield Picture(
-        title="Where it pressed",
+        title="Pressure map",
         caption="Root mean square of the calibrated pressure on each cell.",
         data=png(
             maps_figure(
@@ -76,12 +76,12 @@ def pictures(loop: Loop) -> Iterator[Picture]:
         ),
     )
     yield Picture(
-        title="The array",
+        title="Phases of the array",
         caption=f"Phase of each transducer in the same frame ({moment}); {_loudness(solution.drive, frame)}.",
         data=png(phase_figure(solution.drive, frame, simulated=simulated)),
     )
     yield Picture(
-        title="Spectra of the channels that were pressed hardest",
+        title="Spectra of the channels with the highest pressure",
         caption="After calibration and half-wave rectification, as in the paper's Fig. 9."
         if rectified
         else "After calibration, both signs of the pressure.",
@@ -98,8 +98,8 @@ def pictures(loop: Loop) -> Iterator[Picture]:
     )
     yield Picture(
         title="Gain of the beam",
-        caption=f"A focus that beats at {len(loop.beam.commanded)} levels on channel {loop.beam.channel}: pressure "
-        "that the sensor read, over the pressure that the model commanded.",
+        caption=f"A beating focus at {len(loop.beam.commanded)} levels on channel {loop.beam.channel}: measured "
+        "pressure over the pressure commanded by the model.",
         data=png(
             beam_figure(
                 loop.beam.commanded,
@@ -113,13 +113,13 @@ def pictures(loop: Loop) -> Iterator[Picture]:
 
 
 def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> list[Picture]:
-    """What skin makes of it, where it is long enough to tell, and the way there, where there was one."""
+    """Draw the perceptual metrics, if the loop is long enough, and the errors of an iterative correction."""
     made: list[Picture] = []
     if card is not None:
         made.append(
             Picture(
-                title="What skin makes of it, cell by cell",
-                caption="The figures of the perceptual card; a dash where the original hardly presses.",
+                title="Perceptual metrics of each cell",
+                caption="A dash marks cells where the original has almost no pressure.",
                 data=png(card_figure(card)),
             )
         )
@@ -127,9 +127,9 @@ def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> list[Picture
         errors = [one.comparison.waveform_error for one in loop.passes]
         made.append(
             Picture(
-                title="Error of the waveform, pass by pass",
+                title="Waveform error of each pass",
                 caption="The first passes correct the amplitude, the others the waveform. "
-                f"{loop.taken_back} steps made it worse and were taken back. It ended because {loop.end}.",
+                f"{loop.taken_back} steps increased the error and were taken back. It ended because {loop.end}.",
                 data=png(passes_figure([("this loop", errors)], simulated=loop.passes[-1].comparison.simulated)),
             )
         )
@@ -137,13 +137,17 @@ def further_pictures(loop: Loop, card: PerceptualMetrics | None) -> list[Picture
 
 
 def strongest_channels(original: PressureFrames, most: int = 4) -> list[int]:
-    """Channels of the greatest root mean square, at most so many, in their own order."""
+    """Numbers of the `most` channels with the greatest root mean square, in ascending order."""
     power = (original.pressure**2).mean(axis=0).ravel()
     return sorted(int(channel) for channel in np.argsort(power)[::-1][:most])
 
 
 def _loudness(drive: Drive, frame: int) -> str:
-    """How loud the transducers are beside each other."""
+    """Describe the range of the transducers' levels."""
     levels = drive.level[frame]
     low, high = float(np.min(levels)), float(np.max(levels))
-    return "all are equally loud" if np.isclose(low, high) else f"they are driven at {low:.2f} to {high:.2f} of full"
+    return (
+        "all have the same level"
+        if np.isclose(low, high)
+        else f"their levels are {low:.2f} to {high:.2f} of full drive"
+    )

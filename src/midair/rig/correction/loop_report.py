@@ -1,4 +1,4 @@
-"""The report of a loop: one HTML file that holds everything it shows."""
+"""The report of a loop: one self-contained HTML file."""
 
 import importlib.metadata
 import platform
@@ -34,26 +34,23 @@ def write_report(
     beside: Sequence[Outcome] = (),
     progress: Progress | None = None,
 ) -> list[Picture]:
-    """Write the report of a loop; the pictures that are in it, in its order.
+    """Write the report of a loop, and return its figures in order.
 
     Parameters
     ----------
-    loop : Loop
-        What to report.
     path : Path
         Path of the HTML file.
     commands : tuple of str
-        With which the same can be done again.
+        Commands that reproduce the result.
     palm : PalmFidelity, optional
-        What a whole palm gets of the last pass, where that was simulated.
+        Fidelity of the last pass on a simulated palm.
     beside : sequence of Outcome
-        The same recording in other ways, the loop's own among them where it is to be seen beside them: in the order of
-        the page.
+        Outcomes of other settings for the same recording, in the order of the page; the loop's own among them.
     progress : callable, optional
-        Called with (pictures drawn, pictures in all).
+        Called with (pictures drawn, total pictures).
     """
     outcomes = tuple(beside) or (Outcome.of(loop, palm=palm),)
-    # Drawn once, since that takes longer than solving does.
+    # Drawn once, since drawing takes longer than solving.
     own = next(each for each in outcomes if each.loop is loop)
     shown = drawn(loop, own.card, progress)
     palms = [] if (pressed := palm_picture(outcomes)) is None else [pressed]
@@ -71,7 +68,7 @@ def render(
     outcomes: Sequence[Outcome] = (),
     palms: Sequence[Picture] = (),
 ) -> str:
-    """The report with these pictures as HTML that needs nothing from outside."""
+    """Render the report as HTML without external resources."""
     outcomes = tuple(outcomes) or (Outcome.of(loop),)
     own = next(each for each in outcomes if each.loop is loop)
     name = loop.original.provenance.notes.get("object", loop.original.provenance.source.rpartition(":")[2])
@@ -102,7 +99,7 @@ def render(
 
 
 def settings_rows(settings: object, prefix: str = "") -> list[Row]:
-    """Every setting with its value, nested ones by a dotted name."""
+    """Every setting with its value; nested settings have dotted names."""
     rows: list[Row] = []
     if not is_dataclass(settings):
         return rows
@@ -117,7 +114,7 @@ def settings_rows(settings: object, prefix: str = "") -> list[Row]:
 
 
 def versions() -> list[Row]:
-    """Versions of midair, Python and the libraries that the figures depend on."""
+    """Versions of midair, Python and the libraries that affect the results."""
     libraries = [
         (name, importlib.metadata.version(name)) for name in ("midair", "numpy", "scipy", "h5py", "matplotlib")
     ]
@@ -130,18 +127,18 @@ def _summary(loop: Loop) -> str:
     return (
         f"{frames} frames at {last.reproduction.target.rate:g} Hz ({frames / last.reproduction.target.rate:.2f} s) on "
         f"{solution.drive.array.name}, {solution.drive.array.count} transducers, at strength "
-        f"{last.reproduction.strength():.2f}. After {len(loop.passes) - 1} correction(s) the re-recorded "
+        f"{last.reproduction.strength():.2f}. After {len(loop.passes) - 1} correction(s), the re-recorded "
         f"pressure has a correlation of {last.comparison.correlation:.2f} with the original and "
         f"{last.comparison.gain:.2f} times its amplitude. {_level(loop)}"
     )
 
 
 def _level(loop: Loop) -> str:
-    """How hard it was asked to press, what comes of it, and what can be had."""
+    """Describe the requested strength, the resulting pressure, and the largest possible pressure."""
     made = loop.passes[-1].reproduction
     level = level_of(made.solution, made.target, band=loop.settings.calibration.band)
     said = dict(level.rows())
-    return f"Asked for: {said['asked']}. Of that {said['comes']}. Can be had: {said['can be had']}."
+    return f"Requested: {said['asked']}. Result: {said['comes']}. Possible: {said['can be had']}."
 
 
 def _figures(loop: Loop) -> list[Row]:
@@ -152,9 +149,9 @@ def _figures(loop: Loop) -> list[Row]:
 def _pass_figures(loop: Loop, number: int) -> Mapping[str, tuple[float, str]]:
     this = loop.passes[number]
     solution, target = this.reproduction.solution, this.reproduction.target
-    # Silent frames have no error, and would make the mean better than it is.
+    # Silent frames have no error and would bias the mean.
     plays = np.array([status != "silent" for status in solution.status])
-    # In the lead there is next to nothing to be met, of which any field is far off.
+    # In the lead the target is almost zero, so the relative error there has no meaning.
     inside = piece_of(target.provenance, target.frames, target.rate)
     plays[: inside.start] = plays[inside.stop :] = False
     settings: Settings = loop.settings

@@ -1,4 +1,4 @@
-"""What of a loop can be watched and heard: the recording, the sound that was played, and what was felt of it."""
+"""Interactive view of a loop: the recording, the emitted sound, and the re-recording."""
 
 import numpy as np
 
@@ -8,18 +8,18 @@ from midair.targets import piece_of
 from midair.view import Sound, ViewData, show_comparison, show_drive
 
 LONGEST = 4000
-"""Frames that a report holds to be watched: they weigh some 6 MB."""
+"""Maximum number of frames in the view of a report, about 6 MB."""
 
 
 def view_of_loop(loop: Loop, *, longest: int = LONGEST) -> ViewData:
-    """The beginning of a loop's recording, its last drive and what was felt of it."""
+    """Return the view of the beginning of a loop: recording, last drive and re-recording."""
     last = loop.passes[-1]
     seconds = min(longest, loop.original.frames) / loop.original.rate
     return show_comparison(loop.original, last.felt, sound=_sound(loop, seconds), part=(0.0, seconds))
 
 
 def _sound(loop: Loop, seconds: float) -> Sound | None:
-    """What was played of the piece, without its lead; None where it has other frames than the recording."""
+    """Sound of the original's part, without its lead; None where its frames differ from the recording's."""
     made = loop.passes[-1].reproduction
     inside = piece_of(made.target.provenance, made.target.frames, made.target.rate)
     if not _as_many(loop.original, inside, made.target.rate):

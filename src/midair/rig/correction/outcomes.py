@@ -1,4 +1,4 @@
-"""What came of a loop, beside what came of another: the verdict in one sentence, the figures, the picture."""
+"""Compare the outcomes of loops: a summary in one sentence, a table, a figure of the palm."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,37 +16,28 @@ Row = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Outcome:
-    """What came of one way of playing.
-
-    Attributes
-    ----------
-    name : str
-        Of the way, such as "best mode".
-    loop : Loop
-        Its loop.
-    palm : PalmFidelity or None
-        What a whole palm gets of the last pass, where that was simulated.
-    card : PerceptualCard or None
-        What skin makes of the last pass; None where it is shorter than the 64 ms that its metrics need.
-    """
+    """Result of one way of playing."""
 
     name: str
+    """Name of the way, such as "best mode"."""
     loop: Loop
     palm: PalmFidelity | None
+    """Fidelity of the last pass on a simulated palm."""
     card: PerceptualMetrics | None
+    """Perceptual metrics of the last pass; None if it is shorter than the 64 ms that they need."""
 
     @classmethod
     def of(cls, loop: Loop, *, palm: PalmFidelity | None = None, name: str = "") -> "Outcome":
-        """With its card filled in."""
+        """Build an outcome with its perceptual metrics."""
         return cls(name=name, loop=loop, palm=palm, card=metrics_of_loop(loop))
 
     @property
     def distortion(self) -> float:
-        """Signal over distortion on the sensor's cells, in dB."""
+        """Signal-to-distortion ratio on the sensor's cells in dB."""
         return self.loop.passes[-1].comparison.distortion_ratio
 
     def numbers(self, *, named: bool = True) -> str:
-        """Signal over distortion, and how much presses beside what the sensor covers; what each is only if `named`."""
+        """Format signal-to-distortion ratio and leak beside the sensor; with their names if `named`."""
         heard = f"{self.distortion:.1f} dB{' of signal to distortion' if named else ''}"
         if self.palm is None:
             return heard
@@ -56,7 +47,7 @@ class Outcome:
 
 
 def metrics_of_loop(loop: Loop) -> PerceptualMetrics | None:
-    """The perceptual card of the last pass; None where it is shorter than the 64 ms that its metrics need."""
+    """Perceptual metrics of the last pass; None if it is shorter than the 64 ms that they need."""
     try:
         return perceptual_metrics(loop.reference, loop.passes[-1].felt)
     except ShapeError:
@@ -64,9 +55,9 @@ def metrics_of_loop(loop: Loop) -> PerceptualMetrics | None:
 
 
 def verdict(outcomes: Sequence[Outcome]) -> str:
-    """One sentence: what a palm would feel of the first, and how that is beside the others.
+    """Describe in one sentence what a palm would feel of the first outcome, compared with the others.
 
-    Of a piece too short for a card only the numbers are told.
+    Loops that are too short for perceptual metrics give the numbers alone.
     """
     first, *others = outcomes
     said = "; ".join([_sentence(first), *(_sentence(other, named=False) for other in others)])
@@ -82,13 +73,13 @@ def _sentence(outcome: Outcome, *, named: bool = True) -> str:
 
 
 def side_by_side(outcomes: Sequence[Outcome]) -> list[Row]:
-    """Rows of name, unit, and the value of each."""
+    """Rows of name, unit, and the value of each outcome."""
     columns = [_figures(outcome) for outcome in outcomes]
     return [(name, unit, *(column[name][0] for column in columns)) for name, (_, unit) in columns[0].items()]
 
 
 def palm_picture(outcomes: Sequence[Outcome]) -> Picture | None:
-    """Where each presses on a palm, and the strongest cell of each; None where no palm was simulated."""
+    """Figure of the pressure of each outcome on a palm, and of its strongest cell; None without a simulated palm."""
     ways = [
         PalmPanel(name=each.name or "reproduced", felt=each.loop.passes[-1].felt, pressed=each.palm.pressed)
         for each in outcomes
@@ -97,9 +88,9 @@ def palm_picture(outcomes: Sequence[Outcome]) -> Picture | None:
     if not ways:
         return None
     return Picture(
-        title="What reaches a palm",
-        caption="Above, how hard it vibrates on each point of a palm; the dashed square is what the sensor covers. "
-        "Below, the cell that was pressed hardest, around its strongest moment.",
+        title="Vibration on a palm",
+        caption="Top: vibration at each point of a palm; the dashed square is the area of the sensor. "
+        "Bottom: the cell with the highest pressure, around its maximum.",
         data=png(palm_figure(outcomes[0].loop.original, ways)),
     )
 

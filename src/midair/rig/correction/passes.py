@@ -1,4 +1,4 @@
-"""One time through: solve, play, re-record, compare."""
+"""One pass of the loop: solve, play, re-record, compare."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,30 +12,23 @@ from midair.rig.playing import rerecord, usual_exposure
 from midair.settings import Settings
 
 Stage = Callable[[str], Progress | None]
-"""Told the name of each stage as it begins; gives the progress to report to."""
+"""Called with the name of a stage at its start; returns the stage's progress callback or None."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rig:
-    """What a loop plays on.
-
-    Attributes
-    ----------
-    array, sensor : ArrayDevice, SensorDevice
-        Open; the sensor lies at the settings' control grid and brings its own calibration.
-    exposure : ExposureChoices
-        Limits that every drive has to keep on an array that can be heard.
-    lead : float
-        Silence that swells into the original before it and fades after it, in s, so that a bias has time to rise.
-    measured : TransducerArray or None
-        The array's transducers as they were measured, to be solved for; None takes the model's.
-    """
+    """Devices and limits of a loop."""
 
     array: ArrayDevice
+    """Open."""
     sensor: SensorDevice
+    """Open, with its own calibration; it lies at the settings' control grid."""
     exposure: ExposureChoices = field(default_factory=usual_exposure)
+    """Exposure limits of every drive on an array that emits sound."""
     lead: float = 0.0
+    """Fade-in before and fade-out after the original, in s, so that a bias has time to rise."""
     measured: TransducerArray | None = None
+    """Measured transducers of the array, used by the solver; the model's if None."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.lead < 10:
@@ -43,49 +36,36 @@ class Rig:
 
     @property
     def transducers(self) -> TransducerArray:
-        """What is solved for."""
+        """Transducers that the solver uses."""
         return self.measured or self.array.array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pass:
-    """What one time through solving, playing and re-recording gave.
-
-    Attributes
-    ----------
-    gain : float
-        Factor that the pressure was multiplied by.
-    step : float or None
-        g of an iterative correction; None of a pass that the gain alone corrects.
-    asked : PressureFrames
-        The pressure that was asked for, before the gain, with the lead on both sides.
-    reproduction : Reproduction
-        What was played.
-    rerecorded : Recording
-        What came back.
-    heard : PressureFrames
-        The same calibrated, from the drive's first frame on, with the lead.
-    felt : PressureFrames
-        The part of it that the original is of.
-    comparison : Comparison
-        Comparison of that part with the original.
-    """
+    """Result of one pass."""
 
     gain: float
+    """Factor that multiplied the pressure."""
     step: float | None
+    """Step size g of an iterative correction; None if only the gain was corrected."""
     asked: PressureFrames
+    """Target pressure before the gain, with the lead on both sides."""
     reproduction: Reproduction
     rerecorded: Recording
+    """The re-recorded signal."""
     heard: PressureFrames
+    """The same, calibrated, from the drive's first frame, with the lead."""
     felt: PressureFrames
+    """The part of `heard` that corresponds to the original."""
     comparison: Comparison
+    """Comparison of that part with the original."""
 
     def __repr__(self) -> str:
         return f"<Pass at gain {self.gain:.3g}, {self.comparison!r}>"
 
 
 def quiet(_: str) -> Progress | None:
-    """A stage reporter that says nothing."""
+    """Stage callback that reports nothing."""
     return None
 
 
@@ -99,7 +79,7 @@ def play_pass(
     *,
     step: float | None = None,
 ) -> Pass:
-    """Solve for what is asked, play it, re-record it, and compare with the original as a perfect rig would give it."""
+    """Solve for a target, play it, re-record it, and compare with the original as a perfect rig would return it."""
     made = reproduce(asked, rig.transducers, settings, progress=stage(f"solve, {name}"))
     return play_made(original, asked, made, rig, settings, name, stage, step=step)
 
@@ -115,11 +95,11 @@ def play_made(
     *,
     step: float | None = None,
 ) -> Pass:
-    """The same with a drive that is made already."""
+    """Do the same with an existing reproduction."""
     progress = stage(f"play and re-record, {name}")
     admission = check_exposure(made.solution.drive, rig.array, rig.exposure)
     rerecorded = rerecord(admission, rig.array, rig.sensor, progress=progress)
-    # A simulated sensor hears the drive's first frame at time 0, and has been at rest until then.
+    # A simulated sensor records the drive's first frame at time 0, and was at rest before.
     virtual = rig.sensor.simulated
     heard = at_rate(calibrated_pressure(rerecorded, rig.sensor.calibration, settings, from_rest=virtual), original.rate)
     if not virtual:
@@ -139,7 +119,7 @@ def play_made(
 
 
 def _from_the_first_frame(heard: PressureFrames, asked: PressureFrames) -> PressureFrames:
-    """What was heard from about the drive's first frame on: a real array begins to play when it is ready."""
+    """Cut the re-recording to start near the drive's first frame: a real array starts playing with a delay."""
     spare = (heard.frames - asked.frames) / heard.rate
     if spare <= 0:
         return heard

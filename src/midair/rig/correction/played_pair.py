@@ -1,4 +1,4 @@
-"""A re-recording beside the part of its original that it says it is of."""
+"""Pair a re-recording with the part of the original that its provenance names."""
 
 from dataclasses import dataclass, replace
 
@@ -12,38 +12,32 @@ from midair.targets import led_in, without_lead
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlayedPair:
-    """An original, and what was heard of it.
-
-    Attributes
-    ----------
-    original, heard : PressureFrames
-        What was heard goes on before and behind, as far as it was kept, so that a delay can be taken out of it.
-    first : int
-        Its frame at which the original begins.
-    """
+    """An original and its re-recording."""
 
     original: PressureFrames
     heard: PressureFrames
+    """Re-recording, longer than the original at both ends where possible, so that a delay can be removed."""
     first: int = 0
+    """Frame of `heard` at which the original begins."""
 
     @property
     def piece(self) -> PressureFrames:
-        """What was heard where the original is, its delay left in."""
+        """Part of the re-recording at the original's frames, without removal of its delay."""
         end = self.first + self.original.frames
         return replace(self.heard, pressure=self.heard.pressure[self.first : end]) if self.first else self.heard
 
 
 def aligned_pair(original: PressureFrames, take: OpenedTake, settings: Settings) -> PlayedPair:
-    """The part of an original that a re-recording says it is of, and the re-recording; of reels.
+    """Pair a re-recording with the part of the original that its provenance names; accepts lazy frames.
 
-    What was played is compared as a perfect rig would give it back: through the band once more. A recording that does
-    not say that it was played is compared as it is.
+    The original of a played recording is filtered once more by the band, as a perfect rig would return it. A recording
+    without a step "play" is compared directly.
     """
     provenance, calibration = take.recording.provenance, take.calibration
     if not provenance.last("play"):
         return PlayedPair(original=original, heard=calibrated_pressure(take.recording, calibration, settings))
     original, asked = asked_of(provenance, original)
-    # A virtual sensor hears the drive's first frame at time 0, and has been at rest until then.
+    # A virtual sensor records the drive's first frame at time 0, and was at rest before.
     virtual = calibration is not None and calibration.provenance.simulated
     heard = calibrated_pressure(take.recording, calibration, settings, from_rest=virtual)
     reference = without_lead(apply_band_twice(asked), original.frames)
@@ -51,7 +45,7 @@ def aligned_pair(original: PressureFrames, take: OpenedTake, settings: Settings)
 
 
 def asked_of(provenance: Provenance, original: PressureFrames) -> tuple[PressureFrames, PressureFrames]:
-    """The part of an original that a drive's life says it is of, and the same with the lead that it was solved with."""
+    """Part of an original that a drive's provenance names, without and with the lead of its solve."""
     cut, lead = provenance.last("cut"), provenance.last("lead").get("lead_s", 0.0)
     start, duration = cut.get("start_s"), cut.get("duration_s")
     if isinstance(start, int | float) and isinstance(duration, int | float):
