@@ -110,7 +110,7 @@ def test_another_process_sees_the_same_words_and_can_stop_but_not_renew():
     process.start()
     try:
         assert here.recv() == (None, 0.75)
-        assert "the player, who can only stop" in here.recv()
+        assert "the player, which can only stop" in here.recv()
         here.send("go on")
         assert here.recv() == "stopped"
         assert permit.refusal(leave) == "stopped"
@@ -140,7 +140,7 @@ def test_an_array_looks_before_every_frame_and_is_silent_after_the_first_refusal
         if len(seen) == 2:
             permit.stop()
 
-    with array, pytest.raises(StoppedError, match="somebody asked for silence"), under_lease(array, permit, leave):
+    with array, pytest.raises(StoppedError, match="stopped on request"), under_lease(array, permit, leave):
         array.play(check_exposure(small_drive, array, usual_exposure()), progress=progress)
     assert len(seen) == 2
     assert not array.emitting
@@ -167,7 +167,7 @@ def test_between_two_looks_of_the_array_a_thread_silences_it(permit, clock):
         end = time.monotonic() + 5
         while not silenced and time.monotonic() < end:
             time.sleep(0.001)
-        with pytest.raises(StoppedError, match="nobody looked on"):
+        with pytest.raises(StoppedError, match="did not renew its permission"):
             array.check()
     assert len(silenced) == 1
     assert array.check is None

@@ -102,7 +102,7 @@ def test_a_drive_for_another_array_is_refused(solution):
     ("make", "error", "says"),
     [
         (lambda: open_rig("autd9"), UnknownDeviceError, "expected virtual, autd3"),
-        (lambda: open_rig("virtual", "lsl:Skin"), InputError, "it brings its own"),
+        (lambda: open_rig("virtual", "lsl:Skin"), InputError, "since it has its own"),
         (lambda: record("virtual:cat"), UnknownDeviceError, "expected brush, sponge or towel"),
         (lambda: record("virtual:towel", 0.0), InputError, "at least one frame"),
     ],

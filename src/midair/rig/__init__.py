@@ -1,4 +1,4 @@
-"""Rigs: devices, flow and files put together into what a person does: record, play, loop."""
+"""Rigs: devices, pipeline and files combined to record, play, correct and play live."""
 
 from midair.rig.bench import (
     PRACTICE,

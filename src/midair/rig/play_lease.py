@@ -1,8 +1,7 @@
-"""Who may sound, until when: a few words of memory that the one who permits and the one who plays share.
+"""A time-limited permission to play, held in memory that the holder and the player share.
 
-Whoever is responsible renews the permit as long as somebody looks on; whoever plays looks at it before every frame or
-switch of banks. Nothing has to arrive for silence: a permit that nobody renews runs out by itself, in a process that
-hangs or died too.
+The holder renews the lease as long as its user interface is active; the player checks it before every frame or bank
+switch. Silence needs no message: without renewal the lease expires, also when the holder's process hangs or has died.
 """
 
 import threading
@@ -16,94 +15,88 @@ from midair.devices import uptime
 from midair.errors import DeviceStateError, InputError, MidairError, StoppedError
 
 Refusal = Literal["stopped", "expired", "disarmed"]
-"""Why nothing may sound: somebody asked for silence; nobody renewed it in time; it is not, or no longer, armed."""
+"""Why playing is not allowed: stop was requested; the lease was not renewed in time; it is not, or no longer, armed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeaseToken:
-    """What one arming allows, handed to the one who plays: with it, `PlayLease.refusal` tells whether it still holds.
-
-    Attributes
-    ----------
-    number : int
-        Number of the arming, from 1 on.
-    stops : int
-        How often silence had been asked for before it.
-    """
+    """Identifies one arming of a lease; the player passes it to `PlayLease.refusal`."""
 
     number: int
+    """Number of the arming, from 1."""
     stops: int
+    """Number of stop requests before the arming."""
 
 
 class PlayLease:
-    """Deadline, arming, stops and level, in memory that a process shares with those that it starts.
+    """Deadline, arming, stop counts and level, in memory that a process shares with its child processes.
 
-    Give it to a process as an argument of `multiprocessing.Process` (or of the spawn context's): the memory has no name
-    and no file, so that nothing of it is left when its processes are gone. Every word has one writer: the holder (who
-    makes it, arms and renews) or the player; a word is written in one piece.
+    Pass it to a process as an argument of `multiprocessing.Process` (or of the spawn context): the memory has no name
+    and no file, so nothing remains when its processes have ended. Each field has one writer, the holder (the process
+    that makes, arms and renews the lease) or the player, and is written atomically.
 
     Parameters
     ----------
     clock : callable
-        Seconds, by a clock that all processes of this computer share, which goes on while it sleeps.
+        Seconds of a clock that all processes of this computer share, and that keeps running during sleep mode.
 
     Examples
     --------
-    >>> permit = Permit()
-    >>> leave = permit.arm(0.5)
-    >>> permit.refusal(leave) is None, permit.level
+    >>> lease = PlayLease()
+    >>> token = lease.arm(0.5)
+    >>> lease.refusal(token) is None, lease.level
     (True, 0.5)
-    >>> permit.stop()
-    >>> permit.refusal(leave)
+    >>> lease.stop()
+    >>> lease.refusal(token)
     'stopped'
     """
 
     def __init__(self, clock: Callable[[], float] = uptime) -> None:
-        # Without a lock: a holder that is halted inside one would hold up the player.
+        # Without a lock: a holder that is suspended while it has the lock would block the player.
         self._words = cast("_Words", get_context("spawn").RawArray("d", len(_PLACES)))
         self._clock = clock
         self._here: Literal["holder", "player"] = "holder"
 
     def __getstate__(self) -> dict[str, object]:
-        """What another process gets: the same memory, in which it writes the player's words."""
+        """State for another process: the same memory, with the role of the player."""
         return {"_words": self._words, "_clock": self._clock, "_here": "player"}
 
     @property
     def level(self) -> float:
-        """How loud it may be now, 0 to 1 of what was admitted; 0 where nothing may sound."""
+        """Current level, 0 to 1 of the cleared level; 0 where playing is not allowed."""
         return self._get("level") if self._get("armed") else 0.0
 
     @property
     def armed(self) -> bool:
-        """Whether something may sound now."""
+        """Whether playing is allowed now."""
         return self._get("armed") > 0 and self._clock() < self._get("deadline") and self.stops == self._get("base")
 
     @property
     def stops(self) -> int:
-        """How often silence was asked for, by whomever."""
+        """Number of stop requests by holder and player."""
         return int(self._get("stops_by_holder") + self._get("stops_by_player"))
 
     @property
     def left(self) -> float:
-        """Time until it runs out, in s; 0 where nothing may sound."""
+        """Remaining time in s; 0 where playing is not allowed."""
         return max(0.0, self._get("deadline") - self._clock()) if self.armed else 0.0
 
     def arm(self, level: float = 1.0, *, lasts: float = 0.5) -> LeaseToken:
-        """Permit sound up to a level for a while; what was armed before is over.
+        """Allow playing up to a level for a limited time; an earlier arming ends.
 
         Parameters
         ----------
         level : float
-            0 to 1 of what was admitted; `turn` can lower it and bring it back, and never goes beyond.
+            0 to 1 of the cleared level; `turn` can lower it and raise it again, but not above.
         lasts : float
-            Time until it runs out unless renewed, in s.
+            Time in s until the lease expires unless renewed.
 
         Raises
         ------
         InputError
             If level or time is out of range.
         DeviceStateError
-            If this is the player's end of it.
+            If called by the player.
         """
         self._holding("arm")
         _within(level, "level", 1.0)
@@ -116,16 +109,16 @@ class PlayLease:
         self._put("ceiling", level)
         self._put("level", level)
         self._put("deadline", self._clock() + lasts)
-        # Last of all: only now all the others are those of this arming.
+        # Last, since only now all other fields are those of this arming.
         self._put("armed", number)
         return LeaseToken(number=number, stops=stops)
 
     def renew(self, *, lasts: float = 0.5) -> bool:
-        """Somebody still looks on: move the deadline; False, and disarmed, where it has run out or was stopped."""
+        """Move the deadline; return False, and disarm, if the lease has expired or was stopped."""
         self._holding("renew")
         _within(lasts, "lasts", 10.0)
         if not self.armed:
-            # A deadline that was missed is not made good: whoever plays may have found out, and ends.
+            # A missed deadline cannot be renewed: the player may have noticed it and is ending.
             self.disarm()
             return False
         self._put("deadline", self._clock() + lasts)
@@ -137,27 +130,27 @@ class PlayLease:
         Raises
         ------
         InputError
-            If it is louder than was armed: that has to be admitted, and armed, anew.
+            If it is higher: a higher level needs a new exposure check and a new arming.
         """
         self._holding("turn")
         _within(level, "level", self._get("ceiling"))
         self._put("level", level)
 
     def disarm(self) -> None:
-        """Nothing may sound any more, until it is armed again."""
+        """Forbid playing until the lease is armed again."""
         self._holding("disarm")
         self._put("armed", 0.0)
         self._put("level", 0.0)
 
     def stop(self) -> None:
-        """Silence, from either end: what was armed is over, whatever is renewed."""
+        """Request silence, from either side: the arming ends and cannot be renewed."""
         mine = "stops_by_holder" if self._here == "holder" else "stops_by_player"
         self._put(mine, self._get(mine) + 1)
         if self._here == "holder":
             self.disarm()
 
     def refusal(self, leave: LeaseToken) -> Refusal | None:
-        """Why nothing may sound by an arming; None where it may."""
+        """Reason why playing is not allowed under a token; None where it is allowed."""
         if self.stops != leave.stops:
             return "stopped"
         if self._get("armed") != leave.number:
@@ -165,14 +158,14 @@ class PlayLease:
         return "expired" if self._clock() >= self._get("deadline") else None
 
     def check(self, leave: LeaseToken, name: str = "array") -> None:
-        """Raise StoppedError where nothing may sound by an arming."""
+        """Raise StoppedError where playing is not allowed under a token."""
         refusal = self.refusal(leave)
         if refusal is not None:
             raise StoppedError(f"{name}: {_SAID[refusal]}")
 
     def _holding(self, what: str) -> None:
         if self._here != "holder":
-            raise DeviceStateError(f"permit: expected its holder to {what}, got the player, who can only stop")
+            raise DeviceStateError(f"lease: expected its holder to {what}, got the player, which can only stop")
 
     def _get(self, word: str) -> float:
         return self._words[_PLACES[word]]
@@ -182,12 +175,12 @@ class PlayLease:
 
 
 class LeaseGuard(Protocol):
-    """What looks at a permit before it lets sound begin or go on, as `ArrayDevice` does."""
+    """A device that checks a lease before it starts or continues to emit sound, as `ArrayDevice` does."""
 
     name: str
 
     def allowing(self, check: Callable[[], None] | None) -> None:
-        """Have something called before every frame or switch, which raises where nothing may sound."""
+        """Set a function that is called before every frame or bank switch and raises where playing is not allowed."""
         ...
 
     def silence(self) -> None:
@@ -197,22 +190,22 @@ class LeaseGuard(Protocol):
 
 @contextmanager
 def under_lease(array: LeaseGuard, permit: PlayLease, leave: LeaseToken, *, every: float = 0.005) -> Generator[None]:
-    """While inside, an array lets nothing sound without this arming, and is silenced as soon as it is over.
+    """Inside the context, an array plays only under this token, and is silenced as soon as the lease ends.
 
-    The array looks itself before every frame or switch; and since a switch may hand over a quarter of a second, a
-    thread looks as well, as often as `every` says, in s.
+    The array checks the lease before every frame or bank switch. Since a switch may hand over a quarter of a second of
+    frames, a thread checks it as well, every `every` seconds.
 
     Raises
     ------
     StoppedError
-        From what plays inside.
+        From the playing inside, when the lease ends.
     """
     left = threading.Event()
 
     def watch() -> None:
         while not left.wait(every):
             if permit.refusal(leave) is not None:
-                # What cannot be told to be silent says so to whoever plays on it.
+                # An array that cannot be silenced raises the error in the playing thread.
                 with suppress(MidairError):
                     array.silence()
                 return
@@ -229,7 +222,7 @@ def under_lease(array: LeaseGuard, permit: PlayLease, leave: LeaseToken, *, ever
 
 
 class _Words(Protocol):
-    """What is used of the shared array of numbers."""
+    """Interface of the shared array of numbers."""
 
     def __getitem__(self, place: int) -> float: ...
 
@@ -242,13 +235,13 @@ _PLACES = {
         ("deadline", "armed", "armings", "base", "level", "ceiling", "stops_by_holder", "stops_by_player")
     )
 }
-"""Where each word is; `stops_by_player` alone is the player's to write. Eight numbers of eight bytes, all aligned."""
+"""Index of each field; the player writes `stops_by_player` alone. Eight aligned numbers of eight bytes."""
 
 _SAID: dict[Refusal, str] = {
-    "stopped": "somebody asked for silence; start again when it is safe",
-    "expired": "silenced, for nobody looked on in time: the page or program was closed, hidden, hung or kept waiting by"
-    " others on this computer; start again",
-    "disarmed": "expected an armed permit; it was taken back",
+    "stopped": "stopped on request; start again when it is safe",
+    "expired": "stopped: the page or program did not renew its permission in time, because it was closed, hidden, "
+    "hung or delayed by other programs; start again",
+    "disarmed": "expected an armed lease, got one that was disarmed; arm it again",
 }
 
 

@@ -1,4 +1,4 @@
-"""The tape recorder for programs: record, play and the whole loop, each in one call, on devices by their names."""
+"""Record, play and loop from Python, each in one call, with devices given by name."""
 
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -31,26 +31,18 @@ from midair.settings import MODES, Mode, Settings
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenRig:
-    """An array, the sensor that hears it, and what may be exposed to it. `open_rig` makes one.
+    """An array, the sensor that records it, and the exposure limits; made by `open_rig`.
 
-    A context manager: entering opens both devices; leaving silences the array and closes both, on errors too.
-
-    Attributes
-    ----------
-    array : ArrayDevice
-        That plays.
-    sensor : SensorDevice or None
-        That hears it, with its calibration; None where nothing listens.
-    exposure : ExposureChoices
-        That every drive has to keep.
-    measured : TransducerArray or None
-        The array's transducers as they were measured, for which `loop` solves; None takes the model's.
+    A context manager: entering opens both devices; leaving silences the array and closes both, also after an error.
     """
 
     array: ArrayDevice
     sensor: SensorDevice | None
+    """Sensor that records the array, with its calibration; None for an array alone."""
     exposure: ExposureChoices
+    """Exposure limits of every drive."""
     measured: TransducerArray | None = None
+    """Measured transducers of the array, for which `loop` solves; the model's if None."""
     _open: ExitStack = field(default_factory=ExitStack, repr=False)
 
     def __enter__(self) -> Self:
@@ -71,24 +63,17 @@ class OpenRig:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Played:
-    """How playing went, and what was heard of it.
-
-    Attributes
-    ----------
-    drive : Drive
-        What was played; weaker than what was asked if it had to be attenuated.
-    outcome : {"kept", "attenuated", "overridden", "exceeded"}
-        Of the exposure; "exceeded" only where no sound can come out.
-    take : OpenedTake or None
-        The re-recording and its sensor's calibration; None where nothing listened.
-    report : PlayReport or None
-        Of the array; None where a sensor listened.
-    """
+    """Result of `play`."""
 
     drive: Drive
+    """The drive that was played; attenuated if the exposure limits required it."""
     outcome: str
+    """Result of the exposure check: "kept", "attenuated", "overridden", or "exceeded" (only on arrays that emit no
+    sound)."""
     take: OpenedTake | None = None
+    """Re-recording with the sensor's calibration; None without a sensor."""
     report: PlayReport | None = None
+    """Report of the array; None with a sensor."""
 
     def __repr__(self) -> str:
         heard = "nothing listened" if self.take is None else f"heard: {self.take.recording!r}"
@@ -109,46 +94,46 @@ def open_rig(
     acoustics: Acoustics | None = None,
     seed: int = 0,
 ) -> OpenRig:
-    """An array and a sensor by their names, to be entered by ``with``.
+    """Make a rig from the names of an array and a sensor; enter it with ``with``.
 
     Parameters
     ----------
     array : str
-        ``virtual``: an array and a sensor that exist only here, each a little different from what the solver assumes.
-        Others as in ``midair play --device``: ``autd3``, ``autd3:emulator``, ``pyautd3`` and so on.
+        ``virtual``: a simulated array and sensor, both slightly different from the solver's model. Others as in
+        ``midair play --device``: ``autd3``, ``autd3:emulator``, ``pyautd3`` and so on.
     sensor : str, optional
-        That hears a real array: ``lsl:NAME``, ``audio:DEVICE``, ``serial:PORT``, ``ni:CHANNELS``.
+        Sensor that records a real array: ``lsl:NAME``, ``audio:DEVICE``, ``serial:PORT``, ``ni:CHANNELS``.
     calibration : Calibration or path, optional
-        Of that sensor.
+        Calibration of that sensor.
     placement : Placement, optional
-        Of the array's units; two by two if None.
+        Placement of the array's units; two by two if None.
     silencer : {"auto", "off", "quarter", "half", "default"}, optional
-        How phase steps are spread, on the virtual array as on a real one; auto if None.
+        How phase steps are spread, also on the virtual array; auto if None.
     exposure : ExposureChoices, optional
-        That every drive has to keep; the usual profile, with nobody answering for more, if None.
+        Exposure limits of every drive; the default profile without override if None.
     height : float
-        Of a virtual sensor above the array, in m.
+        Height of a virtual sensor above the array in m.
     cells : SensorGrid, optional
-        Of a virtual sensor; the paper's 4 x 4 if None.
+        Cells of a virtual sensor; the paper's 4 x 4 if None.
     band : tuple of float
-        (low, high) that a virtual sensor has to hear, in Hz.
+        (low, high) in Hz that a virtual sensor must record.
     acoustics : Acoustics, optional
-        Of the virtual rig: the air in which it plays, whatever a drive was solved for; each drive's own air if None.
+        Air and directivity of the virtual rig; the air of each drive if None.
     seed : int
-        Of the virtual rig's strengths and noise.
+        Seed of the virtual rig's transducer strengths and noise.
 
     Raises
     ------
     UnknownDeviceError, MissingExtraError, DeviceError
-        If nothing answers to a name, or what it needs is not installed.
+        If a device is unknown or not found, or its package is not installed.
     InputError
-        If a sensor, calibration or placement is given for the virtual array, which brings its own.
+        If a sensor, calibration or placement is given for the virtual array, which has its own.
     """
     virtual = VirtualRig(seed=seed, height=height, cells=cells or SensorGrid(), acoustics=acoustics).hearing(band)
     choices = exposure or usual_exposure()
     if array == "virtual":
         if sensor or calibration or placement:
-            raise InputError("virtual array: expected no sensor, calibration or placement; it brings its own")
+            raise InputError("virtual array: expected no sensor, calibration or placement, since it has its own")
         skin = virtual.skin()
         device = virtual.array_device(skin)
         device.silencer = silencer or "auto"
@@ -173,25 +158,23 @@ def record(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> OpenedTake:
-    """Record a sensor for a while.
+    """Record a sensor for `duration` seconds, or until the sensor ends.
 
     Parameters
     ----------
     sensor : str or SensorDevice
-        By name, as in ``midair record``: ``virtual:towel``, ``replay:take.h5``, ``lsl:NAME``, ``audio:DEVICE``,
-        ``serial:PORT``, ``ni:CHANNELS``; or one that is open.
-    duration : float
-        In s; less if the sensor ends before.
+        A name as in ``midair record``: ``virtual:towel``, ``replay:take.h5``, ``lsl:NAME``, ``audio:DEVICE``,
+        ``serial:PORT``, ``ni:CHANNELS``; or an open device.
     path : str or Path, optional
-        Of a file that is written as the frames come, so that whatever was recorded survives a crash.
+        File that is written during the recording, so that the frames survive a crash.
     notes : dict of str to str, optional
-        What people want to remember: object, surface, speed, operator.
+        Notes such as object, surface, speed and operator.
     wiring : SensorWiring, optional
-        Which channel is which cell.
+        Assignment of channels to cells.
     seed : int
-        Of a virtual sensor.
+        Seed of a virtual sensor.
     progress : callable, optional
-        Called with (frames done, frames in all).
+        Called with (frames done, total frames).
 
     Returns
     -------
@@ -201,9 +184,9 @@ def record(
     Raises
     ------
     UnknownDeviceError, MissingExtraError, DeviceError
-        If nothing answers to the name, or the sensor gives nothing or loses frames.
+        If the device is unknown or not found, or the sensor gives no frames or loses frames.
     InputError
-        If the duration holds no frame.
+        If the duration is shorter than one frame.
     """
     if isinstance(sensor, str):
         named = sensor_named(sensor, VirtualRig(seed=seed), wiring=wiring)
@@ -223,29 +206,29 @@ def play(
     source: str | Path = "python",
     progress: Progress | None = None,
 ) -> Played:
-    """Play a drive, after its exposure was checked, and record what a sensor hears of it where one listens.
+    """Play a drive after an exposure check, and re-record it if the rig has a sensor.
 
     Parameters
     ----------
     what : Solution or Drive
-        Made for the rig's array.
+        Solved for the rig's array.
     rig : OpenRig or str
-        Entered; or the name of an array that is opened for this alone.
+        An entered rig, or the name of an array that is opened for this call.
     repeats : int
-        How often, one time after the other without a gap.
+        Number of repetitions, without a gap.
     exposure : ExposureChoices, optional
-        What it has to keep, in place of the rig's own.
+        Exposure limits, if not the rig's.
     source : str or Path
-        What to call it in the log of what was played; a file is hashed there.
+        Name of the drive in the play log; a file is hashed there.
     progress : callable, optional
-        Called with (frames played, frames in all).
+        Called with (frames played, total frames).
 
     Raises
     ------
     ExposureError
-        If it exceeds the profile and nobody answers for it.
+        If the drive exceeds the profile without an override.
     MismatchError
-        If it was made for another array.
+        If the drive was solved for another array.
     DeviceStateError
         If the rig was not entered.
     """
@@ -273,31 +256,31 @@ def loop(
     lead: float | None = None,
     stage: Stage = quiet,
 ) -> Loop:
-    """Solve, play, re-record, correct, play again, compare (paper, 5.2); and again, until it no longer helps.
+    """Run the paper's loop (5.2): solve, play, re-record, correct, play again, compare; optionally iterate.
 
     Parameters
     ----------
     original : OpenedTake, PressureFrames or path
         A recording with its calibration; or its pressure, in the settings' band and at their rate.
     settings : Settings or {"paper", "best", "quick", "finest"}
-        Of every stage, or a mode by name.
+        Settings of every stage, or the name of a mode.
     rig : OpenRig or str
-        Entered, with a sensor; or the name of an array that is opened for this alone.
+        An entered rig with a sensor, or the name of an array that is opened for this call.
     corrections : int
-        Passes after the first that correct the amplitude; the paper's loop has one.
+        Passes after the first that correct the amplitude; the paper has one.
     iterate : int
-        Largest number of passes after those that correct the waveform.
+        Maximum number of passes after those that correct the waveform.
     lead : float, optional
-        Silence around what is played, in which a bias can rise, in s; what the mapping needs if None.
+        Silence in s around the original, in which a bias can rise; the mapping's own value if None.
     stage : callable
-        Told the name of each stage as it begins; gives the progress to report to.
+        Called with the name of each stage at its start; returns its progress callback.
 
     Raises
     ------
     InputError
-        If the rig has no sensor, or a sensor without a calibration where one is needed.
+        If the rig has no sensor, or the sensor has no calibration.
     ExposureError
-        If a drive exceeds the profile and nobody answers for it.
+        If a drive exceeds the profile without an override.
     """
     chosen = MODES[settings]() if isinstance(settings, str) else settings
     if isinstance(original, str | Path):
@@ -309,7 +292,7 @@ def loop(
         with open_rig(rig, height=height, cells=original.sensor, band=band) as opened:
             return loop(original, chosen, opened, corrections=corrections, iterate=iterate, lead=lead, stage=stage)
     if rig.sensor is None:
-        raise InputError(f"loop on {rig.array.name}: expected a rig with a sensor, which must hear the array; got none")
+        raise InputError(f"loop on {rig.array.name}: expected a rig with a sensor, got none; name one in open_rig")
     return run_loop(
         original,
         rig.array,

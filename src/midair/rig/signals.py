@@ -1,4 +1,4 @@
-"""What happens when a signal asks the program to end."""
+"""Handle signals that end the program."""
 
 import signal
 import threading
@@ -8,14 +8,14 @@ from types import FrameType
 
 Handler = Callable[[int, FrameType | None], object]
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Signals that ask a program to end, and that its terminal is gone, where the system has them."""
+"""Signals that request the end of the program or report a closed terminal, where the system has them."""
 
 
 @contextmanager
 def handled(numbers: tuple[int, ...], handler: Handler) -> Generator[None]:
-    """While inside, `handler` gets these signals; what handled them before does so again afterwards.
+    """Send these signals to `handler` inside the context, and restore the earlier handlers afterwards.
 
-    Only the main thread may handle signals: in any other, nothing changes.
+    Python handles signals in the main thread only: in any other thread, nothing changes.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

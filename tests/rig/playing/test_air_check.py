@@ -33,7 +33,7 @@ def never():
 def test_a_room_that_nobody_stated_is_said_and_never_guessed(drive):
     found = room_air(drive, None, never)
     assert found.warns
-    assert "temperature of the room not stated: the drive was solved for 22 °C, 50 % humidity" in found.said
+    assert "room temperature unknown: the drive was solved for 22 °C, 50 % humidity" in found.said
 
 
 def test_a_virtual_array_has_the_drive_s_own_air(drive):
@@ -68,6 +68,6 @@ def test_a_drive_for_the_paper_s_air_is_one_for_14_degrees(drive, target):
 
 def test_without_a_target_the_cost_is_not_known_and_silence_has_none(drive, target):
     warm = Medium.at(temperature=30.0)
-    assert "its file cannot tell" in room_air(drive, warm, lambda: None).said
+    assert "the file has no target" in room_air(drive, warm, lambda: None).said
     silent = replace(target, amplitude=np.zeros((5, 36)))
-    assert "it is silent" in room_air(drive, warm, lambda: silent).said
+    assert "the drive is silent" in room_air(drive, warm, lambda: silent).said

@@ -1,4 +1,4 @@
-"""Play: admitted drives, logged, stopped on demand, and re-recorded."""
+"""Play cleared drives with a log entry, stop them on request, and re-record them."""
 
 from midair.devices import stop_playing
 from midair.rig.playing.air_check import RoomAir, room_air

@@ -1,4 +1,4 @@
-"""What is to be said of the air before a drive is played: that of the room, and that which it was solved for."""
+"""Compare the air of the room with the air that a drive was solved for."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,23 +7,17 @@ from midair.evaluate import error_at_temperature
 from midair.model import AmplitudeFrames, Drive, Medium
 
 FAR = 2.0
-"""Degrees Celsius between room and drive from which on it is said what that costs."""
+"""Temperature difference in K between room and drive above which the error is computed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoomAir:
-    """A line for whoever plays.
-
-    Attributes
-    ----------
-    said : str
-        The line.
-    warns : bool
-        Whether the drive may press otherwise than it was solved for.
-    """
+    """Result of the comparison, as one line."""
 
     said: str
+    """The line."""
     warns: bool
+    """Whether the pressure may differ from that of the solved drive."""
 
 
 def room_air(
@@ -34,26 +28,24 @@ def room_air(
     simulated: bool = False,
     frames: int = 64,
 ) -> RoomAir:
-    """What the air of the room does to a drive.
+    """Describe the effect of the room's air on a drive.
 
     Parameters
     ----------
-    drive : Drive
-        To be played.
     room : Medium or None
-        The air of the room; None where nobody stated it.
+        Air of the room; None if unknown.
     target : callable
-        Gives what the drive was solved for, or None where that is not known; asked only where it matters.
+        Returns the target of the drive, or None if unknown; called only if needed.
     simulated : bool
-        Whether there is no room: a virtual array plays in the drive's own air unless another is stated.
+        Whether the array is virtual: it plays in the drive's own air unless another is given.
     frames : int
-        How many frames E is worked out for, evenly spread over those that play.
+        Number of frames, evenly spaced, for which E is computed.
     """
     own = drive.acoustics.medium
     if room is None:
         if simulated:
             return RoomAir(said=f"air: {own}, the drive's own", warns=False)
-        said = f"temperature of the room not stated: the drive was solved for {own}; --temperature states it"
+        said = f"room temperature unknown: the drive was solved for {own}; give it with --temperature"
         return RoomAir(said=said, warns=True)
     both = f"the room has {room}, the drive was solved for {own}"
     if abs(room.degrees - own.degrees) <= FAR:
@@ -63,8 +55,8 @@ def room_air(
 
 def _cost(drive: Drive, room: Medium, target: AmplitudeFrames | None, frames: int) -> str:
     if target is None:
-        return "what that costs its file cannot tell, since it has no target"
+        return "the error cannot be computed, since the file has no target"
     here, own = (error_at_temperature(drive, target, each, frames=frames) for each in (room, drive.acoustics.medium))
     if not len(here):
-        return "it is silent"
+        return "the drive is silent"
     return f"E {100 * here.mean():.1f} % instead of {100 * own.mean():.1f} %, the mean of {len(here)} frames"

@@ -1,4 +1,4 @@
-"""Play what was admitted, and be silent when a signal ends the program."""
+"""Play cleared drives; a signal that ends the program silences the array."""
 
 import signal
 import sys
@@ -21,19 +21,17 @@ def play_cleared(
     progress: Progress | None = None,
     room: Medium | None = None,
 ) -> PlayReport:
-    """Play on an open array what has been admitted on it.
+    """Play a cleared drive on an open array.
 
-    SIGTERM and SIGHUP end the program as Ctrl-C does, which silences the array on the way out. It is
-    logged, and `midair stop` reaches it, also where nobody can hear it: see `ArrayDevice.play`.
+    SIGTERM and SIGHUP end the program as Ctrl-C does, which silences the array. Playing is logged, and `midair stop`
+    reaches it on every array: see `ArrayDevice.play`.
 
     Parameters
     ----------
-    admission : Admission
-        What `admit` gave for this array.
-    array : ArrayDevice
-        Open.
+    admission : ExposureClearance
+        Result of `check_exposure` for this array.
     source : str or Path
-        What to call the drive in the log; a file is hashed there.
+        Name of the drive in the log; a file is hashed there.
     delay, progress, room
         As in `ArrayDevice.play`.
     """
@@ -43,12 +41,12 @@ def play_cleared(
 
 @contextmanager
 def signals_end_the_program() -> Generator[None]:
-    """While inside, SIGTERM and SIGHUP leave through every `with` and `finally`, as an error does."""
+    """Inside the context, SIGTERM and SIGHUP leave through every `with` and `finally`, as an error does."""
 
     def leave(number: int, _: FrameType | None) -> None:
         for each in ENDING:
             signal.signal(each, signal.SIG_IGN)  # a second one must not interrupt the silencing
-        # The status by which shells know that a signal ended a program.
+        # Exit status by which shells recognise a program that a signal ended.
         sys.exit(128 + number)
 
     with handled(ENDING, leave):

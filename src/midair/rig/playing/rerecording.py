@@ -1,4 +1,4 @@
-"""From an admitted drive to a played one, and to what a sensor felt of it."""
+"""Play a cleared drive and re-record it."""
 
 import time
 from pathlib import Path
@@ -11,7 +11,7 @@ from midair.rig.playing.cleared_play import play_cleared
 
 
 def usual_exposure() -> ExposureChoices:
-    """What is allowed where nobody said otherwise: the profile that comes first, nothing weakened, nobody answering."""
+    """Default exposure limits: the default profile without override."""
     return ExposureChoices(profile=profile_named(DEFAULT_PROFILE))
 
 
@@ -24,37 +24,35 @@ def rerecord(
     tail: float = 0.02,
     progress: Progress | None = None,
 ) -> Recording:
-    """Play what was admitted on an open array and record it with an open sensor from before its first frame on.
+    """Play a cleared drive on an open array and record it with an open sensor, starting before its first frame.
 
-    A simulated sensor hears the first frame at time 0. On a real rig the array takes its time to begin, so everything
-    that the sensor heard from the order to play on is kept: `evaluate.find_delay` tells where the drive begins.
+    A simulated sensor records the first frame at time 0. A real array starts with a delay, so the recording holds
+    everything since the start of playing: `evaluate.find_delay` finds where the drive begins.
 
     Parameters
     ----------
-    admission : Admission
-        What `admit` gave for this array.
+    admission : ExposureClearance
+        Result of `check_exposure` for this array.
     array, sensor : ArrayDevice, SensorDevice
-        Open. The sensor must keep what it samples until it is read.
+        Open. The sensor must buffer its samples until they are read.
     source : str or Path
-        What to call the drive in the log; a file is hashed there.
+        Name of the drive in the log; a file is hashed there.
     tail : float
-        How much longer than the drive to record, in s, so that a delay cuts nothing off.
+        Additional recording time in s, so that a delay cuts nothing off.
     progress : callable, optional
-        Called with (frames played, frames in all).
+        Called with (frames played, total frames).
 
     Raises
     ------
     MismatchError
-        If only one of the two is simulated: they would not hear each other.
+        If only one of the two devices is simulated.
     DeviceStateError
-        If it was not admitted on this array, or its frames are yet to come.
+        If the drive was not cleared for this array, or holds no frames (live).
     DeviceError
         If the sensor loses frames.
     """
     if array.simulated != sensor.simulated:
-        raise MismatchError(
-            f"expected array and sensor both real or both virtual, got {array.name} and {sensor.name}; they cannot meet"
-        )
+        raise MismatchError(f"expected array and sensor both real or both virtual, got {array.name} and {sensor.name}")
     drive = admission.check_for(array)
     sensor.start()
     try:
@@ -62,7 +60,7 @@ def rerecord(
         if array.gated:
             report = play_cleared(admission, array, source=source, progress=progress)
         else:
-            # Nothing sounds: passes of a loop on the virtual rig would fill the log of what did.
+            # A virtual array emits no sound, and loops on the virtual rig would fill the play log.
             report = array.play(admission, progress=progress)
         lasted = admission.repeats * drive.frames / drive.rate if sensor.simulated else time.monotonic() - began
         samples = read_frames(sensor, round((lasted + tail) * sensor.rate))
