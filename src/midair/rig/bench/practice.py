@@ -129,7 +129,7 @@ def write_practice(
     names = [name for name, _, _ in plan]
     for path in [folder / f"{name}{end}.h5" for name in names for end in ("", "-reference")]:
         if path.exists():
-            raise FileError(f"{path}: file exists already; give another folder")
+            raise FileError(f"{path}: is there already; give another folder")
     for number, ((name, cell, level), signal) in enumerate(
         zip(plan, _signals(len(plan), kind, duration, seed), strict=True)
     ):

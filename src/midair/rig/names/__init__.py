@@ -1,4 +1,4 @@
-"""Open: from the names that people type to devices, and the virtual rig."""
+"""Make devices from the names that users type, and the virtual rig."""
 
 from midair.rig.names.array_names import ArrayKind, array_named, array_of_kind
 from midair.rig.names.sensor_names import sensor_named

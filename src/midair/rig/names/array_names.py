@@ -1,4 +1,4 @@
-"""Arrays by the names that people give them: ``autd3:eth0``, ``pyautd3:audit``, ``openmpd:COM3``."""
+"""Arrays by name: ``autd3:eth0``, ``pyautd3:audit``, ``openmpd:COM3``."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal
@@ -28,41 +28,40 @@ ARRAYS: Registry[Callable[[str, Placement | None, SilencerChoice], ArrayDevice]]
 """Functions that make an array, by the part of its name before the colon: name, placement, silencer to device."""
 
 ArrayKind = Literal["autd3", "openmpd", "openmpd-twin"]
-"""Arrays that can be solved for without a file: two by two units; one board; two boards face to face."""
+"""Arrays that the solver supports without a file: two by two units, one board, two opposing boards."""
 
 
 def array_of_kind(kind: ArrayKind) -> TransducerArray:
-    """The transducers of a kind of array."""
+    """Transducers of a kind of array."""
     if kind == "autd3":
         return TransducerArray.autd3()
     return array_of_boards(*[Board.nominal()] * (1 if kind == "openmpd" else 2))
 
 
 def array_named(name: str, placement: Placement | None = None, *, silencer: SilencerChoice = "auto") -> ArrayDevice:
-    """The array that a name means, not yet open.
+    """Make the array that a name stands for, not yet open.
 
     Parameters
     ----------
     name : str
-        ``autd3`` searches all network interfaces; ``autd3:INTERFACE`` takes one, or the address of an emulator;
-        ``autd3:emulator`` starts one. ``autd3-simulator`` and ``autd3-server``, each with ``:PORT`` if it is not the
-        makers' own, are programs of the makers that run on this computer. ``pyautd3`` and ``pyautd3:INTERFACE`` are for
-        older firmware over EtherCAT, ``pyautd3:twincat`` and ``pyautd3:remote:ADDRESS:PORT`` through a server;
-        ``pyautd3:audit`` and ``pyautd3:nop`` have no hardware behind them. ``openmpd:PORT?board=FILE`` is a board at a
-        serial port with its own file, ``openmpd:LOWER,UPPER?board=FILE,FILE`` two of them; ``board=none`` says that
-        there is no file, and without any word of it a board can be silenced, but not played on. ``virtual`` is not
-        among them: it needs a skin to press on.
+        ``autd3`` searches all network interfaces; ``autd3:INTERFACE`` uses one, or the address of an emulator;
+        ``autd3:emulator`` starts one. ``autd3-simulator`` and ``autd3-server``, with ``:PORT`` if not the default,
+        are the makers' programs on this computer. ``pyautd3`` and ``pyautd3:INTERFACE`` are for older firmware over
+        EtherCAT, ``pyautd3:twincat`` and ``pyautd3:remote:ADDRESS:PORT`` for a server; ``pyautd3:audit`` and
+        ``pyautd3:nop`` have no hardware. ``openmpd:PORT?board=FILE`` is a board at a serial port with its own file,
+        ``openmpd:LOWER,UPPER?board=FILE,FILE`` two of them; ``board=none`` stands for a board without a file. Without
+        ``board=`` a board can be silenced, but not played on. ``virtual`` is made by `VirtualRig` instead.
     placement : Placement, optional
-        Placement of the units; two by two if None. Boards of openmpd stand where they stand.
+        Placement of the units; two by two if None. Boards of openmpd have a fixed placement.
     silencer : {"auto", "off", "quarter", "half", "default"}
         How phase steps are spread.
 
     Raises
     ------
     UnknownDeviceError
-        If nothing answers to the name.
+        If the name is unknown.
     InputError
-        If an option is unknown, or does not fit.
+        If an option is unknown or does not fit.
     FileError
         If a board's file cannot be read.
     """
@@ -85,7 +84,7 @@ def open_pyautd3(name: str, placement: Placement | None, silencer: SilencerChoic
 
 
 def _old_link(where: str) -> str:
-    """The link that follows ``pyautd3:``; whatever is none is a network interface."""
+    """Link after ``pyautd3:``; any other text is the name of a network interface."""
     if where in ("audit", "nop", "twincat") or where.startswith("remote:"):
         return where
     return f"ethercrab:{where}" if where else "ethercrab"
@@ -97,13 +96,13 @@ def open_openmpd(name: str, placement: Placement | None, silencer: SilencerChoic
     if not where:
         raise UnknownDeviceError(f"array: expected {NAMES}, got {name!r}")
     if placement is not None:
-        raise InputError(f"{name}: expected no placement; boards are alone, or face to face, 238.8 mm apart")
+        raise InputError(f"{name}: expected no placement, got one; boards are single, or opposing at 238.8 mm")
     if unknown := sorted(set(said) - {"board"}):
         raise InputError(f"{name}: expected the option board, got {unknown[0]}")
     return OpenMpdArray(where.split(","), _boards(said), name=f"openmpd:{where}", silencer=silencer)
 
 
 def _boards(said: Mapping[str, str]) -> list[Board]:
-    """The boards of a name, in the order of its ports; none when it says nothing of them."""
+    """Boards of a name, in the order of its ports; empty without the option."""
     files = said["board"].split(",") if "board" in said else []
     return [Board.nominal() if file == "none" else load_board(file) for file in files]

@@ -1,4 +1,4 @@
-"""Devices by the names that people type: ``virtual:towel``, ``replay:take.h5``, ``lsl:Skin``."""
+"""Sensors by name: ``virtual:towel``, ``replay:take.h5``, ``lsl:Skin``."""
 
 from midair.devices import RemappedSensor, ReplaySensor, SensorDevice
 from midair.errors import UnknownDeviceError
@@ -11,27 +11,27 @@ from midair.rig.names.virtual_rig import VirtualRig
 def sensor_named(
     name: str, rig: VirtualRig, *, duration: float | None = None, wiring: SensorWiring | None = None
 ) -> SensorDevice:
-    """The sensor that a name means, not yet open.
+    """Make the sensor that a name stands for, not yet open.
 
     Parameters
     ----------
     name : str
-        ``virtual:OBJECT`` with OBJECT one of brush, sponge, towel, each with +groove for the grooved surface, or one of
-        am-i, am-ii, am-iii, the modulated foci of section 5.2; or ``replay:FILE``; or a live sensor (`source_names`):
+        ``virtual:OBJECT``, with OBJECT one of brush, sponge, towel (+groove for the grooved surface) or one of am-i,
+        am-ii, am-iii, the modulated foci of section 5.2; or ``replay:FILE``; or a live sensor (`source_names`):
         ``lsl:NAME``, ``audio:DEVICE``, ``serial:PORT``, ``ni:CHANNELS``.
     rig : VirtualRig
-        What virtual names refer to.
+        Rig of the virtual names.
     duration : float, optional
-        Time for which a virtual object touches, in s.
+        Duration of a virtual touch in s.
     wiring : SensorWiring, optional
-        Which channel is which cell, from a sensor file. The cells of a virtual or replayed sensor count as channels.
+        Assignment of channels to cells, from a sensor file; cells of a virtual or replayed sensor count as channels.
 
     Raises
     ------
     UnknownDeviceError
-        If nothing answers to the name.
+        If the name is unknown.
     MissingExtraError, DeviceError, InputError
-        As `source_sensor`.
+        As in `source_sensor`.
     """
     kind, _, rest = name.partition(":")
     if kind not in ("virtual", "replay") and kind in SENSORS and (rest or SENSORS[kind].has_default):

@@ -52,7 +52,7 @@ def source_sensor(name: str, *, wiring: SensorWiring | None = None) -> StreamedS
         source if options.rate is None else Decimated(source, options.rate),
         name=name,
         wire=lambda stream: options.wire(stream, wiring, plain),
-        # At a low rate even a healthy sensor is silent for longer than the limit.
+        # At a low rate the frame interval of a working sensor can exceed the limit.
         timeout=max(options.timeout, 3 / (options.rate or 1e9)),
     )
 

@@ -1,4 +1,4 @@
-"""Stages by the names that people give them: ``grbl:/dev/ttyUSB0``, ``grbl:COM3?baud=115200``."""
+"""Motion stages by name: ``grbl:/dev/ttyUSB0``, ``grbl:COM3?baud=115200``."""
 
 from collections.abc import Callable, Mapping
 
@@ -14,19 +14,19 @@ STAGES: Registry[Callable[[str, Mapping[str, str]], StageDevice]] = Registry(
 
 
 def stage_named(name: str) -> StageDevice:
-    """The stage that a name means, not yet open.
+    """Make the motion stage that a name stands for, not yet open.
 
     Parameters
     ----------
     name : str
-        ``grbl:PORT``: a machine behind Grbl 1.1 at a serial port; ``?baud=`` where it does not speak at 115200.
+        ``grbl:PORT``: a machine with Grbl 1.1 at a serial port; ``?baud=`` if its rate is not 115200 bits per second.
 
     Raises
     ------
     UnknownDeviceError
-        If nothing answers to the name.
+        If the name is unknown.
     InputError
-        If an option is unknown or cannot be used.
+        If an option is unknown or invalid.
     MissingExtraError
         If pyserial is not installed.
     """

@@ -1,4 +1,4 @@
-"""A whole rig that exists only here: array, sensor, and the air between them."""
+"""A simulated rig: array, sensor, and the air between them."""
 
 from dataclasses import dataclass, field, replace
 
@@ -12,79 +12,61 @@ from midair.validation import HEIGHTS, length
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualRig:
-    """What a virtual rig is made of; the sensor lies face down over the centre of the array.
-
-    Attributes
-    ----------
-    array : TransducerArray
-        The transducers.
-    cells : SensorGrid
-        The sensor's cells.
-    height : float
-        Height of the sensor above the array, in m.
-    acoustics : Acoustics or None
-        The air in which it plays, whatever a drive was solved for, and the directivity of a transducer; each drive's
-        own air if None.
-    dynamics : TransducerDynamics
-        Dynamics of a transducer.
-    rate : float
-        Rate of the sensor, in Hz.
-    steps : int
-        Time steps of the simulation in one frame of the sensor.
-    seed : int
-        Seed of everything random: the sensor's spread and noise, the transducers' strengths.
-    transducers : Transducers or None
-        Those of the array, such as `Transducers.measured` gives; each a little different, by the seed, if None.
-    peak : float
-        Highest pressure of a modulated focus, in Pa; at 30 Pa two corrected foci stay within the array's power.
-    """
+    """Parameters of a simulated rig; the sensor lies face down over the centre of the array."""
 
     array: TransducerArray = field(default_factory=TransducerArray.autd3)
     cells: SensorGrid = field(default_factory=SensorGrid)
     height: float = 0.2
+    """Height of the sensor above the array in m."""
     acoustics: Acoustics | None = None
+    """Air during playback, whatever a drive was solved for, and directivity; each drive's own air if None."""
     dynamics: TransducerDynamics = field(default_factory=TransducerDynamics)
     rate: float = 1000.0
+    """Rate of the sensor in Hz."""
     steps: int = 8
+    """Simulation steps per frame of the sensor."""
     seed: int = 0
+    """Seed of the sensor's spread and noise and of the transducers' strengths."""
     transducers: Transducers | None = None
+    """Transducers of the array, such as from `Transducers.measured`; a random spread if None."""
     peak: float = 30.0
+    """Peak pressure of a modulated focus in Pa; at 30 Pa two corrected foci stay within the array's power."""
 
     def __post_init__(self) -> None:
         length(self.height, "height", HEIGHTS)
 
     @property
     def sensor_model(self) -> SensorModel:
-        """The sensor, each channel a little different."""
+        """The sensor, with a random spread of its channels."""
         cells = replace(self.cells, name=f"virtual sensor {self.seed}")
         return SensorModel.usual(cells).with_spread(seed=self.seed)
 
     def hearing(self, band: tuple[float, float]) -> "VirtualRig":
-        """The same with a sensor that is fast enough for a band: at 1 kHz up to 487 Hz, at 8 kHz up to 3.9 kHz.
+        """Return the rig with a sensor rate high enough for a band: at 1 kHz up to 487 Hz, at 8 kHz up to 3.9 kHz.
 
         Raises
         ------
         BandError
-            If it reaches beyond that.
+            If the band exceeds that.
         """
         for rate in (1e3, 2e3, 4e3, 8e3):
             if 2.05 * band[1] <= rate:
                 chosen = max(rate, self.rate)
                 return replace(self, rate=chosen, steps=max(2, round(self.rate * self.steps / chosen)))
         raise BandError(
-            f"band: expected one up to 3900 Hz, which the virtual sensor hears, got {band[0]:g} to {band[1]:g} Hz"
+            f"band: expected one up to 3900 Hz, the limit of the virtual sensor, got {band[0]:g} to {band[1]:g} Hz"
         )
 
     def skin(self) -> VirtualSkin:
-        """The place where the sensor lies."""
+        """Surface that carries the sensor."""
         return VirtualSkin(self.sensor_model, height=self.height, rate=self.rate * self.steps)
 
     def sensor(self, skin: VirtualSkin, *, touch: PressureFrames | None = None, name: str = "virtual") -> VirtualSensor:
-        """The sensor on its skin, touched by an object from start on, if any."""
+        """Make the sensor on its surface, touched from the start if `touch` is given."""
         return VirtualSensor(skin, touch=touch, rate=self.rate, seed=self.seed, name=name)
 
     def array_device(self, skin: VirtualSkin | None = None) -> VirtualArray:
-        """The array, whose sound presses on the skin."""
+        """Make the array, whose sound presses on the surface."""
         return VirtualArray(
             self.array,
             skin,
@@ -95,20 +77,20 @@ class VirtualRig:
         )
 
     def touched_by(self, thing: str, *, duration: float | None = None) -> VirtualSensor:
-        """The sensor while something presses on it from the start on.
+        """Make the sensor with a simulated touch from the start.
 
         Parameters
         ----------
         thing : str
-            ``brush``, ``sponge`` or ``towel``, each with ``+groove`` for the grooved surface; or ``am-i``, ``am-ii``,
+            ``brush``, ``sponge`` or ``towel``, each with ``+groove`` for the grooved surface; ``am-i``, ``am-ii`` or
             ``am-iii``; or ``taps``, on each cell in turn.
         duration : float, optional
-            In s; a whole stroke, or half a second of a modulated focus, if None.
+            Duration in s; a whole stroke, or half a second of a modulated focus, if None.
 
         Raises
         ------
         UnknownDeviceError
-            If there is no such thing.
+            If the name is unknown.
         """
         skin = self.skin()
         touch = self._touch(thing, skin, duration)
